@@ -1,0 +1,167 @@
+//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
+const TEMP_PREFIX: &str = ".terrane-";
+
+/// An output file in the making. Dropping it removes the temporary file.
+#[derive(Debug)]
+pub struct AtomicFile {
+    temp: NamedTempFile,
+    path: PathBuf,
+    overwrite: bool,
+}
+
+impl AtomicFile {
+    /// Starts a file that will appear at `path`. Fails at once when `path` exists and `overwrite`
+    /// is false, or when its folder is missing or not writable.
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
+        refuse_existing(path, overwrite)?;
+        let folder = parent(path);
+        remove_leftovers(folder);
+        let temp = tempfile::Builder::new()
+            .prefix(&format!("{TEMP_PREFIX}{}-", std::process::id()))
+            .suffix(".tmp")
+            .tempfile_in(folder)
+            .map_err(|e| Error::write(path, e))?;
+        Ok(Self { temp, path: path.to_path_buf(), overwrite })
+    }
+
+    /// The final path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The open temporary file.
+    pub fn file(&self) -> &File {
+        self.temp.as_file()
+    }
+
+    /// Syncs the file and renames it to its final name; returns its size in bytes.
+    pub fn commit(self) -> Result<u64> {
+        let Self { temp, path, overwrite } = self;
+        let fail = |e: io::Error| Error::write(&path, e);
+        make_readable(temp.as_file()).map_err(fail)?;
+        temp.as_file().sync_all().map_err(fail)?;
+        let bytes = temp.as_file().metadata().map_err(fail)?.len();
+        let persisted = if overwrite { temp.persist(&path) } else { temp.persist_noclobber(&path) };
+        persisted.map_err(|e| fail(e.error))?;
+        sync_folder(parent(&path));
+        Ok(bytes)
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.temp.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.temp.flush()
+    }
+}
+
+impl Read for AtomicFile {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.temp.read(bytes)
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.temp.seek(to)
+    }
+}
+
+/// Fails when something exists at `path` and `overwrite` is false.
+pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
+    if !overwrite && path.symlink_metadata().is_ok() {
+        return Err(Error::new(ErrorKind::Usage, "output exists already")
+            .in_file(path)
+            .remedy("choose another name or pass --overwrite"));
+    }
+    Ok(())
+}
+
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Temporary files are created private; an output has the permissions of any new file.
+#[cfg(unix)]
+fn make_readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_file: &File) -> io::Result<()> {
+    Ok(())
+}
+
+fn sync_folder(folder: &Path) {
+    if let Ok(handle) = File::open(folder) {
+        let _ = handle.sync_all();
+    }
+}
+
+/// Removes temporary files whose process is gone. Best effort: failures are not the user's problem.
+fn remove_leftovers(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        if name.to_str().and_then(owner).is_some_and(|pid| !is_alive(pid)) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// The process id in the name of a temporary file of ours.
+fn owner(name: &str) -> Option<u32> {
+    let rest = name.strip_prefix(TEMP_PREFIX)?.strip_suffix(".tmp")?;
+    rest.split_once('-')?.0.parse().ok()
+}
+
+fn is_alive(pid: u32) -> bool {
+    !cfg!(target_os = "linux") || Path::new(&format!("/proc/{pid}")).exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn appears_only_on_commit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.bin");
+        let mut file = AtomicFile::create(&path, false).unwrap();
+        file.write_all(b"abc").unwrap();
+        assert!(!path.exists());
+        assert_eq!(file.commit().unwrap(), 3);
+        assert_eq!(std::fs::read(&path).unwrap(), b"abc");
+        let refused = AtomicFile::create(&path, false).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::Usage);
+        AtomicFile::create(&path, true).unwrap().commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn dropped_or_orphaned_temporaries_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let orphan = folder.path().join(".terrane-4294967294-abc.tmp");
+        std::fs::write(&orphan, b"left by a killed run").unwrap();
+        let path = folder.path().join("out.bin");
+        drop(AtomicFile::create(&path, false).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

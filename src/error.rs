@@ -1,0 +1,184 @@
+//! The one error type: what kind of failure, in which file, at which place, and what to do about it.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Result of every fallible call in this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, coarse enough to choose an exit code by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// A check ran to its end and found a broken promise (exit 1).
+    CheckFailed,
+    /// The caller asked for something that makes no sense (exit 2).
+    Usage,
+    /// The input is missing, damaged, or not what it claims to be (exit 65).
+    BadInput,
+    /// The input is sound but uses a feature that is not supported; it is named (exit 65).
+    Unsupported,
+    /// A value in a file is beyond a limit of [`crate::limits`] (exit 65).
+    Limit,
+    /// The output cannot be created, or cannot hold the result (exit 73).
+    CannotWrite,
+    /// Reading or writing failed part-way: disk full, device error (exit 74).
+    Io,
+    /// The machine lacks a resource, for example memory below the least needed (exit 75).
+    Resource,
+    /// The user stopped the job (exit 130).
+    Interrupted,
+}
+
+impl ErrorKind {
+    /// The process exit code for this kind, after `sysexits.h`.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::CheckFailed => 1,
+            Self::Usage => 2,
+            Self::BadInput | Self::Unsupported | Self::Limit => 65,
+            Self::CannotWrite => 73,
+            Self::Io => 74,
+            Self::Resource => 75,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+/// An error with its file, place and remedy. Displays as one line.
+#[derive(Debug, thiserror::Error)]
+pub struct Error {
+    kind: ErrorKind,
+    message: String,
+    path: Option<PathBuf>,
+    place: Option<String>,
+    remedy: Option<String>,
+    #[source]
+    source: Option<io::Error>,
+}
+
+impl Error {
+    /// A new error of `kind`; `message` says what is wrong, without file or remedy.
+    pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), path: None, place: None, remedy: None, source: None }
+    }
+
+    /// Shorthand for [`ErrorKind::Usage`].
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Usage, message)
+    }
+
+    /// Shorthand for [`ErrorKind::BadInput`].
+    pub fn bad_input(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::BadInput, message)
+    }
+
+    /// Shorthand for [`ErrorKind::Unsupported`].
+    pub fn unsupported(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Unsupported, message)
+    }
+
+    /// Shorthand for [`ErrorKind::Limit`]: names the limit, its value and the value found.
+    pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
+        Self::new(ErrorKind::Limit, format!("{name} is {found}, more than the limit of {most}"))
+    }
+
+    /// An input/output failure while doing `action` ("read", "write", "create", ...).
+    pub fn io(kind: ErrorKind, action: &str, source: io::Error) -> Self {
+        let mut error = Self::new(kind, format!("cannot {action}: {source}"));
+        error.source = Some(source);
+        error
+    }
+
+    /// Failure to open or read an input file.
+    pub fn read(path: &Path, source: io::Error) -> Self {
+        let kind = match source.kind() {
+            io::ErrorKind::NotFound
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::UnexpectedEof
+            | io::ErrorKind::IsADirectory => ErrorKind::BadInput,
+            _ => ErrorKind::Io,
+        };
+        Self::io(kind, "read", source).in_file(path)
+    }
+
+    /// Failure to create or write an output file.
+    pub fn write(path: &Path, source: io::Error) -> Self {
+        let kind = match source.kind() {
+            io::ErrorKind::NotFound
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::AlreadyExists
+            | io::ErrorKind::ReadOnlyFilesystem => ErrorKind::CannotWrite,
+            _ => ErrorKind::Io,
+        };
+        Self::io(kind, "write", source).in_file(path)
+    }
+
+    /// Attaches the file, unless one is attached already.
+    #[must_use]
+    pub fn in_file(mut self, path: &Path) -> Self {
+        self.path.get_or_insert_with(|| path.to_path_buf());
+        self
+    }
+
+    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
+    #[must_use]
+    pub fn at(mut self, place: impl fmt::Display) -> Self {
+        self.place.get_or_insert_with(|| place.to_string());
+        self
+    }
+
+    /// Attaches what the user can do about it.
+    #[must_use]
+    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
+        self.remedy = Some(remedy.into());
+        self
+    }
+
+    /// The kind of failure.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+
+    /// The file concerned, where there is one.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(path) = &self.path {
+            write!(f, "{}: ", path.display())?;
+        }
+        if let Some(place) = &self.place {
+            write!(f, "{place}: ")?;
+        }
+        write!(f, "{}", self.message)?;
+        if let Some(remedy) = &self.remedy {
+            write!(f, "; {remedy}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn displays_file_place_message_and_remedy_on_one_line() {
+        let error = Error::bad_input("block is truncated")
+            .in_file(Path::new("a.tif"))
+            .at("block 3")
+            .remedy("copy the file again");
+        assert_eq!(error.to_string(), "a.tif: block 3: block is truncated; copy the file again");
+    }
+
+    #[test]
+    fn the_first_file_attached_stays() {
+        let error = Error::usage("x").in_file(Path::new("a")).in_file(Path::new("b"));
+        assert_eq!(error.path(), Some(Path::new("a")));
+    }
+}

@@ -1,0 +1,13 @@
+//! Ids, lattice windows, the affine map from lattice to world, and exact predicates. Pure.
+
+mod affine;
+mod crs;
+pub mod predicates;
+mod rect;
+
+pub use affine::Affine;
+pub use crs::Crs;
+pub use rect::Rect;
+
+/// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.
+pub type Point3 = [f64; 3];

@@ -1,0 +1,22 @@
+//! Caps for values found in untrusted headers. Every size read from a file meets one of these
+//! before anything is allocated.
+
+use crate::error::{Error, Result};
+
+/// Most columns or rows of a grid: lattice coordinates and their differences stay exact everywhere.
+pub const MAX_SIDE: u64 = 1 << 30;
+/// Most bytes one decoded block (strip or tile) may take.
+pub const MAX_BLOCK_BYTES: u64 = 1 << 30;
+/// Most blocks of one raster file (their offsets are held in memory while it is open).
+pub const MAX_BLOCKS: u64 = 1 << 28;
+/// Most bands of one raster file.
+pub const MAX_BANDS: u64 = 65_535;
+/// Most bytes of one text or binary header value (a CRS citation, an ASCII tag, a header line).
+pub const MAX_HEADER_BYTES: u64 = 16 << 20;
+/// Most entries of one TIFF directory.
+pub const MAX_IFD_ENTRIES: u64 = 4096;
+
+/// Fails with the limit's name when `found` is beyond `most`.
+pub fn check(name: &str, found: u64, most: u64) -> Result<()> {
+    if found > most { Err(Error::limit(name, found, most)) } else { Ok(()) }
+}

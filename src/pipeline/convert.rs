@@ -1,0 +1,1 @@
+//! Copies any grid into terrane's own store.

@@ -1,0 +1,1 @@
+//! Proves a written mesh against its source grid, out of core.

@@ -1,0 +1,1 @@
+//! Draws a grid or a mesh as a shaded relief picture.

@@ -1,0 +1,1 @@
+//! Pictures of grids and meshes: shaded relief in a pixel buffer. Pure.

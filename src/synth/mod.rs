@@ -1,0 +1,1 @@
+//! Synthetic terrain from a seed: any window of any size, computed on its own. Pure.

@@ -1,0 +1,153 @@
+//! Grid to TIN: greedy insertion on one tile, and the seam patches that join tiles. Pure.
+//!
+//! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
+//! algorithm III, with adaptive-stride scans. A vertex is always a sample.
+
+/// A lattice position inside a tile or patch: column and row below 2^14, packed so that integer
+/// order is (row, column) order.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
+)]
+#[repr(transparent)]
+pub struct Local(u32);
+
+impl Local {
+    /// Bits of the column.
+    const BITS: u32 = 14;
+
+    /// The position (`col`, `row`); both below 2^14.
+    #[inline(always)]
+    pub fn new(col: u32, row: u32) -> Self {
+        debug_assert!(col >> Self::BITS == 0 && row >> Self::BITS == 0);
+        Self(row << Self::BITS | col)
+    }
+
+    /// Column.
+    #[inline(always)]
+    pub fn col(self) -> u32 {
+        self.0 & ((1 << Self::BITS) - 1)
+    }
+
+    /// Row.
+    #[inline(always)]
+    pub fn row(self) -> u32 {
+        self.0 >> Self::BITS
+    }
+}
+
+/// A triangle of a finished tile or patch: corners counter-clockwise in (column, row) axes, i.e.
+/// `predicates::orient > 0`, starting with the smallest corner.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Triangle {
+    /// Corners.
+    pub corners: [Local; 3],
+    /// Largest error of any sample in it (0 where not measured).
+    pub max_error: f32,
+    /// Sum of squared errors of the samples it owns (0 where not measured). A sample on an edge is
+    /// owned by one of the triangles beside it.
+    pub square_sum: f32,
+}
+
+/// What a tile or patch has to reach.
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
+    pub tolerance: f64,
+    /// One global maximum at a time with exact full scans (the reference), instead of
+    /// adaptive-stride scans.
+    pub strict: bool,
+    /// Run the drop pass.
+    pub drop: bool,
+    /// Vertex heights are rounded to f32, because the output stores no more.
+    pub single_precision: bool,
+    /// Fill `max_error` and `square_sum` of the triangles.
+    pub measure: bool,
+}
+
+/// Heights of a rectangle of samples, row by row, NaN where void.
+#[derive(Clone, Copy, Debug)]
+pub struct Heights<'a> {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` heights.
+    pub f32: &'a [f32],
+    /// The same in f64, where f32 is not exact.
+    pub f64: Option<&'a [f64]>,
+}
+
+/// A tile to triangulate. The heights reach one sample beyond the tile on each side where the grid
+/// goes on, because voids next to a rim decide which rim samples must be vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct TileInput<'a> {
+    /// Heights of the tile and its apron.
+    pub heights: Heights<'a>,
+    /// Columns (0 or 1) of apron on the left.
+    pub apron_left: u32,
+    /// Columns (0 or 1) of apron on the right.
+    pub apron_right: u32,
+    /// Rows (0 or 1) of apron above (smaller row numbers).
+    pub apron_above: u32,
+    /// Rows (0 or 1) of apron below.
+    pub apron_below: u32,
+}
+
+/// A finished tile: positions are relative to the tile's first sample (apron not counted).
+#[derive(Clone, Debug, Default)]
+pub struct TileMesh {
+    /// Triangles of the surface (cells with a void corner are not part of it), sorted.
+    pub triangles: Vec<Triangle>,
+    /// Vertices in use, sorted, and
+    pub vertices: Vec<Local>,
+    /// their heights.
+    pub heights: Vec<f64>,
+    /// Valid samples that touch no valid cell: they have no surface. Counted on the tile's samples
+    /// except its last column and row, unless the grid ends there.
+    pub isolated: u64,
+    /// Valid samples, counted likewise.
+    pub valid: u64,
+}
+
+/// Where a seam patch lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seam {
+    /// Along a column of samples, `seam_col` in patch positions.
+    Vertical,
+    /// Along a row of samples.
+    Horizontal,
+    /// Around a tile corner.
+    Corner,
+}
+
+/// A seam patch to mend. Positions are relative to the patch's first sample.
+#[derive(Clone, Copy, Debug)]
+pub struct PatchInput<'a> {
+    /// Heights of the patch rectangle.
+    pub heights: Heights<'a>,
+    /// All triangles wholly inside the patch rectangle, in any order.
+    pub triangles: &'a [Triangle],
+    /// Column (patch position) of the vertical rim line; its vertices may be dropped.
+    pub seam_col: Option<u32>,
+    /// Row (patch position) of the horizontal rim line.
+    pub seam_row: Option<u32>,
+}
+
+/// Outcome of a seam patch.
+#[derive(Clone, Debug)]
+pub enum PatchOutcome {
+    /// The triangles that replace those of the input, sorted, and every vertex they use with its
+    /// height (sorted by position).
+    Done {
+        /// Triangles.
+        triangles: Vec<Triangle>,
+        /// Vertices.
+        vertices: Vec<Local>,
+        /// Heights of the vertices.
+        heights: Vec<f64>,
+    },
+    /// A change came up to the border of the patch: try again with a wider rectangle. Never
+    /// returned when `last` is set.
+    NeedsReach,
+}

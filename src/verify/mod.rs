@@ -1,0 +1,2 @@
+//! Independent proof of a mesh's promises: error bound, coverage, topology. Pure; shares no code
+//! with `tin`.
