@@ -25,7 +25,7 @@ impl Judge<'_> {
     /// where their rounding cannot matter.
     #[inline]
     pub(super) fn candidate(&self, p: [Local; 3], level: u8) -> Option<Local> {
-        let z = p.map(|corner| self.field.vertex(corner));
+        let z = self.field.vertices(p);
         let worst = (self.scan)(&self.field.level(level), &Facet::new(p, z));
         let error = f64::from(worst.error);
         let hair = self.hair(z);
