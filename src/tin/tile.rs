@@ -141,7 +141,8 @@ fn finish(
     grid_ends: [bool; 4],
 ) -> TileMesh {
     let Scratch { field, mesh, used, .. } = scratch;
-    let mut result = TileMesh::default();
+    let triangles = Vec::with_capacity(mesh.tris.len());
+    let mut result = TileMesh { triangles, ..TileMesh::default() };
     for id in mesh.ids() {
         let tri = &mesh.tris[id as usize];
         if tri.state == State::Outside {
