@@ -3,6 +3,21 @@
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
 //! algorithm III, with adaptive-stride scans. A vertex is always a sample.
 
+mod drop;
+mod exact;
+mod field;
+mod greedy;
+mod measure;
+mod mesh;
+mod patch;
+mod rim;
+mod scan;
+mod strict;
+mod tile;
+
+pub use patch::mend_patch;
+pub use tile::{Scratch, triangulate_tile};
+
 /// A lattice position inside a tile or patch: column and row below 2^14, packed so that integer
 /// order is (row, column) order.
 #[derive(
@@ -110,17 +125,6 @@ pub struct TileMesh {
     pub valid: u64,
 }
 
-/// Where a seam patch lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seam {
-    /// Along a column of samples, `seam_col` in patch positions.
-    Vertical,
-    /// Along a row of samples.
-    Horizontal,
-    /// Around a tile corner.
-    Corner,
-}
-
 /// A seam patch to mend. Positions are relative to the patch's first sample.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchInput<'a> {
@@ -132,6 +136,8 @@ pub struct PatchInput<'a> {
     pub seam_col: Option<u32>,
     /// Row (patch position) of the horizontal rim line.
     pub seam_row: Option<u32>,
+    /// Sides (left, right, above, below) where the rectangle ends because the grid does.
+    pub grid_ends: [bool; 4],
 }
 
 /// Outcome of a seam patch.
