@@ -40,7 +40,8 @@ impl Shift {
         Local::new(at.col().wrapping_add_signed(self.cols), at.row().wrapping_add_signed(self.rows))
     }
 
-    fn triangle(self, triangle: &Triangle) -> Triangle {
+    /// The moved triangle.
+    pub(super) fn triangle(self, triangle: &Triangle) -> Triangle {
         Triangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
     }
 }

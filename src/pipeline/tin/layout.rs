@@ -6,7 +6,6 @@
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
-use crate::tin::Seam;
 
 /// Fewest and most cells along a tile's side. A triangle stored with its tile reaches at most 1.5
 /// tiles beyond the tile's first sample, which must stay below the 2^14 of [`crate::tin::Local`].
@@ -35,6 +34,17 @@ impl TileId {
     pub(super) fn new(row: u32, col: u32) -> Self {
         Self { row, col }
     }
+}
+
+/// Where a seam patch lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Seam {
+    /// Along the line of samples between a tile and the one on its right.
+    Vertical,
+    /// Along the line of samples between a tile and the one below.
+    Horizontal,
+    /// Around the corner where four tiles meet.
+    Corner,
 }
 
 /// The tiling of one grid.
@@ -145,6 +155,11 @@ impl Layout {
             .flat_map(move |row| (first.col..=last.col).map(move |col| TileId { row, col }))
     }
 
+    /// All tiles that may keep a triangle wholly inside `rect`.
+    pub(super) fn keepers(&self, rect: Rect) -> impl Iterator<Item = TileId> + use<> {
+        self.owners(Rect { width: rect.width - 1, height: rect.height - 1, ..rect })
+    }
+
     /// The last tile whose vertices a triangle kept with `tile` can use.
     pub(super) fn furthest_vertex(&self, tile: TileId) -> TileId {
         self.clamp(tile, 1, 1)
@@ -164,13 +179,31 @@ impl Layout {
         self.between(first, last)
     }
 
+    /// The seam lines (column, row) of such a patch, relative to its rectangle.
+    pub(super) fn seam_lines(&self, seam: Seam, tile: TileId, rect: Rect) -> [Option<u32>; 2] {
+        let (col, row) = self.origin(tile);
+        let [col, row] = [col + self.tile - rect.col, row + self.tile - rect.row];
+        [(seam != Seam::Horizontal).then_some(col), (seam != Seam::Vertical).then_some(row)]
+    }
+
+    /// Sides (left, right, above, below) where `rect` ends because the grid does.
+    pub(super) fn grid_ends(&self, rect: Rect) -> [bool; 4] {
+        let (right, below) = (rect.end_col() == self.width, rect.end_row() == self.height);
+        [rect.col == 0, right, rect.row == 0, below]
+    }
+
     /// The reaches to try for a seam patch, narrow to wide. Beyond half a tile two patches of one
     /// phase would overlap.
     pub(super) fn reaches(&self) -> impl Iterator<Item = u32> + use<> {
-        let widest = self.tile / 2;
+        let widest = self.widest_reach();
         std::iter::successors(Some(FIRST_REACH.min(widest)), move |&reach| {
             (reach < widest).then(|| (reach * 2).min(widest))
         })
+    }
+
+    /// The last of the reaches.
+    pub(super) fn widest_reach(&self) -> u32 {
+        self.tile / 2
     }
 
     /// The rows of a finished tile that no narrow patch will read again.

@@ -10,9 +10,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-use super::layout::{Layout, TileId};
+use super::layout::{Layout, Seam, TileId};
 use crate::error::{Error, ErrorKind, Result};
-use crate::tin::Seam;
 
 /// What is done for a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

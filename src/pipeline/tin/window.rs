@@ -16,9 +16,9 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Most bytes for a rectangle of `samples` samples of `source`.
-    pub(super) fn bytes(samples: u64, exact_in_f32: bool) -> u64 {
-        samples * if exact_in_f32 { 4 } else { 12 }
+    /// Most bytes for a rectangle of `samples` samples.
+    pub(super) fn bytes(samples: u64) -> u64 {
+        samples * 12
     }
 
     /// Reads `rect` of `source`.
