@@ -130,14 +130,26 @@ pub struct TileMesh {
 pub struct PatchInput<'a> {
     /// Heights of the patch rectangle.
     pub heights: Heights<'a>,
-    /// All triangles wholly inside the patch rectangle, in any order.
+    /// All triangles wholly inside the patch rectangle, in any order. The rectangle should be wide
+    /// enough to hold every triangle with a corner on the seam.
     pub triangles: &'a [Triangle],
     /// Column (patch position) of the vertical rim line; its vertices may be dropped.
     pub seam_col: Option<u32>,
     /// Row (patch position) of the horizontal rim line.
     pub seam_row: Option<u32>,
-    /// Sides (left, right, above, below) where the rectangle ends because the grid does.
-    pub grid_ends: [bool; 4],
+    /// What lies beyond the sides left, right, above, below.
+    pub sides: [Side; 4],
+}
+
+/// What lies beyond a side of a patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// More mesh, and the patch could be widened to take it in.
+    Open,
+    /// More mesh, which this patch is not to touch.
+    Closed,
+    /// Nothing: the grid ends here.
+    GridEnd,
 }
 
 /// Outcome of a seam patch.
@@ -153,7 +165,7 @@ pub enum PatchOutcome {
         /// Heights of the vertices.
         heights: Vec<f64>,
     },
-    /// A change came up to the border of the patch: try again with a wider rectangle. Never
-    /// returned when `last` is set.
+    /// A change came up to the border on an open side: try again with a wider rectangle. Never
+    /// returned when no side is [`Side::Open`].
     NeedsReach,
 }

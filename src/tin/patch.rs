@@ -1,27 +1,21 @@
 //! Seam patches: the region around a tile border, made Delaunay and re-fitted across it.
 //!
 //! The border of a patch is frozen. A change that reaches it could have gone further in a wider
-//! patch; then the caller is asked for one. A result is therefore the same for every width that is
-//! wide enough.
+//! patch; then the caller is asked for one.
 
 use super::field::Field;
 use super::greedy::{Judge, WorkLists, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Mesh, NONE, State, Tri, next};
 use super::tile::{Scratch, collect, on_grid_border, smallest_first};
-use super::{Local, PatchInput, PatchOutcome, Spec, Triangle, drop, strict};
+use super::{Local, PatchInput, PatchOutcome, Side, Spec, Triangle, drop, strict};
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
 /// vertices of the seam that are no longer needed.
 ///
-/// Returns [`PatchOutcome::NeedsReach`] when a change came up to the frozen border, unless `last`.
+/// Returns [`PatchOutcome::NeedsReach`] when a change came up to the frozen border of an open side.
 /// The result is a pure function of the set of triangles, the heights and `spec`.
-pub fn mend_patch(
-    input: &PatchInput<'_>,
-    spec: &Spec,
-    last: bool,
-    scratch: &mut Scratch,
-) -> PatchOutcome {
+pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchOutcome {
     let (width, height) = (input.heights.width, input.heights.height);
     scratch.field.load(&input.heights, [0, 0, width, height], 0, spec.single_precision);
     let mut sorted = input.triangles.to_vec();
@@ -29,11 +23,11 @@ pub fn mend_patch(
     build(&mut scratch.mesh, &sorted);
     let Scratch { field, mesh, lists, drop, scan } = scratch;
     let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
-    let border = Border { field, grid_ends: input.grid_ends };
-    let stays_inside = |mesh: &Mesh, changed: &[u32]| last || !border.is_touched(mesh, changed);
+    let border = Border { field, sides: input.sides };
+    let stays_inside = |mesh: &Mesh, changed: &[u32]| !border.is_touched(mesh, changed);
     let is_mended = legalise(mesh, stays_inside)
         && insert(&judge, spec.strict, mesh, lists, stays_inside)
-        && (!spec.drop || drop_seam(&judge, mesh, input, drop, stays_inside));
+        && (!spec.drop || drop_seam(&judge, mesh, input, drop, &border));
     if is_mended { finish(mesh, &border, &sorted, spec) } else { PatchOutcome::NeedsReach }
 }
 
@@ -59,16 +53,32 @@ fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
 /// What lies beyond the edges that have no twin.
 struct Border<'a> {
     field: &'a Field,
-    grid_ends: [bool; 4],
+    sides: [Side; 4],
 }
 
 impl Border<'_> {
-    /// True when one of the triangles has an edge beyond which the mesh goes on outside the patch.
+    /// True when one of the triangles has an edge beyond which the mesh goes on, on an open side.
     fn is_touched(&self, mesh: &Mesh, changed: &[u32]) -> bool {
         changed.iter().any(|&id| {
             let tri = &mesh.tris[id as usize];
-            (0..3).any(|edge| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge))
+            let is_open = |edge| self.is_frozen(tri, edge) && self.is_near_open_side(tri, edge);
+            (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_open(edge))
         })
+    }
+
+    /// Whether the frozen edge is there because of an open side: whichever of the open and the
+    /// closed sides is nearest. A wrong guess costs a wider patch, or leaves an edge to the patch
+    /// of the tile corner.
+    fn is_near_open_side(&self, tri: &Tri, edge: u32) -> bool {
+        let ends = [edge, next(edge)].map(|i| tri.corners[i as usize]);
+        let (last_col, last_row) = (self.field.width() - 1, self.field.height() - 1);
+        let distances = |p: Local| [p.col(), last_col - p.col(), p.row(), last_row - p.row()];
+        let [a, b] = ends.map(distances);
+        let nearest = |kind: Side| {
+            let of_kind = (0..4).filter(|&side| self.sides[side] == kind);
+            of_kind.map(|side| a[side].min(b[side])).min().unwrap_or(u32::MAX)
+        };
+        nearest(Side::Open) < nearest(Side::Closed)
     }
 
     /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
@@ -81,7 +91,8 @@ impl Border<'_> {
     /// False for edges on the grid's border and on the outline of a void.
     fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
-        !on_grid_border(from, to, self.field, self.grid_ends) && !self.has_void_beyond(from, to)
+        !on_grid_border(from, to, self.field, self.sides.map(|side| side == Side::GridEnd))
+            && !self.has_void_beyond(from, to)
     }
 
     /// True when the cell to the right of the directed unit edge is inside the patch and void.
@@ -143,7 +154,7 @@ fn drop_seam(
     mesh: &mut Mesh,
     input: &PatchInput<'_>,
     scratch: &mut drop::Scratch,
-    stays_inside: impl Fn(&Mesh, &[u32]) -> bool,
+    border: &Border<'_>,
 ) -> bool {
     let on_seam = |p: Local| Some(p.col()) == input.seam_col || Some(p.row()) == input.seam_row;
     let mut seam: Vec<(Local, u32)> = Vec::new();
@@ -155,7 +166,7 @@ fn drop_seam(
     seam.dedup_by_key(|&mut (p, _)| p);
     for i in 0..seam.len() {
         let Some(changed) = scratch.try_drop(judge, mesh, seam[i].1) else { continue };
-        if !stays_inside(mesh, changed) {
+        if border.is_touched(mesh, changed) {
             return false;
         }
         for half_edge in changed.iter().flat_map(|id| 4 * id..4 * id + 3) {

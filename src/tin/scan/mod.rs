@@ -179,20 +179,21 @@ mod tests {
 
         #[test]
         fn scans_see_every_sample_of_the_closed_triangle(
-            p in [corner(), corner(), corner()], level in 0..LEVELS as u8, margin in 0_u32..2
+            p in [corner(), corner(), corner()], level in 0..LEVELS as u8, margin in 0_u32..2,
+            pick in any::<prop::sample::Index>()
         ) {
             let [a, b, c] = p.map(Local::lattice);
             prop_assume!(orient(a, b, c) > 0);
-            for target in members(p, &Field::level(&field(0, margin), level)) {
-                let mut heights = vec![0.0; (SIDE * SIDE) as usize];
-                heights[(target.row() * SIDE + target.col()) as usize] = 1.0;
-                let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
-                let mut one = Field::default();
-                one.load(&heights, [0, 0, SIDE, SIDE], margin, false);
-                let found = scalar::scan(&one.level(level), &Facet::new(p, [0.0; 3]));
-                prop_assert_eq!(found, Worst { error: 1.0, at: target });
-                break;
-            }
+            let members = members(p, &field(0, margin).level(level));
+            prop_assume!(!members.is_empty());
+            let target = members[pick.index(members.len())];
+            let mut heights = vec![0.0; (SIDE * SIDE) as usize];
+            heights[(target.row() * SIDE + target.col()) as usize] = 1.0;
+            let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
+            let mut one = Field::default();
+            one.load(&heights, [0, 0, SIDE, SIDE], margin, false);
+            let found = scalar::scan(&one.level(level), &Facet::new(p, [0.0; 3]));
+            prop_assert_eq!(found, Worst { error: 1.0, at: target });
         }
     }
 
@@ -200,6 +201,6 @@ mod tests {
     fn levels_grow_with_the_area() {
         let triangle = |side| [(0, 0), (side, 0), (0, side)].map(|(c, r)| Local::new(c, r));
         let levels = [2, 8, 9, 16, 40, 512].map(|side| level_for(triangle(side), 32, LEVELS));
-        assert_eq!(levels, [0, 0, 0, 1, 3, 5]);
+        assert_eq!(levels, [0, 0, 0, 1, 2, 5]);
     }
 }
