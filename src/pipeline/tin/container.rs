@@ -4,6 +4,8 @@
 //! the tile that owns its sample; positions are relative to that tile's first sample. Until the
 //! tile is final, vertices may be listed that no triangle uses, and listed twice.
 
+use bytemuck::Zeroable;
+
 use super::layout::{Layout, TileId};
 use super::spill::{Extent, Spill};
 use crate::error::Result;
@@ -182,8 +184,8 @@ impl Spilled {
 
     /// Reads the container back and frees its space.
     pub(super) fn load(self, spill: &Spill) -> Result<Container> {
-        let mut triangles = vec![bytemuck::zeroed(); self.triangles];
-        let mut vertices = vec![bytemuck::zeroed(); self.vertices];
+        let mut triangles = vec![Triangle::zeroed(); self.triangles];
+        let mut vertices = vec![Local::zeroed(); self.vertices];
         let mut heights = vec![0.0; self.vertices];
         let parts: [&mut [u8]; 3] = [
             bytemuck::cast_slice_mut::<Triangle, u8>(&mut triangles),
@@ -215,13 +217,11 @@ mod tests {
     fn a_piece_is_divided_among_owners_and_found_again() {
         let layout = Layout::new(33, 17, 16).unwrap();
         let rect = Rect::new(8, 0, 17, 17);
-        let triangles =
-            [triangle([(0, 0), (16, 0), (4, 9)]), triangle([(8, 1), (9, 1), (8, 16)])];
+        let triangles = [triangle([(0, 0), (16, 0), (4, 9)]), triangle([(8, 1), (9, 1), (8, 16)])];
         let mut vertices: Vec<Local> = triangles.iter().flat_map(|t| t.corners).collect();
         vertices.sort();
         let heights: Vec<f64> = vertices.iter().map(|at| f64::from(at.col())).collect();
-        let piece =
-            Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
+        let piece = Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
         let mut found = Vec::new();
         let mut counts = Vec::new();
         for tile in layout.owners(rect) {

@@ -6,6 +6,7 @@
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
+use crate::tin::Side;
 
 /// Fewest and most cells along a tile's side. A triangle stored with its tile reaches at most 1.5
 /// tiles beyond the tile's first sample, which must stay below the 2^14 of [`crate::tin::Local`].
@@ -186,22 +187,30 @@ impl Layout {
         [(seam != Seam::Horizontal).then_some(col), (seam != Seam::Vertical).then_some(row)]
     }
 
-    /// Sides (left, right, above, below) where `rect` ends because the grid does.
-    pub(super) fn grid_ends(&self, rect: Rect) -> [bool; 4] {
+    /// What lies beyond the sides (left, right, above, below) of a patch of the given reach.
+    pub(super) fn sides(&self, seam: Seam, rect: Rect, reach: u32) -> [Side; 4] {
         let (right, below) = (rect.end_col() == self.width, rect.end_row() == self.height);
-        [rect.col == 0, right, rect.row == 0, below]
+        let grid_ends = [rect.col == 0, right, rect.row == 0, below];
+        let (across, along) = (seam != Seam::Horizontal, seam != Seam::Vertical);
+        let is_cut = [across, across, along, along];
+        std::array::from_fn(|side| match (grid_ends[side], is_cut[side]) {
+            (true, _) => Side::GridEnd,
+            (false, true) if reach < self.widest_reach() => Side::Open,
+            _ => Side::Closed,
+        })
     }
 
-    /// The reaches to try for a seam patch, narrow to wide. Beyond half a tile two patches of one
-    /// phase would overlap.
-    pub(super) fn reaches(&self) -> impl Iterator<Item = u32> + use<> {
+    /// The reaches to try for a seam patch, narrow to wide, when the triangles beside the seam
+    /// reach `near` cells.
+    pub(super) fn reaches(&self, near: u32) -> impl Iterator<Item = u32> + use<> {
         let widest = self.widest_reach();
-        std::iter::successors(Some(FIRST_REACH.min(widest)), move |&reach| {
+        let first = near.max(FIRST_REACH).min(widest);
+        std::iter::successors(Some(first), move |&reach| {
             (reach < widest).then(|| (reach * 2).min(widest))
         })
     }
 
-    /// The last of the reaches.
+    /// The most a patch may reach: beyond half a tile two patches of one phase would overlap.
     pub(super) fn widest_reach(&self) -> u32 {
         self.tile / 2
     }
@@ -228,9 +237,8 @@ mod tests {
     fn tiles_own_every_sample_once() {
         for (width, height) in [(2, 2), (17, 33), (18, 40), (100, 16)] {
             let layout = Layout::new(width, height, 16).unwrap();
-            let owned: u64 = (0..layout.tiles())
-                .map(|i| layout.owned(layout.tile_at(i)).len() as u64)
-                .sum();
+            let owned: u64 =
+                (0..layout.tiles()).map(|i| layout.owned(layout.tile_at(i)).len() as u64).sum();
             assert_eq!(owned, layout.samples());
             for (col, row) in [(0, 0), (width - 1, height - 1), (width / 2, height / 2)] {
                 assert!(layout.owned(layout.owner(col, row)).contains(col, row));
@@ -240,16 +248,20 @@ mod tests {
 
     #[test]
     fn reaches_double_up_to_half_a_tile() {
-        let reaches = |tile| Layout::new(9000, 9000, tile).unwrap().reaches().collect::<Vec<_>>();
-        assert_eq!(reaches(16), [8]);
-        assert_eq!(reaches(100), [32, 50]);
-        assert_eq!(reaches(512), [32, 64, 128, 256]);
+        let reaches = |tile, near| -> Vec<u32> {
+            Layout::new(9000, 9000, tile).unwrap().reaches(near).collect()
+        };
+        assert_eq!(reaches(16, 3), [8]);
+        assert_eq!(reaches(100, 0), [32, 50]);
+        assert_eq!(reaches(512, 0), [32, 64, 128, 256]);
+        assert_eq!(reaches(512, 50), [50, 100, 200, 256]);
+        assert_eq!(reaches(512, 999), [256]);
     }
 
     #[test]
     fn patches_of_a_phase_share_no_cell() {
         let layout = Layout::new(100, 100, 17).unwrap();
-        let widest = layout.reaches().last().unwrap();
+        let widest = layout.widest_reach();
         for col in 0..layout.cols - 2 {
             let here = layout.patch(Seam::Vertical, TileId::new(0, col), widest);
             let next = layout.patch(Seam::Vertical, TileId::new(0, col + 1), widest);
@@ -257,6 +269,18 @@ mod tests {
         }
         assert_eq!(layout.patch(Seam::Corner, TileId::new(4, 4), 8), Rect::new(77, 77, 17, 17));
         assert_eq!(layout.patch(Seam::Horizontal, TileId::new(4, 5), 8), Rect::new(85, 77, 15, 17));
+    }
+
+    #[test]
+    fn sides_are_open_until_the_widest_reach() {
+        let layout = Layout::new(129, 129, 64).unwrap();
+        let sides =
+            |seam, reach| layout.sides(seam, layout.patch(seam, TileId::new(0, 0), reach), reach);
+        use Side::{Closed, GridEnd, Open};
+        assert_eq!(sides(Seam::Vertical, 8), [Open, Open, GridEnd, Closed]);
+        assert_eq!(sides(Seam::Vertical, 32), [Closed, Closed, GridEnd, Closed]);
+        assert_eq!(sides(Seam::Horizontal, 8), [GridEnd, Closed, Open, Open]);
+        assert_eq!(sides(Seam::Corner, 8), [Open; 4]);
     }
 
     #[test]

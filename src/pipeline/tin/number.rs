@@ -29,8 +29,7 @@ impl Marks {
     /// Marks the corners of `triangles`, which are relative to `origin` (column, row).
     pub(super) fn mark(&mut self, triangles: &[Triangle], origin: (u32, u32)) {
         let Some(owned) = self.owned else { return };
-        let (left, above) =
-            (owned.col.wrapping_sub(origin.0), owned.row.wrapping_sub(origin.1));
+        let (left, above) = (owned.col.wrapping_sub(origin.0), owned.row.wrapping_sub(origin.1));
         for at in triangles.iter().flat_map(|triangle| triangle.corners) {
             let (col, row) = (at.col().wrapping_sub(left), at.row().wrapping_sub(above));
             if col < owned.width && row < owned.height {
@@ -64,7 +63,11 @@ impl Marks {
 }
 
 /// World positions of a tile's vertices.
-pub(super) fn positions(container: &Container, origin: (u32, u32), to_world: &Affine) -> Vec<Point3> {
+pub(super) fn positions(
+    container: &Container,
+    origin: (u32, u32),
+    to_world: &Affine,
+) -> Vec<Point3> {
     let all = container.vertices.iter().zip(&container.heights);
     all.map(|(&at, &height)| position(at, height, origin, to_world)).collect()
 }

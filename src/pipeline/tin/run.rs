@@ -119,9 +119,8 @@ fn run_threads<'a>(shared: &'a Shared<'a>, writer: &'a Mutex<Writer>) -> Clock {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
         let writing = scope.spawn(move || write_parts(shared, writer, &receiver));
         let work = |outlet| move || Worker::new(shared, outlet).run();
-        let others: Vec<_> = (1..threads)
-            .map(|_| scope.spawn(work(Outlet::Channel(sender.clone()))))
-            .collect();
+        let others: Vec<_> =
+            (1..threads).map(|_| scope.spawn(work(Outlet::Channel(sender.clone())))).collect();
         let mut clock = work(Outlet::Channel(sender))();
         for other in others {
             match other.join() {

@@ -234,10 +234,8 @@ impl Queue {
         state.running -= 1;
         state.emitted += u64::from(task.step == Step::Emit);
         for output in task.outputs(&self.layout) {
-            let left = state
-                .waiting
-                .entry(output)
-                .or_insert_with(|| output.inputs(&self.layout).len());
+            let left =
+                state.waiting.entry(output).or_insert_with(|| output.inputs(&self.layout).len());
             *left -= 1;
             if *left == 0 {
                 state.waiting.remove(&output);
@@ -313,9 +311,9 @@ mod tests {
     ];
 
     fn layouts() -> impl Iterator<Item = Layout> {
-        [(1, 1), (1, 2), (2, 1), (1, 7), (7, 1), (2, 2), (3, 5), (5, 3)].into_iter().map(
-            |(cols, rows)| Layout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap(),
-        )
+        [(1, 1), (1, 2), (2, 1), (1, 7), (7, 1), (2, 2), (3, 5), (5, 3)]
+            .into_iter()
+            .map(|(cols, rows)| Layout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap())
     }
 
     fn all_tasks(layout: &Layout) -> Vec<Task> {
@@ -357,7 +355,7 @@ mod tests {
 
     /// The tiles whose triangles or vertices a task may change, by its widest rectangle.
     fn touched(layout: &Layout, task: Task) -> Option<crate::geom::Rect> {
-        let widest = layout.reaches().last()?;
+        let widest = layout.widest_reach();
         match task.step.seam() {
             Some(seam) => Some(layout.patch(seam, task.tile, widest)),
             None => (task.step == Step::Tile).then(|| layout.rect(task.tile)),

@@ -20,6 +20,8 @@ struct Slot {
     place: Place,
     /// Id of the first vertex, once numbered.
     first_id: u64,
+    /// Reach of the seam patch below this tile.
+    reach: u32,
     /// Tiles that still need the vertices to write their triangles.
     readers: u32,
 }
@@ -76,6 +78,16 @@ impl Store {
             }
         })?;
         Ok(first_id + vertices as u64)
+    }
+
+    /// Notes how far the seam patch below `tile` reached.
+    pub(super) fn set_reach(&self, tile: TileId, reach: u32) -> Result<()> {
+        self.slot(tile, |slot| slot.reach = reach)
+    }
+
+    /// The reach noted for `tile`.
+    pub(super) fn reach(&self, tile: TileId) -> Result<u32> {
+        self.slot(tile, |slot| slot.reach)
     }
 
     /// Runs `f` on the container of a numbered tile and the id of its first vertex.
@@ -161,7 +173,10 @@ impl Store {
         let Ok(_only) = self.relief.try_lock() else { return Ok(()) };
         let mut slots: Vec<_> = {
             let slots = lock(&self.slots);
-            slots.iter().map(|(&id, slot)| (self.until_used(id, tile), id, Arc::clone(slot))).collect()
+            slots
+                .iter()
+                .map(|(&id, slot)| (self.until_used(id, tile), id, Arc::clone(slot)))
+                .collect()
         };
         slots.sort_by_key(|&(distance, id, _)| std::cmp::Reverse((distance, id)));
         for (_, _, slot) in slots {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
+use super::beside::Beside;
 use super::container::{Piece, Shift};
 use super::layout::{Layout, Seam, TileId};
 use super::number::{Lookup, Marks, positions};
@@ -28,7 +29,7 @@ use crate::tin::{
 #[derive(Clone, Copy)]
 pub(super) struct Kernel {
     pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
-    pub(super) patch: fn(&PatchInput<'_>, &Spec, bool, &mut Scratch) -> PatchOutcome,
+    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchOutcome,
 }
 
 impl Kernel {
@@ -145,23 +146,50 @@ impl<'a> Worker<'a> {
         let layout = self.job.layout;
         self.triangles.clear();
         let mut before: Option<Rect> = None;
-        for reach in layout.reaches() {
+        for reach in layout.reaches(self.reach_needed(seam, tile)?) {
             let rect = layout.patch(seam, tile, reach);
             self.read(rect)?;
             let started = Instant::now();
             self.extract(rect, before)?;
-            let last = reach == layout.widest_reach();
-            let is_mended = self.mend_rect(seam, tile, rect, last)?;
+            let is_mended = self.mend_rect(seam, tile, rect, reach)?;
             self.clock.add(Stage::Seams, started, rect.len() as u64);
             if is_mended {
-                break;
+                return self.note_mended(seam, tile, reach);
             }
             before = Some(rect);
         }
-        if seam == Seam::Vertical {
-            self.release_left_of_seam(tile);
+        Err(Error::new(ErrorKind::Internal, "the widest patch is not wide enough"))
+    }
+
+    fn note_mended(&self, seam: Seam, tile: TileId, reach: u32) -> Result<()> {
+        match seam {
+            Seam::Vertical => self.release_left_of_seam(tile),
+            Seam::Horizontal => self.job.store.set_reach(tile, reach)?,
+            Seam::Corner => {}
         }
         Ok(())
+    }
+
+    /// How far the triangles reach that a patch has to take in from the start.
+    fn reach_needed(&mut self, seam: Seam, tile: TileId) -> Result<u32> {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        let widest = layout.patch(seam, tile, layout.widest_reach());
+        let mut needed = 0;
+        if seam == Seam::Corner {
+            needed =
+                self.job.store.reach(tile)?.max(self.job.store.reach(layout.clamp(tile, 0, 1))?);
+        }
+        let beside = Beside::new(layout, seam, tile, needed);
+        for near in layout.keepers(widest) {
+            let beside = beside.seen_from(layout.origin(near));
+            let reach = |t: &Triangle| beside.reach(t);
+            let furthest =
+                self.job.store.with(near, |kept| kept.triangles.iter().map(reach).max())?;
+            needed = needed.max(furthest.unwrap_or(0));
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(needed)
     }
 
     /// Adds the triangles inside `rect` to those found `before` in a narrower rectangle.
@@ -179,7 +207,7 @@ impl<'a> Worker<'a> {
     }
 
     /// Mends a patch and stores the result; false when it needs a wider one.
-    fn mend_rect(&mut self, seam: Seam, tile: TileId, rect: Rect, last: bool) -> Result<bool> {
+    fn mend_rect(&mut self, seam: Seam, tile: TileId, rect: Rect, reach: u32) -> Result<bool> {
         let layout = &self.job.layout;
         let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
         let input = PatchInput {
@@ -187,10 +215,9 @@ impl<'a> Worker<'a> {
             triangles: &self.triangles,
             seam_col,
             seam_row,
-            grid_ends: layout.grid_ends(rect),
+            sides: layout.sides(seam, rect, reach),
         };
-        let spec = &self.job.settings.spec;
-        match (self.job.kernel.patch)(&input, spec, last, &mut self.scratch) {
+        match (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch) {
             PatchOutcome::NeedsReach => Ok(false),
             PatchOutcome::Done { triangles, vertices, heights } => {
                 let (triangles, vertices, heights) = (&triangles, &vertices, &heights);
