@@ -27,6 +27,8 @@ pub enum ErrorKind {
     Io,
     /// The machine lacks a resource, for example memory below the least needed (exit 75).
     Resource,
+    /// A fault of this program, caught (exit 70).
+    Internal,
     /// The user stopped the job (exit 130).
     Interrupted,
 }
@@ -38,6 +40,7 @@ impl ErrorKind {
             Self::CheckFailed => 1,
             Self::Usage => 2,
             Self::BadInput | Self::Unsupported | Self::Limit => 65,
+            Self::Internal => 70,
             Self::CannotWrite => 73,
             Self::Io => 74,
             Self::Resource => 75,

@@ -1,0 +1,253 @@
+//! The triangles and vertices kept with one tile.
+//!
+//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with
+//! the tile that owns its sample; positions are relative to that tile's first sample. Until the
+//! tile is final, vertices may be listed that no triangle uses, and listed twice.
+
+use bytemuck::Zeroable;
+
+use super::layout::{Layout, TileId};
+use super::spill::{Extent, Spill};
+use crate::error::Result;
+use crate::geom::Rect;
+use crate::tin::{Local, Triangle};
+
+/// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
+#[derive(Clone, Copy)]
+pub(super) struct Piece<'a> {
+    pub(super) rect: Rect,
+    pub(super) triangles: &'a [Triangle],
+    pub(super) vertices: &'a [Local],
+    pub(super) heights: &'a [f64],
+}
+
+/// Moves positions by a fixed number of columns and rows.
+#[derive(Clone, Copy)]
+pub(super) struct Shift {
+    cols: i32,
+    rows: i32,
+}
+
+impl Shift {
+    /// From positions relative to grid position `from` to positions relative to `to`
+    /// (column, row).
+    pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
+        let difference = |a: u32, b: u32| (i64::from(a) - i64::from(b)) as i32;
+        Self { cols: difference(from.0, to.0), rows: difference(from.1, to.1) }
+    }
+
+    /// The moved position; it must be one (no coordinate below zero).
+    #[inline]
+    pub(super) fn apply(self, at: Local) -> Local {
+        Local::new(at.col().wrapping_add_signed(self.cols), at.row().wrapping_add_signed(self.rows))
+    }
+
+    /// The moved triangle.
+    pub(super) fn triangle(self, triangle: &Triangle) -> Triangle {
+        Triangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
+    }
+}
+
+/// A box of positions in some frame that may begin before its zero.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    first: [i32; 2],
+    size: [u32; 2],
+}
+
+impl Frame {
+    /// The samples of `rect` as positions relative to grid position `origin` (column, row).
+    pub(super) fn new(rect: Rect, origin: (u32, u32)) -> Self {
+        let Shift { cols, rows } = Shift::new((rect.col, rect.row), origin);
+        Self { first: [cols, rows], size: [rect.width, rect.height] }
+    }
+
+    /// True when `at` is one of the samples.
+    #[inline]
+    pub(super) fn contains(&self, at: Local) -> bool {
+        let col = at.col().wrapping_add_signed(self.first[0].wrapping_neg());
+        let row = at.row().wrapping_add_signed(self.first[1].wrapping_neg());
+        (col < self.size[0]) & (row < self.size[1])
+    }
+}
+
+/// What is kept with a tile, in memory.
+#[derive(Debug, Default)]
+pub(super) struct Container {
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) vertices: Vec<Local>,
+    pub(super) heights: Vec<f64>,
+    /// This many vertices from the first are sorted and unique; later ones were added by
+    /// neighbours and seam patches.
+    sorted: usize,
+}
+
+impl Container {
+    /// Moves all triangles wholly inside `rect` to `out`, relative to the rectangle. `origin` is
+    /// the tile's first sample.
+    pub(super) fn extract(&mut self, rect: Rect, origin: (u32, u32), out: &mut Vec<Triangle>) {
+        let frame = Frame::new(rect, origin);
+        let shift = Shift::new(origin, (rect.col, rect.row));
+        self.triangles.retain(|triangle| {
+            let [a, b, c] = triangle.corners;
+            let inside = frame.contains(a) & frame.contains(b) & frame.contains(c);
+            if inside {
+                out.push(shift.triangle(triangle));
+            }
+            !inside
+        });
+    }
+
+    /// Takes what belongs to `tile` out of a piece of the mesh.
+    pub(super) fn insert(&mut self, piece: Piece<'_>, tile: TileId, layout: &Layout) {
+        let at = (piece.rect.col, piece.rect.row);
+        let shift = Shift::new(at, layout.origin(tile));
+        let owned = Frame::new(layout.owned(tile), at);
+        let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
+        self.triangles.extend(kept.map(|t| shift.triangle(t)));
+        if piece.rect == layout.rect(tile) {
+            self.insert_sorted(piece, owned);
+        } else {
+            self.insert_loose(piece, owned, shift);
+        }
+    }
+
+    /// Adds the tile's own vertices before those its neighbours have added so far.
+    fn insert_sorted(&mut self, piece: Piece<'_>, owned: Frame) {
+        let own = || {
+            let all = piece.vertices.iter().zip(piece.heights);
+            all.filter(|&(&at, _)| owned.contains(at))
+        };
+        self.vertices.splice(0..0, own().map(|(&at, _)| at));
+        self.sorted = own().count();
+        self.heights.splice(0..0, own().map(|(_, &height)| height));
+    }
+
+    /// Appends the vertices that are not among the tile's own.
+    fn insert_loose(&mut self, piece: Piece<'_>, owned: Frame, shift: Shift) {
+        for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
+            if !owned.contains(at) {
+                continue;
+            }
+            let at = shift.apply(at);
+            if self.vertices[..self.sorted].binary_search(&at).is_err() {
+                self.vertices.push(at);
+                self.heights.push(height);
+            }
+        }
+    }
+
+    /// Sorts the vertices and leaves only those that `used` accepts, once each.
+    pub(super) fn settle(&mut self, used: impl Fn(Local) -> bool) {
+        let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
+        let mut kept: Vec<(Local, f64)> = all.filter(|&(at, _)| used(at)).collect();
+        kept.sort_by_key(|&(at, _)| at);
+        kept.dedup_by_key(|&mut (at, _)| at);
+        self.vertices = kept.iter().map(|&(at, _)| at).collect();
+        self.heights = kept.iter().map(|&(_, height)| height).collect();
+        self.sorted = kept.len();
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        let triangles = self.triangles.capacity() * size_of::<Triangle>();
+        let vertices = self.vertices.capacity() * size_of::<Local>();
+        (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
+    }
+
+    /// Writes all to the spill file.
+    pub(super) fn spill(&self, spill: &Spill) -> Result<Spilled> {
+        let extent = spill.write(&[
+            bytemuck::cast_slice(&self.triangles),
+            bytemuck::cast_slice(&self.vertices),
+            bytemuck::cast_slice(&self.heights),
+        ])?;
+        let (triangles, vertices) = (self.triangles.len(), self.vertices.len());
+        Ok(Spilled { extent, triangles, vertices, sorted: self.sorted })
+    }
+}
+
+/// A container in the spill file.
+#[derive(Debug)]
+pub(super) struct Spilled {
+    pub(super) extent: Extent,
+    triangles: usize,
+    vertices: usize,
+    sorted: usize,
+}
+
+impl Spilled {
+    /// Number of vertices.
+    pub(super) fn vertices(&self) -> usize {
+        self.vertices
+    }
+
+    /// Reads the container back and frees its space.
+    pub(super) fn load(self, spill: &Spill) -> Result<Container> {
+        let mut triangles = vec![Triangle::zeroed(); self.triangles];
+        let mut vertices = vec![Local::zeroed(); self.vertices];
+        let mut heights = vec![0.0; self.vertices];
+        let parts: [&mut [u8]; 3] = [
+            bytemuck::cast_slice_mut::<Triangle, u8>(&mut triangles),
+            bytemuck::cast_slice_mut::<Local, u8>(&mut vertices),
+            bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
+        ];
+        let mut parts = parts;
+        spill.read(self.extent, &mut parts)?;
+        Ok(Container { triangles, vertices, heights, sorted: self.sorted })
+    }
+}
+
+/// The first corner of a triangle's bounding box.
+fn first_corner(triangle: &Triangle) -> Local {
+    let [a, b, c] = triangle.corners;
+    Local::new(a.col().min(b.col()).min(c.col()), a.row().min(b.row()).min(c.row()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
+        let corners = corners.map(|(col, row)| Local::new(col, row));
+        Triangle { corners, max_error: 1.0, square_sum: 2.0 }
+    }
+
+    #[test]
+    fn a_piece_is_divided_among_owners_and_found_again() {
+        let layout = Layout::new(33, 17, 16).unwrap();
+        let rect = Rect::new(8, 0, 17, 17);
+        let triangles = [triangle([(0, 0), (16, 0), (4, 9)]), triangle([(8, 1), (9, 1), (8, 16)])];
+        let mut vertices: Vec<Local> = triangles.iter().flat_map(|t| t.corners).collect();
+        vertices.sort();
+        let heights: Vec<f64> = vertices.iter().map(|at| f64::from(at.col())).collect();
+        let piece = Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
+        let mut found = Vec::new();
+        let mut counts = Vec::new();
+        for tile in layout.owners(rect) {
+            let mut container = Container::default();
+            container.insert(piece, tile, &layout);
+            counts.push((container.triangles.len(), container.vertices.len()));
+            container.extract(rect, layout.origin(tile), &mut found);
+            assert!(container.triangles.is_empty());
+        }
+        assert_eq!(counts, [(1, 2), (1, 4)]);
+        assert_eq!(found, triangles);
+    }
+
+    #[test]
+    fn spilled_and_loaded_is_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::new(folder.path());
+        let container = Container {
+            triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
+            vertices: vec![Local::new(0, 0), Local::new(1, 0), Local::new(0, 1)],
+            heights: vec![1.5, 2.5, -3.5],
+            sorted: 2,
+        };
+        let loaded = container.spill(&spill).unwrap().load(&spill).unwrap();
+        assert_eq!(loaded.triangles, container.triangles);
+        assert_eq!(loaded.vertices, container.vertices);
+        assert_eq!((loaded.heights, loaded.sorted), (container.heights, 2));
+    }
+}

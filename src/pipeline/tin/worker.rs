@@ -1,0 +1,332 @@
+//! What one worker does: takes tasks from the queue and carries them out.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crossbeam_channel::Sender;
+
+use super::beside::Beside;
+use super::container::{Piece, Shift};
+use super::layout::{Layout, Seam, TileId};
+use super::number::{Lookup, Marks, positions};
+use super::report::{Clock, Stage};
+use super::run::Settings;
+use super::schedule::{Queue, Step, Task, lock};
+use super::store::Store;
+use super::window::Window;
+use super::writer::{Part, Writer};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geom::Rect;
+use crate::raster::GridSource;
+use crate::tin::{
+    self, PatchInput, PatchOutcome, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
+    triangulate_tile,
+};
+
+/// The two pure functions the pipeline is built around; tests plant faults here.
+#[derive(Clone, Copy)]
+pub(super) struct Kernel {
+    pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
+    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchOutcome,
+}
+
+impl Kernel {
+    pub(super) const GREEDY: Kernel = Kernel { tile: triangulate_tile, patch: mend_patch };
+}
+
+/// What all workers of a running job share.
+pub(super) struct Shared<'a> {
+    pub(super) source: &'a dyn GridSource,
+    pub(super) settings: &'a Settings<'a>,
+    pub(super) kernel: Kernel,
+    pub(super) layout: Layout,
+    pub(super) store: Store,
+    pub(super) queue: Queue,
+    /// Id of the next vertex to be numbered.
+    pub(super) next_id: AtomicU64,
+    pub(super) valid: AtomicU64,
+    pub(super) isolated: AtomicU64,
+    /// The sink wants triangles by position.
+    pub(super) with_corners: bool,
+}
+
+/// Where finished parts go.
+pub(super) enum Outlet<'a> {
+    /// A single worker writes by itself.
+    Direct(&'a Mutex<Writer>),
+    /// Several workers feed a writer thread.
+    Channel(Sender<(TileId, Part)>),
+}
+
+/// One worker and its buffers.
+pub(super) struct Worker<'a> {
+    job: &'a Shared<'a>,
+    outlet: Outlet<'a>,
+    window: Window,
+    scratch: Scratch,
+    triangles: Vec<Triangle>,
+    marks: Marks,
+    lookup: Lookup,
+    clock: Clock,
+}
+
+impl<'a> Worker<'a> {
+    pub(super) fn new(job: &'a Shared<'a>, outlet: Outlet<'a>) -> Self {
+        Self {
+            job,
+            outlet,
+            window: Window::default(),
+            scratch: Scratch::default(),
+            triangles: Vec::new(),
+            marks: Marks::default(),
+            lookup: Lookup::default(),
+            clock: Clock::default(),
+        }
+    }
+
+    /// Carries out tasks until there are no more; returns the time spent on them.
+    pub(super) fn run(mut self) -> Clock {
+        while let Some(task) = self.job.queue.next() {
+            match self.job.settings.cancel.check().and_then(|()| self.attempt(task)) {
+                Ok(()) => self.job.queue.done(task),
+                Err(error) => self.job.queue.fail(error),
+            }
+        }
+        self.clock
+    }
+
+    /// Carries out `task`; a panic becomes an error that names the tile.
+    fn attempt(&mut self, task: Task) -> Result<()> {
+        let outcome = catch_unwind(AssertUnwindSafe(|| self.perform(task)));
+        outcome.unwrap_or_else(|panic| Err(panicked(&*panic))).map_err(|error| error.at(task))
+    }
+
+    fn perform(&mut self, task: Task) -> Result<()> {
+        match task.step {
+            Step::Tile => self.triangulate(task.tile),
+            Step::Vertical => self.mend(Seam::Vertical, task.tile),
+            Step::Horizontal => self.mend(Seam::Horizontal, task.tile),
+            Step::Corner => self.mend(Seam::Corner, task.tile),
+            Step::Gather => self.gather(task.tile),
+            Step::Number => self.number(task.tile),
+            Step::Emit => self.emit(task.tile),
+        }
+    }
+
+    fn triangulate(&mut self, tile: TileId) -> Result<()> {
+        let layout = &self.job.layout;
+        let (rect, apron) = (layout.rect(tile), layout.apron(tile));
+        self.read(apron)?;
+        let started = Instant::now();
+        let input = TileInput {
+            heights: self.window.heights(),
+            apron_left: rect.col - apron.col,
+            apron_right: apron.end_col() - rect.end_col(),
+            apron_above: rect.row - apron.row,
+            apron_below: apron.end_row() - rect.end_row(),
+        };
+        let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
+        let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
+        self.job.valid.fetch_add(*valid, Ordering::Relaxed);
+        self.job.isolated.fetch_add(*isolated, Ordering::Relaxed);
+        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        let samples = layout.owned(tile).len() as u64;
+        self.clock.add(Stage::Tiles, started, samples);
+        self.job.settings.progress.advance(samples);
+        if layout.cols == 1 {
+            self.job.source.release(layout.middle(tile));
+        }
+        Ok(())
+    }
+
+    /// Mends one seam, in a wider patch while the kernel asks for it.
+    fn mend(&mut self, seam: Seam, tile: TileId) -> Result<()> {
+        let layout = self.job.layout;
+        self.triangles.clear();
+        let mut before: Option<Rect> = None;
+        for reach in layout.reaches(self.reach_needed(seam, tile)?) {
+            let rect = layout.patch(seam, tile, reach);
+            self.read(rect)?;
+            let started = Instant::now();
+            self.extract(rect, before)?;
+            let is_mended = self.mend_rect(seam, tile, rect, reach)?;
+            self.clock.add(Stage::Seams, started, rect.len() as u64);
+            if is_mended {
+                return self.note_mended(seam, tile, reach);
+            }
+            before = Some(rect);
+        }
+        Err(Error::new(ErrorKind::Internal, "the widest patch is not wide enough"))
+    }
+
+    fn note_mended(&self, seam: Seam, tile: TileId, reach: u32) -> Result<()> {
+        match seam {
+            Seam::Vertical => self.release_left_of_seam(tile),
+            Seam::Horizontal => self.job.store.set_reach(tile, reach)?,
+            Seam::Corner => {}
+        }
+        Ok(())
+    }
+
+    /// How far the triangles reach that a patch has to take in from the start.
+    fn reach_needed(&mut self, seam: Seam, tile: TileId) -> Result<u32> {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        let widest = layout.patch(seam, tile, layout.widest_reach());
+        let mut needed = 0;
+        if seam == Seam::Corner {
+            needed =
+                self.job.store.reach(tile)?.max(self.job.store.reach(layout.clamp(tile, 0, 1))?);
+        }
+        let beside = Beside::new(layout, seam, tile, needed);
+        for near in layout.keepers(widest) {
+            let beside = beside.seen_from(layout.origin(near));
+            let reach = |t: &Triangle| beside.reach(t);
+            let furthest =
+                self.job.store.with(near, |kept| kept.triangles.iter().map(reach).max())?;
+            needed = needed.max(furthest.unwrap_or(0));
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(needed)
+    }
+
+    /// Adds the triangles inside `rect` to those found `before` in a narrower rectangle.
+    fn extract(&mut self, rect: Rect, before: Option<Rect>) -> Result<()> {
+        if let Some(before) = before {
+            let shift = Shift::new((before.col, before.row), (rect.col, rect.row));
+            self.triangles.iter_mut().for_each(|t| *t = shift.triangle(t));
+        }
+        let layout = &self.job.layout;
+        for tile in layout.keepers(rect) {
+            let origin = layout.origin(tile);
+            self.job.store.with(tile, |kept| kept.extract(rect, origin, &mut self.triangles))?;
+        }
+        Ok(())
+    }
+
+    /// Mends a patch and stores the result; false when it needs a wider one.
+    fn mend_rect(&mut self, seam: Seam, tile: TileId, rect: Rect, reach: u32) -> Result<bool> {
+        let layout = &self.job.layout;
+        let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
+        let input = PatchInput {
+            heights: self.window.heights(),
+            triangles: &self.triangles,
+            seam_col,
+            seam_row,
+            sides: layout.sides(seam, rect, reach),
+        };
+        match (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch) {
+            PatchOutcome::NeedsReach => Ok(false),
+            PatchOutcome::Done { triangles, vertices, heights } => {
+                let (triangles, vertices, heights) = (&triangles, &vertices, &heights);
+                self.job.insert(Piece { rect, triangles, vertices, heights })?;
+                Ok(true)
+            }
+        }
+    }
+
+    /// The tiles on the left of a mended seam (and the last one) are read again at their ends only.
+    fn release_left_of_seam(&self, tile: TileId) {
+        let layout = &self.job.layout;
+        self.job.source.release(layout.middle(tile));
+        if let Some(last) = layout.step(tile, 0, 1).filter(|next| next.col + 1 == layout.cols) {
+            self.job.source.release(layout.middle(last));
+        }
+    }
+
+    /// Settles which vertices of a tile are in use, and writes them.
+    fn gather(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let job = self.job;
+        let layout = &job.layout;
+        self.marks.reset(layout.owned(tile));
+        let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
+        for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
+            let origin = layout.origin(near);
+            job.store.with(near, |kept| self.marks.mark(&kept.triangles, origin))?;
+        }
+        let points = job.store.with(tile, |kept| {
+            kept.settle(|at| self.marks.contains(at));
+            positions(kept, layout.origin(tile), &job.source.info().transform)
+        })?;
+        if points.len() as u64 != self.marks.count() {
+            return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
+        }
+        self.clock.add(Stage::Write, started, 0);
+        self.send(tile, Part::Vertices(points))
+    }
+
+    /// Fixes the ids of a tile's vertices. All that touches the tile is done by now.
+    fn number(&mut self, tile: TileId) -> Result<()> {
+        let first = self.job.next_id.load(Ordering::Relaxed);
+        let next = self.job.store.number(tile, first)?;
+        self.job.next_id.store(next, Ordering::Relaxed);
+        self.job.source.release(self.job.layout.rect(tile));
+        Ok(())
+    }
+
+    /// Writes the triangles kept with a tile.
+    fn emit(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let job = self.job;
+        for (near, ranks) in self.lookup.begin(&job.layout, tile) {
+            job.store.with_ids(near, |kept, first_id| ranks.copy(kept, first_id))?;
+        }
+        let triangles = job.store.with(tile, |kept| std::mem::take(&mut kept.triangles))?;
+        let to_world = &job.source.info().transform;
+        let faces = self.lookup.faces(triangles, to_world, job.with_corners);
+        let faces =
+            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is no vertex"))?;
+        let steps = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        for near in steps.into_iter().filter_map(|(rows, cols)| job.layout.step(tile, rows, cols)) {
+            job.store.finish(near)?;
+        }
+        self.clock.add(Stage::Write, started, job.layout.owned(tile).len() as u64);
+        self.send(tile, Part::Triangles(faces))
+    }
+
+    fn read(&mut self, rect: Rect) -> Result<()> {
+        let started = Instant::now();
+        self.window.read(self.job.source, rect)?;
+        self.clock.add(Stage::Read, started, rect.len() as u64);
+        Ok(())
+    }
+
+    fn send(&self, tile: TileId, part: Part) -> Result<()> {
+        self.job.store.account(0, part.bytes());
+        match &self.outlet {
+            Outlet::Direct(writer) => {
+                let written = lock(writer).accept(tile, part)?;
+                self.job.store.account(written, 0);
+                Ok(())
+            }
+            Outlet::Channel(sender) => sender
+                .send((tile, part))
+                .map_err(|_| Error::new(ErrorKind::Internal, "the writer has stopped")),
+        }
+    }
+}
+
+impl Shared<'_> {
+    /// Hands a piece of the mesh to the containers it belongs to.
+    fn insert(&self, piece: Piece<'_>) -> Result<()> {
+        self.layout.owners(piece.rect).try_for_each(|tile| {
+            self.store.with(tile, |kept| kept.insert(piece, tile, &self.layout))
+        })
+    }
+}
+
+/// Most bytes a worker holds for tiles of `cells` x `cells`.
+pub(super) fn worker_bytes(cells: u32) -> u64 {
+    let samples = u64::from(cells + 2).pow(2);
+    tin::Scratch::bytes(cells) + Window::bytes(samples) + Marks::bytes(cells)
+}
+
+fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    Error::new(ErrorKind::Internal, format!("a worker failed: {}", text.unwrap_or("no message")))
+        .remedy("please report this with the input")
+}
