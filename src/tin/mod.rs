@@ -3,6 +3,21 @@
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
 //! algorithm III, with adaptive-stride scans. A vertex is always a sample.
 
+mod drop;
+mod exact;
+mod field;
+mod greedy;
+mod measure;
+mod mesh;
+mod patch;
+mod rim;
+mod scan;
+mod strict;
+mod tile;
+
+pub use patch::mend_patch;
+pub use tile::{Scratch, triangulate_tile};
+
 /// A lattice position inside a tile or patch: column and row below 2^14, packed so that integer
 /// order is (row, column) order.
 #[derive(
@@ -110,28 +125,31 @@ pub struct TileMesh {
     pub valid: u64,
 }
 
-/// Where a seam patch lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seam {
-    /// Along a column of samples, `seam_col` in patch positions.
-    Vertical,
-    /// Along a row of samples.
-    Horizontal,
-    /// Around a tile corner.
-    Corner,
-}
-
 /// A seam patch to mend. Positions are relative to the patch's first sample.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchInput<'a> {
     /// Heights of the patch rectangle.
     pub heights: Heights<'a>,
-    /// All triangles wholly inside the patch rectangle, in any order.
+    /// All triangles wholly inside the patch rectangle, in any order. The rectangle should be wide
+    /// enough to hold every triangle with a corner on the seam.
     pub triangles: &'a [Triangle],
     /// Column (patch position) of the vertical rim line; its vertices may be dropped.
     pub seam_col: Option<u32>,
     /// Row (patch position) of the horizontal rim line.
     pub seam_row: Option<u32>,
+    /// What lies beyond the sides left, right, above, below.
+    pub sides: [Side; 4],
+}
+
+/// What lies beyond a side of a patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// More mesh, and the patch could be widened to take it in.
+    Open,
+    /// More mesh, which this patch is not to touch.
+    Closed,
+    /// Nothing: the grid ends here.
+    GridEnd,
 }
 
 /// Outcome of a seam patch.
@@ -147,7 +165,7 @@ pub enum PatchOutcome {
         /// Heights of the vertices.
         heights: Vec<f64>,
     },
-    /// A change came up to the border of the patch: try again with a wider rectangle. Never
-    /// returned when `last` is set.
+    /// A change came up to the border on an open side: try again with a wider rectangle. Never
+    /// returned when no side is [`Side::Open`].
     NeedsReach,
 }

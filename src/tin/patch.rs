@@ -1,0 +1,198 @@
+//! Seam patches: the region around a tile border, made Delaunay and re-fitted across it.
+//!
+//! The border of a patch is frozen. A change that reaches it could have gone further in a wider
+//! patch; then the caller is asked for one.
+
+use super::field::Field;
+use super::greedy::{Judge, WorkLists, insert_adaptive};
+use super::measure::{measure, owns_by_direction};
+use super::mesh::{Mesh, NONE, State, Tri, next};
+use super::tile::{Scratch, collect, on_grid_border, smallest_first};
+use super::{Local, PatchInput, PatchOutcome, Side, Spec, Triangle, drop, strict};
+
+/// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
+/// vertices of the seam that are no longer needed.
+///
+/// Returns [`PatchOutcome::NeedsReach`] when a change came up to the frozen border of an open side.
+/// The result is a pure function of the set of triangles, the heights and `spec`.
+pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchOutcome {
+    let (width, height) = (input.heights.width, input.heights.height);
+    scratch.field.load(&input.heights, [0, 0, width, height], 0, spec.single_precision);
+    let mut sorted = input.triangles.to_vec();
+    sorted.sort_unstable_by_key(|triangle| triangle.corners);
+    build(&mut scratch.mesh, &sorted);
+    let Scratch { field, mesh, lists, drop, scan } = scratch;
+    let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
+    let border = Border { field, sides: input.sides };
+    let stays_inside = |mesh: &Mesh, changed: &[u32]| !border.is_touched(mesh, changed);
+    let is_mended = legalise(mesh, stays_inside)
+        && insert(&judge, spec.strict, mesh, lists, stays_inside)
+        && (!spec.drop || drop_seam(&judge, mesh, input, drop, &border));
+    if is_mended { finish(mesh, &border, &sorted, spec) } else { PatchOutcome::NeedsReach }
+}
+
+/// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
+fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
+    mesh.clear();
+    mesh.border_is_fixed = true;
+    let mut edges = Vec::with_capacity(3 * sorted.len());
+    for (id, triangle) in (0_u32..).zip(sorted) {
+        let corners = triangle.corners;
+        mesh.add(Tri { state: State::Passed(0), source: id, ..Tri::new(corners, [NONE; 3]) });
+        edges.extend((0..3).map(|edge| {
+            let ends = [edge, next(edge)].map(|i| corners[i as usize]);
+            (ends[0].min(ends[1]), ends[0].max(ends[1]), 4 * id + edge)
+        }));
+    }
+    edges.sort_unstable();
+    for pair in edges.windows(2).filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1)) {
+        mesh.link(pair[0].2, pair[1].2);
+    }
+}
+
+/// What lies beyond the edges that have no twin.
+struct Border<'a> {
+    field: &'a Field,
+    sides: [Side; 4],
+}
+
+impl Border<'_> {
+    /// True when one of the triangles has an edge beyond which the mesh goes on, on an open side.
+    fn is_touched(&self, mesh: &Mesh, changed: &[u32]) -> bool {
+        changed.iter().any(|&id| {
+            let tri = &mesh.tris[id as usize];
+            let is_open = |edge| self.is_frozen(tri, edge) && self.is_near_open_side(tri, edge);
+            (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_open(edge))
+        })
+    }
+
+    /// Whether the frozen edge is there because of an open side: whichever of the open and the
+    /// closed sides is nearest. A wrong guess costs a wider patch, or leaves an edge to the patch
+    /// of the tile corner.
+    fn is_near_open_side(&self, tri: &Tri, edge: u32) -> bool {
+        let ends = [edge, next(edge)].map(|i| tri.corners[i as usize]);
+        let (last_col, last_row) = (self.field.width() - 1, self.field.height() - 1);
+        let distances = |p: Local| [p.col(), last_col - p.col(), p.row(), last_row - p.row()];
+        let [a, b] = ends.map(distances);
+        let nearest = |kind: Side| {
+            let of_kind = (0..4).filter(|&side| self.sides[side] == kind);
+            of_kind.map(|side| a[side].min(b[side])).min().unwrap_or(u32::MAX)
+        };
+        nearest(Side::Open) < nearest(Side::Closed)
+    }
+
+    /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
+    fn is_owned(&self, tri: &Tri, edge: u32) -> bool {
+        let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
+        let nothing_beyond = tri.twins[edge as usize] == NONE && !self.is_frozen(tri, edge);
+        nothing_beyond || owns_by_direction(from, to)
+    }
+
+    /// False for edges on the grid's border and on the outline of a void.
+    fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
+        let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
+        !on_grid_border(from, to, self.field, self.sides.map(|side| side == Side::GridEnd))
+            && !self.has_void_beyond(from, to)
+    }
+
+    /// True when the cell to the right of the directed unit edge is inside the patch and void.
+    fn has_void_beyond(&self, from: Local, to: Local) -> bool {
+        let ([x, y], [to_x, to_y]) = (from.lattice(), to.lattice());
+        let (dx, dy) = (to_x - x, to_y - y);
+        if dx.abs() + dy.abs() != 1 {
+            return false;
+        }
+        let (col, row) = match (dx, dy) {
+            (0, 1) => (x, y),
+            (0, _) => (x - 1, to_y),
+            (1, _) => (x, y - 1),
+            _ => (to_x, y),
+        };
+        let inside = (0..self.field.width() as i32 - 1).contains(&col)
+            && (0..self.field.height() as i32 - 1).contains(&row);
+        inside && self.is_void(col as u32, row as u32)
+    }
+
+    fn is_void(&self, col: u32, row: u32) -> bool {
+        [(0, 0), (1, 0), (0, 1), (1, 1)]
+            .iter()
+            .any(|&(c, r)| self.field.sample(Local::new(col + c, row + r)).is_nan())
+    }
+}
+
+/// Flips until every edge of the patch is Delaunay (Lawson 1977).
+fn legalise(mesh: &mut Mesh, stays_inside: impl Fn(&Mesh, &[u32]) -> bool) -> bool {
+    let mut stack: Vec<u32> =
+        (0..mesh.tris.len() as u32).rev().flat_map(|id| [4 * id + 2, 4 * id + 1, 4 * id]).collect();
+    while let Some(half_edge) = stack.pop() {
+        let Some([t, u]) = mesh.flip_if_illegal(half_edge) else { continue };
+        if !stays_inside(mesh, &[t, u]) {
+            return false;
+        }
+        stack.extend([4 * t, 4 * t + 1, 4 * u + 1, 4 * u + 2]);
+    }
+    true
+}
+
+fn insert(
+    judge: &Judge<'_>,
+    is_strict: bool,
+    mesh: &mut Mesh,
+    lists: &mut WorkLists,
+    stays_inside: impl Fn(&Mesh, &[u32]) -> bool,
+) -> bool {
+    if is_strict {
+        strict::insert(judge, mesh, stays_inside)
+    } else {
+        insert_adaptive(judge, mesh, lists, stays_inside)
+    }
+}
+
+/// Tries to drop the vertices on the seam lines, in the order of their positions.
+fn drop_seam(
+    judge: &Judge<'_>,
+    mesh: &mut Mesh,
+    input: &PatchInput<'_>,
+    scratch: &mut drop::Scratch,
+    border: &Border<'_>,
+) -> bool {
+    let on_seam = |p: Local| Some(p.col()) == input.seam_col || Some(p.row()) == input.seam_row;
+    let mut seam: Vec<(Local, u32)> = Vec::new();
+    for id in mesh.ids() {
+        let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
+        seam.extend(half_edges.filter(|&(p, _)| on_seam(p)));
+    }
+    seam.sort_unstable();
+    seam.dedup_by_key(|&mut (p, _)| p);
+    for i in 0..seam.len() {
+        let Some(changed) = scratch.try_drop(judge, mesh, seam[i].1) else { continue };
+        if border.is_touched(mesh, changed) {
+            return false;
+        }
+        for half_edge in changed.iter().flat_map(|id| 4 * id..4 * id + 3) {
+            if let Ok(at) = seam.binary_search_by_key(&mesh.origin(half_edge), |&(p, _)| p) {
+                seam[at].1 = half_edge;
+            }
+        }
+    }
+    true
+}
+
+/// The patch's triangles; those that were never touched keep their measures.
+fn finish(mesh: &Mesh, border: &Border<'_>, sorted: &[Triangle], spec: &Spec) -> PatchOutcome {
+    let field = border.field;
+    let finished = |id: u32| {
+        let tri = &mesh.tris[id as usize];
+        if let Some(&kept) = sorted.get(tri.source as usize) {
+            return kept;
+        }
+        let owned = [0, 1, 2].map(|edge| border.is_owned(tri, edge));
+        let (max_error, square_sum) =
+            if spec.measure { measure(field, tri.corners, owned) } else { (0.0, 0.0) };
+        Triangle { corners: smallest_first(tri.corners), max_error, square_sum }
+    };
+    let mut triangles: Vec<Triangle> = mesh.ids().map(finished).collect();
+    let (mut vertices, mut heights) = (Vec::new(), Vec::new());
+    collect(&mut triangles, field, &mut vertices, &mut heights);
+    PatchOutcome::Done { triangles, vertices, heights }
+}

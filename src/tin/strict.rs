@@ -1,0 +1,83 @@
+//! The reference: insert the one sample with the largest error of all, exactly, until none is left.
+
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+use super::exact;
+use super::greedy::Judge;
+use super::mesh::{Mesh, State};
+use super::{Local, exact::ExactWorst};
+
+/// The worst sample of a triangle as it was when its `stamp` was current.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    error: f64,
+    at: Local,
+    id: u32,
+    stamp: u32,
+}
+
+impl Entry {
+    /// Larger error first; among equals the lowest (row, column), then the lowest triangle.
+    fn key(&self) -> (f64, Reverse<(Local, u32)>) {
+        (self.error, Reverse((self.at, self.id)))
+    }
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let (a, b) = (self.key(), other.key());
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Entry {}
+
+/// Garland & Heckbert's algorithm III: a heap of candidates, full scans in `f64`, one insertion at
+/// a time. Dirty triangles of the mesh are scanned first; `visit` is as for
+/// [`insert_adaptive`](super::greedy::insert_adaptive). Time O((m + n) log m) expected for m
+/// vertices and n samples, with a large constant.
+pub(super) fn insert(
+    judge: &Judge<'_>,
+    mesh: &mut Mesh,
+    visit: impl Fn(&Mesh, &[u32]) -> bool,
+) -> bool {
+    let mut heap = BinaryHeap::new();
+    let mut stamps = vec![0; mesh.tris.len()];
+    let mut star: Vec<u32> =
+        mesh.ids().filter(|&id| mesh.tris[id as usize].state == State::Dirty).collect();
+    loop {
+        stamps.resize(mesh.tris.len(), 0);
+        for &id in &star {
+            stamps[id as usize] += 1;
+            heap.extend(candidate(judge, mesh, id, stamps[id as usize]));
+        }
+        star.clear();
+        let Some(entry) = heap.pop() else { return true };
+        if stamps[entry.id as usize] == entry.stamp {
+            mesh.insert(entry.id, entry.at, &mut star);
+            if !visit(mesh, &star) {
+                return false;
+            }
+        }
+    }
+}
+
+fn candidate(judge: &Judge<'_>, mesh: &mut Mesh, id: u32, stamp: u32) -> Option<Entry> {
+    let tri = &mut mesh.tris[id as usize];
+    tri.state = State::Passed(0);
+    let ExactWorst { error, at, within } = exact::scan(judge.field, tri.corners, judge.tolerance);
+    (!within).then_some(Entry { error, at, id, stamp })
+}

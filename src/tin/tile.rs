@@ -1,0 +1,226 @@
+//! One tile: rim and outline vertices, greedy insertion, the drop pass, and the finished mesh.
+
+use super::field::Field;
+use super::greedy::{Judge, WorkLists, insert_adaptive};
+use super::measure::{measure, owns_by_direction};
+use super::mesh::{Mesh, NONE, State, next};
+use super::rim::{Rim, Role, Surface};
+use super::scan::{self, Scan};
+use super::{Local, Spec, TileInput, TileMesh, Triangle, drop, strict};
+
+/// Rim samples are left out of a tile's scans.
+const RIM: u32 = 1;
+
+/// A worker's buffers, reused from tile to tile.
+#[derive(Debug)]
+pub struct Scratch {
+    pub(super) field: Field,
+    pub(super) mesh: Mesh,
+    pub(super) lists: WorkLists,
+    pub(super) drop: drop::Scratch,
+    pub(super) scan: Scan,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            field: Field::default(),
+            mesh: Mesh::default(),
+            lists: WorkLists::default(),
+            drop: drop::Scratch::default(),
+            scan: scan::fastest(),
+        }
+    }
+}
+
+impl Scratch {
+    /// Most bytes a worker needs for a tile of `cells` x `cells`, every sample kept: the heights,
+    /// 2 triangles a sample of 32 bytes, the work lists, and the result.
+    pub fn bytes(cells: u32) -> u64 {
+        let samples = u64::from(cells + 1).pow(2);
+        Field::bytes(cells) + samples * (2 * 32 + 48 + 2 * 20 + 12)
+    }
+}
+
+/// Triangulates a tile so that every sample of its surface is within the tolerance.
+///
+/// The result is a pure function of the input and `spec`. Expected time is linear in the samples
+/// plus the kept vertices times the samples of a scan.
+pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+    let (cols, rows) = (input.cols(), input.rows());
+    let window = [input.apron_left, input.apron_above, cols, rows];
+    scratch.field.load(&input.heights, window, RIM, spec.single_precision);
+    scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
+    let surface = Surface::new(input);
+    let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance);
+    insert_fixed(&mut scratch.mesh, &fixed, &mut Vec::new());
+    if surface.has_voids() {
+        mark_outside(&mut scratch.mesh, &surface);
+    }
+    let judge = Judge { field: &scratch.field, scan: scratch.scan, tolerance: spec.tolerance };
+    if spec.strict {
+        strict::insert(&judge, &mut scratch.mesh, |_, _| true);
+    } else {
+        insert_adaptive(&judge, &mut scratch.mesh, &mut scratch.lists, |_, _| true);
+    }
+    if spec.drop {
+        drop::drop_redundant(&judge, &mut scratch.mesh, &fixed, &mut scratch.drop);
+    }
+    let borders = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
+    finish(scratch, spec, &surface, borders.map(|apron| apron == 0))
+}
+
+impl TileInput<'_> {
+    /// Columns of samples of the tile, apron not counted.
+    fn cols(&self) -> u32 {
+        self.heights.width - self.apron_left - self.apron_right
+    }
+
+    /// Rows of samples of the tile, apron not counted.
+    fn rows(&self) -> u32 {
+        self.heights.height - self.apron_above - self.apron_below
+    }
+}
+
+/// Rim vertices and outline samples, sorted.
+fn fixed_vertices(surface: &Surface<'_>, field: &Field, tolerance: f64) -> Vec<Local> {
+    let (cols, rows) = (field.width(), field.height());
+    let rim = |col, row, along_rows| Rim {
+        first: Local::new(col, row),
+        along_rows,
+        count: if along_rows { rows } else { cols },
+    };
+    let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
+    let has_voids = surface.has_voids();
+    let role = |p| if has_voids { surface.role(p) } else { Role::Interior };
+    let mut fixed = Vec::new();
+    for rim in rims {
+        rim.vertices(role, |p| field.sample(p), |p| field.vertex(p), tolerance, &mut fixed);
+    }
+    if has_voids {
+        let inner =
+            (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| Local::new(col, row)));
+        fixed.extend(inner.filter(|&p| surface.role(p) == Role::Outline));
+    }
+    fixed.sort_unstable();
+    fixed.dedup();
+    fixed
+}
+
+fn insert_fixed(mesh: &mut Mesh, fixed: &[Local], star: &mut Vec<u32>) {
+    let mut near = 0;
+    for &p in fixed {
+        let t = mesh.locate(p, near);
+        star.clear();
+        mesh.insert(t, p, star);
+        near = star.first().copied().unwrap_or(t);
+    }
+    mesh.border_is_fixed = true;
+}
+
+/// Triangles lie wholly inside or wholly outside the surface, because every unit edge of its
+/// outline is an edge of the mesh; one cell under a triangle's middle tells.
+fn mark_outside(mesh: &mut Mesh, surface: &Surface<'_>) {
+    for tri in mesh.tris.iter_mut().filter(|tri| tri.state != State::Free) {
+        let [a, b, c] = tri.corners;
+        let col = (a.col() + b.col() + c.col()) / 3;
+        let row = (a.row() + b.row() + c.row()) / 3;
+        if !surface.holds_cell(col, row) {
+            tri.state = State::Outside;
+        }
+    }
+}
+
+fn finish(scratch: &Scratch, spec: &Spec, surface: &Surface<'_>, grid_ends: [bool; 4]) -> TileMesh {
+    let (field, mesh) = (&scratch.field, &scratch.mesh);
+    let mut result = TileMesh::default();
+    for id in mesh.ids() {
+        let tri = &mesh.tris[id as usize];
+        if tri.state == State::Outside {
+            continue;
+        }
+        let owned = |edge| owns_edge(mesh, id, edge, field, grid_ends);
+        let (max_error, square_sum) = if spec.measure {
+            measure(field, tri.corners, [0, 1, 2].map(owned))
+        } else {
+            (0.0, 0.0)
+        };
+        let corners = smallest_first(tri.corners);
+        result.triangles.push(Triangle { corners, max_error, square_sum });
+    }
+    collect(&mut result.triangles, field, &mut result.vertices, &mut result.heights);
+    count_samples(surface, field, grid_ends, &mut result);
+    result
+}
+
+/// True when triangle `id` counts the samples on its edge: always where nothing lies beyond.
+fn owns_edge(mesh: &Mesh, id: u32, edge: u32, field: &Field, grid_ends: [bool; 4]) -> bool {
+    let tri = &mesh.tris[id as usize];
+    let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
+    let twin = tri.twins[edge as usize];
+    let nothing_beyond = if twin == NONE {
+        on_grid_border(from, to, field, grid_ends)
+    } else {
+        mesh.tris[(twin >> 2) as usize].state == State::Outside
+    };
+    nothing_beyond || owns_by_direction(from, to)
+}
+
+/// True when an edge lies on a side of the field (left, right, above, below) where the grid ends.
+pub(super) fn on_grid_border(from: Local, to: Local, field: &Field, grid_ends: [bool; 4]) -> bool {
+    let [left, right, above, below] = grid_ends;
+    let (last_col, last_row) = (field.width() - 1, field.height() - 1);
+    let both = |test: &dyn Fn(Local) -> bool| test(from) && test(to);
+    (left && both(&|p| p.col() == 0))
+        || (right && both(&|p| p.col() == last_col))
+        || (above && both(&|p| p.row() == 0))
+        || (below && both(&|p| p.row() == last_row))
+}
+
+/// Sorts triangles and gathers the vertices in use with their heights.
+pub(super) fn collect(
+    triangles: &mut [Triangle],
+    field: &Field,
+    vertices: &mut Vec<Local>,
+    heights: &mut Vec<f64>,
+) {
+    triangles.sort_unstable_by_key(|triangle| triangle.corners);
+    vertices.extend(triangles.iter().flat_map(|triangle| triangle.corners));
+    vertices.sort_unstable();
+    vertices.dedup();
+    heights.extend(vertices.iter().map(|&p| field.vertex(p)));
+}
+
+/// The same triangle starting with its smallest corner.
+pub(super) fn smallest_first([a, b, c]: [Local; 3]) -> [Local; 3] {
+    if b < a && b < c {
+        [b, c, a]
+    } else if c < a && c < b {
+        [c, a, b]
+    } else {
+        [a, b, c]
+    }
+}
+
+fn count_samples(
+    surface: &Surface<'_>,
+    field: &Field,
+    [_, ends_right, _, ends_below]: [bool; 4],
+    result: &mut TileMesh,
+) {
+    let cols = field.width() - u32::from(!ends_right);
+    let rows = field.height() - u32::from(!ends_below);
+    if !surface.has_voids() {
+        result.valid = u64::from(cols) * u64::from(rows);
+        return;
+    }
+    for p in (0..rows).flat_map(|row| (0..cols).map(move |col| Local::new(col, row))) {
+        match surface.role(p) {
+            Role::Interior | Role::Outline => result.valid += 1,
+            Role::Isolated => {
+                (result.valid, result.isolated) = (result.valid + 1, result.isolated + 1)
+            }
+            Role::Void => {}
+        }
+    }
+}
