@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::parse;
 use crate::cli::progress::{self, How};
-use crate::cli::text::{parse_bytes, parse_finite_or_nan};
 use crate::pipeline::{Progress, Resources};
 use crate::raster::OpenOptions;
 
@@ -16,7 +16,7 @@ pub(super) struct Grid {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) band: u32,
     /// Stored value that means "no height", instead of the file's own
-    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse_finite_or_nan)]
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
     pub(super) nodata: Option<f64>,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Machine {
     threads: Option<u16>,
     /// Memory for everything the job holds, such as 512M or 4GiB [default: half of the machine's,
     /// at most 4GiB]
-    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
     memory: Option<u64>,
     /// Folder for temporary files [default: the output's]
     #[arg(long, value_name = "DIR")]

@@ -15,7 +15,10 @@ pub(super) fn input(input: &str) -> Result<()> {
     let (what, remedy) = match path.try_exists() {
         Ok(true) if path.is_dir() => ("is a folder", "name a file in it"),
         Ok(true) => ("is not a regular file", "name a file"),
-        _ => ("no such file", "check the name, or use a synthetic terrain such as synth:rough,size=2049"),
+        _ => (
+            "no such file",
+            "check the name, or use a synthetic terrain such as synth:rough,size=2049",
+        ),
     };
     Err(Error::bad_input(what).in_file(path).remedy(remedy))
 }
@@ -39,7 +42,9 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
 pub(super) fn not_itself(input: &str, path: &Path) -> Result<()> {
     let same = std::fs::canonicalize(input).ok().zip(std::fs::canonicalize(path).ok());
     if same.is_some_and(|(a, b)| a == b) {
-        return Err(Error::usage("output is the input itself").in_file(path).remedy("choose another name"));
+        return Err(Error::usage("output is the input itself")
+            .in_file(path)
+            .remedy("choose another name"));
     }
     Ok(())
 }

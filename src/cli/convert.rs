@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{Outcome, args, check, say, text};
+use crate::cli::{Outcome, args, check, parse, say, text};
 use crate::error::Result;
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::{self, ConvertJob};
@@ -22,7 +22,7 @@ pub(super) struct Args {
     overwrite: bool,
     /// Part to copy, in the coordinates of the data
     #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
-          value_parser = text::parse_bbox)]
+          value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
     grid: args::Grid,

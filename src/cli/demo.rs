@@ -125,7 +125,9 @@ fn picture(files: &Files, resources: &Resources) -> ViewJob {
 
 fn name_of(path: &Path) -> Result<String> {
     let name = path.to_str().map(str::to_owned);
-    name.ok_or_else(|| Error::usage("the folder's name is not UTF-8").in_file(path).remedy("choose another --dir"))
+    name.ok_or_else(|| {
+        Error::usage("the folder's name is not UTF-8").in_file(path).remedy("choose another --dir")
+    })
 }
 
 fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<String> {
@@ -140,20 +142,33 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
         ("mesh", size(&files.mesh)?),
         ("picture", size(&files.picture)?),
         ("report", size(&files.report)?),
-        ("how small", format!(
-            "{} of {} samples kept ({}), {} triangles",
-            text::count(made.vertices),
-            text::count(made.valid_samples),
-            text::percent(made.kept),
-            text::count(made.triangles),
-        )),
-        ("how exact", format!(
-            "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
-            text::number(checked.max_error),
-            text::number(made.tolerance),
-            text::number(checked.rmse),
-        )),
-        ("how fast", format!("{}, {}", text::seconds(made.wall_seconds), text::rate(made.samples_per_second, "samples"))),
+        (
+            "how small",
+            format!(
+                "{} of {} samples kept ({}), {} triangles",
+                text::count(made.vertices),
+                text::count(made.valid_samples),
+                text::percent(made.kept),
+                text::count(made.triangles),
+            ),
+        ),
+        (
+            "how exact",
+            format!(
+                "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
+                text::number(checked.max_error),
+                text::number(made.tolerance),
+                text::number(checked.rmse),
+            ),
+        ),
+        (
+            "how fast",
+            format!(
+                "{}, {}",
+                text::seconds(made.wall_seconds),
+                text::rate(made.samples_per_second, "samples")
+            ),
+        ),
     ];
     Ok(text::table(&rows))
 }

@@ -30,7 +30,11 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, 65
 fn grids() -> String {
     let formats = raster::FORMATS.iter();
     let mut rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    rows.push(("synthetic", "synth:...".to_owned(), "a terrain by name, see `terrane synth --help`"));
+    rows.push((
+        "synthetic",
+        "synth:...".to_owned(),
+        "a terrain by name, see `terrane synth --help`",
+    ));
     list("Grids read", &rows)
 }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::cli::{Outcome, args, check, say, text};
 use crate::error::Result;
-use crate::geom::{Crs, Point3};
+use crate::geom::Point3;
 use crate::output::MeshInfo;
 use crate::pipeline::surface::{self, GridStats, Surface};
 use crate::pipeline::{Cancel, Progress, Resources};
@@ -96,7 +96,7 @@ struct GridFacts {
     crs: String,
     epsg: Option<u32>,
     vertical_epsg: Option<u32>,
-    horizontal_unit: String,
+    horizontal_unit: &'static str,
     vertical_unit: Option<String>,
     georeferenced: bool,
     pixel_is_point: bool,
@@ -131,7 +131,7 @@ impl GridFacts {
             crs: info.crs.label(),
             epsg: info.crs.epsg,
             vertical_epsg: info.crs.vertical_epsg,
-            horizontal_unit: horizontal_unit(&info.crs),
+            horizontal_unit: info.crs.horizontal_unit(),
             vertical_unit: info.crs.vertical_unit.clone(),
             georeferenced: info.georeferenced,
             pixel_is_point: info.pixel_is_point,
@@ -147,7 +147,7 @@ impl GridFacts {
 
     fn rows(&self) -> Vec<(String, String)> {
         let size = [self.width, self.height].map(|n| text::count(n.into())).join(" x ");
-        let unit = &self.horizontal_unit;
+        let unit = self.horizontal_unit;
         let mut rows = vec![
             ("format", self.format.to_owned()),
             ("size", format!("{size}, {} samples", text::count(self.samples))),
@@ -163,7 +163,8 @@ impl GridFacts {
             ("block", format!("{} x {}", self.block[0], self.block[1])),
         ];
         if (self.scale, self.offset) != (1.0, 0.0) {
-            let line = format!("stored x {} + {}", text::number(self.scale), text::number(self.offset));
+            let line =
+                format!("stored x {} + {}", text::number(self.scale), text::number(self.offset));
             rows.push(("height", line));
         }
         if !self.georeferenced {
@@ -179,15 +180,22 @@ impl GridFacts {
 fn stats_rows(stats: &GridStats, samples: u64) -> Vec<(String, String)> {
     let share = text::percent(stats.valid as f64 / samples.max(1) as f64);
     let mut rows = vec![("valid".to_owned(), format!("{}, {share}", text::count(stats.valid)))];
-    let heights = [("lowest", stats.min), ("highest", stats.max), ("mean", stats.mean), ("std dev", stats.std_dev)];
-    let known = heights.iter().filter_map(|(name, z)| Some((name.to_string(), text::number((*z)?))));
+    let heights = [
+        ("lowest", stats.min),
+        ("highest", stats.max),
+        ("mean", stats.mean),
+        ("std dev", stats.std_dev),
+    ];
+    let known =
+        heights.iter().filter_map(|(name, z)| Some((name.to_string(), text::number((*z)?))));
     rows.extend(known);
     rows
 }
 
 /// World rectangle around the samples, widened by `margin` cells.
 fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
-    let (right, bottom) = (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
+    let (right, bottom) =
+        (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
     let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
     let world = corners.map(|(col, row)| info.transform.apply(col, row));
     let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
@@ -198,7 +206,11 @@ fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
 /// A coordinate to nine significant digits or better, shortest form.
 fn position(value: f64) -> String {
     let text = format!("{value:.9}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
 }
 
 #[derive(Serialize)]
@@ -261,7 +273,9 @@ fn details(facts: &[(String, String)]) -> serde_json::Map<String, serde_json::Va
 fn detail_rows(
     details: &serde_json::Map<String, serde_json::Value>,
 ) -> impl Iterator<Item = (String, String)> {
-    details.iter().map(|(name, value)| (name.clone(), value.as_str().unwrap_or_default().to_owned()))
+    details
+        .iter()
+        .map(|(name, value)| (name.clone(), value.as_str().unwrap_or_default().to_owned()))
 }
 
 #[cfg(test)]

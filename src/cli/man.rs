@@ -28,16 +28,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome> {
         let name = page.get_display_name().unwrap_or(page.get_name()).to_owned();
         let path = args.dir.join(format!("{name}.1"));
         let mut file = AtomicFile::create(&path, args.overwrite)?;
-        file.write_all(&render(page, name)?).map_err(|e| Error::write(&path, e))?;
+        file.write_all(&render(page)?).map_err(|e| Error::write(&path, e))?;
         file.commit()?;
         say::result(&format!("{}\n", path.display()))?;
     }
     Ok(Outcome::Kept)
 }
 
-fn render(page: Command, name: String) -> Result<Vec<u8>> {
+fn render(page: Command) -> Result<Vec<u8>> {
     let mut text = Vec::new();
-    let rendered = clap_mangen::Man::new(page.name(name)).render(&mut text);
+    let rendered = clap_mangen::Man::new(page).render(&mut text);
     rendered.map_err(|e| Error::io(ErrorKind::Io, "lay out a manual page", e))?;
     Ok(text)
 }

@@ -11,6 +11,7 @@ mod demo;
 mod help;
 mod info;
 mod man;
+mod parse;
 mod progress;
 mod say;
 mod synth;
@@ -61,10 +62,12 @@ enum Outcome {
 
 /// Runs the command line and returns the process exit code.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let parsed = help::command().try_get_matches_from(args).and_then(|m| Cli::from_arg_matches(&m));
+    let args: Vec<OsString> = args.into_iter().collect();
+    let matches = help::command().try_get_matches_from(&args);
+    let parsed = matches.and_then(|found| Cli::from_arg_matches(&found));
     let cli = match parsed {
         Ok(cli) => cli,
-        Err(error) => return usage::report(&error),
+        Err(error) => return usage::report(&error, &args),
     };
     let cancel = Cancel::default();
     stop_on_signal(cancel.clone());

@@ -59,9 +59,12 @@ impl Progress for Bar {
     fn begin(&self, stage: &str, total: u64) {
         self.with(|slot| {
             Self::clear(slot);
-            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
+            let bar =
+                ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
             let style = ProgressStyle::with_template(TEMPLATE);
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "));
+            bar.set_style(
+                style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "),
+            );
             bar.set_message(stage.to_owned());
             *slot = Some(bar);
         });
@@ -189,7 +192,10 @@ mod tests {
             told: Instant::now(),
         };
         let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
-        assert_eq!((&value["stage"], &value["done"], &value["total"]), (&"tiles".into(), &25.into(), &100.into()));
+        assert_eq!(
+            (&value["stage"], &value["done"], &value["total"]),
+            (&"tiles".into(), &25.into(), &100.into())
+        );
         assert!(value["seconds_left"].is_number());
         assert!(plain(&stage.status()).starts_with("tiles: 25 %"));
     }

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::atomic::AtomicFile;
-use crate::cli::{Outcome, args, check, say, text, verify};
+use crate::cli::{Outcome, args, check, parse, say, text, verify};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::pipeline::Cancel;
 use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
 use crate::pipeline::verify::{VerifyJob, VerifyReport};
 
-/// Turn a grid into a triangle mesh no valid sample of which is further away than allowed
+/// Simplify a grid into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7
@@ -59,7 +59,7 @@ pub(super) struct Args {
 #[group(required = true, multiple = false)]
 struct GoalArgs {
     /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = text::parse_tolerance)]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     max_error: Option<f64>,
     /// The smallest error that this many vertices allow
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(3..))]
@@ -85,10 +85,10 @@ enum Creation {
     SolidBase(f64),
 }
 
-fn parse_creation(given: &str) -> Result<Creation, String> {
+fn parse_creation(given: &str) -> std::result::Result<Creation, String> {
     match given.split_once('=') {
         Some((key, value)) if key.eq_ignore_ascii_case("SOLID_BASE") => {
-            text::parse_finite(value).map(Creation::SolidBase)
+            parse::finite(value).map(Creation::SolidBase)
         }
         _ => Err("the only option known is SOLID_BASE=HEIGHT".to_owned()),
     }
@@ -176,9 +176,20 @@ pub(super) fn write_report(path: &Path, overwrite: bool, report: &impl Serialize
 /// A made mesh for people.
 pub(super) fn summary(r: &TinReport) -> String {
     let mut rows = vec![
-        ("grid", format!("{} x {}, {}", text::count(r.width.into()), text::count(r.height.into()), r.crs)),
+        (
+            "grid",
+            format!(
+                "{} x {}, {}",
+                text::count(r.width.into()),
+                text::count(r.height.into()),
+                r.crs
+            ),
+        ),
         ("samples", samples(r)),
-        ("vertices", format!("{}, {} of the valid samples", text::count(r.vertices), text::percent(r.kept))),
+        (
+            "vertices",
+            format!("{}, {} of the valid samples", text::count(r.vertices), text::percent(r.kept)),
+        ),
         ("triangles", text::count(r.triangles)),
         ("max error", errors(r)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
@@ -214,7 +225,8 @@ fn errors(r: &TinReport) -> String {
 
 fn time(r: &TinReport) -> String {
     let rate = text::rate(r.samples_per_second, "samples");
-    let threads = if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
+    let threads =
+        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
     let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.cpu_seconds));
     let stages: Vec<String> = r.stages.iter().map(stage).collect();
     let total = text::seconds(r.wall_seconds);
@@ -246,8 +258,14 @@ mod tests {
             ..TinReport::default()
         };
         let text = summary(&report);
-        for part in ["1,201 x 643", "243 void", "12,345, 1.60 %", "4.99805 metre, 5 metre allowed",
-            "12.3 M samples/s, 2 threads", "2 valid without"] {
+        for part in [
+            "1,201 x 643",
+            "243 void",
+            "12,345, 1.60 %",
+            "4.99805 metre, 5 metre allowed",
+            "12.3 M samples/s, 2 threads",
+            "2 valid without",
+        ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }
     }

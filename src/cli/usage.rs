@@ -1,16 +1,18 @@
 //! Usage errors on one line; help and version as clap lays them out.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind::{
     DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion,
 };
 
+use crate::cli::help::command;
 use crate::cli::say;
 use crate::error::ErrorKind;
 
-/// Prints what clap has to say and returns the exit code.
-pub(super) fn report(error: &clap::Error) -> ExitCode {
+/// Prints what clap has to say of a command line and returns the exit code.
+pub(super) fn report(error: &clap::Error, args: &[OsString]) -> ExitCode {
     match error.kind() {
         DisplayHelp | DisplayVersion => {
             say::flushed(error.print());
@@ -21,45 +23,46 @@ pub(super) fn report(error: &clap::Error) -> ExitCode {
             ErrorKind::Usage.exit_code().into()
         }
         _ => {
-            say::failure(&one_line(&error.render().to_string()));
+            say::failure(&one_line(&error.render().to_string(), args));
             ErrorKind::Usage.exit_code().into()
         }
     }
 }
 
 /// A clap error without its usage block, joined into a line, with where to read on.
-fn one_line(text: &str) -> String {
+fn one_line(text: &str, args: &[OsString]) -> String {
     let message = text.split("\n\nUsage:").next().unwrap_or(text);
     let message = message.split("\n\nFor more information").next().unwrap_or(message);
     let words: Vec<&str> = message.split_whitespace().collect();
     let message = words.join(" ");
     let message = message.strip_prefix("error: ").unwrap_or(&message);
     let message = message.replace(" tip: ", "; ");
-    format!("{message}; see `{} --help`", command_of(text))
+    format!("{message}; see `terrane{} --help`", verb(args))
 }
 
-/// The command that the usage block is about: "terrane tin".
-fn command_of(text: &str) -> String {
-    let usage = text.split("Usage: ").nth(1).unwrap_or("terrane");
-    let words = usage.split_whitespace().take_while(|w| w.chars().all(|c| c.is_ascii_lowercase()));
-    words.take(2).collect::<Vec<_>>().join(" ")
+/// " tin" where the command line has a verb.
+fn verb(args: &[OsString]) -> String {
+    let first = args.get(1).map(|a| a.to_string_lossy()).unwrap_or_default();
+    let known = command().find_subcommand(first.as_ref()).is_some();
+    if known { format!(" {first}") } else { String::new() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::help::command;
 
     fn line(args: &[&str]) -> String {
-        let args = std::iter::once("terrane").chain(args.iter().copied());
-        one_line(&command().try_get_matches_from(args).unwrap_err().render().to_string())
+        let args: Vec<OsString> =
+            std::iter::once("terrane").chain(args.iter().copied()).map(OsString::from).collect();
+        let error = command().try_get_matches_from(&args).unwrap_err();
+        one_line(&error.render().to_string(), &args)
     }
 
     #[test]
     fn clap_errors_become_one_line_with_a_remedy() {
         assert_eq!(
-            line(&["tni"]),
-            "unrecognized subcommand 'tni'; a similar subcommand exists: 'tin'; \
+            line(&["verfy"]),
+            "unrecognized subcommand 'verfy'; a similar subcommand exists: 'verify'; \
              see `terrane --help`"
         );
         assert_eq!(
@@ -70,6 +73,11 @@ mod tests {
         let twice = line(&["tin", "a", "b", "--max-error", "1", "--max-vertices", "9"]);
         assert!(twice.contains("cannot be used with") && !twice.contains('\n'), "{twice}");
         let negative = line(&["tin", "a", "b", "--max-error", "-1"]);
-        assert!(negative.contains("zero or more") && !negative.contains('\n'), "{negative}");
+        assert!(
+            negative.contains("zero or more")
+                && negative.contains("terrane tin --help")
+                && !negative.contains('\n'),
+            "{negative}"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, say, text, tin};
+use crate::cli::{Outcome, args, check, parse, say, text, tin};
 use crate::error::Result;
 use crate::pipeline::Cancel;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
@@ -16,7 +16,7 @@ pub(super) struct Args {
     /// Grid file it was made from, or a synthetic terrain by name
     raster: String,
     /// Largest vertical distance allowed [default: the one the mesh file states]
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = text::parse_tolerance)]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     max_error: Option<f64>,
     #[command(flatten)]
     grid: args::Grid,

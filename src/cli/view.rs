@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, say, text};
+use crate::cli::{Outcome, args, check, parse, say, text};
 use crate::error::Result;
 use crate::pipeline::Cancel;
 use crate::pipeline::view::{self, ViewJob, ViewReport};
@@ -26,17 +26,17 @@ pub(super) struct Args {
     edges: bool,
     /// Where the light comes from, in degrees clockwise from north
     #[arg(long, value_name = "DEG", default_value_t = 315.0, allow_hyphen_values = true,
-          value_parser = text::parse_finite)]
+          value_parser = parse::finite)]
     azimuth: f64,
     /// Height of the light above the horizon, in degrees from 1 to 90
-    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = parse_altitude)]
+    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = parse::altitude)]
     altitude: f64,
     /// Factor on heights before they are lit [default: one that suits the terrain]
-    #[arg(long, value_name = "FACTOR", value_parser = text::parse_positive)]
+    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
     exaggeration: Option<f64>,
     /// Part to show, in the coordinates of the data
     #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
-          value_parser = text::parse_bbox)]
+          value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
     grid: args::Grid,
@@ -44,11 +44,6 @@ pub(super) struct Args {
     machine: args::Machine,
     #[command(flatten)]
     show: args::Show,
-}
-
-fn parse_altitude(given: &str) -> Result<f64, String> {
-    let value = text::parse_finite(given).ok().filter(|v| (1.0..=90.0).contains(v));
-    value.ok_or_else(|| "expected degrees from 1 to 90".to_owned())
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
