@@ -150,3 +150,14 @@ pub struct RasterFormat {
     /// Opens a file of this format.
     pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn GridSource>>,
 }
+
+// PLACEHOLDER until the registry's own `open` is merged: take that one.
+/// Opens a grid: a synthetic terrain by name, or a store.
+pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    if input.starts_with(synth::PREFIX) {
+        return synth::open(input);
+    }
+    let path = Path::new(input);
+    store::try_open(path, options)?
+        .ok_or_else(|| crate::Error::bad_input("not a raster").in_file(path))
+}
