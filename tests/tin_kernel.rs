@@ -314,3 +314,42 @@ fn extremes_of_shape_and_content() {
     let mesh = whole(&single, &spec(1.0));
     assert_eq!((mesh.triangles.len(), mesh.valid, mesh.isolated), (0, 1, 1));
 }
+
+/// Heights that no `f32` holds: the bound must hold in `f64`, for vertices as they are written.
+#[test]
+fn the_bound_holds_for_double_precision_heights() {
+    let (width, height) = (90, 70);
+    let z: Vec<f64> = (0..width * height)
+        .map(|i| 5e5 + f64::from(i % width).sin() + 0.7 * f64::from(i / width * 3).cos() / 3.0)
+        .collect();
+    let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
+    let heights = Heights { width, height, f32: &rounded, f64: Some(&z) };
+    for single_precision in [false, true] {
+        let spec = Spec { single_precision, ..spec(0.25) };
+        let none =
+            TileInput { heights, apron_left: 0, apron_right: 0, apron_above: 0, apron_below: 0 };
+        let mesh = triangulate_tile(&none, &spec, &mut Scratch::default());
+        let written = |p: Local| {
+            let at = mesh.vertices.binary_search(&p).expect("a listed vertex");
+            mesh.heights[at]
+        };
+        if single_precision {
+            assert!(mesh.heights.iter().all(|&z| f64::from(z as f32) == z));
+        }
+        assert!(mesh.vertices.len() < z.len() * 9 / 10);
+        for triangle in &mesh.triangles {
+            let p = triangle.corners.map(lattice);
+            let area = orient(p[0], p[1], p[2]) as f64;
+            let corners = triangle.corners.map(written);
+            for (row, col) in (0..70).flat_map(|row| (0..90).map(move |col| (row, col))) {
+                let q = [col, row];
+                let w = [orient(p[1], p[2], q), orient(p[2], p[0], q), orient(p[0], p[1], q)];
+                if w.iter().all(|&w| w >= 0) {
+                    let plane: f64 = (0..3).map(|i| w[i] as f64 / area * corners[i]).sum();
+                    let error = (plane - z[(row * 90 + col) as usize]).abs();
+                    assert!(error <= 0.25 + 1e-9, "{error} at {q:?}");
+                }
+            }
+        }
+    }
+}

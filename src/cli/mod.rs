@@ -1,9 +1,108 @@
 //! Arguments to jobs, progress, reports. Uses the public API of the other rooms only.
+//!
+//! One file per verb; each has its arguments and a `run` that returns whether all promises were
+//! kept. Results go to stdout, progress and messages to stderr.
+
+mod args;
+mod check;
+mod complete;
+mod convert;
+mod demo;
+mod help;
+mod info;
+mod man;
+mod parse;
+mod progress;
+mod say;
+mod synth;
+mod text;
+mod tin;
+mod usage;
+mod verify;
+mod view;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::{FromArgMatches, Parser, Subcommand};
+
+use crate::error::{ErrorKind, Result};
+use crate::pipeline::Cancel;
+
+/// Huge elevation grids in, small meshes with a proven vertical error bound out.
+///
+/// Results go to stdout, progress and messages to stderr. Nothing is overwritten unless
+/// --overwrite is given, and files appear whole or not at all.
+#[derive(Debug, Parser)]
+#[command(name = "terrane", version, arg_required_else_help = true, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Tin(Box<tin::Args>),
+    Verify(verify::Args),
+    Info(info::Args),
+    View(view::Args),
+    Convert(convert::Args),
+    Synth(synth::Args),
+    Demo(demo::Args),
+    Completions(complete::Args),
+    Man(man::Args),
+}
+
+/// Whether a verb found all promises kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Kept,
+    Broken,
+}
+
 /// Runs the command line and returns the process exit code.
-pub fn main(_args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    ExitCode::SUCCESS
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let matches = help::command().try_get_matches_from(&args);
+    let parsed = matches.and_then(|found| Cli::from_arg_matches(&found));
+    let cli = match parsed {
+        Ok(cli) => cli,
+        Err(error) => return usage::report(&error, &args),
+    };
+    let cancel = Cancel::default();
+    stop_on_signal(cancel.clone());
+    match run(&cli.verb, &cancel) {
+        Ok(Outcome::Kept) => ExitCode::SUCCESS,
+        Ok(Outcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
+        Err(error) => {
+            say::error(&error);
+            error.kind().exit_code().into()
+        }
+    }
+}
+
+fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
+    match verb {
+        Verb::Tin(args) => tin::run(args, cancel),
+        Verb::Verify(args) => verify::run(args, cancel),
+        Verb::Info(args) => info::run(args, cancel),
+        Verb::View(args) => view::run(args, cancel),
+        Verb::Convert(args) => convert::run(args, cancel),
+        Verb::Synth(args) => synth::run(args, cancel),
+        Verb::Demo(args) => demo::run(args, cancel),
+        Verb::Completions(args) => complete::run(args),
+        Verb::Man(args) => man::run(args),
+    }
+}
+
+/// The first Ctrl-C (or SIGTERM) asks the job to stop, the second leaves at once. Without a handler
+/// the system's own applies, which is no reason to refuse work.
+fn stop_on_signal(cancel: Cancel) {
+    let _ = ctrlc::set_handler(move || {
+        if cancel.check().is_err() {
+            std::process::exit(ErrorKind::Interrupted.exit_code().into());
+        }
+        cancel.cancel();
+        say::note("stopping; once more to leave at once");
+    });
 }

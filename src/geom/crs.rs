@@ -1,5 +1,8 @@
 //! What is known of a coordinate reference system, carried from input to output.
 
+/// GeoKey of the unit of projected coordinates.
+const PROJECTED_LINEAR_UNITS: u16 = 3076;
+
 /// A coordinate reference system as found in a file. Equality is of what the file said.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Crs {
@@ -34,8 +37,57 @@ impl Crs {
         }
     }
 
+    /// Unit of x and y: "degree", "metre", "foot", "US survey foot", or "unit" when unknown.
+    pub fn horizontal_unit(&self) -> &'static str {
+        match (self.geographic, self.geo_key(PROJECTED_LINEAR_UNITS)) {
+            (Some(true), _) => "degree",
+            (_, Some(9001)) => "metre",
+            (_, Some(9002)) => "foot",
+            (_, Some(9003)) => "US survey foot",
+            _ => self.unit_of_wkt().unwrap_or("unit"),
+        }
+    }
+
+    /// A short value of the GeoKeyDirectory: entries of four, after a header of four.
+    fn geo_key(&self, key: u16) -> Option<u16> {
+        let entries = self.geo_keys.get(4..)?.chunks_exact(4);
+        entries.filter(|e| e[0] == key && e[1] == 0).map(|e| e[3]).next()
+    }
+
+    /// The last unit named in a projected system's text is that of its axes.
+    fn unit_of_wkt(&self) -> Option<&'static str> {
+        let known = self.epsg.and_then(|code| crs_definitions::from_code(code.try_into().ok()?));
+        let text = self.wkt.as_deref().or(known.map(|system| system.wkt))?;
+        let unit = text.rsplit("UNIT[\"").next()?.split('"').next()?.to_lowercase();
+        match unit.as_str() {
+            "metre" | "meter" | "m" => Some("metre"),
+            "degree" => Some("degree"),
+            "us survey foot" | "foot_us" => Some("US survey foot"),
+            "foot" => Some("foot"),
+            _ => None,
+        }
+    }
+
     /// True when nothing at all is known.
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_comes_from_keys_text_or_code() {
+        let degrees = Crs { geographic: Some(true), ..Crs::default() };
+        assert_eq!(degrees.horizontal_unit(), "degree");
+        let keys = Crs { geo_keys: vec![1, 1, 0, 1, 3076, 0, 1, 9003], ..Crs::default() };
+        assert_eq!(keys.horizontal_unit(), "US survey foot");
+        let wkt = r#"PROJCS["x",GEOGCS["y",UNIT["Degree",0.017]],UNIT["Foot_US",0.3048]]"#;
+        let text = Crs { wkt: Some(wkt.to_owned()), ..Crs::default() };
+        assert_eq!(text.horizontal_unit(), "US survey foot");
+        assert_eq!(Crs { epsg: Some(32611), ..Crs::default() }.horizontal_unit(), "metre");
+        assert_eq!(Crs::default().horizontal_unit(), "unit");
     }
 }

@@ -3,13 +3,24 @@
 //! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
 //! written by terrane are memory-mapped.
 
+mod asc;
+mod cache;
+mod file;
+mod geotiff;
+mod hgt;
+mod prj;
+mod sample;
 pub mod store;
 mod synth;
+mod window;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
+use window::Window;
 
 /// How samples are stored in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -149,4 +160,87 @@ pub struct RasterFormat {
     pub sniff: fn(&[u8]) -> bool,
     /// Opens a file of this format.
     pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn GridSource>>,
+}
+
+/// All formats that can be read. A new one is one file and one line here.
+pub const FORMATS: &[RasterFormat] = &[geotiff::FORMAT, hgt::FORMAT, asc::FORMAT];
+
+/// What the name of a synthetic terrain starts with.
+pub const SYNTH_PREFIX: &str = "synth:";
+
+/// Bytes of a file's start that [`RasterFormat::sniff`] gets to see.
+const HEAD_BYTES: u64 = 64;
+
+/// Opens a grid: a file by its content, else by its extension, or a synthetic terrain by its name
+/// (`synth:rough,size=4097,seed=7`). No sample is read.
+///
+/// # Errors
+/// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
+pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    if input.starts_with(SYNTH_PREFIX) {
+        return synth::open(input);
+    }
+    let path = Path::new(input);
+    let head = head_of(path)?;
+    match format_of(path, &head) {
+        Some(format) => (format.open)(path, options),
+        None => Err(unknown_format(path)),
+    }
+}
+
+/// The format of a file: by its first bytes, else by its name.
+fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
+    let by_content = FORMATS.iter().find(|format| (format.sniff)(head));
+    by_content.or_else(|| FORMATS.iter().find(|format| format.has_extension_of(path)))
+}
+
+/// The first bytes of a regular file.
+fn head_of(path: &Path) -> Result<Vec<u8>> {
+    let fail = |e| Error::read(path, e);
+    let meta = std::fs::metadata(path).map_err(fail)?;
+    if !meta.is_file() {
+        return Err(Error::usage("is not a file").in_file(path));
+    }
+    let mut head = Vec::new();
+    File::open(path).and_then(|f| f.take(HEAD_BYTES).read_to_end(&mut head)).map_err(fail)?;
+    if head.is_empty() {
+        return Err(Error::bad_input("file is empty").in_file(path));
+    }
+    Ok(head)
+}
+
+fn unknown_format(path: &Path) -> Error {
+    let known = |f: &RasterFormat| format!("{} (.{})", f.name, f.extensions.join(", ."));
+    let known: Vec<String> = FORMATS.iter().map(known).collect();
+    Error::bad_input("is not a raster file of a known format")
+        .in_file(path)
+        .remedy(format!("terrane reads {}", known.join(", ")))
+}
+
+impl RasterFormat {
+    /// True when the name of `path` ends in one of the format's extensions, in any case.
+    fn has_extension_of(&self, path: &Path) -> bool {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        self.extensions.iter().any(|extension| {
+            name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.'))
+        })
+    }
+}
+
+/// One spelling for each common unit of height.
+fn normal_unit(unit: &str) -> String {
+    match unit.trim().to_lowercase().as_str() {
+        "m" | "metre" | "metres" | "meter" | "meters" => "metre".to_owned(),
+        "ft" | "foot" | "feet" => "foot".to_owned(),
+        _ => unit.trim().to_owned(),
+    }
+}
+
+/// Fails unless `band` is 1, for formats of one band.
+fn only_band(band: u32) -> Result<()> {
+    if band == 1 {
+        return Ok(());
+    }
+    Err(Error::usage(format!("band {band} is out of range: the file has 1 band"))
+        .remedy("leave out --band"))
 }

@@ -1,5 +1,6 @@
 //! The drop pass: vertices whose star can be refilled within the tolerance are removed.
 
+use super::bits::BitSet;
 use super::exact::within;
 use super::greedy::Judge;
 use super::mesh::{Mesh, State, Tri, next, prev};
@@ -12,8 +13,8 @@ const MAX_DEGREE: usize = 24;
 /// Buffers of the drop pass.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// One bit a sample: vertices not to be tried (again).
-    settled: Vec<u64>,
+    /// Samples whose vertices are not to be tried (again).
+    settled: BitSet,
     star: Vec<u32>,
     ring: Vec<(Local, u32)>,
     fill: Vec<Tri>,
@@ -28,8 +29,7 @@ pub(super) fn drop_redundant(
 ) {
     let width = judge.field.width() as usize;
     let samples = width * judge.field.height() as usize;
-    scratch.settled.clear();
-    scratch.settled.resize(samples.div_ceil(64), 0);
+    scratch.settled.reset(samples);
     fixed.iter().for_each(|&p| {
         scratch.settle(p, width);
     });
@@ -47,11 +47,7 @@ pub(super) fn drop_redundant(
 impl Scratch {
     /// Marks a vertex; true when it was not marked before.
     fn settle(&mut self, p: Local, width: usize) -> bool {
-        let index = p.row() as usize * width + p.col() as usize;
-        let (word, bit) = (&mut self.settled[index / 64], 1 << (index % 64));
-        let is_new = *word & bit == 0;
-        *word |= bit;
-        is_new
+        self.settled.insert(p.row() as usize * width + p.col() as usize)
     }
 
     /// Removes the vertex from which `half_edge` starts if its star can be refilled with Delaunay
@@ -139,7 +135,7 @@ impl Scratch {
         self.fill.iter().find(holds).is_some_and(|tri| {
             let [a, b, c] = tri.corners.map(Local::lattice);
             let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
-            let heights = tri.corners.map(|corner| judge.field.vertex(corner));
+            let heights = judge.field.vertices(tri.corners);
             within(weights, heights, judge.field.sample(vertex), judge.tolerance)
         })
     }

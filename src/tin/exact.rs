@@ -80,7 +80,7 @@ pub(super) struct ExactWorst {
 /// Scans every sample of the closed triangle `p` at full resolution in `f64`, void samples aside.
 /// Time linear in the number of samples in the triangle's bounding rows.
 pub(super) fn scan(field: &Field, p: [Local; 3], tolerance: f64) -> ExactWorst {
-    let z = p.map(|corner| field.vertex(corner));
+    let z = field.vertices(p);
     let mut worst = ExactWorst { error: 0.0, at: Local::new(0, 0), within: true };
     for_each_sample(p, field.scan_bounds(), |at, weights| {
         let height = field.sample(at);

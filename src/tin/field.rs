@@ -107,6 +107,7 @@ impl Field {
         self.height
     }
 
+    #[inline(always)]
     fn index(&self, p: Local) -> usize {
         p.row() as usize * self.width as usize + p.col() as usize
     }
@@ -127,6 +128,12 @@ impl Field {
         } else {
             self.exact[index]
         }
+    }
+
+    /// The heights of three vertices.
+    #[inline(always)]
+    pub(super) fn vertices(&self, [a, b, c]: [Local; 3]) -> [f64; 3] {
+        [self.vertex(a), self.vertex(b), self.vertex(c)]
     }
 
     /// Bytes this holds for a tile of `cells` x `cells`, with exact heights.

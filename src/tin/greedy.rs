@@ -4,7 +4,7 @@ use super::Local;
 use super::exact;
 use super::field::{Field, LEVELS};
 use super::mesh::{Mesh, State};
-use super::scan::{Facet, Scan, level_for};
+use super::scan::{Facet, Scan, double_area, level_for};
 
 /// Samples a first scan of a triangle looks at, about.
 const SAMPLES_PER_SCAN: i64 = 32;
@@ -25,7 +25,10 @@ impl Judge<'_> {
     /// where their rounding cannot matter.
     #[inline]
     pub(super) fn candidate(&self, p: [Local; 3], level: u8) -> Option<Local> {
-        let z = p.map(|corner| self.field.vertex(corner));
+        if double_area(p) == 1 {
+            return None; // Half a cell: its corners are its only samples (Pick's theorem).
+        }
+        let z = self.field.vertices(p);
         let worst = (self.scan)(&self.field.level(level), &Facet::new(p, z));
         let error = f64::from(worst.error);
         let hair = self.hair(z);

@@ -7,7 +7,7 @@ use super::field::Field;
 /// Measures triangle `p` over all its samples in `f64`. A sample on edge `i` counts in the sum only
 /// when `owned[i]`; vertices have no error. Returns (largest error, sum of squares).
 pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f32) {
-    let z = p.map(|corner| field.vertex(corner));
+    let z = field.vertices(p);
     let whole = [0, field.width() as i32 - 1, 0, field.height() as i32 - 1];
     let (mut largest, mut sum) = (0.0_f64, 0.0);
     for_each_sample(p, whole, |at, weights| {

@@ -3,6 +3,7 @@
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
 //! algorithm III, with adaptive-stride scans. A vertex is always a sample.
 
+mod bits;
 mod drop;
 mod exact;
 mod field;
@@ -112,7 +113,8 @@ pub struct TileInput<'a> {
 /// A finished tile: positions are relative to the tile's first sample (apron not counted).
 #[derive(Clone, Debug, Default)]
 pub struct TileMesh {
-    /// Triangles of the surface (cells with a void corner are not part of it), sorted.
+    /// Triangles of the surface (cells with a void corner are not part of it), in an
+    /// order that depends on the input alone.
     pub triangles: Vec<Triangle>,
     /// Vertices in use, sorted, and
     pub vertices: Vec<Local>,
@@ -155,8 +157,8 @@ pub enum Side {
 /// Outcome of a seam patch.
 #[derive(Clone, Debug)]
 pub enum PatchOutcome {
-    /// The triangles that replace those of the input, sorted, and every vertex they use with its
-    /// height (sorted by position).
+    /// The triangles that replace those of the input, and every vertex they use with its height
+    /// (sorted by position).
     Done {
         /// Triangles.
         triangles: Vec<Triangle>,

@@ -3,11 +3,12 @@
 //! The border of a patch is frozen. A change that reaches it could have gone further in a wider
 //! patch; then the caller is asked for one.
 
+use super::bits::BitSet;
 use super::field::Field;
 use super::greedy::{Judge, WorkLists, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Mesh, NONE, State, Tri, next};
-use super::tile::{Scratch, collect, on_grid_border, smallest_first};
+use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchOutcome, Side, Spec, Triangle, drop, strict};
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
@@ -21,14 +22,14 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     let mut sorted = input.triangles.to_vec();
     sorted.sort_unstable_by_key(|triangle| triangle.corners);
     build(&mut scratch.mesh, &sorted);
-    let Scratch { field, mesh, lists, drop, scan } = scratch;
+    let Scratch { field, mesh, lists, drop, used, scan } = scratch;
     let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
     let border = Border { field, sides: input.sides };
     let stays_inside = |mesh: &Mesh, changed: &[u32]| !border.is_touched(mesh, changed);
     let is_mended = legalise(mesh, stays_inside)
         && insert(&judge, spec.strict, mesh, lists, stays_inside)
         && (!spec.drop || drop_seam(&judge, mesh, input, drop, &border));
-    if is_mended { finish(mesh, &border, &sorted, spec) } else { PatchOutcome::NeedsReach }
+    if is_mended { finish(mesh, &border, &sorted, spec, used) } else { PatchOutcome::NeedsReach }
 }
 
 /// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
@@ -179,7 +180,13 @@ fn drop_seam(
 }
 
 /// The patch's triangles; those that were never touched keep their measures.
-fn finish(mesh: &Mesh, border: &Border<'_>, sorted: &[Triangle], spec: &Spec) -> PatchOutcome {
+fn finish(
+    mesh: &Mesh,
+    border: &Border<'_>,
+    sorted: &[Triangle],
+    spec: &Spec,
+    used: &mut BitSet,
+) -> PatchOutcome {
     let field = border.field;
     let finished = |id: u32| {
         let tri = &mesh.tris[id as usize];
@@ -191,8 +198,7 @@ fn finish(mesh: &Mesh, border: &Border<'_>, sorted: &[Triangle], spec: &Spec) ->
             if spec.measure { measure(field, tri.corners, owned) } else { (0.0, 0.0) };
         Triangle { corners: smallest_first(tri.corners), max_error, square_sum }
     };
-    let mut triangles: Vec<Triangle> = mesh.ids().map(finished).collect();
-    let (mut vertices, mut heights) = (Vec::new(), Vec::new());
-    collect(&mut triangles, field, &mut vertices, &mut heights);
+    let triangles: Vec<Triangle> = mesh.ids().map(finished).collect();
+    let (vertices, heights) = vertices_in_use(&triangles, field, used);
     PatchOutcome::Done { triangles, vertices, heights }
 }

@@ -17,7 +17,9 @@ impl<'a> Surface<'a> {
     pub(super) fn new(input: &'a TileInput<'a>) -> Self {
         let heights = &input.heights;
         let width = heights.width as usize;
-        let has_voids = heights.f32.iter().any(|height| height.is_nan());
+        // Whole chunks at a time, so that the search is vectorised.
+        let has_void = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | z.is_nan());
+        let has_voids = heights.f32.chunks(1024).any(has_void);
         let mut cells = Vec::new();
         if has_voids {
             let rows: Vec<_> = heights.f32.chunks_exact(width).collect();

@@ -81,3 +81,59 @@ fn candidate(judge: &Judge<'_>, mesh: &mut Mesh, id: u32, stamp: u32) -> Option<
     let ExactWorst { error, at, within } = exact::scan(judge.field, tri.corners, judge.tolerance);
     (!within).then_some(Entry { error, at, id, stamp })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tin::Heights;
+    use crate::tin::exact::{distance, for_each_sample, within};
+    use crate::tin::field::Field;
+    use crate::tin::scan;
+    use proptest::prelude::*;
+
+    /// O(m n): looks at every sample of every triangle again before each insertion.
+    fn insert_naively(judge: &Judge<'_>, mesh: &mut Mesh) {
+        loop {
+            let mut worst: Option<Entry> = None;
+            for id in mesh.ids() {
+                let corners = mesh.tris[id as usize].corners;
+                let z = judge.field.vertices(corners);
+                for_each_sample(corners, judge.field.scan_bounds(), |at, weights| {
+                    let height = judge.field.sample(at);
+                    let error = distance(weights, z, height);
+                    let entry = Entry { error, at, id, stamp: 0 };
+                    let fails = !within(weights, z, height, judge.tolerance);
+                    if fails && worst.is_none_or(|worst| entry > worst) {
+                        worst = Some(entry);
+                    }
+                });
+            }
+            let Some(worst) = worst else { return };
+            mesh.insert(worst.id, worst.at, &mut Vec::new());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn inserts_what_the_naive_twin_inserts(
+            heights in proptest::collection::vec(-30_i16..30, 12 * 9), tolerance in 0_u8..25
+        ) {
+            let heights: Vec<f32> = heights.into_iter().map(f32::from).collect();
+            let heights = Heights { width: 12, height: 9, f32: &heights, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, 12, 9], 1, false);
+            let judge =
+                Judge { field: &field, scan: scan::fastest(), tolerance: tolerance.into() };
+            let (mut mesh, mut twin) = (Mesh::default(), Mesh::default());
+            for mesh in [&mut mesh, &mut twin] {
+                mesh.reset_to_rectangle(11, 8);
+                mesh.border_is_fixed = true;
+            }
+            insert(&judge, &mut mesh, |_, _| true);
+            insert_naively(&judge, &mut twin);
+            mesh.validate();
+            let corners = |mesh: &Mesh| mesh.tris.iter().map(|tri| tri.corners).collect::<Vec<_>>();
+            prop_assert_eq!(corners(&mesh), corners(&twin));
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! One tile: rim and outline vertices, greedy insertion, the drop pass, and the finished mesh.
 
+use super::bits::BitSet;
 use super::field::Field;
 use super::greedy::{Judge, WorkLists, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
@@ -18,6 +19,7 @@ pub struct Scratch {
     pub(super) mesh: Mesh,
     pub(super) lists: WorkLists,
     pub(super) drop: drop::Scratch,
+    pub(super) used: BitSet,
     pub(super) scan: Scan,
 }
 
@@ -28,6 +30,7 @@ impl Default for Scratch {
             mesh: Mesh::default(),
             lists: WorkLists::default(),
             drop: drop::Scratch::default(),
+            used: BitSet::default(),
             scan: scan::fastest(),
         }
     }
@@ -131,9 +134,15 @@ fn mark_outside(mesh: &mut Mesh, surface: &Surface<'_>) {
     }
 }
 
-fn finish(scratch: &Scratch, spec: &Spec, surface: &Surface<'_>, grid_ends: [bool; 4]) -> TileMesh {
-    let (field, mesh) = (&scratch.field, &scratch.mesh);
-    let mut result = TileMesh::default();
+fn finish(
+    scratch: &mut Scratch,
+    spec: &Spec,
+    surface: &Surface<'_>,
+    grid_ends: [bool; 4],
+) -> TileMesh {
+    let Scratch { field, mesh, used, .. } = scratch;
+    let triangles = Vec::with_capacity(mesh.tris.len());
+    let mut result = TileMesh { triangles, ..TileMesh::default() };
     for id in mesh.ids() {
         let tri = &mesh.tris[id as usize];
         if tri.state == State::Outside {
@@ -148,7 +157,7 @@ fn finish(scratch: &Scratch, spec: &Spec, surface: &Surface<'_>, grid_ends: [boo
         let corners = smallest_first(tri.corners);
         result.triangles.push(Triangle { corners, max_error, square_sum });
     }
-    collect(&mut result.triangles, field, &mut result.vertices, &mut result.heights);
+    (result.vertices, result.heights) = vertices_in_use(&result.triangles, field, used);
     count_samples(surface, field, grid_ends, &mut result);
     result
 }
@@ -177,18 +186,21 @@ pub(super) fn on_grid_border(from: Local, to: Local, field: &Field, grid_ends: [
         || (below && both(&|p| p.row() == last_row))
 }
 
-/// Sorts triangles and gathers the vertices in use with their heights.
-pub(super) fn collect(
-    triangles: &mut [Triangle],
+/// The vertices in use, sorted, and their heights.
+pub(super) fn vertices_in_use(
+    triangles: &[Triangle],
     field: &Field,
-    vertices: &mut Vec<Local>,
-    heights: &mut Vec<f64>,
-) {
-    triangles.sort_unstable_by_key(|triangle| triangle.corners);
-    vertices.extend(triangles.iter().flat_map(|triangle| triangle.corners));
-    vertices.sort_unstable();
-    vertices.dedup();
-    heights.extend(vertices.iter().map(|&p| field.vertex(p)));
+    used: &mut BitSet,
+) -> (Vec<Local>, Vec<f64>) {
+    let width = field.width();
+    used.reset(width as usize * field.height() as usize);
+    for corner in triangles.iter().flat_map(|triangle| triangle.corners) {
+        used.insert((corner.row() * width + corner.col()) as usize);
+    }
+    let position = |index: usize| Local::new(index as u32 % width, index as u32 / width);
+    let vertices: Vec<Local> = used.iter().map(position).collect();
+    let heights = vertices.iter().map(|&p| field.vertex(p)).collect();
+    (vertices, heights)
 }
 
 /// The same triangle starting with its smallest corner.

@@ -109,12 +109,17 @@ impl Facet {
     }
 }
 
-/// The level at which a triangle of this area holds about [`SAMPLES_PER_SCAN`] samples.
+/// Twice the area of a triangle in cells.
 #[inline(always)]
-pub(super) fn level_for(corners: [Local; 3], finest_target: i64, levels: usize) -> u8 {
+pub(super) fn double_area(corners: [Local; 3]) -> i64 {
     let [a, b, c] = corners.map(Local::lattice);
-    let samples = orient(a, b, c) / 2;
-    let ratio = (samples / finest_target).max(1) as u64;
+    orient(a, b, c)
+}
+
+/// The level at which a triangle of this area holds about `samples` samples.
+#[inline(always)]
+pub(super) fn level_for(corners: [Local; 3], samples: i64, levels: usize) -> u8 {
+    let ratio = (double_area(corners) / (2 * samples)).max(1) as u64;
     let level = (u64::BITS - 1 - ratio.leading_zeros()).div_ceil(2);
     level.min(levels as u32 - 1) as u8
 }

@@ -1,0 +1,87 @@
+//! What can be known to be wrong before any work: inputs that are missing, outputs that are taken.
+
+use std::path::Path;
+
+use crate::atomic;
+use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::surface::is_synthetic;
+
+/// Fails when `input` is neither a file that is there nor the name of a synthetic terrain.
+pub(super) fn input(input: &str) -> Result<()> {
+    let path = Path::new(input);
+    if is_synthetic(input) || path.is_file() {
+        return Ok(());
+    }
+    let (what, remedy) = match path.try_exists() {
+        Ok(true) if path.is_dir() => ("is a folder", "name a file in it"),
+        Ok(true) => ("is not a regular file", "name a file"),
+        _ => (
+            "no such file",
+            "check the name, or use a synthetic terrain such as synth:rough,size=2049",
+        ),
+    };
+    Err(Error::bad_input(what).in_file(path).remedy(remedy))
+}
+
+/// Fails when `path` cannot become a new file: it exists, or its folder does not.
+pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
+    atomic::refuse_existing(path, overwrite)?;
+    if path.is_dir() {
+        return Err(Error::usage("is a folder").in_file(path).remedy("name a file in it"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    if folder.is_some_and(|p| !p.is_dir()) {
+        return Err(Error::new(ErrorKind::CannotWrite, "its folder does not exist")
+            .in_file(path)
+            .remedy("make the folder first"));
+    }
+    Ok(())
+}
+
+/// Fails when `path` is one of the inputs: it would be replaced while it is read.
+pub(super) fn not_itself(input: &str, path: &Path) -> Result<()> {
+    let same = std::fs::canonicalize(input).ok().zip(std::fs::canonicalize(path).ok());
+    if same.is_some_and(|(a, b)| a == b) {
+        return Err(Error::usage("output is the input itself")
+            .in_file(path)
+            .remedy("choose another name"));
+    }
+    Ok(())
+}
+
+/// Fails when `path` does not end in one of `endings`.
+pub(super) fn ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if endings.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let known: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
+    Err(Error::usage(format!("{what} cannot have this ending"))
+        .in_file(path)
+        .remedy(format!("end the name in {}", known.join(" or "))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_files_are_told_with_their_remedy() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.tif");
+        std::fs::write(&file, b"x").unwrap();
+        let name = |p: &Path| p.to_str().unwrap().to_owned();
+        assert!(input(&name(&file)).is_ok() && input("synth:rough").is_ok());
+        assert_eq!(input("nowhere.tif").unwrap_err().kind(), ErrorKind::BadInput);
+        assert!(input(&name(folder.path())).unwrap_err().to_string().contains("folder"));
+        assert_eq!(new_file(&file, false).unwrap_err().kind(), ErrorKind::Usage);
+        assert!(new_file(&file, true).is_ok());
+        assert!(new_file(folder.path(), true).is_err());
+        let lost = folder.path().join("no/such/b.ply");
+        assert_eq!(new_file(&lost, false).unwrap_err().kind(), ErrorKind::CannotWrite);
+        assert!(not_itself(&name(&file), &file).is_err());
+        assert!(not_itself(&name(&file), &lost).is_ok());
+        assert!(ending(&file, &["tif", "tiff"], "a grid store").is_ok());
+        assert!(ending(&lost, &["tif", "tiff"], "a grid store").is_err());
+    }
+}

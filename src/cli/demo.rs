@@ -1,0 +1,174 @@
+//! `terrane demo`: the main job from end to end on a terrain made here, to see that all works.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::cli::{Outcome, args, say, text, tin, verify};
+use crate::error::{Error, Result};
+use crate::pipeline::convert::{self, ConvertJob};
+use crate::pipeline::tin::{Goal, TinJob, TinReport};
+use crate::pipeline::verify::VerifyReport;
+use crate::pipeline::view::ViewJob;
+use crate::pipeline::{self, Cancel, Progress, Resources};
+
+/// Make a synthetic terrain, simplify it, prove the result, and draw it
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Folder for the results; its files of an earlier demo are replaced
+    #[arg(long, value_name = "DIR", default_value = "terrane-demo")]
+    dir: PathBuf,
+    #[command(flatten)]
+    machine: args::Machine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// The terrain, and how far a sample may be from the mesh, in metres.
+const TERRAIN: &str = "synth:rough,size=2049,seed=7";
+const TOLERANCE: f64 = 5.0;
+
+/// Files of the demo's folder.
+struct Files {
+    grid: PathBuf,
+    mesh: PathBuf,
+    picture: PathBuf,
+    report: PathBuf,
+}
+
+impl Files {
+    fn within(folder: &Path) -> Self {
+        let file = |name: &str| folder.join(name);
+        Self {
+            grid: file("terrain.tif"),
+            mesh: file("terrain.ply"),
+            picture: file("preview.png"),
+            report: file("report.json"),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    tin: &'a TinReport,
+    verify: &'a VerifyReport,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    std::fs::create_dir_all(&args.dir).map_err(|e| Error::write(&args.dir, e))?;
+    let files = Files::within(&args.dir);
+    let resources = args.machine.resources();
+    let progress = args.show.progress();
+    let progress = progress.as_ref();
+    convert::run(&terrain(&files, &resources), progress, cancel)?;
+    let job = mesh(&files, &resources)?;
+    let made = pipeline::tin::run(&job, progress, cancel)?;
+    let checked = pipeline::verify::run(&tin::proof(&job, &made), progress, cancel)?;
+    pipeline::view::run(&picture(&files, &resources), progress, cancel)?;
+    let report = Report { tin: &made, verify: &checked };
+    tin::write_report(&files.report, true, &report)?;
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&files, &made, &checked)?)?;
+    }
+    Ok(verify::outcome(&checked))
+}
+
+fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
+    ConvertJob {
+        input: TERRAIN.to_owned(),
+        output: files.grid.clone(),
+        band: 1,
+        nodata: None,
+        bbox: None,
+        overwrite: true,
+        resources: resources.clone(),
+    }
+}
+
+fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
+    Ok(TinJob {
+        input: name_of(&files.grid)?,
+        band: 1,
+        nodata: None,
+        output: files.mesh.clone(),
+        format: None,
+        overwrite: true,
+        solid_base: None,
+        goal: Goal::MaxError(TOLERANCE),
+        strict: false,
+        drop: true,
+        tile: 512,
+        measure: true,
+        resources: resources.clone(),
+    })
+}
+
+fn picture(files: &Files, resources: &Resources) -> ViewJob {
+    ViewJob {
+        input: files.mesh.to_string_lossy().into_owned(),
+        band: 1,
+        nodata: None,
+        output: files.picture.clone(),
+        overwrite: true,
+        width: 1600,
+        edges: true,
+        azimuth: 315.0,
+        altitude: 45.0,
+        exaggeration: None,
+        bbox: None,
+        resources: resources.clone(),
+    }
+}
+
+fn name_of(path: &Path) -> Result<String> {
+    let name = path.to_str().map(str::to_owned);
+    name.ok_or_else(|| {
+        Error::usage("the folder's name is not UTF-8").in_file(path).remedy("choose another --dir")
+    })
+}
+
+fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<String> {
+    let size = |path: &Path| {
+        let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
+        Ok::<_, Error>(format!("{}, {}", path.display(), text::bytes(found.len())))
+    };
+    let verdict = if checked.passed { "proved" } else { "NOT kept" };
+    let unit = &made.vertical_unit;
+    let rows = [
+        ("terrain", size(&files.grid)?),
+        ("mesh", size(&files.mesh)?),
+        ("picture", size(&files.picture)?),
+        ("report", size(&files.report)?),
+        (
+            "how small",
+            format!(
+                "{} of {} samples kept ({}), {} triangles",
+                text::count(made.vertices),
+                text::count(made.valid_samples),
+                text::percent(made.kept),
+                text::count(made.triangles),
+            ),
+        ),
+        (
+            "how exact",
+            format!(
+                "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
+                text::number(checked.max_error),
+                text::number(made.tolerance),
+                text::number(checked.rmse),
+            ),
+        ),
+        (
+            "how fast",
+            format!(
+                "{}, {}",
+                text::seconds(made.wall_seconds),
+                text::rate(made.samples_per_second, "samples")
+            ),
+        ),
+    ];
+    Ok(text::table(&rows))
+}

@@ -1,0 +1,101 @@
+//! The command as clap sees it, with lists taken from the registries.
+
+use clap::{Command, CommandFactory};
+
+use crate::{output, raster, synth};
+
+/// The whole command line, for parsing, help, completions and man pages.
+pub(super) fn command() -> Command {
+    let verbs = ["tin", "verify", "view", "info", "convert", "synth"];
+    verbs.iter().fold(super::Cli::command(), |command, verb| {
+        command.mut_subcommand(verb, |c| c.after_help(lists(verb)))
+    })
+}
+
+/// The lists that a verb's help ends in.
+fn lists(verb: &str) -> String {
+    let parts = match verb {
+        "tin" => vec![grids(), meshes(), EXIT_CODES.to_owned()],
+        "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
+        "synth" => vec![characters(), parameters()],
+        "convert" => vec![grids()],
+        _ => vec![grids(), meshes()],
+    };
+    parts.join("\n\n")
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, 65 bad input, \
+73 cannot write, 74 read or write failed, 75 too little memory, 130 stopped";
+
+fn grids() -> String {
+    let formats = raster::FORMATS.iter();
+    let mut rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
+    rows.push((
+        "synthetic",
+        "synth:...".to_owned(),
+        "a terrain by name, see `terrane synth --help`",
+    ));
+    list("Grids read", &rows)
+}
+
+fn meshes() -> String {
+    let formats = output::FORMATS.iter();
+    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
+    list("Meshes read and written", &rows)
+}
+
+fn characters() -> String {
+    let row = |c: &synth::Character| (c.name, String::new(), c.about);
+    list("Characters", &synth::CHARACTERS.iter().map(row).collect::<Vec<_>>())
+}
+
+fn parameters() -> String {
+    let own = synth::CHARACTERS.iter().filter_map(|c| Some((c.own.as_ref()?, c.name)));
+    let all = synth::PARAMETERS.iter().map(|p| (p, "")).chain(own);
+    let value = |p: &synth::Parameter, of: &str| match of {
+        "" => format!("{}", p.default),
+        of => format!("{} ({of} only)", p.default),
+    };
+    let rows: Vec<_> = all.map(|(p, of)| (p.key, value(p, of), p.about)).collect();
+    list("Parameters, as key=value, with their defaults", &rows)
+}
+
+fn endings(extensions: &[&str]) -> String {
+    extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ")
+}
+
+/// A titled list in aligned columns.
+fn list(title: &str, rows: &[(&str, String, &str)]) -> String {
+    let name = rows.iter().map(|r| r.0.len()).max().unwrap_or(0);
+    let ending = rows.iter().map(|r| r.1.len()).max().unwrap_or(0);
+    let gap = if ending > 0 { ending + 2 } else { 0 };
+    let line = |(n, e, about): &(&str, String, &str)| format!("\n  {n:name$}  {e:gap$}{about}");
+    rows.iter().fold(format!("{title}:"), |text, row| text + &line(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_is_sound() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn help_names_every_registered_thing() {
+        let help = |verb: &str| {
+            let mut command = command();
+            command.find_subcommand_mut(verb).unwrap().render_help().to_string()
+        };
+        for format in raster::FORMATS {
+            assert!(help("tin").contains(format.name), "{}", format.name);
+        }
+        for format in output::FORMATS {
+            assert!(help("tin").contains(format.name), "{}", format.name);
+        }
+        for character in synth::CHARACTERS {
+            assert!(help("synth").contains(character.name), "{}", character.name);
+        }
+    }
+}

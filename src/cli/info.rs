@@ -1,0 +1,291 @@
+//! `terrane info`: what a file is, for every grid and mesh format.
+
+use serde::Serialize;
+
+use crate::cli::{Outcome, args, check, say, text};
+use crate::error::Result;
+use crate::geom::Point3;
+use crate::output::MeshInfo;
+use crate::pipeline::surface::{self, GridStats, Surface};
+use crate::pipeline::{Cancel, Progress, Resources};
+use crate::raster::GridInfo;
+
+/// Tell what grids and meshes are
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Grid and mesh files, or synthetic terrains by name
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<String>,
+    /// Read all samples: share of valid ones, lowest, highest and mean height
+    #[arg(long)]
+    stats: bool,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::Machine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// Tells about each file; a bad one does not keep the others from being told about.
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let progress = args.show.progress();
+    let mut failure = None;
+    for file in &args.files {
+        match describe(file, args, progress.as_ref(), cancel) {
+            Ok(facts) if args.show.json => say::json_line(&facts)?,
+            Ok(facts) => say::result(&facts.text(file))?,
+            Err(error) => {
+                cancel.check()?;
+                if let Some(earlier) = failure.replace(error) {
+                    say::error(&earlier);
+                }
+            }
+        }
+    }
+    failure.map_or(Ok(Outcome::Kept), Err)
+}
+
+/// What is known of a file.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum Facts {
+    Grid(Box<GridFacts>),
+    Mesh(Box<MeshFacts>),
+}
+
+fn describe(file: &str, args: &Args, progress: &dyn Progress, cancel: &Cancel) -> Result<Facts> {
+    check::input(file)?;
+    let resources: Resources = args.machine.resources();
+    match surface::open(file, &args.grid.open_options(&resources))? {
+        Surface::Grid(grid) => {
+            let measure = || surface::grid_stats(grid.as_ref(), &resources, progress, cancel);
+            let stats = args.stats.then(measure).transpose()?;
+            Ok(Facts::Grid(Box::new(GridFacts::new(file, grid.info(), stats))))
+        }
+        Surface::Mesh(mesh) => {
+            let bounds = surface::mesh_bounds(mesh.as_ref(), progress, cancel)?;
+            Ok(Facts::Mesh(Box::new(MeshFacts::new(file, mesh.info(), bounds))))
+        }
+    }
+}
+
+impl Facts {
+    fn text(&self, file: &str) -> String {
+        let rows = match self {
+            Facts::Grid(grid) => grid.rows(),
+            Facts::Mesh(mesh) => mesh.rows(),
+        };
+        format!("{file}\n{}", text::table(&rows))
+    }
+}
+
+#[derive(Serialize)]
+struct GridFacts {
+    file: String,
+    format: &'static str,
+    width: u32,
+    height: u32,
+    samples: u64,
+    sample_type: &'static str,
+    bands: u32,
+    band: u32,
+    nodata: Option<f64>,
+    scale: f64,
+    offset: f64,
+    crs: String,
+    epsg: Option<u32>,
+    vertical_epsg: Option<u32>,
+    horizontal_unit: &'static str,
+    vertical_unit: Option<String>,
+    georeferenced: bool,
+    pixel_is_point: bool,
+    /// As GDAL has it: of the outer corner of cell (0, 0).
+    geotransform: [f64; 6],
+    cell_size: [f64; 2],
+    /// West, south, east, north of the samples.
+    sample_bounds: [f64; 4],
+    /// West, south, east, north of the cells around them.
+    bounds: [f64; 4],
+    block: [u32; 2],
+    details: serde_json::Map<String, serde_json::Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stats: Option<GridStats>,
+}
+
+impl GridFacts {
+    fn new(file: &str, info: &GridInfo, stats: Option<GridStats>) -> Self {
+        let map = &info.transform;
+        Self {
+            file: file.to_owned(),
+            format: info.format,
+            width: info.width,
+            height: info.height,
+            samples: u64::from(info.width) * u64::from(info.height),
+            sample_type: info.sample_type.name(),
+            bands: info.bands,
+            band: info.band,
+            nodata: info.nodata,
+            scale: info.scale,
+            offset: info.offset,
+            crs: info.crs.label(),
+            epsg: info.crs.epsg,
+            vertical_epsg: info.crs.vertical_epsg,
+            horizontal_unit: info.crs.horizontal_unit(),
+            vertical_unit: info.crs.vertical_unit.clone(),
+            georeferenced: info.georeferenced,
+            pixel_is_point: info.pixel_is_point,
+            geotransform: map.to_gdal(),
+            cell_size: [map.a.hypot(map.d), map.b.hypot(map.e)],
+            sample_bounds: bounds(info, 0.0),
+            bounds: bounds(info, 0.5),
+            block: [info.block.0, info.block.1],
+            details: details(&info.details),
+            stats,
+        }
+    }
+
+    fn rows(&self) -> Vec<(String, String)> {
+        let size = [self.width, self.height].map(|n| text::count(n.into())).join(" x ");
+        let unit = self.horizontal_unit;
+        let mut rows = vec![
+            ("format", self.format.to_owned()),
+            ("size", format!("{size}, {} samples", text::count(self.samples))),
+            ("type", self.sample_type.to_owned()),
+            ("band", format!("{} of {}", self.band, self.bands)),
+            ("nodata", self.nodata.map_or("none".to_owned(), text::number)),
+            ("crs", self.crs.clone()),
+            ("vertical", self.vertical_unit.clone().unwrap_or_else(|| "unit unknown".to_owned())),
+            ("cell", format!("{} {unit}", self.cell_size.map(position).join(" x "))),
+            ("samples are", if self.pixel_is_point { "points" } else { "areas" }.to_owned()),
+            ("bounds", self.bounds.map(position).join(", ")),
+            ("transform", self.geotransform.map(position).join(", ")),
+            ("block", format!("{} x {}", self.block[0], self.block[1])),
+        ];
+        if (self.scale, self.offset) != (1.0, 0.0) {
+            let line =
+                format!("stored x {} + {}", text::number(self.scale), text::number(self.offset));
+            rows.push(("height", line));
+        }
+        if !self.georeferenced {
+            rows.push(("position", "unknown: columns and rows stand in for it".to_owned()));
+        }
+        let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        rows.extend(detail_rows(&self.details));
+        rows.extend(self.stats.iter().flat_map(|stats| stats_rows(stats, self.samples)));
+        rows
+    }
+}
+
+fn stats_rows(stats: &GridStats, samples: u64) -> Vec<(String, String)> {
+    let share = text::percent(stats.valid as f64 / samples.max(1) as f64);
+    let mut rows = vec![("valid".to_owned(), format!("{}, {share}", text::count(stats.valid)))];
+    let heights = [
+        ("lowest", stats.min),
+        ("highest", stats.max),
+        ("mean", stats.mean),
+        ("std dev", stats.std_dev),
+    ];
+    let known =
+        heights.iter().filter_map(|(name, z)| Some((name.to_string(), text::number((*z)?))));
+    rows.extend(known);
+    rows
+}
+
+/// World rectangle around the samples, widened by `margin` cells.
+fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
+    let (right, bottom) =
+        (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
+    let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
+    let world = corners.map(|(col, row)| info.transform.apply(col, row));
+    let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+    let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+    [low(0), low(1), high(0), high(1)]
+}
+
+/// A coordinate to nine significant digits or better, shortest form.
+fn position(value: f64) -> String {
+    let text = format!("{value:.9}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+#[derive(Serialize)]
+struct MeshFacts {
+    file: String,
+    format: &'static str,
+    vertices: u64,
+    triangles: u64,
+    crs: Option<String>,
+    indexed: bool,
+    single_precision: bool,
+    origin: Point3,
+    /// Smallest and largest coordinates; absent without vertices.
+    bounds: Option<[Point3; 2]>,
+    details: serde_json::Map<String, serde_json::Value>,
+}
+
+impl MeshFacts {
+    fn new(file: &str, info: &MeshInfo, bounds: Option<[Point3; 2]>) -> Self {
+        Self {
+            file: file.to_owned(),
+            format: info.format,
+            vertices: info.vertices,
+            triangles: info.triangles,
+            crs: info.crs.clone(),
+            indexed: info.indexed,
+            single_precision: info.single_precision,
+            origin: info.origin,
+            bounds,
+            details: details(&info.details),
+        }
+    }
+
+    fn rows(&self) -> Vec<(String, String)> {
+        let corner = |p: Point3| p.map(position).join(", ");
+        let sharing = if self.indexed { "shared by triangles" } else { "three to each triangle" };
+        let stored = if self.single_precision { "32-bit" } else { "64-bit" };
+        let mut rows = vec![
+            ("format", self.format.to_owned()),
+            ("vertices", format!("{}, {sharing}", text::count(self.vertices))),
+            ("triangles", text::count(self.triangles)),
+            ("crs", self.crs.clone().unwrap_or_else(|| "unknown".to_owned())),
+            ("positions", format!("{stored}, origin {}", corner(self.origin))),
+        ];
+        if let Some([low, high]) = self.bounds {
+            rows.push(("lowest corner", corner(low)));
+            rows.push(("highest corner", corner(high)));
+        }
+        let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        rows.extend(detail_rows(&self.details));
+        rows
+    }
+}
+
+/// Facts by name; of facts with one name the last stays.
+fn details(facts: &[(String, String)]) -> serde_json::Map<String, serde_json::Value> {
+    facts.iter().map(|(name, value)| (name.clone(), value.clone().into())).collect()
+}
+
+fn detail_rows(
+    details: &serde_json::Map<String, serde_json::Value>,
+) -> impl Iterator<Item = (String, String)> {
+    details
+        .iter()
+        .map(|(name, value)| (name.clone(), value.as_str().unwrap_or_default().to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_keep_their_digits_and_no_more() {
+        assert_eq!(position(30.0), "30");
+        assert_eq!(position(-124.000138889), "-124.000138889");
+        assert_eq!(position(4_000_000.5), "4000000.5");
+    }
+}

@@ -1,0 +1,43 @@
+//! `terrane man`: manual pages, one for terrane and one for each verb.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Command;
+
+use crate::atomic::AtomicFile;
+use crate::cli::{Outcome, help, say};
+use crate::error::{Error, ErrorKind, Result};
+
+/// Write manual pages into a folder
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Folder for the pages, made when it is missing
+    dir: PathBuf,
+    /// Replace pages that exist
+    #[arg(long)]
+    overwrite: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome> {
+    std::fs::create_dir_all(&args.dir).map_err(|e| Error::write(&args.dir, e))?;
+    let mut command = help::command().disable_help_subcommand(true);
+    command.build();
+    let verbs = command.get_subcommands().cloned().collect::<Vec<_>>();
+    for page in std::iter::once(command).chain(verbs) {
+        let name = page.get_display_name().unwrap_or(page.get_name()).to_owned();
+        let path = args.dir.join(format!("{name}.1"));
+        let mut file = AtomicFile::create(&path, args.overwrite)?;
+        file.write_all(&render(page)?).map_err(|e| Error::write(&path, e))?;
+        file.commit()?;
+        say::result(&format!("{}\n", path.display()))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+fn render(page: Command) -> Result<Vec<u8>> {
+    let mut text = Vec::new();
+    let rendered = clap_mangen::Man::new(page).render(&mut text);
+    rendered.map_err(|e| Error::io(ErrorKind::Io, "lay out a manual page", e))?;
+    Ok(text)
+}

@@ -1,0 +1,98 @@
+//! Values of arguments: sizes, heights, boxes. Each parser says what it expected.
+
+/// A value, or what was expected.
+type Parsed<T> = Result<T, String>;
+
+/// Bytes from "128M", "4GiB", "512 MiB", "1.5g", "1000000": K, M, G and T are powers of 1024, with
+/// or without "B" or "iB".
+pub(super) fn bytes(text: &str) -> Parsed<u64> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
+    let (value, unit) = (lower[..digits].parse::<f64>(), lower[digits..].trim());
+    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
+    let shift = match unit {
+        "" => 0,
+        "k" => 10,
+        "m" => 20,
+        "g" => 30,
+        "t" => 40,
+        _ => return Err("expected a size such as 512M or 4GiB".to_owned()),
+    };
+    match value.map(|v| v * (1u64 << shift) as f64) {
+        Ok(bytes) if (1.0..1e18).contains(&bytes) => Ok(bytes as u64),
+        _ => Err("expected a size such as 512M or 4GiB".to_owned()),
+    }
+}
+
+/// A vertical error bound: zero or more.
+pub(super) fn tolerance(text: &str) -> Parsed<f64> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value.abs()),
+        _ => Err("expected a height of zero or more, in the vertical unit of the data".to_owned()),
+    }
+}
+
+/// A finite number.
+pub(super) fn finite(text: &str) -> Parsed<f64> {
+    let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    value.ok_or_else(|| "expected a number".to_owned())
+}
+
+/// A finite number or NaN, as nodata values are.
+pub(super) fn finite_or_nan(text: &str) -> Parsed<f64> {
+    let value = text.trim().parse::<f64>().ok().filter(|v| !v.is_infinite());
+    value.ok_or_else(|| "expected a number or nan".to_owned())
+}
+
+/// A finite number above zero.
+pub(super) fn positive(text: &str) -> Parsed<f64> {
+    finite(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a number above zero".to_owned())
+}
+
+/// Degrees of a light above the horizon, 1 to 90.
+pub(super) fn altitude(text: &str) -> Parsed<f64> {
+    let value = finite(text).ok().filter(|v| (1.0..=90.0).contains(v));
+    value.ok_or_else(|| "expected degrees from 1 to 90".to_owned())
+}
+
+/// "xmin,ymin,xmax,ymax".
+pub(super) fn bbox(text: &str) -> Parsed<[f64; 4]> {
+    let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
+    let values: Result<Vec<f64>, _> = text.split(',').map(finite).collect();
+    let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
+    if bounds[0] < bounds[2] && bounds[1] < bounds[3] { Ok(bounds) } else { Err(wrong()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        let good = [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("1000", 1000)];
+        for (text, value) in good.into_iter().chain([("1.5k", 1536), ("2tb", 2 << 40), ("7B", 7)]) {
+            assert_eq!(bytes(text), Ok(value), "{text}");
+        }
+        for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
+            assert!(bytes(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn tolerances_are_zero_or_more() {
+        assert_eq!(tolerance("0"), Ok(0.0));
+        assert!(tolerance("-0").is_ok_and(|v| v.is_sign_positive()));
+        assert_eq!(tolerance("1.5"), Ok(1.5));
+        for text in ["-1", "nan", "inf", "", "1m", "-1e-300"] {
+            assert!(tolerance(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn boxes_have_an_inside() {
+        assert_eq!(bbox("-1, 2,3,4.5"), Ok([-1.0, 2.0, 3.0, 4.5]));
+        for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
+            assert!(bbox(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Progress on stderr: a bar with the time left, or one line after another.
+
+use std::io::{IsTerminal, Write, stderr};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use crate::cli::say;
+use crate::pipeline::{Progress, Silent};
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum How {
+    /// A bar on a terminal, nothing otherwise
+    Auto,
+    /// A bar on a terminal, plain lines otherwise
+    Bar,
+    /// One JSON object per line
+    Json,
+    /// Nothing
+    None,
+}
+
+/// The display for `how`.
+pub(super) fn display(how: How) -> Box<dyn Progress> {
+    match (how, stderr().is_terminal()) {
+        (How::Auto | How::Bar, true) => Box::new(Bar::new()),
+        (How::Bar, false) => Box::new(Lines::new(plain)),
+        (How::Json, _) => Box::new(Lines::new(json)),
+        (How::Auto, false) | (How::None, _) => Box::new(Silent),
+    }
+}
+
+/// A bar that shows the current stage and vanishes with it.
+struct Bar(Mutex<Option<ProgressBar>>);
+
+const TEMPLATE: &str = "{msg:>10} [{bar:36}] {percent:>3} %  {eta_precise} left";
+
+impl Bar {
+    fn new() -> Self {
+        Self(Mutex::new(None))
+    }
+
+    fn with(&self, change: impl FnOnce(&mut Option<ProgressBar>)) {
+        change(&mut self.0.lock().unwrap_or_else(|e| e.into_inner()));
+    }
+
+    fn clear(bar: &mut Option<ProgressBar>) {
+        if let Some(bar) = bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Progress for Bar {
+    fn begin(&self, stage: &str, total: u64) {
+        self.with(|slot| {
+            Self::clear(slot);
+            let bar =
+                ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
+            let style = ProgressStyle::with_template(TEMPLATE);
+            bar.set_style(
+                style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "),
+            );
+            bar.set_message(stage.to_owned());
+            *slot = Some(bar);
+        });
+    }
+
+    fn advance(&self, units: u64) {
+        self.with(|slot| {
+            if let Some(bar) = slot {
+                bar.inc(units);
+            }
+        });
+    }
+
+    fn end(&self) {
+        self.with(Self::clear);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Least time between two lines of one stage.
+const LINE_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Progress as lines, at the beginning and end of each stage and now and then between.
+struct Lines {
+    stage: Mutex<Option<Stage>>,
+    layout: fn(&Status<'_>) -> String,
+}
+
+struct Stage {
+    name: String,
+    total: u64,
+    done: u64,
+    begun: Instant,
+    told: Instant,
+}
+
+/// What a line tells.
+#[derive(Debug, Serialize)]
+struct Status<'a> {
+    stage: &'a str,
+    done: u64,
+    total: u64,
+    seconds: f64,
+    /// Absent until it can be told.
+    seconds_left: Option<f64>,
+}
+
+impl Stage {
+    fn status(&self) -> Status<'_> {
+        let seconds = self.begun.elapsed().as_secs_f64();
+        let left = self.total.saturating_sub(self.done) as f64 / self.done as f64 * seconds;
+        let seconds_left = (self.done > 0).then_some(left);
+        Status { stage: &self.name, done: self.done, total: self.total, seconds, seconds_left }
+    }
+}
+
+impl Lines {
+    fn new(layout: fn(&Status<'_>) -> String) -> Self {
+        Self { stage: Mutex::new(None), layout }
+    }
+
+    fn tell(&self, stage: &Stage) {
+        say::flushed(writeln!(stderr(), "{}", (self.layout)(&stage.status())));
+    }
+
+    fn with(&self, change: impl FnOnce(&mut Option<Stage>)) {
+        change(&mut self.stage.lock().unwrap_or_else(|e| e.into_inner()));
+    }
+}
+
+impl Progress for Lines {
+    fn begin(&self, stage: &str, total: u64) {
+        let now = Instant::now();
+        let stage = Stage { name: stage.to_owned(), total, done: 0, begun: now, told: now };
+        self.tell(&stage);
+        self.with(|slot| *slot = Some(stage));
+    }
+
+    fn advance(&self, units: u64) {
+        self.with(|slot| {
+            let Some(stage) = slot else { return };
+            stage.done = stage.done.saturating_add(units);
+            if stage.told.elapsed() >= LINE_INTERVAL {
+                stage.told = Instant::now();
+                self.tell(stage);
+            }
+        });
+    }
+
+    fn end(&self) {
+        self.with(|slot| {
+            if let Some(stage) = slot.take() {
+                self.tell(&stage);
+            }
+        });
+    }
+}
+
+fn json(status: &Status<'_>) -> String {
+    serde_json::to_string(status).unwrap_or_default()
+}
+
+fn plain(status: &Status<'_>) -> String {
+    let share = status.done as f64 / status.total.max(1) as f64 * 100.0;
+    let left = status.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
+    format!("{}: {share:.0} %, {:.1} s{left}", status.stage, status.seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_is_an_object_with_the_time_left() {
+        let stage = Stage {
+            name: "tiles".into(),
+            total: 100,
+            done: 25,
+            begun: Instant::now(),
+            told: Instant::now(),
+        };
+        let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
+        assert_eq!(
+            (&value["stage"], &value["done"], &value["total"]),
+            (&"tiles".into(), &25.into(), &100.into())
+        );
+        assert!(value["seconds_left"].is_number());
+        assert!(plain(&stage.status()).starts_with("tiles: 25 %"));
+    }
+
+    #[test]
+    fn every_display_takes_any_order_of_calls() {
+        for display in [Box::new(Bar::new()) as Box<dyn Progress>, Box::new(Lines::new(plain))] {
+            display.advance(3);
+            display.end();
+            display.begin("a", 0);
+            display.advance(u64::MAX);
+            display.begin("b", 10);
+            display.end();
+            display.end();
+        }
+    }
+}

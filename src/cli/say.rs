@@ -1,0 +1,68 @@
+//! What is said where: results on stdout, messages on stderr. A reader that has gone away is no
+//! error.
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// Prints a result.
+pub(super) fn result(text: &str) -> Result<()> {
+    to_stdout(text.as_bytes())
+}
+
+/// Prints a result as indented JSON.
+pub(super) fn json(value: &impl Serialize) -> Result<()> {
+    to_stdout(&pretty(value)?)
+}
+
+/// Prints a result as JSON on a line of its own.
+pub(super) fn json_line(value: &impl Serialize) -> Result<()> {
+    let mut text = serde_json::to_vec(value).map_err(not_json)?;
+    text.push(b'\n');
+    to_stdout(&text)
+}
+
+/// A value as indented JSON with a line end.
+pub(super) fn pretty(value: &impl Serialize) -> Result<Vec<u8>> {
+    let mut text = serde_json::to_vec_pretty(value).map_err(not_json)?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+fn not_json(error: serde_json::Error) -> Error {
+    Error::io(ErrorKind::Io, "write a report", error.into())
+}
+
+/// Writes bytes to stdout as they are.
+pub(super) fn to_stdout(bytes: &[u8]) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::io(ErrorKind::Io, "write to stdout", e))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints an error on stderr, on one line.
+pub(super) fn error(error: &Error) {
+    failure(&error.to_string());
+}
+
+/// Prints an error message on stderr, on one line whatever file names hold.
+pub(super) fn failure(message: &str) {
+    let line: String = message.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    flushed(writeln!(io::stderr(), "terrane: error: {line}"));
+}
+
+/// Prints a remark on stderr.
+pub(super) fn note(message: &str) {
+    flushed(writeln!(io::stderr(), "terrane: {message}"));
+}
+
+/// For output that nobody may be reading any more.
+pub(super) fn flushed(written: io::Result<()>) {
+    let _ = written.and_then(|()| io::stdout().flush());
+}

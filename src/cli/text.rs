@@ -1,0 +1,145 @@
+//! Numbers, sizes and durations as people write them.
+
+use std::fmt::Write;
+
+use serde_json::Value;
+
+/// "1,234,567".
+pub(super) fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// Up to six significant digits, without trailing zeros.
+pub(super) fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return if value == 0.0 { "0".to_owned() } else { value.to_string() };
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if !(-5..=14).contains(&magnitude) {
+        return format!("{value:.5e}");
+    }
+    let text = format!("{value:.*}", (5 - magnitude).max(0) as usize);
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// "12.3 MiB".
+pub(super) fn bytes(n: u64) -> String {
+    const UNITS: [&str; 5] = ["KiB", "MiB", "GiB", "TiB", "PiB"];
+    if n < 1024 {
+        return format!("{n} bytes");
+    }
+    let mut value = n as f64 / 1024.0;
+    let mut unit = 0;
+    while value >= 1023.95 && unit + 1 < UNITS.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    format!("{value:.1} {}", UNITS[unit])
+}
+
+/// "0.42 s", "3 min 20 s", "2 h 05 min".
+pub(super) fn seconds(s: f64) -> String {
+    if s < 10.0 {
+        return format!("{s:.2} s");
+    }
+    let whole = s.round() as u64;
+    match whole {
+        0..=59 => format!("{s:.1} s"),
+        60..=3599 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+/// "12.3 M samples/s".
+pub(super) fn rate(per_second: f64, what: &str) -> String {
+    let (value, prefix) = match per_second {
+        r if r >= 1e9 => (r / 1e9, "G "),
+        r if r >= 1e6 => (r / 1e6, "M "),
+        r if r >= 1e3 => (r / 1e3, "k "),
+        r => (r, ""),
+    };
+    format!("{value:.1} {prefix}{what}/s")
+}
+
+/// "1.23 %"; small shares keep two significant digits.
+pub(super) fn percent(share: f64) -> String {
+    let value = share * 100.0;
+    let digits = if value >= 0.1 || value == 0.0 { 2 } else { 4 };
+    format!("{value:.digits$} %")
+}
+
+/// Aligned "name  value" lines, each indented by two.
+pub(super) fn table(rows: &[(impl AsRef<str>, String)]) -> String {
+    let width = rows.iter().map(|(name, _)| name.as_ref().chars().count()).max().unwrap_or(0);
+    rows.iter().fold(String::new(), |mut text, (name, value)| {
+        let _ = writeln!(text, "  {:width$}  {value}", name.as_ref());
+        text
+    })
+}
+
+/// The plain values of a report as rows: keys become words, numbers become readable.
+pub(super) fn rows(report: &Value) -> Vec<(String, String)> {
+    let entries = report.as_object().into_iter().flatten();
+    entries.filter_map(|(key, value)| Some((key.replace('_', " "), plain(key, value)?))).collect()
+}
+
+fn plain(key: &str, value: &Value) -> Option<String> {
+    match value {
+        Value::String(text) => Some(text.clone()),
+        Value::Bool(yes) => Some(if *yes { "yes" } else { "no" }.to_owned()),
+        Value::Number(n) => Some(match (key, n.as_u64(), n.as_f64()) {
+            (k, Some(n), _) if k.ends_with("bytes") || k.contains("memory") => bytes(n),
+            (k, _, Some(s)) if k.ends_with("seconds") => seconds(s),
+            (k, _, Some(r)) if k.ends_with("per_second") => {
+                rate(r, k.trim_end_matches("_per_second"))
+            }
+            (_, Some(n), _) => count(n),
+            (_, _, x) => number(x?),
+        }),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(count(0), "0");
+        assert_eq!(count(1234567), "1,234,567");
+        assert_eq!(number(4.998046875), "4.99805");
+        assert_eq!(number(1200.0), "1200");
+        assert_eq!(number(-0.000833333), "-0.000833333");
+        assert_eq!(number(6.4e-9), "6.40000e-9");
+        assert_eq!(bytes(1023), "1023 bytes");
+        assert_eq!(bytes(1 << 20), "1.0 MiB");
+        assert_eq!(seconds(0.4217), "0.42 s");
+        assert_eq!(seconds(200.0), "3 min 20 s");
+        assert_eq!(seconds(7500.0), "2 h 05 min");
+        assert_eq!(rate(123_456_789.0, "samples"), "123.5 M samples/s");
+        assert_eq!(percent(0.0123), "1.23 %");
+    }
+
+    #[test]
+    fn reports_become_rows() {
+        let report = serde_json::json!({ "output_bytes": 2048, "wall_seconds": 1.5, "passed": true,
+            "samples": 12345, "list": [], "none": null });
+        let rows = rows(&report);
+        assert!(rows.contains(&("output bytes".into(), "2.0 KiB".into())));
+        assert!(rows.contains(&("samples".into(), "12,345".into())));
+        assert_eq!(rows.len(), 4);
+    }
+}

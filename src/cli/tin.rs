@@ -1,0 +1,278 @@
+//! `terrane tin`: a grid becomes a mesh with a proven error bound.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::atomic::AtomicFile;
+use crate::cli::{Outcome, args, check, parse, say, text, verify};
+use crate::error::{Error, Result};
+use crate::output;
+use crate::pipeline::Cancel;
+use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
+use crate::pipeline::verify::{VerifyJob, VerifyReport};
+
+/// Simplify a grid into a triangle mesh with a proven vertical error bound
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7
+    input: String,
+    /// Mesh file to write
+    output: PathBuf,
+    #[command(flatten)]
+    goal: GoalArgs,
+    #[command(flatten)]
+    grid: args::Grid,
+    /// Mesh format [default: by the output's ending]
+    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
+    format: Option<String>,
+    /// Option of the format: SOLID_BASE=HEIGHT closes an STL with walls and a flat bottom
+    #[arg(long, value_name = "KEY=VAL", value_parser = parse_creation, help_heading = "Output")]
+    co: Vec<Creation>,
+    /// Replace files that exist
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
+    /// Check the written mesh against the grid afterwards
+    #[arg(long, help_heading = "Output")]
+    verify: bool,
+    /// Insert one global maximum at a time (the reference; slower, more vertices)
+    #[arg(long, help_heading = "Method")]
+    strict: bool,
+    /// Keep vertices that turned out to be redundant (faster, more vertices)
+    #[arg(long, help_heading = "Method")]
+    no_drop: bool,
+    /// Cells along the side of a tile
+    #[arg(long, value_name = "CELLS", default_value_t = 512, help_heading = "Method",
+          value_parser = clap::value_parser!(u32).range(2..))]
+    tile: u32,
+    #[command(flatten)]
+    machine: args::Machine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// What the mesh has to reach: exactly one of these.
+#[derive(Clone, Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct GoalArgs {
+    /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
+    max_error: Option<f64>,
+    /// The smallest error that this many vertices allow
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(3..))]
+    max_vertices: Option<u64>,
+    /// The smallest error that this many triangles allow
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_triangles: Option<u64>,
+}
+
+impl GoalArgs {
+    fn goal(&self) -> Result<Goal> {
+        let error = self.max_error.map(Goal::MaxError);
+        let vertices = self.max_vertices.map(Goal::MaxVertices);
+        let triangles = self.max_triangles.map(Goal::MaxTriangles);
+        let goal = error.or(vertices).or(triangles);
+        goal.ok_or_else(|| Error::usage("no goal given").remedy("add --max-error"))
+    }
+}
+
+/// An option of an output format.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Creation {
+    SolidBase(f64),
+}
+
+fn parse_creation(given: &str) -> std::result::Result<Creation, String> {
+    match given.split_once('=') {
+        Some((key, value)) if key.eq_ignore_ascii_case("SOLID_BASE") => {
+            parse::finite(value).map(Creation::SolidBase)
+        }
+        _ => Err("the only option known is SOLID_BASE=HEIGHT".to_owned()),
+    }
+}
+
+/// The report of both steps, as one JSON object.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    tin: &'a TinReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verify: Option<&'a VerifyReport>,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let progress = args.show.progress();
+    let made = tin::run(&job, progress.as_ref(), cancel)?;
+    let checked = match args.verify {
+        true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),
+        false => None,
+    };
+    let report = Report { tin: &made, verify: checked.as_ref() };
+    if let Some(path) = &args.report {
+        write_report(path, args.overwrite, &report)?;
+    }
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&made))?;
+        checked.as_ref().map_or(Ok(()), |c| say::result(&verify::summary(c)))?;
+    }
+    Ok(checked.as_ref().map_or(Outcome::Kept, verify::outcome))
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &Args) -> Result<TinJob> {
+    check::input(&args.input)?;
+    let format = output::by_path(&args.output, args.format.as_deref())?;
+    check::not_itself(&args.input, &args.output)?;
+    check::new_file(&args.output, args.overwrite)?;
+    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
+    if solid_base.is_some() && format.name != "STL" {
+        return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
+            .remedy("write STL, or leave --co out"));
+    }
+    Ok(TinJob {
+        input: args.input.clone(),
+        band: args.grid.band,
+        nodata: args.grid.nodata,
+        output: args.output.clone(),
+        format: Some(format.name.to_owned()),
+        overwrite: args.overwrite,
+        solid_base,
+        goal: args.goal.goal()?,
+        strict: args.strict,
+        drop: !args.no_drop,
+        tile: args.tile,
+        measure: args.show.json || args.report.is_some() || !args.show.quiet,
+        resources: args.machine.resources(),
+    })
+}
+
+/// The job of proving what a tin job wrote.
+pub(super) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
+    VerifyJob {
+        mesh: job.output.clone(),
+        raster: job.input.clone(),
+        band: job.band,
+        nodata: job.nodata,
+        tolerance: Some(made.tolerance),
+        resources: job.resources.clone(),
+    }
+}
+
+/// Writes a report as a JSON file, whole or not at all.
+pub(super) fn write_report(path: &Path, overwrite: bool, report: &impl Serialize) -> Result<()> {
+    use std::io::Write;
+    let mut file = AtomicFile::create(path, overwrite)?;
+    file.write_all(&say::pretty(report)?).map_err(|e| Error::write(path, e))?;
+    file.commit().map(drop)
+}
+
+/// A made mesh for people.
+pub(super) fn summary(r: &TinReport) -> String {
+    let mut rows = vec![
+        (
+            "grid",
+            format!(
+                "{} x {}, {}",
+                text::count(r.width.into()),
+                text::count(r.height.into()),
+                r.crs
+            ),
+        ),
+        ("samples", samples(r)),
+        (
+            "vertices",
+            format!("{}, {} of the valid samples", text::count(r.vertices), text::percent(r.kept)),
+        ),
+        ("triangles", text::count(r.triangles)),
+        ("max error", errors(r)),
+        ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
+        ("time", time(r)),
+    ];
+    if let Some(peak) = r.peak_memory {
+        let budget = text::bytes(r.memory_budget);
+        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
+    }
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
+
+fn samples(r: &TinReport) -> String {
+    let void = r.samples.saturating_sub(r.valid_samples);
+    let mut line = text::count(r.samples);
+    if void > 0 {
+        line += &format!(", {} void", text::count(void));
+    }
+    if r.isolated_samples > 0 {
+        let lone = text::count(r.isolated_samples);
+        line += &format!(", {lone} valid without a valid cell beside them (no surface there)");
+    }
+    line
+}
+
+fn errors(r: &TinReport) -> String {
+    let unit = &r.vertical_unit;
+    let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
+    let found = r.max_error.map(|e| format!("{} {unit}, ", text::number(e)));
+    let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
+    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
+}
+
+fn time(r: &TinReport) -> String {
+    let rate = text::rate(r.samples_per_second, "samples");
+    let threads =
+        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
+    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.cpu_seconds));
+    let stages: Vec<String> = r.stages.iter().map(stage).collect();
+    let total = text::seconds(r.wall_seconds);
+    format!("{total}, {rate}, {threads} (CPU: {})", stages.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_summary_tells_counts_errors_and_time() {
+        let report = TinReport {
+            input: "a.tif".into(),
+            output: "a.ply".into(),
+            format: "PLY".into(),
+            width: 1201,
+            height: 643,
+            vertical_unit: "metre".into(),
+            tolerance: 5.0,
+            max_error: Some(4.998046875),
+            samples: 772_243,
+            valid_samples: 772_000,
+            isolated_samples: 2,
+            vertices: 12_345,
+            kept: 0.016,
+            threads: 2,
+            samples_per_second: 12.3e6,
+            ..TinReport::default()
+        };
+        let text = summary(&report);
+        for part in [
+            "1,201 x 643",
+            "243 void",
+            "12,345, 1.60 %",
+            "4.99805 metre, 5 metre allowed",
+            "12.3 M samples/s, 2 threads",
+            "2 valid without",
+        ] {
+            assert!(text.contains(part), "{part} in\n{text}");
+        }
+    }
+
+    #[test]
+    fn creation_options_are_known_by_name() {
+        assert_eq!(parse_creation("solid_base=-12.5"), Ok(Creation::SolidBase(-12.5)));
+        assert!(parse_creation("SOLID_BASE=x").is_err() && parse_creation("LEVEL=9").is_err());
+    }
+}

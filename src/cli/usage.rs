@@ -1,0 +1,83 @@
+//! Usage errors on one line; help and version as clap lays them out.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::error::ErrorKind::{
+    DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion,
+};
+
+use crate::cli::help::command;
+use crate::cli::say;
+use crate::error::ErrorKind;
+
+/// Prints what clap has to say of a command line and returns the exit code.
+pub(super) fn report(error: &clap::Error, args: &[OsString]) -> ExitCode {
+    match error.kind() {
+        DisplayHelp | DisplayVersion => {
+            say::flushed(error.print());
+            ExitCode::SUCCESS
+        }
+        DisplayHelpOnMissingArgumentOrSubcommand => {
+            say::flushed(error.print());
+            ErrorKind::Usage.exit_code().into()
+        }
+        _ => {
+            say::failure(&one_line(&error.render().to_string(), args));
+            ErrorKind::Usage.exit_code().into()
+        }
+    }
+}
+
+/// A clap error without its usage block, joined into a line, with where to read on.
+fn one_line(text: &str, args: &[OsString]) -> String {
+    let message = text.split("\n\nUsage:").next().unwrap_or(text);
+    let message = message.split("\n\nFor more information").next().unwrap_or(message);
+    let words: Vec<&str> = message.split_whitespace().collect();
+    let message = words.join(" ");
+    let message = message.strip_prefix("error: ").unwrap_or(&message);
+    let message = message.replace(" tip: ", "; ");
+    format!("{message}; see `terrane{} --help`", verb(args))
+}
+
+/// " tin" where the command line has a verb.
+fn verb(args: &[OsString]) -> String {
+    let first = args.get(1).map(|a| a.to_string_lossy()).unwrap_or_default();
+    let known = command().find_subcommand(first.as_ref()).is_some();
+    if known { format!(" {first}") } else { String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(args: &[&str]) -> String {
+        let args: Vec<OsString> =
+            std::iter::once("terrane").chain(args.iter().copied()).map(OsString::from).collect();
+        let error = command().try_get_matches_from(&args).unwrap_err();
+        one_line(&error.render().to_string(), &args)
+    }
+
+    #[test]
+    fn clap_errors_become_one_line_with_a_remedy() {
+        assert_eq!(
+            line(&["verfy"]),
+            "unrecognized subcommand 'verfy'; a similar subcommand exists: 'verify'; \
+             see `terrane --help`"
+        );
+        assert_eq!(
+            line(&["tin", "a.tif", "b.ply"]),
+            "the following required arguments were not provided: \
+             <--max-error <E>|--max-vertices <N>|--max-triangles <N>>; see `terrane tin --help`"
+        );
+        let twice = line(&["tin", "a", "b", "--max-error", "1", "--max-vertices", "9"]);
+        assert!(twice.contains("cannot be used with") && !twice.contains('\n'), "{twice}");
+        let negative = line(&["tin", "a", "b", "--max-error", "-1"]);
+        assert!(
+            negative.contains("zero or more")
+                && negative.contains("terrane tin --help")
+                && !negative.contains('\n'),
+            "{negative}"
+        );
+    }
+}

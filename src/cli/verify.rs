@@ -1,0 +1,72 @@
+//! `terrane verify`: a written mesh is proved against its grid.
+
+use std::path::PathBuf;
+
+use crate::cli::{Outcome, args, check, parse, say, text, tin};
+use crate::error::Result;
+use crate::pipeline::Cancel;
+use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
+
+/// Prove a mesh against its grid: error bound, coverage, topology. Exits with 1 when a promise is
+/// broken
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Mesh file
+    mesh: PathBuf,
+    /// Grid file it was made from, or a synthetic terrain by name
+    raster: String,
+    /// Largest vertical distance allowed [default: the one the mesh file states]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
+    max_error: Option<f64>,
+    #[command(flatten)]
+    grid: args::Grid,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Replace a report that exists
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    machine: args::Machine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    check::input(&args.mesh.to_string_lossy())?;
+    check::input(&args.raster)?;
+    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    let job = VerifyJob {
+        mesh: args.mesh.clone(),
+        raster: args.raster.clone(),
+        band: args.grid.band,
+        nodata: args.grid.nodata,
+        tolerance: args.max_error,
+        resources: args.machine.resources(),
+    };
+    let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.report {
+        tin::write_report(path, args.overwrite, &report)?;
+    }
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&report))?;
+    }
+    Ok(outcome(&report))
+}
+
+/// Whether the mesh kept its promises.
+pub(super) fn outcome(report: &VerifyReport) -> Outcome {
+    if report.passed { Outcome::Kept } else { Outcome::Broken }
+}
+
+/// A proof for people: the verdict, what failed, and every figure.
+pub(super) fn summary(report: &VerifyReport) -> String {
+    let verdict = if report.passed { "verified: every promise is kept" } else { "NOT verified" };
+    let failures: String = report.failures.iter().map(|f| format!("  - {f}\n")).collect();
+    let value = serde_json::to_value(report).unwrap_or_default();
+    let mut rows = text::rows(&value);
+    rows.retain(|(name, _)| name != "passed");
+    format!("{verdict}\n{failures}{}", text::table(&rows))
+}

@@ -1,0 +1,91 @@
+//! `terrane view`: a picture of a grid or a mesh.
+
+use std::path::PathBuf;
+
+use crate::cli::{Outcome, args, check, parse, say, text};
+use crate::error::Result;
+use crate::pipeline::Cancel;
+use crate::pipeline::view::{self, ViewJob, ViewReport};
+
+/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface)
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Grid or mesh file, or a synthetic terrain by name
+    input: String,
+    /// Picture to write, ending in .png
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Replace a picture that exists
+    #[arg(long)]
+    overwrite: bool,
+    /// Columns of the picture; rows follow from the aspect on the ground
+    #[arg(long, value_name = "PX", default_value_t = 1600)]
+    width: u32,
+    /// Draw the edges of a mesh's triangles
+    #[arg(long)]
+    edges: bool,
+    /// Where the light comes from, in degrees clockwise from north
+    #[arg(long, value_name = "DEG", default_value_t = 315.0, allow_hyphen_values = true,
+          value_parser = parse::finite)]
+    azimuth: f64,
+    /// Height of the light above the horizon, in degrees from 1 to 90
+    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = parse::altitude)]
+    altitude: f64,
+    /// Factor on heights before they are lit [default: one that suits the terrain]
+    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
+    exaggeration: Option<f64>,
+    /// Part to show, in the coordinates of the data
+    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
+          value_parser = parse::bbox)]
+    bbox: Option<[f64; 4]>,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::Machine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    check::input(&args.input)?;
+    check::ending(&args.output, &["png"], "a picture")?;
+    check::new_file(&args.output, args.overwrite)?;
+    view::check_width(args.width)?;
+    let job = ViewJob {
+        input: args.input.clone(),
+        band: args.grid.band,
+        nodata: args.grid.nodata,
+        output: args.output.clone(),
+        overwrite: args.overwrite,
+        width: args.width,
+        edges: args.edges,
+        azimuth: args.azimuth,
+        altitude: args.altitude,
+        exaggeration: args.exaggeration,
+        bbox: args.bbox,
+        resources: args.machine.resources(),
+    };
+    let report = view::run(&job, args.show.progress().as_ref(), cancel)?;
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&report))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+fn summary(r: &ViewReport) -> String {
+    let heights = match (r.lowest, r.highest) {
+        (Some(low), Some(high)) => {
+            format!("{} to {}", text::number(low.into()), text::number(high.into()))
+        }
+        _ => "none: there is no surface in this picture".to_owned(),
+    };
+    let rows = [
+        ("picture", format!("{} x {} pixels, {}", r.width, r.height, text::bytes(r.output_bytes))),
+        ("bounds", r.bounds.map(text::number).join(", ")),
+        ("heights", heights),
+        ("exaggeration", text::number(r.exaggeration)),
+    ];
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}

@@ -1,0 +1,171 @@
+//! A grid as a field of heights: read in windows, averaged down, and laid under the picture.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::geom::{Affine, Rect};
+use crate::pipeline::surface::{window_samples, workers};
+use crate::pipeline::view::{Drawn, FINENESS, ViewJob, frame};
+use crate::pipeline::{Cancel, Progress, Resources};
+use crate::raster::{GridInfo, GridSource};
+use crate::render::{Field, Frame, average_rows};
+
+pub(super) fn draw(
+    grid: &dyn GridSource,
+    job: &ViewJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Drawn> {
+    let info = grid.info();
+    let frame = frame(job, outer_bounds(info), info.crs.geographic == Some(true))?;
+    let fine = frame.finer(FINENESS);
+    let plan = Plan::new(info, &fine);
+    let coarse = plan.read(grid, &job.resources, progress, cancel)?;
+    let field = workers(&job.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
+    Ok(Drawn { frame, field, edges: None })
+}
+
+/// World rectangle around all cells: west, south, east, north.
+fn outer_bounds(info: &GridInfo) -> [f64; 4] {
+    let (right, bottom) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
+    let corners = [(-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom)];
+    let world = corners.map(|(col, row)| info.transform.apply(col, row));
+    let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+    let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+    [low(0), low(1), high(0), high(1)]
+}
+
+/// Which samples are read, and how much coarser they are kept.
+struct Plan {
+    /// Samples under the picture, with a margin.
+    crop: Rect,
+    /// Samples per height kept, along each side.
+    stride: u32,
+    /// Natural block of the source.
+    block: (u32, u32),
+}
+
+impl Plan {
+    fn new(info: &GridInfo, fine: &Frame) -> Self {
+        let [px, py] = fine.pixel();
+        let samples_per_pixel = (px * py / info.transform.determinant().abs()).sqrt();
+        let most = info.width.max(info.height);
+        let stride = (samples_per_pixel as u32).clamp(1, most);
+        Self { crop: crop(info, fine, stride), stride, block: info.block }
+    }
+
+    fn coarse_size(&self) -> (u32, u32) {
+        (self.crop.width.div_ceil(self.stride), self.crop.height.div_ceil(self.stride))
+    }
+
+    /// Reads and averages the crop, chunk by chunk.
+    fn read(
+        &self,
+        grid: &dyn GridSource,
+        resources: &Resources,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Field> {
+        let (width, height) = self.coarse_size();
+        let coarse = Mutex::new(Field::void(width as usize, height as usize));
+        progress.begin("read", self.crop.len() as u64);
+        let chunks = self.chunks(window_samples(resources));
+        workers(resources)?.install(|| {
+            chunks.par_iter().try_for_each(|&chunk| {
+                cancel.check()?;
+                let means = self.average(grid, chunk, window_samples(resources))?;
+                place(&mut coarse.lock().unwrap_or_else(|e| e.into_inner()), chunk, &means);
+                progress.advance(self.samples_of(chunk).len() as u64);
+                Ok(())
+            })
+        })?;
+        progress.end();
+        Ok(coarse.into_inner().unwrap_or_else(|e| e.into_inner()))
+    }
+
+    /// Rectangles of the coarse field, each about a row of source blocks high, and wide enough to
+    /// hold about `most` samples.
+    fn chunks(&self, most: u64) -> Vec<Rect> {
+        let (width, height) = self.coarse_size();
+        let stride = u64::from(self.stride);
+        let block_rows = u64::from(self.block.1).min(most / stride / stride).max(1);
+        let rows = block_rows.div_ceil(stride).min(u64::from(height)) as u32;
+        let cols = most / (u64::from(rows) * stride * stride);
+        let cols = cols.clamp(1, u64::from(width)) as u32;
+        let starts = |end: u32, step: u32| (0..end).step_by(step as usize);
+        starts(height, rows)
+            .flat_map(|row| starts(width, cols).map(move |col| (col, row)))
+            .map(|(col, row)| {
+                Rect::new(col, row, cols, rows).intersect(&Rect::new(0, 0, width, height))
+            })
+            .collect()
+    }
+
+    /// The samples behind a rectangle of the coarse field.
+    fn samples_of(&self, chunk: Rect) -> Rect {
+        let n = self.stride;
+        let (col, row) = (self.crop.col + chunk.col * n, self.crop.row + chunk.row * n);
+        Rect::new(col, row, chunk.width * n, chunk.height * n).intersect(&self.crop)
+    }
+
+    /// Heights of a rectangle of the coarse field. Where a row of them stands for more than `most`
+    /// samples, the rows of samples in its middle have to do.
+    fn average(&self, grid: &dyn GridSource, chunk: Rect, most: u64) -> Result<Vec<f32>> {
+        let mut means = vec![0.0; chunk.len()];
+        let rows_at_once = (most / u64::from(self.samples_of(chunk).width)).max(1);
+        let mut samples = Vec::new();
+        for (row, line) in means.chunks_exact_mut(chunk.width as usize).enumerate() {
+            let one = Rect::new(chunk.col, chunk.row + row as u32, chunk.width, 1);
+            let mut rect = self.samples_of(one);
+            let rows = rect.height.min(u32::try_from(rows_at_once).unwrap_or(u32::MAX));
+            (rect.row, rect.height) = (rect.row + (rect.height - rows) / 2, rows);
+            samples.resize(rect.len(), 0.0);
+            grid.read_f32(rect, &mut samples)?;
+            average_rows(&samples, rect.width as usize, self.stride as usize, line);
+        }
+        grid.release(self.samples_of(chunk));
+        Ok(means)
+    }
+
+    /// Heights at the pixels of a frame, from the coarse field.
+    fn lay(&self, coarse: &Field, fine: &Frame, transform: &Affine) -> Field {
+        let mut field = Field::void(fine.width as usize, fine.height as usize);
+        let n = f64::from(self.stride);
+        let to_coarse = |at: f64, first: u32| (at - f64::from(first) + 0.5) / n - 0.5;
+        field.z.par_chunks_mut(fine.width as usize).enumerate().for_each(|(row, line)| {
+            for (col, z) in line.iter_mut().enumerate() {
+                let [x, y] = fine.to_world(col as f64 + 0.5, row as f64 + 0.5);
+                let [c, r] = transform.invert(x, y);
+                *z = coarse.bilinear(to_coarse(c, self.crop.col), to_coarse(r, self.crop.row));
+            }
+        });
+        field
+    }
+}
+
+/// The samples a frame needs, with a margin for interpolation, starting at a multiple of `stride`
+/// so that a part of a picture shows the same averages as the whole.
+fn crop(info: &GridInfo, fine: &Frame, stride: u32) -> Rect {
+    let [west, south, east, north] = fine.bounds;
+    let corners = [(west, north), (east, north), (west, south), (east, south)];
+    let lattice = corners.map(|(x, y)| info.transform.invert(x, y));
+    let range = |axis: usize, end: u32| {
+        let low = lattice.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+        let high = lattice.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let margin = 2.0 * f64::from(stride);
+        let first = (low - margin).clamp(0.0, f64::from(end - 1)) as u32 / stride * stride;
+        let last = (high + margin).clamp(f64::from(first), f64::from(end - 1)) as u32;
+        (first, last - first + 1)
+    };
+    let ((col, width), (row, height)) = (range(0, info.width), range(1, info.height));
+    Rect::new(col, row, width, height)
+}
+
+fn place(field: &mut Field, chunk: Rect, means: &[f32]) {
+    for (row, line) in means.chunks_exact(chunk.width as usize).enumerate() {
+        let start = (chunk.row as usize + row) * field.width + chunk.col as usize;
+        field.z[start..start + line.len()].copy_from_slice(line);
+    }
+}

@@ -1,0 +1,262 @@
+//! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
+//! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
+
+mod header;
+mod tokens;
+
+use std::path::Path;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::geom::Rect;
+use crate::limits;
+use crate::raster::cache::BlockCache;
+use crate::raster::file::RawFile;
+use crate::raster::sample::{Height, ToHeight};
+use crate::raster::{
+    GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, Window, only_band, prj,
+};
+
+use header::Header;
+use tokens::{Tokens, number};
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "ESRI ASCII",
+    extensions: &["asc"],
+    about: "text grids with ncols/nrows header; a .prj beside it gives the CRS",
+    sniff: header::is_header,
+    open,
+};
+
+/// Samples of one block, about; at least one row.
+const BLOCK_SAMPLES: u64 = 1 << 16;
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let grid = AscGrid::open(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+/// An open text grid.
+struct AscGrid {
+    file: RawFile,
+    info: GridInfo,
+    /// Offset of each block's first value.
+    starts: Vec<u64>,
+    to_height: ToHeight,
+    cache: BlockCache,
+}
+
+impl AscGrid {
+    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+        only_band(options.band)?;
+        let file = RawFile::open(path)?;
+        let header = header::read(&mut Tokens::new(&file, 0, 1))?;
+        check_length(&header, &file)?;
+        let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
+        let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
+        limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
+        check_cache(block_bytes, options.cache_bytes)?;
+        let scan = Scan::run(&file, &header, rows)?;
+        let info = describe(path, &header, &scan, rows as u32, options)?;
+        let cache = BlockCache::new(options.cache_bytes);
+        Ok(Self { to_height: ToHeight::of(&info), starts: scan.starts, file, info, cache })
+    }
+
+    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window =
+            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
+        if rect.is_empty() {
+            return Ok(());
+        }
+        let rows = self.info.block.1;
+        for block in rect.row / rows..rect.end_row().div_ceil(rows) {
+            let samples = self.cache.get(u64::from(block), || self.parse(block))?;
+            let part = self.block_rect(block).intersect(&rect);
+            let size = self.info.sample_type.bytes();
+            for row in 0..part.height {
+                let down = (part.row - block * rows + row) as usize;
+                let start = (down * self.info.width as usize + part.col as usize) * size;
+                let bytes = &samples[start..][..part.width as usize * size];
+                self.to_height.convert(bytes, window.row(part, row));
+            }
+        }
+        Ok(())
+    }
+
+    fn block_rect(&self, block: u32) -> Rect {
+        let row = block * self.info.block.1;
+        let height = self.info.block.1.min(self.info.height - row);
+        Rect::new(0, row, self.info.width, height)
+    }
+
+    /// Parses block `block` into stored samples.
+    fn parse(&self, block: u32) -> Result<Vec<u8>> {
+        let rect = self.block_rect(block);
+        let mut out = Vec::with_capacity(rect.len() * self.info.sample_type.bytes());
+        let mut tokens = Tokens::new(&self.file, self.starts[block as usize], 1);
+        for _ in 0..rect.len() {
+            let Some(value) = tokens.next()?.and_then(|(_, word)| number(word)) else {
+                return Err(Error::bad_input("file changed while it was open")
+                    .at(format_args!("rows from {}", rect.row))
+                    .in_file(self.file.path()));
+            };
+            push(&mut out, value, self.info.sample_type);
+        }
+        Ok(out)
+    }
+}
+
+impl GridSource for AscGrid {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    /// Forgets the blocks whose rows all lie in `rect`, if it is as wide as the grid.
+    fn release(&self, rect: Rect) {
+        for block in 0..self.starts.len() as u32 {
+            let of_block = self.block_rect(block);
+            if of_block.intersect(&rect) == of_block {
+                self.cache.forget(u64::from(block));
+            }
+        }
+    }
+}
+
+/// Appends `value` as a stored sample; the scan has made sure that whole numbers fit.
+fn push(out: &mut Vec<u8>, value: f64, kind: SampleType) {
+    match kind {
+        SampleType::I16 => out.extend_from_slice(&(value as i16).to_ne_bytes()),
+        SampleType::I32 => out.extend_from_slice(&(value as i32).to_ne_bytes()),
+        _ => out.extend_from_slice(&(value as f32).to_ne_bytes()),
+    }
+}
+
+/// Each value takes a byte and a separator, so a file can be too short for its header.
+fn check_length(header: &Header, file: &RawFile) -> Result<()> {
+    let values = u64::from(header.width) * u64::from(header.height);
+    let room = (file.len() - header.data.0).div_ceil(2);
+    if values <= room {
+        return Ok(());
+    }
+    Err(Error::bad_input(format!(
+        "file is truncated: {values} values are declared and at most {room} fit in it"
+    )))
+}
+
+fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
+    if block_bytes <= cache_bytes as u64 {
+        return Ok(());
+    }
+    let message = format!(
+        "rows of {block_bytes} bytes do not fit in the {cache_bytes} bytes for cached blocks"
+    );
+    Err(Error::new(ErrorKind::Resource, message).remedy("give more --memory"))
+}
+
+/// What the pass over all values found.
+struct Scan {
+    starts: Vec<u64>,
+    sample_type: SampleType,
+}
+
+/// Range of the values seen, as far as they are whole numbers.
+struct Range {
+    whole: bool,
+    low: f64,
+    high: f64,
+}
+
+impl Range {
+    fn add(&mut self, value: f64) {
+        self.whole &= value.fract() == 0.0;
+        self.low = self.low.min(value);
+        self.high = self.high.max(value);
+    }
+
+    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does.
+    fn sample_type(&self) -> SampleType {
+        let within = |low: f64, high: f64| self.whole && low <= self.low && self.high <= high;
+        if within(f64::from(i16::MIN), f64::from(i16::MAX)) {
+            SampleType::I16
+        } else if within(f64::from(i32::MIN), f64::from(i32::MAX)) {
+            SampleType::I32
+        } else {
+            SampleType::F32
+        }
+    }
+}
+
+impl Scan {
+    /// Parses every value once, remembering only where each block of `rows` rows starts.
+    fn run(file: &RawFile, header: &Header, rows: u64) -> Result<Self> {
+        let values = u64::from(header.width) * u64::from(header.height);
+        let per_block = u64::from(header.width) * rows;
+        let mut tokens = Tokens::new(file, header.data.0, header.data.1);
+        let mut range = Range { whole: true, low: 0.0, high: 0.0 };
+        let mut starts = Vec::new();
+        for i in 0..values {
+            let (offset, value) = next_value(&mut tokens, i, values)?;
+            if i % per_block == 0 {
+                starts.push(offset);
+            }
+            range.add(value);
+        }
+        if tokens.next()?.is_some() {
+            let message = format!("there are more values than the {values} declared");
+            return Err(Error::bad_input(message).at(tokens.place()));
+        }
+        Ok(Self { starts, sample_type: range.sample_type() })
+    }
+}
+
+fn next_value(tokens: &mut Tokens<'_>, i: u64, values: u64) -> Result<(u64, f64)> {
+    let Some((offset, word)) = tokens.next()? else {
+        let message = format!("file is truncated: it ends after {i} of {values} values");
+        return Err(Error::bad_input(message).at(tokens.place()));
+    };
+    match number(word) {
+        Some(value) => Ok((offset, value)),
+        None => {
+            let word = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
+            Err(Error::bad_input(format!("{word:?} is not a number")).at(tokens.place()))
+        }
+    }
+}
+
+fn describe(
+    path: &Path,
+    header: &Header,
+    scan: &Scan,
+    rows: u32,
+    options: &OpenOptions,
+) -> Result<GridInfo> {
+    let registration = if header.is_centre { "centre" } else { "corner" };
+    Ok(GridInfo {
+        width: header.width,
+        height: header.height,
+        transform: header.transform,
+        georeferenced: true,
+        pixel_is_point: header.is_centre,
+        crs: prj::beside(path)?,
+        sample_type: scan.sample_type,
+        nodata: options.nodata.or(header.nodata),
+        scale: 1.0,
+        offset: 0.0,
+        block: (header.width, rows),
+        bands: 1,
+        band: 1,
+        format: FORMAT.name,
+        details: vec![
+            ("compression".to_owned(), "none (text)".to_owned()),
+            ("lower left".to_owned(), registration.to_owned()),
+        ],
+    })
+}

@@ -1,0 +1,174 @@
+//! Words of a text file, one after the other, in bounded memory, each with its place.
+
+use crate::error::{Error, Result};
+use crate::raster::file::RawFile;
+
+/// Bytes read at a time.
+const CHUNK: usize = 64 << 10;
+/// No number is longer.
+const MOST_WORD: usize = 256;
+
+/// A reader of whitespace-separated words.
+pub(super) struct Tokens<'a> {
+    file: &'a RawFile,
+    buffer: Vec<u8>,
+    /// Next byte in `buffer`.
+    next: usize,
+    /// Offset in the file of the end of `buffer`.
+    end: u64,
+    line: u64,
+}
+
+impl<'a> Tokens<'a> {
+    /// Words from `offset` on; `line` is the number of the line it lies in.
+    pub(super) fn new(file: &'a RawFile, offset: u64, line: u64) -> Self {
+        Self { file, buffer: Vec::new(), next: 0, end: offset, line }
+    }
+
+    /// Number of the line of the last word, from 1.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// The next word and its offset in the file; `None` at the end.
+    pub(super) fn next(&mut self) -> Result<Option<(u64, &[u8])>> {
+        if !self.skip_space()? {
+            return Ok(None);
+        }
+        let mut bytes = 0;
+        loop {
+            let rest = &self.buffer[self.next + bytes..];
+            if let Some(found) = rest.iter().position(u8::is_ascii_whitespace) {
+                bytes += found;
+                break;
+            }
+            bytes += rest.len();
+            if bytes > MOST_WORD || !self.refill()? {
+                break;
+            }
+        }
+        if bytes > MOST_WORD {
+            return Err(Error::bad_input("a word is too long to be a number").at(self.place()));
+        }
+        let offset = self.end - (self.buffer.len() - self.next) as u64;
+        let start = self.next;
+        self.next += bytes;
+        Ok(Some((offset, &self.buffer[start..start + bytes])))
+    }
+
+    /// "line 7".
+    pub(super) fn place(&self) -> String {
+        format!("line {}", self.line)
+    }
+
+    /// Moves to the next word; false at the end of the file.
+    fn skip_space(&mut self) -> Result<bool> {
+        loop {
+            while let Some(byte) = self.buffer.get(self.next) {
+                if !byte.is_ascii_whitespace() {
+                    return Ok(true);
+                }
+                self.line += u64::from(*byte == b'\n');
+                self.next += 1;
+            }
+            if !self.refill()? {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Drops what has been read and appends a chunk; false at the end of the file.
+    fn refill(&mut self) -> Result<bool> {
+        self.buffer.drain(..self.next);
+        self.next = 0;
+        let bytes = (self.file.len() - self.end).min(CHUNK as u64) as usize;
+        let start = self.buffer.len();
+        self.buffer.resize(start + bytes, 0);
+        self.file.read_at(self.end, &mut self.buffer[start..])?;
+        self.end += bytes as u64;
+        Ok(bytes > 0)
+    }
+}
+
+/// A number as people and programs write it: decimal comma, `nan`, and Microsoft's `1.#QNAN`.
+/// `None` when it is none.
+pub(super) fn number(word: &[u8]) -> Option<f64> {
+    whole_number(word).or_else(|| any_number(word))
+}
+
+/// Up to nine digits with a sign: the common case.
+fn whole_number(word: &[u8]) -> Option<f64> {
+    let (negative, digits) = match word {
+        [b'-', rest @ ..] => (true, rest),
+        rest => (false, rest),
+    };
+    if digits.is_empty() || digits.len() > 9 || !digits.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let value = digits.iter().fold(0, |value, digit| value * 10 + i32::from(digit - b'0'));
+    Some(f64::from(if negative { -value } else { value }))
+}
+
+fn any_number(word: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(word).ok()?;
+    if let Ok(value) = text.parse() {
+        return Some(value);
+    }
+    let lower = text.to_lowercase();
+    if ["#qnan", "#snan", "#ind", "#inf"].iter().any(|mark| lower.contains(mark)) {
+        return Some(f64::NAN);
+    }
+    if text.matches(',').count() == 1 { text.replace(',', ".").parse().ok() } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::path::Path;
+
+    #[test]
+    fn words_with_offsets_and_lines_across_chunks() {
+        let mut text = String::new();
+        let mut expected = Vec::new();
+        for i in 0..30_000_u64 {
+            text += if i % 7 == 0 { "\r\n" } else { " \t" };
+            let line = text.bytes().filter(|b| *b == b'\n').count() as u64 + 1;
+            if i % 1000 == 0 {
+                expected.push((i, text.len() as u64, line));
+            }
+            text += &i.to_string();
+        }
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        let file = RawFile::of(file, Path::new("t.asc")).unwrap();
+        let mut tokens = Tokens::new(&file, 0, 1);
+        let mut expected = expected.into_iter();
+        for i in 0..30_000_u64 {
+            let (offset, word) = tokens.next().unwrap().unwrap();
+            assert_eq!(number(word), Some(i as f64));
+            if i % 1000 == 0 {
+                assert_eq!(expected.next(), Some((i, offset, tokens.line())));
+            }
+        }
+        assert!(tokens.next().unwrap().is_none());
+    }
+
+    #[test]
+    fn numbers_as_people_write_them() {
+        let cases: [(&str, f64); 8] = [
+            ("12", 12.0), ("-7", -7.0), ("+3.5", 3.5), (",500E+02", 50.0), ("1,5", 1.5),
+            ("1e3", 1000.0), ("12345678901", 12_345_678_901.0), (".5", 0.5),
+        ];
+        for (word, value) in cases {
+            assert_eq!(number(word.as_bytes()), Some(value), "{word}");
+        }
+        for word in ["nan", "NaN", "-nan", "1.#QNAN", "-1.#IND"] {
+            assert!(number(word.as_bytes()).unwrap().is_nan(), "{word}");
+        }
+        for word in ["", "-", "x", "1,2,3", "1.2.3", "12a", "\u{e9}"] {
+            assert_eq!(number(word.as_bytes()), None, "{word}");
+        }
+        assert_eq!(number(&[0xff, b'1']), None);
+    }
+}

@@ -1,0 +1,277 @@
+//! Decompression of blocks: LZW (both kinds), deflate, packbits, zstd; everything else by name.
+
+use std::cell::RefCell;
+
+use libdeflater::{DecompressionError, Decompressor};
+use weezl::{BitOrder, LzwStatus, decode};
+
+use crate::error::{Error, Result};
+
+/// Scratch buffers larger than this are given back after use.
+const KEPT_SCRATCH: usize = 16 << 20;
+
+/// A compression that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Compression {
+    None,
+    Lzw,
+    Deflate,
+    PackBits,
+    Zstd,
+}
+
+impl Compression {
+    /// From the value of the Compression tag; others are refused by name.
+    pub(super) fn from_code(code: u64) -> Result<Self> {
+        match code {
+            1 => Ok(Self::None),
+            5 => Ok(Self::Lzw),
+            8 | 32946 => Ok(Self::Deflate),
+            32773 => Ok(Self::PackBits),
+            50000 => Ok(Self::Zstd),
+            _ => Err(unsupported(code)),
+        }
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Lzw => "LZW",
+            Self::Deflate => "deflate",
+            Self::PackBits => "packbits",
+            Self::Zstd => "zstd",
+        }
+    }
+}
+
+fn unsupported(code: u64) -> Error {
+    let name = match code {
+        2 | 32771 => "CCITT run length",
+        3 => "CCITT group 3 fax",
+        4 => "CCITT group 4 fax",
+        6 => "old-style JPEG",
+        7 | 34892 => "JPEG",
+        32766 => "NeXT",
+        32809 => "ThunderScan",
+        32908 | 32909 => "Pixar",
+        33003 | 33004 | 33005 | 34712 => "JPEG 2000",
+        34661 => "JBIG",
+        34676 | 34677 => "SGI LogLuv",
+        34887 => "LERC",
+        34925 => "LZMA",
+        50001 => "WebP",
+        50002 | 52546 => "JPEG XL",
+        _ => "unknown",
+    };
+    Error::unsupported(format!("compression {name} (code {code})"))
+        .remedy("rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT")
+}
+
+/// Why a block could not be decompressed.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Fault {
+    /// There is more data than the output holds.
+    TooLong,
+    /// The data is damaged: what the decoder said of it.
+    Corrupt(String),
+}
+
+/// Buffers and decoders of one thread, reused from block to block.
+pub(super) struct Scratch {
+    /// Compressed bytes.
+    pub(super) packed: Vec<u8>,
+    /// Decompressed bytes that still need sorting.
+    pub(super) plain: Vec<u8>,
+    /// Decoders.
+    pub(super) decoders: Decoders,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch {
+        packed: Vec::new(),
+        plain: Vec::new(),
+        decoders: Decoders { deflate: Decompressor::new(), zstd: None },
+    });
+}
+
+/// Runs `work` with this thread's scratch.
+pub(super) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
+    SCRATCH.with_borrow_mut(|scratch| {
+        let result = work(scratch);
+        for buffer in [&mut scratch.packed, &mut scratch.plain] {
+            if buffer.capacity() > KEPT_SCRATCH {
+                *buffer = Vec::new();
+            }
+        }
+        result
+    })
+}
+
+/// The decoders that are costly to set up.
+pub(super) struct Decoders {
+    deflate: Decompressor,
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
+}
+
+impl Decoders {
+    /// Decompresses `packed` into the start of `out` and returns the bytes written. LZW and
+    /// packbits stop when `out` is full; deflate and zstd report [`Fault::TooLong`].
+    pub(super) fn run(
+        &mut self,
+        compression: Compression,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> std::result::Result<usize, Fault> {
+        match compression {
+            Compression::None => Ok(copy(packed, out)),
+            Compression::Lzw => lzw(packed, out),
+            Compression::PackBits => packbits(packed, out),
+            Compression::Deflate => self.inflate(packed, out),
+            Compression::Zstd => self.unzstd(packed, out),
+        }
+    }
+
+    fn inflate(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+        self.deflate.zlib_decompress(packed, out).map_err(|e| match e {
+            DecompressionError::InsufficientSpace => Fault::TooLong,
+            DecompressionError::BadData => Fault::Corrupt("invalid deflate data".to_owned()),
+        })
+    }
+
+    fn unzstd(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+        let corrupt = |e: std::io::Error| Fault::Corrupt(e.to_string());
+        let decoder = match &mut self.zstd {
+            Some(decoder) => decoder,
+            none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
+        };
+        decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
+            // The binding turns zstd's error code into its name.
+            "Destination buffer is too small" => Fault::TooLong,
+            _ => corrupt(e),
+        })
+    }
+}
+
+fn copy(packed: &[u8], out: &mut [u8]) -> usize {
+    let bytes = packed.len().min(out.len());
+    out[..bytes].copy_from_slice(&packed[..bytes]);
+    bytes
+}
+
+fn lzw(packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+    let mut decoder = lzw_decoder(packed);
+    let (mut read, mut written) = (0, 0);
+    while written < out.len() {
+        let step = decoder.decode_bytes(&packed[read..], &mut out[written..]);
+        read += step.consumed_in;
+        written += step.consumed_out;
+        match step.status {
+            Ok(LzwStatus::Ok) if step.consumed_in + step.consumed_out > 0 => {}
+            Ok(_) => break,
+            Err(_) => return Err(Fault::Corrupt("invalid LZW code".to_owned())),
+        }
+    }
+    Ok(written)
+}
+
+/// TIFF's LZW, or the kind of TIFF 5 and before (bits from the low end, widths that change one
+/// code later), told apart by the clear code every stream starts with.
+fn lzw_decoder(packed: &[u8]) -> decode::Decoder {
+    let old = matches!(packed, [0, second, ..] if second & 1 == 1);
+    let configuration = if old {
+        decode::Configuration::new(BitOrder::Lsb, 8)
+    } else {
+        decode::Configuration::with_tiff_size_switch(BitOrder::Msb, 8)
+    };
+    configuration.with_yield_on_full_buffer(true).build()
+}
+
+fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+    let mut written = 0;
+    while let (Some((head, rest)), true) = (packed.split_first(), written < out.len()) {
+        let room = out.len() - written;
+        packed = rest;
+        match *head as i8 {
+            -128 => {}
+            repeat @ ..0 => {
+                let bytes = (1 - repeat as isize) as usize;
+                let Some((value, rest)) = packed.split_first() else { break };
+                out[written..][..bytes.min(room)].fill(*value);
+                written += bytes.min(room);
+                packed = rest;
+            }
+            literal => {
+                let bytes = (literal as usize + 1).min(packed.len());
+                written += copy(&packed[..bytes], &mut out[written..]);
+                packed = &packed[bytes..];
+            }
+        }
+    }
+    Ok(written)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn run(compression: Compression, packed: &[u8], bytes: usize) -> std::result::Result<Vec<u8>, Fault> {
+        let mut out = vec![0; bytes];
+        let written = with_scratch(|s| s.decoders.run(compression, packed, &mut out))?;
+        out.truncate(written);
+        Ok(out)
+    }
+
+    #[test]
+    fn packbits_of_the_specification() {
+        let packed = [
+            0xFE, 0xAA, 0x02, 0x80, 0x00, 0x2A, 0xFD, 0xAA, 0x03, 0x80, 0x00, 0x2A, 0x22, 0xF7, 0xAA,
+        ];
+        let mut expected = vec![0xAA, 0xAA, 0xAA, 0x80, 0x00, 0x2A, 0xAA, 0xAA, 0xAA, 0xAA];
+        expected.extend([0x80, 0x00, 0x2A, 0x22]);
+        expected.extend([0xAA; 10]);
+        assert_eq!(run(Compression::PackBits, &packed, 24).unwrap(), expected);
+        assert_eq!(run(Compression::PackBits, &packed, 20).unwrap(), expected[..20]);
+        assert_eq!(run(Compression::PackBits, &[0x80, 0x05, 1, 2], 9).unwrap(), [1, 2]);
+    }
+
+    #[test]
+    fn old_and_new_lzw() {
+        let data: Vec<u8> = (0..20_000_u32).map(|i| (i * i >> 7) as u8).collect();
+        let new = weezl::encode::Encoder::with_tiff_size_switch(BitOrder::Msb, 8).encode(&data);
+        let old = weezl::encode::Encoder::new(BitOrder::Lsb, 8).encode(&data);
+        for packed in [new.unwrap(), old.unwrap()] {
+            assert_eq!(run(Compression::Lzw, &packed, data.len()).unwrap(), data);
+            assert_eq!(run(Compression::Lzw, &packed, 999).unwrap(), data[..999]);
+            let half = &packed[..packed.len() / 2];
+            assert!(run(Compression::Lzw, half, data.len()).unwrap().len() < data.len());
+        }
+    }
+
+    #[test]
+    fn deflate_and_zstd_tell_too_long_from_corrupt() {
+        let data = vec![7_u8; 5000];
+        let mut zlib = vec![0; 6000];
+        let level = libdeflater::CompressionLvl::default();
+        let bytes = libdeflater::Compressor::new(level).zlib_compress(&data, &mut zlib).unwrap();
+        let packed =
+            [(Compression::Deflate, zlib[..bytes].to_vec()), (Compression::Zstd, zstd::bulk::compress(&data, 3).unwrap())];
+        for (compression, mut packed) in packed {
+            assert_eq!(run(compression, &packed, 5000).unwrap(), data);
+            assert_eq!(run(compression, &packed, 6000).unwrap(), data);
+            assert_eq!(run(compression, &packed, 4999).unwrap_err(), Fault::TooLong);
+            packed[0] ^= 0x55;
+            assert!(matches!(run(compression, &packed, 5000), Err(Fault::Corrupt(_))));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_never_panics(packed in prop::collection::vec(any::<u8>(), 0..300)) {
+            use Compression::{Deflate, Lzw, PackBits, Zstd};
+            for compression in [Lzw, Deflate, PackBits, Zstd] {
+                let _ = run(compression, &packed, 500);
+            }
+        }
+    }
+}

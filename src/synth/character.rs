@@ -1,0 +1,232 @@
+//! The characters a terrain can have, and the registry that names them.
+
+use super::Terrain;
+use super::hash::{RowHash, mix64};
+use super::stack::Spectrum;
+
+/// A number a terrain can be told, as `key=value`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name before the equals sign.
+    pub key: &'static str,
+    /// One line for the help, with the unit.
+    pub about: &'static str,
+    /// Value when it is not given.
+    pub default: f64,
+    /// Least and most value allowed.
+    pub range: (f64, f64),
+    /// True when only whole numbers make sense.
+    pub whole: bool,
+}
+
+/// One kind of terrain: an entry of [`CHARACTERS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Character {
+    /// Name, the first word of `rough,size=4097,seed=7`.
+    pub name: &'static str,
+    /// One line for the help.
+    pub about: &'static str,
+    /// A parameter only this character has.
+    pub own: Option<Parameter>,
+    /// True when every height is a whole number of metres between 0 and 32767.
+    pub integer: bool,
+    /// True when some samples can be void.
+    pub voids: bool,
+    pub(super) spectrum: Spectrum,
+    pub(super) finish: fn(&Terrain, Position, &[f32], &mut [f32]),
+}
+
+/// Where a run of samples starts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Position {
+    pub(super) col: u32,
+    pub(super) row: u32,
+}
+
+const ROUGH: Spectrum =
+    Spectrum { coarsest: 12, ridged: 9, detail: 5, finest: 2, amplitude: 0.25, gain: 0.56 };
+const SMOOTH: Spectrum =
+    Spectrum { coarsest: 12, ridged: 9, detail: 9, finest: 5, amplitude: 0.35, gain: 0.45 };
+
+const SEA: Parameter = Parameter {
+    key: "sea",
+    about: "sea level, as a share of the relief",
+    default: 0.4,
+    range: (-2.0, 2.0),
+    whole: false,
+};
+const STEP: Parameter = Parameter {
+    key: "step",
+    about: "height of a terrace in metres",
+    default: 60.0,
+    range: (0.01, 10_000.0),
+    whole: false,
+};
+const VOIDS: Parameter = Parameter {
+    key: "voids",
+    about: "share of void samples, from 0 to 1",
+    default: 0.005,
+    range: (0.0, 1.0),
+    whole: false,
+};
+
+/// The parameters every character has.
+pub const PARAMETERS: &[Parameter] = &[
+    Parameter {
+        key: "size",
+        about: "columns and rows",
+        default: 4097.0,
+        range: (1.0, super::MAX_SIDE as f64),
+        whole: true,
+    },
+    Parameter {
+        key: "width",
+        about: "columns, instead of size",
+        default: 4097.0,
+        range: (1.0, super::MAX_SIDE as f64),
+        whole: true,
+    },
+    Parameter {
+        key: "height",
+        about: "rows, instead of size",
+        default: 4097.0,
+        range: (1.0, super::MAX_SIDE as f64),
+        whole: true,
+    },
+    Parameter {
+        key: "seed",
+        about: "any whole number: another number is another terrain",
+        default: 1.0,
+        range: (0.0, u64::MAX as f64),
+        whole: true,
+    },
+    Parameter {
+        key: "cell",
+        about: "metres between samples (does not change heights)",
+        default: 10.0,
+        range: (1e-3, 1e5),
+        whole: false,
+    },
+    Parameter {
+        key: "relief",
+        about: "metres from low plains to high peaks, about",
+        default: 1500.0,
+        range: (1e-3, 10_000.0),
+        whole: false,
+    },
+];
+
+/// All characters.
+pub const CHARACTERS: &[Character] = &[
+    Character {
+        name: "rough",
+        about: "mountain ranges, valleys and plains with fractal detail down to four samples",
+        own: None,
+        integer: false,
+        voids: false,
+        spectrum: ROUGH,
+        finish: land,
+    },
+    Character {
+        name: "smooth",
+        about: "rolling hills without fine detail",
+        own: None,
+        integer: false,
+        voids: false,
+        spectrum: SMOOTH,
+        finish: land,
+    },
+    Character {
+        name: "integer",
+        about: "rough, in whole metres above a flat sea at 0",
+        own: Some(SEA),
+        integer: true,
+        voids: false,
+        spectrum: ROUGH,
+        finish: whole_metres,
+    },
+    Character {
+        name: "plateaus",
+        about: "level terraces with steep sides",
+        own: Some(STEP),
+        integer: false,
+        voids: false,
+        spectrum: ROUGH,
+        finish: terraces,
+    },
+    Character {
+        name: "coast",
+        about: "rough, in metres above the sea; everything beyond the coast line is void",
+        own: Some(SEA),
+        integer: false,
+        voids: true,
+        spectrum: ROUGH,
+        finish: coast,
+    },
+    Character {
+        name: "salt",
+        about: "rough, with single void samples strewn over it",
+        own: Some(VOIDS),
+        integer: false,
+        voids: true,
+        spectrum: ROUGH,
+        finish: salt,
+    },
+];
+
+/// Metres above the foot of the terrain, from the height of the stack.
+#[inline(always)]
+fn metres(terrain: &Terrain) -> impl Fn(f32) -> f32 + use<> {
+    let (foot, scale) = (0.6 * terrain.relief as f32, 0.9 * terrain.relief as f32);
+    move |height| foot + scale * height
+}
+
+fn land(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+    let metres = metres(terrain);
+    for (z, height) in out.iter_mut().zip(heights) {
+        *z = metres(*height);
+    }
+}
+
+/// Adding and taking away 2^23 rounds an `f32` below 2^22 to the nearest whole number.
+const ROUND: f32 = 8_388_608.0;
+
+fn whole_metres(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+    let (metres, sea) = (metres(terrain), (terrain.own * terrain.relief) as f32);
+    for (z, height) in out.iter_mut().zip(heights) {
+        let above = metres(*height) - sea;
+        let above = if above > 0.0 { above } else { 0.0 };
+        let above = if above < 32_767.0 { above } else { 32_767.0 };
+        *z = (above + ROUND) - ROUND;
+    }
+}
+
+fn terraces(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+    const BELOW: f32 = 1_048_576.0;
+    let (metres, step) = (metres(terrain), terrain.own as f32);
+    for (z, height) in out.iter_mut().zip(heights) {
+        let level = metres(*height) / step;
+        let tread = (level + BELOW) as i32 as f32 - BELOW;
+        let rise = (level - tread) * 4.0 - 3.0;
+        let rise = if rise > 0.0 { rise } else { 0.0 };
+        *z = step * (tread + rise * rise * (3.0 - 2.0 * rise));
+    }
+}
+
+fn coast(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+    let (metres, sea) = (metres(terrain), (terrain.own * terrain.relief) as f32);
+    for (z, height) in out.iter_mut().zip(heights) {
+        let above = metres(*height) - sea;
+        *z = if above > 0.0 { above } else { f32::NAN };
+    }
+}
+
+fn salt(terrain: &Terrain, at: Position, heights: &[f32], out: &mut [f32]) {
+    land(terrain, at, heights, out);
+    let hash = RowHash::new(mix64(terrain.seed), at.row);
+    // 2^24 grades of likelihood.
+    let limit = (terrain.own * 16_777_216.0) as u32;
+    for (z, col) in out.iter_mut().zip(at.col..) {
+        *z = if hash.at(col) >> 8 < limit { f32::NAN } else { *z };
+    }
+}
