@@ -46,7 +46,8 @@ impl<'a> Estimator<'a> {
             let tile = self.tiles[i];
             let mesh = self.triangulate(tile, spec)?;
             let owned = self.layout.owned(tile);
-            let is_owned = |at: &&crate::tin::Local| at.col() < owned.width && at.row() < owned.height;
+            let is_owned =
+                |at: &&crate::tin::Local| at.col() < owned.width && at.row() < owned.height;
             found.vertices += mesh.vertices.iter().filter(is_owned).count() as u64;
             found.triangles += mesh.triangles.len() as u64;
             samples += owned.len() as u64;
