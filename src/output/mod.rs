@@ -1,9 +1,87 @@
 //! Mesh files: one file per format (sink and reader side by side), and the registry that names them.
 
+mod capacity;
+mod glb;
+mod glb_read;
+mod input;
+mod local;
+mod obj;
+mod obj_index;
+mod out;
+mod ply;
+mod ply_header;
+mod sidecar;
+mod sink;
+mod solid;
+mod stl;
+mod text;
+
 use std::path::Path;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geom::{Crs, Point3};
+
+pub use sidecar::{prj_path, prj_sidecar, write_prj};
+
+/// Every mesh format. A new one is a file in this folder and a line here.
+pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];
+
+/// The format called `name`, or else the one that `path`'s extension stands for (letter case does
+/// not matter). Unknown names and extensions are usage errors that list the known ones.
+pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
+    if let Some(name) = name {
+        return by_name(name).ok_or_else(|| {
+            Error::usage(format!("unknown mesh format \"{name}\""))
+                .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+        });
+    }
+    by_extension(path).ok_or_else(|| {
+        Error::usage("the file name does not say which mesh format is meant")
+            .in_file(path)
+            .remedy(format!("end the name in {}, or name a format", known(endings)))
+    })
+}
+
+/// The format of an existing file: by its first bytes, or else by its extension. `None` when it
+/// is no mesh.
+pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
+    let head = input::Input::open(path)?.head(SNIFF_BYTES)?;
+    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
+}
+
+/// Opens a mesh file of any known format.
+pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let format = identify(path)?.ok_or_else(|| {
+        Error::bad_input("not a mesh of a known format")
+            .in_file(path)
+            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+    })?;
+    (format.open)(path)
+}
+
+/// Bytes of a file that [`MeshFormat::sniff`] gets to see.
+const SNIFF_BYTES: usize = 512;
+
+fn by_name(name: &str) -> Option<&'static MeshFormat> {
+    let is_it = |f: &&MeshFormat| {
+        f.name.eq_ignore_ascii_case(name)
+            || f.extensions.iter().any(|ending| ending.eq_ignore_ascii_case(name))
+    };
+    FORMATS.iter().find(is_it)
+}
+
+fn by_extension(path: &Path) -> Option<&'static MeshFormat> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    FORMATS.iter().find(|format| format.extensions.contains(&ending.as_str()))
+}
+
+fn known(text: impl Fn(&MeshFormat) -> String) -> String {
+    FORMATS.iter().map(text).collect::<Vec<_>>().join(", ")
+}
+
+fn endings(format: &MeshFormat) -> String {
+    format.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
 
 /// What a sink is told before the first batch.
 #[derive(Clone, Debug)]
@@ -97,6 +175,7 @@ pub struct SinkOptions {
 }
 
 /// One mesh format: an entry of [`FORMATS`].
+#[derive(Debug)]
 pub struct MeshFormat {
     /// Short name for `--format` and messages ("PLY").
     pub name: &'static str,

@@ -1,0 +1,91 @@
+//! Where the lines of an OBJ file lie, remembered sparsely in bounded memory.
+
+/// Most places remembered for one kind of line.
+const MOST_MARKS: usize = 1 << 16;
+
+/// A place at the start of a line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Mark {
+    /// Byte offset.
+    pub(super) offset: u64,
+    /// Line number, from 1.
+    pub(super) line: u64,
+    /// Vertices defined on earlier lines.
+    pub(super) vertices: u64,
+}
+
+/// The places of every `stride`-th line of a kind. The stride doubles whenever they get too many.
+#[derive(Debug)]
+pub(super) struct SparseIndex {
+    marks: Vec<Mark>,
+    stride: u64,
+    count: u64,
+    most: usize,
+}
+
+impl SparseIndex {
+    pub(super) fn new() -> Self {
+        Self::with_most(MOST_MARKS)
+    }
+
+    fn with_most(most: usize) -> Self {
+        Self { marks: Vec::new(), stride: 64, count: 0, most }
+    }
+
+    /// Lines noted.
+    pub(super) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Notes the next line.
+    pub(super) fn note(&mut self, mark: Mark) {
+        if self.count.is_multiple_of(self.stride) {
+            self.make_room();
+        }
+        if self.count.is_multiple_of(self.stride) {
+            self.marks.push(mark);
+        }
+        self.count += 1;
+    }
+
+    /// The last remembered line at or before line `wanted`: which one it is, and where.
+    pub(super) fn before(&self, wanted: u64) -> (u64, Mark) {
+        let at = usize::try_from(wanted / self.stride).unwrap_or(usize::MAX);
+        let at = at.min(self.marks.len().saturating_sub(1));
+        let start = Mark { offset: 0, line: 1, vertices: 0 };
+        (at as u64 * self.stride, self.marks.get(at).copied().unwrap_or(start))
+    }
+
+    fn make_room(&mut self) {
+        if self.marks.len() == self.most {
+            let mut is_kept = false;
+            self.marks.retain(|_| {
+                is_kept = !is_kept;
+                is_kept
+            });
+            self.stride *= 2;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_is_found_however_few_are_remembered() {
+        for most in [2, 5, 8, 1000] {
+            let mut index = SparseIndex::with_most(most);
+            for i in 0..5000 {
+                index.note(Mark { offset: 10 * i, line: i + 1, vertices: i });
+                assert!(index.marks.len() <= most);
+            }
+            assert_eq!(index.count(), 5000);
+            for wanted in 0..5000 {
+                let (line, mark) = index.before(wanted);
+                assert!(line <= wanted && wanted - line < index.stride);
+                assert_eq!(mark, Mark { offset: 10 * line, line: line + 1, vertices: line });
+            }
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! Binary STL: triangles by position in f32, with a normal each. The origin stands in the header as
+//! `terrane origin X Y Z`. Optionally the surface is closed with walls and a bottom.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::geom::Point3;
+use crate::output::input::{Input, check_position, check_range};
+use crate::output::local::Local;
+use crate::output::out::Out;
+use crate::output::sink::{Counts, Encoder, FileSink, temp_folder};
+use crate::output::solid::{Edge, Outline};
+use crate::output::{
+    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
+    capacity, text,
+};
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "STL",
+    extensions: &["stl"],
+    about: "binary STL, f32 relative to an origin in the header; optionally closed to a solid",
+    single_precision: true,
+    most,
+    create,
+    open: |path| Ok(Box::new(StlSource::open(path)?)),
+    sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
+};
+
+const ORIGIN: &str = "terrane origin ";
+const TITLE_BYTES: usize = 80;
+const HEADER_BYTES: u64 = 84;
+const TRIANGLE_BYTES: usize = 50;
+
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: u64::MAX,
+        triangles: u32::MAX.into(),
+        bytes: u64::MAX,
+        vertex_bytes: 0,
+        triangle_bytes: TRIANGLE_BYTES as u64,
+    }
+}
+
+type Corners = [[f32; 3]; 3];
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let local = Local::new(header.origin)?;
+    let title = title(header.origin)?;
+    let solid = options.solid_base.map(|base| {
+        Solid::new(base, header.bounds[0][2], Outline::new(temp_folder(path, options)))
+    });
+    let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
+    FileSink::create(path, options, encoder)
+}
+
+/// The first 80 bytes.
+fn title(origin: Point3) -> Result<[u8; TITLE_BYTES]> {
+    let text = format!("{ORIGIN}{}", origin.map(text::f64_text).join(" "));
+    if text.len() > TITLE_BYTES {
+        return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
+    }
+    let mut title = [b' '; TITLE_BYTES];
+    title[..text.len()].copy_from_slice(text.as_bytes());
+    Ok(title)
+}
+
+struct StlEncoder {
+    local: Local,
+    title: [u8; TITLE_BYTES],
+    solid: Option<Solid>,
+    /// Triangles written, those of the bottom included.
+    written: u64,
+}
+
+impl Encoder for StlEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    /// A solid has each triangle twice.
+    fn most(&self) -> MeshCapacity {
+        let surface = most();
+        let copies = if self.solid.is_some() { 2 } else { 1 };
+        MeshCapacity { triangles: surface.triangles / copies, ..surface }
+    }
+
+    fn header(&self, _counts: Counts) -> Vec<u8> {
+        let written = (self.written as u32).to_le_bytes();
+        [self.title.as_slice(), written.as_slice()].concat()
+    }
+
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, _tail: &mut Out) -> Result<()> {
+        let Self { local, .. } = self;
+        let mut place = |corners: &[Point3; 3]| corners.each_ref().map(|p| local.place(p));
+        match &mut self.solid {
+            None => body.records(batch.corners, |corners| record(&place(corners)))?,
+            Some(solid) => {
+                for (&ids, corners) in batch.triangles.iter().zip(batch.corners) {
+                    let top = place(corners);
+                    solid.outline.push(ids, top)?;
+                    body.records(&[top, solid.bottom(top)?], record)?;
+                }
+            }
+        }
+        let copies = if self.solid.is_some() { 2 } else { 1 };
+        self.written += copies * batch.corners.len() as u64;
+        self.local.check()
+    }
+
+    fn complete(&mut self, body: &mut Out) -> Result<()> {
+        let Some(Solid { base, outline, .. }) = self.solid.take() else { return Ok(()) };
+        outline.complete(|edge| {
+            self.written += 2;
+            body.records(&wall(&edge, base), record)
+        })?;
+        if self.written > u32::MAX.into() {
+            let limit = format!("{} triangles", u32::MAX);
+            return Err(capacity::too_much(FORMAT.name, &limit, 0, self.written));
+        }
+        Ok(())
+    }
+}
+
+/// What turns a surface into a solid: every triangle once more at the bottom, turned around, and
+/// two upright triangles under every edge of the outline. Each edge then has as many triangles one
+/// way as the other (two triangles, except under a vertex at which two outlines touch).
+struct Solid {
+    base: f32,
+    outline: Outline,
+}
+
+impl Solid {
+    /// `lowest` is the smallest height that can come; NaN when that is unknown.
+    fn new(base: f64, lowest: f64, outline: Outline) -> Result<Self> {
+        if !base.is_finite() || (base as f32).is_infinite() {
+            return Err(Error::usage(format!("a solid cannot have its base at {base}")));
+        }
+        let solid = Self { base: base as f32, outline };
+        if lowest.is_nan() { Ok(solid) } else { solid.check(lowest as f32).map(|()| solid) }
+    }
+
+    fn bottom(&self, top: Corners) -> Result<Corners> {
+        let [a, b, c] = top;
+        self.check(a[2].min(b[2]).min(c[2]))?;
+        Ok([c, b, a].map(|p| lowered(p, self.base)))
+    }
+
+    fn check(&self, height: f32) -> Result<()> {
+        if height > self.base {
+            return Ok(());
+        }
+        let message =
+            format!("the surface reaches down to {height}, the solid's base {}", self.base);
+        Err(Error::usage(message).remedy("choose a base below the lowest height"))
+    }
+}
+
+fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
+    [x, y, base]
+}
+
+/// The wall under an edge of the outline, which has the surface on its left.
+fn wall(edge: &Edge, base: f32) -> [Corners; 2] {
+    let [a, b] = edge.ends;
+    let [low_a, low_b] = edge.ends.map(|p| lowered(p, base));
+    [[b, a, low_a], [b, low_a, low_b]]
+}
+
+fn record(corners: &Corners) -> [u8; TRIANGLE_BYTES] {
+    let mut bytes = [0; TRIANGLE_BYTES];
+    let [a, b, c] = *corners;
+    let values = [normal(corners), a, b, c];
+    let (slots, _) = bytes.as_chunks_mut::<4>();
+    for (slot, value) in slots.iter_mut().zip(values.as_flattened()) {
+        *slot = value.to_le_bytes();
+    }
+    bytes
+}
+
+/// The unit normal of a triangle, or zeros where it has none.
+fn normal([a, b, c]: &Corners) -> [f32; 3] {
+    let minus = |p: &[f32; 3], q: &[f32; 3]| [0, 1, 2].map(|i| f64::from(p[i]) - f64::from(q[i]));
+    let (u, v) = (minus(b, a), minus(c, a));
+    let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let usable = length > 0.0 && length.is_finite();
+    if usable { n.map(|c| (c / length) as f32) } else { [0.0; 3] }
+}
+
+/// An open STL file. Every triangle has three vertices of its own.
+struct StlSource {
+    input: Input,
+    info: MeshInfo,
+}
+
+impl StlSource {
+    fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        let head = input.head(HEADER_BYTES as usize)?;
+        let (Some(title), Some(count)) =
+            (head.first_chunk::<TITLE_BYTES>(), head.last_chunk::<4>())
+        else {
+            return Err(refusal(&input, "too short for an STL file"));
+        };
+        let triangles = u64::from(u32::from_le_bytes(*count));
+        let expected = HEADER_BYTES + triangles * TRIANGLE_BYTES as u64;
+        if head.len() as u64 != HEADER_BYTES || input.bytes() != expected {
+            let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
+            return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
+        }
+        let origin = origin(title).unwrap_or_default();
+        let title = String::from_utf8_lossy(title).trim_matches([' ', '\0']).to_owned();
+        let info = MeshInfo {
+            vertices: 3 * triangles,
+            triangles,
+            format: FORMAT.name,
+            origin,
+            single_precision: true,
+            indexed: false,
+            crs: None,
+            details: vec![("title".to_owned(), title)],
+        };
+        Ok(Self { input, info })
+    }
+}
+
+/// Why a file of the wrong length is not read.
+fn refusal(input: &Input, message: &str) -> Error {
+    match input.head(512) {
+        Ok(head) if is_ascii(&head) => {
+            input.unsupported("is an ASCII STL file").remedy("convert it to binary STL, PLY or OBJ")
+        }
+        _ => input.bad(message).remedy("write or copy it again"),
+    }
+}
+
+fn is_ascii(head: &[u8]) -> bool {
+    let text = head.trim_ascii_start();
+    text.starts_with(b"solid") && text.windows(5).any(|word| word == b"facet")
+}
+
+/// The origin in a title of ours.
+fn origin(title: &[u8; TITLE_BYTES]) -> Option<Point3> {
+    let text = std::str::from_utf8(title).ok()?.strip_prefix(ORIGIN)?;
+    let numbers: Vec<f64> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let origin: Point3 = numbers.try_into().ok()?;
+    origin.iter().all(|c| c.is_finite()).then_some(origin)
+}
+
+/// The position of corner `corner` in a triangle's record.
+fn corner_of(record: &[u8], corner: usize) -> Option<[f32; 3]> {
+    let (values, _) = record.get(12 + 12 * corner..)?.as_chunks::<4>();
+    let &[x, y, z] = values.first_chunk::<3>()?;
+    Some([x, y, z].map(f32::from_le_bytes))
+}
+
+impl MeshSource for StlSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let end = first + out.len() as u64;
+        let (from, to) = (first / 3, end.div_ceil(3));
+        let byte = |triangle: u64| HEADER_BYTES + triangle * TRIANGLE_BYTES as u64;
+        self.input.records(byte(from)..byte(to), TRIANGLE_BYTES as u64, |place, record| {
+            for corner in 0..3 {
+                let index = 3 * (from + place as u64) + corner as u64;
+                let slot = index.checked_sub(first).and_then(|i| out.get_mut(i as usize));
+                if let (Some(slot), Some(local)) = (slot, corner_of(record, corner)) {
+                    *slot = [0, 1, 2].map(|i| self.info.origin[i] + f64::from(local[i]));
+                    check_position(index, slot)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        for (triangle, ids) in (first..).zip(out) {
+            *ids = [0, 1, 2].map(|corner| 3 * triangle + corner);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_title_holds_any_origin_a_grid_can_have() {
+        for origin in [[500_000.5, -4e6, 0.0], [-1.234_567_890_123_456_7e-300, f64::MIN, 0.0]] {
+            assert_eq!(super::origin(&title(origin).unwrap()), Some(origin));
+        }
+        assert!(title([-1.234_567_890_123_456_7e-300; 3]).is_err());
+    }
+
+    #[test]
+    fn normals_point_up_and_have_unit_length() {
+        let up = normal(&[[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
+        assert_eq!(up, [0.0, 0.0, 1.0]);
+        assert_eq!(normal(&[[1.0; 3]; 3]), [0.0; 3]);
+    }
+}

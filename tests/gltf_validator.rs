@@ -1,0 +1,78 @@
+//! Our GLB files pass the Khronos validator without error or warning. Needs node and npm; skipped
+//! with a note where the validator can be neither found nor installed.
+
+#[path = "common/mesh.rs"]
+mod mesh;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use mesh::Mesh;
+use terrane::output::{self, SinkOptions};
+
+const SCRIPT: &str = "
+const validator = require('gltf-validator'), fs = require('fs');
+const bytes = new Uint8Array(fs.readFileSync(process.argv[1]));
+validator.validateBytes(bytes, { format: 'glb' })
+    .then(report => console.log(JSON.stringify(report)))
+    .catch(error => { console.error(error); process.exit(1); });
+";
+
+/// The version is fixed: other versions may find other things.
+const PACKAGE: &str = "gltf-validator@2.0.0-dev.3.10";
+
+/// A folder in whose `node_modules` the validator is, installed on first use beside other build
+/// products.
+fn home() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gltf-validator");
+    if folder.join("node_modules/gltf-validator/package.json").exists() {
+        return Some(folder);
+    }
+    std::fs::create_dir_all(&folder).ok()?;
+    let arguments = [
+        "install",
+        "--fetch-retries=0",
+        "--fetch-timeout=30000",
+        "--no-audit",
+        "--no-fund",
+        "--prefix",
+        ".",
+        PACKAGE,
+    ];
+    let npm = Command::new("npm").args(arguments).current_dir(&folder).output().ok()?;
+    npm.status.success().then_some(folder)
+}
+
+fn validate(home: &Path, file: &Path) -> Option<Output> {
+    Command::new("node").args(["-e", SCRIPT]).arg(file).current_dir(home).output().ok()
+}
+
+#[test]
+fn the_validator_finds_nothing() {
+    let Some(home) = home() else {
+        println!("skipped: the npm package gltf-validator is not available");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let empty = Mesh { vertices: Vec::new(), triangles: Vec::new() };
+    let points = Mesh { vertices: vec![mesh::ORIGIN; 3], triangles: Vec::new() };
+    for (i, mesh) in [mesh::surface(1, 9), mesh::surface(50, 7), points, empty].iter().enumerate() {
+        let path = folder.path().join(format!("{i}.glb"));
+        let glb = output::by_path(&path, None).unwrap();
+        mesh::write(glb, &path, mesh, &SinkOptions::default(), 100).unwrap();
+        let Some(output) = validate(&home, &path) else {
+            println!("skipped: node is not available");
+            return;
+        };
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let issues = &report["issues"];
+        assert_eq!(
+            (&issues["numErrors"], &issues["numWarnings"]),
+            (&0.into(), &0.into()),
+            "{text}"
+        );
+        assert_eq!(report["info"]["totalTriangleCount"], mesh.triangles.len(), "{text}");
+    }
+}

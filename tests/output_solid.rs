@@ -1,0 +1,123 @@
+//! Solids in STL: closed, upright, on a flat bottom, and the right way out.
+
+#[path = "common/mesh.rs"]
+mod mesh;
+
+use std::collections::HashMap;
+
+use mesh::Mesh;
+use terrane::ErrorKind;
+use terrane::geom::Point3;
+use terrane::output::{self, MeshFormat, SinkOptions};
+
+const BASE: f64 = -12.5;
+
+fn stl() -> &'static MeshFormat {
+    output::by_path("a.stl".as_ref(), None).unwrap()
+}
+
+fn solid(mesh: &Mesh, base: f64) -> terrane::Result<Vec<[Point3; 3]>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("solid.stl");
+    let options = SinkOptions { solid_base: Some(base), ..SinkOptions::default() };
+    let written = mesh::write(stl(), &path, mesh, &options, 100);
+    if written.is_err() {
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+    written?;
+    let found = mesh::read(&*output::open(&path).unwrap(), 1000).unwrap();
+    Ok(mesh::corners(&found))
+}
+
+type Edge = [[u64; 3]; 2];
+
+/// How many triangles have each directed edge.
+fn edges(triangles: &[[Point3; 3]]) -> HashMap<Edge, u64> {
+    let mut edges = HashMap::new();
+    for corners in triangles {
+        let [a, b, c] = corners.map(|p| p.map(f64::to_bits));
+        for edge in [[a, b], [b, c], [c, a]] {
+            *edges.entry(edge).or_default() += 1;
+        }
+    }
+    edges
+}
+
+/// Six times the volume that the triangles enclose, seen from the first corner.
+fn six_volumes(triangles: &[[Point3; 3]]) -> f64 {
+    let o = triangles[0][0];
+    let from = |p: &Point3| [p[0] - o[0], p[1] - o[1], p[2] - o[2]];
+    let volume = |corners: &[Point3; 3]| {
+        let [a, b, c] = corners.each_ref().map(from);
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    };
+    triangles.iter().map(volume).sum()
+}
+
+#[test]
+fn every_edge_has_two_triangles_that_run_opposite_ways() {
+    // Holes that do not touch each other, so that no vertex has two outlines.
+    for mesh in [mesh::surface(1, 9), mesh::surface(40, 1000), mesh::surface(41, 205)] {
+        let triangles = solid(&mesh, BASE).unwrap();
+        let edges = edges(&triangles);
+        for ([a, b], count) in &edges {
+            assert_eq!((*count, edges.get(&[*b, *a])), (1, Some(&1)), "{a:?} {b:?}");
+        }
+        let corners = triangles.iter().flatten();
+        let low = corners.clone().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+        assert_eq!(low, BASE);
+        assert!(triangles.len() > 2 * mesh.triangles.len());
+    }
+}
+
+#[test]
+fn where_outlines_touch_edges_are_still_balanced() {
+    // Cells left out along a diagonal touch at their corners.
+    let triangles = solid(&mesh::surface(30, 31), BASE).unwrap();
+    let edges = edges(&triangles);
+    assert!(edges.values().any(|&count| count > 1), "no outlines touch");
+    for ([a, b], count) in &edges {
+        assert_eq!(Some(count), edges.get(&[*b, *a]));
+    }
+}
+
+#[test]
+fn the_volume_is_that_under_the_surface() {
+    let mesh = mesh::surface(20, 1000);
+    let under = |corners: &[Point3; 3]| {
+        let [a, b, c] = corners;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        area * (a[2] + b[2] + c[2] - 3.0 * BASE)
+    };
+    let expected: f64 = mesh::corners(&mesh).iter().map(under).sum();
+    let found = six_volumes(&solid(&mesh, BASE).unwrap());
+    assert!((found / expected - 1.0).abs() < 1e-4, "{found} is not {expected}");
+}
+
+#[test]
+fn a_base_that_is_not_below_the_surface_is_refused() {
+    for base in [36.0, 50.0, 1e9, f64::NAN, 1e300] {
+        let error = solid(&mesh::surface(5, 99), base).err().unwrap();
+        assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let options = SinkOptions { solid_base: Some(10.0), ..SinkOptions::default() };
+    let mut header = mesh::header();
+    header.bounds = [[0.0, 0.0, 10.0], [1.0, 1.0, 90.0]];
+    let early = (stl().create)(&folder.path().join("a.stl"), &header, &options).err().unwrap();
+    assert!(early.to_string().contains("choose a base below"), "{early}");
+}
+
+#[test]
+fn corners_must_come_with_the_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SinkOptions::default();
+    let header = mesh::header();
+    let mut sink = (stl().create)(&folder.path().join("a.stl"), &header, &options).unwrap();
+    assert!(sink.wants_corners());
+    let vertices = [mesh::ORIGIN; 3];
+    let batch = output::MeshBatch { vertices: &vertices, triangles: &[[0, 1, 2]], corners: &[] };
+    assert_eq!(sink.push(batch).unwrap_err().kind(), ErrorKind::Usage);
+}
