@@ -87,6 +87,11 @@ impl Layout {
         u64::from(self.width) * u64::from(self.height)
     }
 
+    /// Number of cells of the grid.
+    pub(super) fn cells(&self) -> u64 {
+        u64::from(self.width - 1) * u64::from(self.height - 1)
+    }
+
     /// Cells along the side of a full tile.
     pub(super) fn tile_cells(&self) -> u32 {
         self.tile

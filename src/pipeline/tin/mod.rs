@@ -1,19 +1,24 @@
 //! The main job: a grid in, a seamless mesh with a proven error bound out.
 
 mod beside;
+mod budget;
 mod container;
+mod estimate;
 mod job;
 mod layout;
+mod make;
 mod number;
 mod report;
 mod run;
 mod schedule;
 mod spill;
 mod store;
+mod units;
 mod window;
 mod worker;
 mod writer;
 
 pub use job::{Goal, TinJob};
+pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};

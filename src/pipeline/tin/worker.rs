@@ -21,8 +21,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::raster::GridSource;
 use crate::tin::{
-    self, PatchInput, PatchOutcome, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
-    triangulate_tile,
+    self, Heights, PatchInput, PatchOutcome, Scratch, Spec, TileInput, TileMesh, Triangle,
+    mend_patch, triangulate_tile,
 };
 
 /// The two pure functions the pipeline is built around; tests plant faults here.
@@ -117,16 +117,10 @@ impl<'a> Worker<'a> {
 
     fn triangulate(&mut self, tile: TileId) -> Result<()> {
         let layout = &self.job.layout;
-        let (rect, apron) = (layout.rect(tile), layout.apron(tile));
-        self.read(apron)?;
+        let rect = layout.rect(tile);
+        self.read(layout.apron(tile))?;
         let started = Instant::now();
-        let input = TileInput {
-            heights: self.window.heights(),
-            apron_left: rect.col - apron.col,
-            apron_right: apron.end_col() - rect.end_col(),
-            apron_above: rect.row - apron.row,
-            apron_below: apron.end_row() - rect.end_row(),
-        };
+        let input = tile_input(layout, tile, self.window.heights());
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         self.job.valid.fetch_add(*valid, Ordering::Relaxed);
@@ -315,6 +309,18 @@ impl Shared<'_> {
         self.layout.owners(piece.rect).try_for_each(|tile| {
             self.store.with(tile, |kept| kept.insert(piece, tile, &self.layout))
         })
+    }
+}
+
+/// The kernel's view of a tile whose apron has been read.
+pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>) -> TileInput<'a> {
+    let (rect, apron) = (layout.rect(tile), layout.apron(tile));
+    TileInput {
+        heights,
+        apron_left: rect.col - apron.col,
+        apron_right: apron.end_col() - rect.end_col(),
+        apron_above: rect.row - apron.row,
+        apron_below: apron.end_row() - rect.end_row(),
     }
 }
 

@@ -1,0 +1,75 @@
+//! How the memory budget of a tile job is divided.
+//!
+//! | share | bytes |
+//! |---|---|
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | [`PROGRAM`] |
+//! | each worker: the most a tile can need | given |
+//! | half of the rest, at most [`MOST_CACHE`]: decoded blocks of the input | [`Shares::cache`] |
+//! | what is left: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//!
+//! Workers come first: a worker too many would break the budget, one too few costs time only, and
+//! what does not fit of the other two is read again or spilled. No result depends on it.
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// Bytes for the program itself.
+const PROGRAM: u64 = 8 << 20;
+/// Fewest bytes for cache and mesh together.
+const LEAST_SHARED: u64 = 6 << 20;
+/// Most bytes for decoded blocks: more than a few rows of them are never read again.
+const MOST_CACHE: u64 = 1 << 30;
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shares {
+    /// Workers that fit, at least 1.
+    pub threads: usize,
+    /// Bytes for decoded blocks of the input.
+    pub cache: u64,
+    /// Bytes for unfinished mesh.
+    pub mesh: u64,
+}
+
+/// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
+/// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
+pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
+    let least = PROGRAM + LEAST_SHARED + worker;
+    if memory < least {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let (needed, allowed) = (mib(least), memory >> 20);
+        let message = format!("at least {needed} MiB of memory are needed, {allowed} are allowed");
+        return Err(Error::new(ErrorKind::Resource, message)
+            .remedy("raise --memory or choose a smaller --tile"));
+    }
+    let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
+    let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
+    let rest = memory - PROGRAM - worker * threads as u64;
+    let cache = (rest / 2).min(MOST_CACHE);
+    Ok(Shares { threads, cache, mesh: rest - cache })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIB: u64 = 1 << 20;
+
+    #[test]
+    fn workers_are_left_out_before_the_budget_is_broken() {
+        let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
+        assert_eq!(shares(64, 8).threads, 1);
+        assert_eq!(shares(128, 8).threads, 2);
+        assert_eq!(shares(4096, 8).threads, 8);
+        for memory in [62, 64, 128, 1000, 9000] {
+            let Shares { threads, cache, mesh } = shares(memory, 8);
+            assert_eq!(PROGRAM + 48 * MIB * threads as u64 + cache + mesh, memory * MIB);
+        }
+    }
+
+    #[test]
+    fn too_little_is_refused_with_the_least_needed() {
+        let error = divide(61 * MIB, 1, 48 * MIB).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        assert!(error.to_string().starts_with("at least 62 MiB of memory are needed, 61 are"));
+    }
+}
