@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 const MOST_LINES: usize = 600;
 
 /// Names from the root of the crate that stand for a room.
-const REEXPORTS: [(&str, &str); 3] = [("Error", "error"), ("ErrorKind", "error"), ("Result", "error")];
+const REEXPORTS: [(&str, &str); 3] =
+    [("Error", "error"), ("ErrorKind", "error"), ("Result", "error")];
 
 /// What a pure room must not name: files, paths, clocks, threads.
 const IMPURE: [&str; 10] = [
@@ -58,9 +59,8 @@ impl Rules {
 /// The rows of the markdown table whose heading begins with `heading`.
 fn table(text: &str, heading: &str) -> Vec<Vec<String>> {
     let lines = text.lines().skip_while(|line| !line.starts_with(heading)).skip(2);
-    let cells = |line: &str| {
-        line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()
-    };
+    let cells =
+        |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
     lines.take_while(|line| line.starts_with('|')).map(cells).collect()
 }
 
@@ -147,7 +147,12 @@ fn plain_faults(text: &str) -> Vec<String> {
     if lines > MOST_LINES {
         faults.push(format!("has {lines} lines, more than {MOST_LINES}"));
     }
-    let leftovers = [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("unimplemented", "!("), concat!("todo", "!(")];
+    let leftovers = [
+        concat!("TO", "DO"),
+        concat!("FIX", "ME"),
+        concat!("unimplemented", "!("),
+        concat!("todo", "!("),
+    ];
     faults.extend(leftovers.iter().filter(|w| text.contains(**w)).map(|w| format!("says {w}")));
     faults
 }
@@ -159,8 +164,11 @@ fn import_faults(room: &str, text: &str, rules: &Rules) -> Vec<String> {
     let root = if room == "main" { "terrane" } else { "crate" };
     let named = imports(&without_comments(text), root);
     let may = |name: &&String| name.as_str() != room && !allowed.contains(*name);
-    let mut faults: Vec<String> =
-        named.iter().filter(may).map(|name| format!("room {room} must not import {name}")).collect();
+    let mut faults: Vec<String> = named
+        .iter()
+        .filter(may)
+        .map(|name| format!("room {room} must not import {name}"))
+        .collect();
     if rules.pure.contains(room) {
         let code = code(text);
         let impure = IMPURE.iter().filter(|word| code.contains(**word));
@@ -189,7 +197,8 @@ fn unsafe_faults(path: &str, text: &str, rules: &Rules) -> Vec<String> {
 fn unexplained(text: &str) -> Vec<String> {
     let lines: Vec<&str> = text.lines().collect();
     let is_comment = |line: &str| line.trim_start().starts_with("//");
-    let explained = |at: usize| lines[at.saturating_sub(6)..=at].iter().any(|l| l.contains("SAFETY:"));
+    let explained =
+        |at: usize| lines[at.saturating_sub(6)..=at].iter().any(|l| l.contains("SAFETY:"));
     let open = ["unsafe {", "unsafe impl"];
     (0..lines.len())
         .filter(|&at| !is_comment(lines[at]) && open.iter().any(|word| lines[at].contains(word)))
@@ -283,7 +292,11 @@ fn faults_of(path: &str, body: &str) -> Vec<String> {
 fn every_check_can_fail() {
     let bad = [
         ("src/tin/a.rs", "use crate::raster::open;", "tin must not import raster"),
-        ("src/tin/a.rs", "use crate::{error::{Error, Result}, pipeline::tin};", "must not import pipeline"),
+        (
+            "src/tin/a.rs",
+            "use crate::{error::{Error, Result}, pipeline::tin};",
+            "must not import pipeline",
+        ),
         ("src/tin/a.rs", "fn f() -> crate::output::Sink {}", "must not import output"),
         ("src/tin/a.rs", "use std::path::Path;", "must not name std::path"),
         ("src/geom/a.rs", "rayon::join(a, b);", "must not name rayon"),
@@ -305,9 +318,15 @@ fn every_check_can_fail() {
 fn sound_files_pass() {
     let good = [
         ("src/tin/a.rs", "use crate::{Error, Result};\nuse crate::tin::scan;\nuse std::fmt;"),
-        ("src/tin/a.rs", "// see crate::raster, std::fs and unsafe { } blocks\n/// [`crate::pipeline`]"),
+        (
+            "src/tin/a.rs",
+            "// see crate::raster, std::fs and unsafe { } blocks\n/// [`crate::pipeline`]",
+        ),
         ("src/tin/a.rs", "#[cfg(test)]\nmod tests {\n    use std::fs;\n}"),
-        ("src/raster/map.rs", "fn f() {\n    // SAFETY: g has no conditions.\n    unsafe { g() }\n}"),
+        (
+            "src/raster/map.rs",
+            "fn f() {\n    // SAFETY: g has no conditions.\n    unsafe { g() }\n}",
+        ),
         ("src/raster/a.rs", "#![deny(unsafe_code)]\nuse crate::geom::Rect;\nuse std::path::Path;"),
     ];
     for (path, body) in good {
