@@ -10,7 +10,7 @@ use crate::pipeline::convert::{self, ConvertJob};
 use crate::pipeline::tin::{Goal, TinJob, TinReport};
 use crate::pipeline::verify::VerifyReport;
 use crate::pipeline::view::ViewJob;
-use crate::pipeline::{self, Cancel, Progress, Resources};
+use crate::pipeline::{self, Cancel, Resources};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
@@ -77,15 +77,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
-    ConvertJob {
-        input: TERRAIN.to_owned(),
-        output: files.grid.clone(),
-        band: 1,
-        nodata: None,
-        bbox: None,
-        overwrite: true,
-        resources: resources.clone(),
-    }
+    let resources = resources.clone();
+    ConvertJob { overwrite: true, resources, ..ConvertJob::new(TERRAIN, &files.grid) }
 }
 
 fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
@@ -156,9 +149,9 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
             "how exact",
             format!(
                 "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
-                text::number(checked.max_error),
+                text::number(checked.max_error.unwrap_or(f64::NAN)),
                 text::number(made.tolerance),
-                text::number(checked.rmse),
+                text::number(checked.rmse.unwrap_or(f64::NAN)),
             ),
         ),
         (
