@@ -150,3 +150,8 @@ pub struct RasterFormat {
     /// Opens a file of this format.
     pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn GridSource>>,
 }
+
+/// Placeholder until the reader registry is in place.
+pub fn open(input: &str, _options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    Err(crate::Error::unsupported("no raster format is known").in_file(Path::new(input)))
+}

@@ -1,0 +1,232 @@
+//! How triangles meet: vertices by position, edges by the vertices they join.
+
+use std::mem::size_of;
+
+use super::Part;
+use super::exact::{double_area, in_circle};
+use super::sections::{ceil, floor};
+use super::surface::{Followed, Run, Surface};
+use super::tally::Tally;
+use super::triangle::Position;
+
+/// Bytes of the tables below for one triangle.
+pub(crate) const BYTES_PER_TRIANGLE: usize = 3
+    * (size_of::<(Position, u32)>() + size_of::<Use>() + size_of::<u32>() + size_of::<Position>());
+
+/// An edge of one triangle only, on the outline of the surface as far as was seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Open {
+    /// What remains to be followed.
+    pub rest: Run,
+    /// Where the edge begins.
+    pub at: Position,
+}
+
+/// One side of one triangle: the vertices it joins (smaller number first), then the triangle and
+/// the corner it starts at. Vertices are numbered in the order of their positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Use {
+    ends: [u32; 2],
+    side: u32,
+}
+
+/// The corners of a part's triangles as numbered vertices.
+#[derive(Debug, Default)]
+struct Corners {
+    /// Distinct positions, sorted.
+    positions: Vec<Position>,
+    /// Vertex numbers, three for each triangle.
+    numbers: Vec<u32>,
+}
+
+impl Corners {
+    /// Numbers the corners of `triangles`; counts positions with several heights.
+    fn new(part: &Part<'_>, tally: &mut Tally) -> Self {
+        let corners = part.triangles.iter().flat_map(|t| t.corners);
+        let mut order: Vec<(Position, u32)> = corners.map(|c| c.at).zip(0..).collect();
+        order.sort_unstable();
+        let mut corners = Self { positions: Vec::new(), numbers: vec![0; order.len()] };
+        for group in order.chunk_by(|a, b| a.0 == b.0) {
+            let number = corners.positions.len() as u32;
+            corners.positions.push(group[0].0);
+            group.iter().for_each(|&(_, corner)| corners.numbers[corner as usize] = number);
+            let height = |&(_, corner): &(Position, u32)| {
+                part.triangles[corner as usize / 3].corners[corner as usize % 3].z
+            };
+            let first = height(&group[0]);
+            if group.iter().any(|c| height(c) != first) && part.domain.owns(group[0].0) {
+                tally.split_heights.add(group[0].0);
+            }
+        }
+        corners
+    }
+
+    fn position(&self, number: u32) -> Position {
+        self.positions[number as usize]
+    }
+
+    /// All sides of all triangles, sorted by the vertices they join.
+    fn uses(&self) -> Vec<Use> {
+        let mut uses = Vec::with_capacity(self.numbers.len());
+        for (triangle, corners) in self.numbers.chunks_exact(3).enumerate() {
+            for corner in 0..3 {
+                let (a, b) = (corners[corner], corners[(corner + 1) % 3]);
+                if a != b {
+                    let side = (triangle * 3 + corner) as u32;
+                    uses.push(Use { ends: [a.min(b), a.max(b)], side });
+                }
+            }
+        }
+        uses.sort_unstable();
+        uses
+    }
+
+    /// True when the side runs from the smaller vertex number to the larger.
+    fn is_forward(&self, side: Use) -> bool {
+        self.numbers[side.side as usize] == side.ends[0]
+    }
+
+    /// The corner opposite a side.
+    fn apex(&self, side: Use) -> Position {
+        let (triangle, corner) = (side.side / 3, side.side % 3);
+        self.position(self.numbers[(triangle * 3 + (corner + 2) % 3) as usize])
+    }
+}
+
+/// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
+pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
+    let corners = Corners::new(part, tally);
+    compare_vertices(part, &corners.positions, tally);
+    let uses = corners.uses();
+    let mut open = Vec::new();
+    let mut unfinished = Vec::new();
+    for uses in uses.chunk_by(|a, b| a.ends == b.ends) {
+        let ends = uses[0].ends.map(|n| corners.position(n));
+        if uses.len() == 1 {
+            open.push(ends);
+        }
+        if !part.domain.owns(ends[0]) {
+            continue;
+        }
+        match *uses {
+            [_] => {
+                tally.open_edges += 1;
+                unfinished.extend(check_open(ends, surface, tally));
+            }
+            [a, b] if corners.is_forward(a) != corners.is_forward(b) => {
+                tally.interior_edges += 1;
+                if is_bad(ends, corners.apex(a), corners.apex(b)) {
+                    tally.non_delaunay.add(ends[0]);
+                }
+            }
+            _ => tally.non_manifold.add(ends[0]),
+        }
+    }
+    t_junctions(part, &corners.positions, &open, tally);
+    unfinished
+}
+
+/// True when the edge of two triangles, one on each side, fails the Delaunay test. Asked the same
+/// way whichever comes first.
+fn is_bad([p, q]: [Position; 2], a: Position, b: Position) -> bool {
+    let (low, high) = (a.min(b), a.max(b));
+    let sides = [low, high].map(|apex| double_area(p, q, apex).signum());
+    sides[0] * sides[1] < 0 && in_circle(p, q, low, high)
+}
+
+/// Follows an open edge as far as the window reaches.
+fn check_open(ends: [Position; 2], surface: &Surface, tally: &mut Tally) -> Option<Open> {
+    let followed = lattice_run(ends).map_or(Followed::Off, |run| surface.follow(run));
+    match followed {
+        Followed::On => None,
+        Followed::Off => {
+            tally.cracks.add(ends[0]);
+            None
+        }
+        Followed::Rest(rest) => Some(Open { rest, at: ends[0] }),
+    }
+}
+
+/// The unit edges an edge lies on, when it keeps to a line of the lattice.
+fn lattice_run([p, q]: [Position; 2]) -> Option<Run> {
+    let is_whole = |v: i64| v & (Position::CELL - 1) == 0;
+    let run = |vertical, line: i64, a: i64, b: i64| Run {
+        vertical,
+        line: floor(line),
+        from: floor(a.min(b)),
+        to: ceil(a.max(b)),
+    };
+    if p.row == q.row && is_whole(p.row) {
+        Some(run(false, p.row, p.col, q.col))
+    } else if p.col == q.col && is_whole(p.col) {
+        Some(run(true, p.col, p.row, q.row))
+    } else {
+        None
+    }
+}
+
+/// Counts stored vertices that share a position, or that no triangle uses.
+fn compare_vertices(part: &Part<'_>, used: &[Position], tally: &mut Tally) {
+    let mut used = used.iter().copied().peekable();
+    for group in part.vertices.unwrap_or_default().chunk_by(|a, b| a == b) {
+        let at = group[0];
+        for _ in 1..group.len() {
+            tally.duplicates.add(at);
+        }
+        while used.next_if(|&u| u < at).is_some() {}
+        if used.peek() != Some(&at) {
+            group.iter().for_each(|&at| tally.unused.add(at));
+        }
+    }
+}
+
+/// Counts the owned vertices strictly inside an open edge.
+fn t_junctions(part: &Part<'_>, vertices: &[Position], open: &[[Position; 2]], tally: &mut Tally) {
+    let free: Vec<Position> = vertices.iter().copied().filter(|v| !v.is_sample()).collect();
+    let mut hit = Vec::new();
+    for &[p, q] in open {
+        let candidates = between(vertices, p, q);
+        match lattice_steps(p, q) {
+            // Few samples on the edge, or many vertices around it: look each sample up.
+            Some(steps) if steps - 1 <= candidates.len() as u64 => {
+                let samples = samples_inside(p, q, steps as i64);
+                hit.extend(samples.filter(|at| candidates.binary_search(at).is_ok()));
+                hit.extend(collinear(between(&free, p, q), p, q));
+            }
+            _ => hit.extend(collinear(candidates, p, q)),
+        }
+    }
+    hit.sort_unstable();
+    hit.dedup();
+    hit.into_iter().filter(|&at| part.domain.owns(at)).for_each(|at| tally.t_junctions.add(at));
+}
+
+/// Those of the sorted `vertices` that come after `p` and before `q` (`p < q`).
+fn between(vertices: &[Position], p: Position, q: Position) -> &[Position] {
+    let from = vertices.partition_point(|&v| v <= p);
+    let count = vertices[from..].partition_point(|&v| v < q);
+    &vertices[from..from + count]
+}
+
+fn collinear(vertices: &[Position], p: Position, q: Position) -> impl Iterator<Item = Position> {
+    vertices.iter().copied().filter(move |&v| double_area(p, q, v) == 0)
+}
+
+/// Into how many parts the samples on the edge divide it, when its ends are samples.
+fn lattice_steps(p: Position, q: Position) -> Option<u64> {
+    let cells = |a: i64, b: i64| floor(b - a).unsigned_abs();
+    (p.is_sample() && q.is_sample()).then(|| gcd(cells(p.col, q.col), cells(p.row, q.row)))
+}
+
+/// The samples that divide the edge into `steps` parts.
+fn samples_inside(p: Position, q: Position, steps: i64) -> impl Iterator<Item = Position> {
+    let step = [(q.col - p.col) / steps, (q.row - p.row) / steps];
+    (1..steps).map(move |k| Position { row: p.row + k * step[1], col: p.col + k * step[0] })
+}
+
+fn gcd(mut a: u64, mut b: u64) -> u64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}

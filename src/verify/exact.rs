@@ -1,0 +1,144 @@
+//! Exact decisions: area, in-circle, and whether a height is further from a triangle's plane than
+//! the tolerance.
+
+use super::expansion::Expansion;
+use super::triangle::{Position, Triangle, Vertex};
+
+/// Twice the signed area of (a, b, c) in 2^-60 cell, exact: coordinates are below 2^61, so
+/// products of differences are below 2^124.
+pub(crate) fn double_area(a: Position, b: Position, c: Position) -> i128 {
+    let d = |p: i64, q: i64| i128::from(p) - i128::from(q);
+    d(b.col, a.col) * d(c.row, a.row) - d(b.row, a.row) * d(c.col, a.col)
+}
+
+/// True when `d` is strictly inside the circle through (a, b, c), of either orientation. Exact for
+/// samples; for other positions in `f64`, true only when beyond rounding error.
+pub(crate) fn in_circle(a: Position, b: Position, c: Position, d: Position) -> bool {
+    let sign = double_area(a, b, c).signum();
+    let offsets = [a, b, c].map(|p| [p.col - d.col, p.row - d.row]);
+    let mix = offsets.iter().flatten().fold(0, |all, v| all | v);
+    let most = offsets.iter().flatten().fold(0, |most, v| v.abs().max(most));
+    if mix & (Position::CELL - 1) != 0 || most >> Position::FRACTION >= 1 << 30 {
+        return rough_in_circle(offsets, sign);
+    }
+    let cells = offsets.map(|o| o.map(|v| v >> Position::FRACTION));
+    if most >> Position::FRACTION < 1 << 13 {
+        i128::from(small_determinant(cells)) * sign > 0
+    } else {
+        determinant(cells.map(|o| o.map(i128::from))) * sign > 0
+    }
+}
+
+/// The in-circle determinant of three offsets from the fourth point, each below 2^13.
+fn small_determinant(o: [[i64; 2]; 3]) -> i64 {
+    let [[ax, ay], [bx, by], [cx, cy]] = o;
+    (ax * ax + ay * ay) * (bx * cy - by * cx)
+        + (bx * bx + by * by) * (cx * ay - cy * ax)
+        + (cx * cx + cy * cy) * (ax * by - ay * bx)
+}
+
+/// The same for offsets below 2^30: below 3 * 2^123.
+fn determinant(o: [[i128; 2]; 3]) -> i128 {
+    let [[ax, ay], [bx, by], [cx, cy]] = o;
+    (ax * ax + ay * ay) * (bx * cy - by * cx)
+        + (bx * bx + by * by) * (cx * ay - cy * ax)
+        + (cx * cx + cy * cy) * (ax * by - ay * bx)
+}
+
+/// The same in `f64`, positive only beyond any doubt from rounding. The sum of the absolute
+/// products times 2^-48 is far above the error of some ten roundings of 2^-53.
+fn rough_in_circle(offsets: [[i64; 2]; 3], sign: i128) -> bool {
+    let o = offsets.map(|o| o.map(|v| v as f64 / Position::CELL as f64));
+    let lift = |i: usize| o[i][0] * o[i][0] + o[i][1] * o[i][1];
+    let (mut sum, mut doubt) = (0.0, 0.0);
+    for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        let (left, right) = (o[j][0] * o[k][1], o[j][1] * o[k][0]);
+        sum += lift(i) * (left - right);
+        doubt += lift(i) * (left.abs() + right.abs());
+    }
+    sum * sign as f64 > doubt * 2f64.powi(-48)
+}
+
+/// True when `height` at `at` is more than `tolerance` above or below the plane of `triangle`
+/// (of non-zero area): exact, with closed <=. Numbers so large that products overflow exceed.
+pub(crate) fn exceeds(triangle: &Triangle, at: Position, height: f64, tolerance: f64) -> bool {
+    let [a, b, c] = triangle.positions();
+    let area = double_area(a, b, c);
+    let sign = area.signum();
+    let weights = [double_area(at, b, c), double_area(a, at, c), double_area(a, b, at)];
+    let beyond = |side: i128| {
+        let mut sum = Expansion::default();
+        sum.add_product(side * sign * area, height);
+        sum.add_product(-sign * area, tolerance);
+        for (weight, Vertex { z, .. }) in weights.into_iter().zip(triangle.corners) {
+            sum.add_product(-side * sign * weight, z);
+        }
+        sum.is_positive_or_overflown()
+    };
+    beyond(1) || beyond(-1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vertex(col: i64, row: i64, z: f64) -> Vertex {
+        Vertex { at: Position::sample(col, row), z }
+    }
+
+    #[test]
+    fn a_height_at_the_tolerance_is_within_and_the_next_float_is_not() {
+        // Plane z = x / 3: at (1, 0) the error against 1 is exactly 2/3, which no float is.
+        let t = Triangle { corners: [vertex(0, 0, 0.0), vertex(3, 0, 1.0), vertex(0, 1, 0.0)] };
+        let at = Position::sample(1, 0);
+        let below = 2.0 / 3.0; // rounds down
+        assert!(exceeds(&t, at, 1.0, below));
+        assert!(!exceeds(&t, at, 1.0, f64::next_up(below)));
+        assert!(!exceeds(&t, Position::sample(0, 0), 0.5, 0.5));
+        assert!(exceeds(&t, Position::sample(0, 0), -0.5f64.next_up(), 0.5));
+        assert!(exceeds(&t, at, 1e308, 1e300));
+    }
+
+    #[test]
+    fn orientation_does_not_matter() {
+        let t = Triangle { corners: [vertex(0, 0, 0.0), vertex(0, 1, 0.0), vertex(3, 0, 1.0)] };
+        assert!(exceeds(&t, Position::sample(1, 0), 1.0, 2.0 / 3.0));
+        assert!(!exceeds(&t, Position::sample(1, 0), 1.0, 0.7));
+    }
+
+    proptest! {
+        #[test]
+        fn exceeds_agrees_with_integers(
+            points in prop::array::uniform3([-40i64..40, -40i64..40, -500i64..500]),
+            at in [-40i64..40, -40i64..40], height in -500i64..500, tolerance in 0i64..300,
+        ) {
+            let corners = points.map(|[c, r, z]| vertex(c, r, z as f64 / 8.0));
+            let triangle = Triangle { corners };
+            let [a, b, c] = points;
+            let cross = |p: [i64; 2], q: [i64; 2], s: [i64; 2]| {
+                (q[0] - p[0]) * (s[1] - p[1]) - (q[1] - p[1]) * (s[0] - p[0])
+            };
+            let [pa, pb, pc] = [a, b, c].map(|p| [p[0], p[1]]);
+            let area = cross(pa, pb, pc);
+            prop_assume!(area != 0);
+            let plane = cross(at, pb, pc) * a[2] + cross(pa, at, pc) * b[2] + cross(pa, pb, at) * c[2];
+            let expected = (area * height - plane).abs() > area.abs() * tolerance;
+            let at = Position::sample(at[0], at[1]);
+            let got = exceeds(&triangle, at, height as f64 / 8.0, tolerance as f64 / 8.0);
+            prop_assert_eq!(got, expected);
+        }
+
+        #[test]
+        fn in_circle_paths_agree(points in prop::array::uniform4([-3000i64..3000, -3000i64..3000])) {
+            let p = points.map(|[c, r]| Position::sample(c, r));
+            let offsets = [0, 1, 2].map(|i| [points[i][0] - points[3][0], points[i][1] - points[3][1]]);
+            let det = determinant(offsets.map(|o| o.map(i128::from)));
+            let sign = double_area(p[0], p[1], p[2]).signum();
+            prop_assert_eq!(in_circle(p[0], p[1], p[2], p[3]), det * sign > 0);
+            prop_assert_eq!(in_circle(p[0], p[2], p[1], p[3]), det * sign > 0);
+            let fixed = offsets.map(|o| o.map(|v| v << Position::FRACTION));
+            prop_assert_eq!(rough_in_circle(fixed, sign), det * sign > 0);
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Sums of products without rounding, as an unevaluated sum of floats.
+//!
+//! J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
+//! Predicates" (1997), grow-expansion with zero elimination.
+
+/// Non-overlapping floats in ascending magnitude whose sum is the value.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Expansion {
+    parts: Vec<f64>,
+}
+
+impl Expansion {
+    /// Adds `weight * value` exactly, for |value| between 1e-280 and 1e260 (or 0).
+    pub(crate) fn add_product(&mut self, weight: i128, value: f64) {
+        let sign = if weight < 0 { -1.0 } else { 1.0 };
+        let digits = weight.unsigned_abs();
+        for k in 0..3 {
+            // 43 bits at a time: each digit and its power of two are exact floats.
+            let digit = (digits >> (43 * k)) as u64 & ((1 << 43) - 1);
+            if digit != 0 {
+                let factor = sign * digit as f64 * 2f64.powi(43 * k);
+                let product = factor * value;
+                self.add(factor.mul_add(value, -product));
+                self.add(product);
+            }
+        }
+    }
+
+    fn add(&mut self, value: f64) {
+        let mut carry = value;
+        let mut kept = 0;
+        for i in 0..self.parts.len() {
+            let (sum, error) = two_sum(carry, self.parts[i]);
+            if error != 0.0 {
+                self.parts[kept] = error;
+                kept += 1;
+            }
+            carry = sum;
+        }
+        self.parts.truncate(kept);
+        if carry != 0.0 {
+            self.parts.push(carry);
+        }
+    }
+
+    /// True when the sum is above zero, or so large that it is no number any more.
+    pub(crate) fn is_positive_or_overflown(&self) -> bool {
+        match self.parts.last() {
+            Some(last) => *last > 0.0 || self.parts.iter().any(|p| !p.is_finite()),
+            None => false,
+        }
+    }
+}
+
+/// The rounded sum and its rounding error.
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let b_part = sum - a;
+    let a_part = sum - b_part;
+    (sum, (a - a_part) + (b - b_part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn positive(terms: &[(i128, f64)]) -> bool {
+        let mut sum = Expansion::default();
+        for &(weight, value) in terms {
+            sum.add_product(weight, value);
+        }
+        sum.is_positive_or_overflown()
+    }
+
+    #[test]
+    fn nothing_is_lost_to_rounding() {
+        let big = (1i128 << 120) + 1;
+        assert!(positive(&[(big, 1.0), (-(1 << 120), 1.0)]));
+        assert!(!positive(&[(big, 1.0), (-big, 1.0)]));
+        assert!(!positive(&[(big, 0.1), (-big - 1, 0.1)]));
+        assert!(positive(&[(3, 0.1), (-1, 0.3)]), "3 * 0.1 is above 0.3 in binary");
+        assert!(!positive(&[]));
+    }
+
+    #[test]
+    fn overflow_counts_as_positive() {
+        assert!(positive(&[(1 << 120, 1e300), (-(1 << 120), 1e300)]));
+    }
+}

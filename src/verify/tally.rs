@@ -1,0 +1,203 @@
+//! What was found: counts, exact sums and extremes that add up the same in any order.
+
+use super::Part;
+use super::sum::ExactSum;
+use super::triangle::{Position, Triangle};
+
+/// How often a fault was found, and the first place in row order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fault {
+    /// How often.
+    pub count: u64,
+    /// Where first.
+    pub first: Option<Position>,
+}
+
+impl Fault {
+    pub(crate) fn add(&mut self, at: Position) {
+        self.merge(&Self { count: 1, first: Some(at) });
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.first = match (self.first, other.first) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+/// A sample and its error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Vertical distance to the mesh.
+    pub error: f64,
+    /// Column.
+    pub col: u32,
+    /// Row.
+    pub row: u32,
+}
+
+impl Spot {
+    /// The larger error; of equal ones the first in row order.
+    fn worse(self, other: Self) -> Self {
+        let later = (other.row, other.col) > (self.row, self.col);
+        if other.error < self.error || other.error == self.error && later { self } else { other }
+    }
+}
+
+/// Everything found in the parts checked so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Samples with a height.
+    pub valid: u64,
+    /// Samples that belong to a surface cell.
+    pub surface_samples: u64,
+    /// Cells with four valid samples.
+    pub surface_cells: u64,
+    /// Surface samples on the mesh.
+    pub covered: u64,
+    /// Surface samples not on the mesh.
+    pub uncovered: Fault,
+    /// Surface cells no triangle overlaps.
+    pub uncovered_cells: Fault,
+    /// Cells without surface that a triangle overlaps.
+    pub void_cells: Fault,
+    /// Samples further from the mesh than the tolerance.
+    pub over: Fault,
+    /// The largest error.
+    pub worst: Option<Spot>,
+    /// Sum of errors.
+    pub errors: ExactSum,
+    /// Sum of squared errors.
+    pub squares: ExactSum,
+    /// Samples by error / tolerance in twentieths; the last entry counts those over.
+    pub histogram: [u64; Tally::BINS + 1],
+    /// Triangles clockwise seen from above.
+    pub inverted: Fault,
+    /// Triangles without area.
+    pub empty: Fault,
+    /// Triangles that reach beyond the grid.
+    pub outside: Fault,
+    /// Samples strictly inside more than one triangle.
+    pub overlaps: Fault,
+    /// Sum of twice the signed areas, in 2^-60 cell, of correctly oriented triangles positive.
+    pub double_area: i128,
+    /// The smallest angle of a triangle with area, in degrees.
+    pub smallest_angle: Option<f64>,
+    /// Triangles by smallest angle, in steps of 5 degrees from 0 to 60.
+    pub angles: [u64; Tally::ANGLES],
+    /// Edges of one triangle only.
+    pub open_edges: u64,
+    /// Edges of two triangles that pass them in opposite directions.
+    pub interior_edges: u64,
+    /// Edges of one triangle only that are not on the outline of the surface.
+    pub cracks: Fault,
+    /// Vertices strictly inside an edge of one triangle.
+    pub t_junctions: Fault,
+    /// Edges of more than two triangles, or of two that pass it in the same direction.
+    pub non_manifold: Fault,
+    /// Interior edges between triangles on either side with the opposite corner of one strictly
+    /// inside the circle through the other.
+    pub non_delaunay: Fault,
+    /// Positions at which triangles meet with different heights.
+    pub split_heights: Fault,
+    /// Stored vertices beyond the first at the same position.
+    pub duplicates: Fault,
+    /// Stored vertices at no triangle's corner.
+    pub unused: Fault,
+}
+
+impl Tally {
+    /// Bins of [`Tally::histogram`] up to the tolerance.
+    pub const BINS: usize = 20;
+    /// Bins of [`Tally::angles`].
+    pub const ANGLES: usize = 12;
+
+    /// Adds what another tally found.
+    pub fn merge(&mut self, other: &Self) {
+        self.valid += other.valid;
+        self.surface_samples += other.surface_samples;
+        self.surface_cells += other.surface_cells;
+        self.covered += other.covered;
+        self.open_edges += other.open_edges;
+        self.interior_edges += other.interior_edges;
+        self.double_area += other.double_area;
+        self.errors.merge(&other.errors);
+        self.squares.merge(&other.squares);
+        other.worst.into_iter().for_each(|spot| self.spot(spot));
+        other.smallest_angle.into_iter().for_each(|angle| self.angle_at_least(angle));
+        add(&mut self.histogram, &other.histogram);
+        add(&mut self.angles, &other.angles);
+        for (mine, more) in self.faults_mut().into_iter().zip(other.clone().faults_mut()) {
+            mine.merge(more);
+        }
+    }
+
+    fn faults_mut(&mut self) -> [&mut Fault; 15] {
+        [
+            &mut self.uncovered,
+            &mut self.uncovered_cells,
+            &mut self.void_cells,
+            &mut self.over,
+            &mut self.inverted,
+            &mut self.empty,
+            &mut self.outside,
+            &mut self.overlaps,
+            &mut self.cracks,
+            &mut self.t_junctions,
+            &mut self.non_manifold,
+            &mut self.non_delaunay,
+            &mut self.split_heights,
+            &mut self.duplicates,
+            &mut self.unused,
+        ]
+    }
+
+    /// Counts an open edge that leaves the outline of the surface.
+    pub fn crack(&mut self, open: &super::Open) {
+        self.cracks.add(open.at);
+    }
+
+    /// Takes note of the error of a sample.
+    pub(crate) fn spot(&mut self, spot: Spot) {
+        self.worst = Some(self.worst.map_or(spot, |worst| worst.worse(spot)));
+    }
+
+    fn angle_at_least(&mut self, angle: f64) {
+        self.smallest_angle = Some(self.smallest_angle.map_or(angle, |least| least.min(angle)));
+    }
+
+    /// Judges a triangle by itself, when the part owns it (its first corner).
+    pub(crate) fn triangle(&mut self, triangle: &Triangle, part: &Part<'_>) {
+        let at = triangle.corners[0].at;
+        if !part.domain.owns(at) {
+            return;
+        }
+        let area = triangle.double_area() * part.orientation;
+        self.double_area += area;
+        if area == 0 {
+            self.empty.add(at);
+            return;
+        }
+        if area < 0 {
+            self.inverted.add(at);
+        }
+        if is_outside(triangle, part.domain.grid) {
+            self.outside.add(at);
+        }
+        let angle = triangle.smallest_angle();
+        self.angle_at_least(angle);
+        self.angles[((angle / 5.0) as usize).min(Self::ANGLES - 1)] += 1;
+    }
+}
+
+fn add<const N: usize>(mine: &mut [u64; N], more: &[u64; N]) {
+    mine.iter_mut().zip(more).for_each(|(a, b)| *a += b);
+}
+
+fn is_outside(triangle: &Triangle, grid: [u32; 2]) -> bool {
+    let [low, high] = triangle.bounds();
+    let last = Position::sample(i64::from(grid[0]) - 1, i64::from(grid[1]) - 1);
+    low.col < 0 || low.row < 0 || high.col > last.col || high.row > last.row
+}

@@ -1,0 +1,139 @@
+//! Positions in fixed point, so that every geometric decision is exact, and triangles made of them.
+
+use bytemuck::{Pod, Zeroable};
+
+/// A position in lattice coordinates, in units of 2^-30 cell. Samples lie at whole cells. Ordered
+/// by row, then column. Coordinates stay below [`Position::LIMIT`] cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
+#[repr(C)]
+pub struct Position {
+    /// Row, in 2^-30 cell.
+    pub row: i64,
+    /// Column, in 2^-30 cell.
+    pub col: i64,
+}
+
+impl Position {
+    /// Bits of the fraction of a cell.
+    pub const FRACTION: u32 = 30;
+    /// One cell.
+    pub const CELL: i64 = 1 << Self::FRACTION;
+    /// Positions at or beyond this many cells are not representable: products of coordinate
+    /// differences have to fit `i128`.
+    pub const LIMIT: f64 = (1u64 << 31) as f64;
+
+    /// The sample (`col`, `row`).
+    pub fn sample(col: i64, row: i64) -> Self {
+        Self { row: row << Self::FRACTION, col: col << Self::FRACTION }
+    }
+
+    /// The nearest position to (`col`, `row`) cells, which are below [`Self::LIMIT`].
+    pub fn nearest(col: f64, row: f64) -> Self {
+        let fixed = |cells: f64| (cells * Self::CELL as f64).round() as i64;
+        Self { row: fixed(row), col: fixed(col) }
+    }
+
+    /// True when it is a whole number of cells both ways.
+    pub fn is_sample(self) -> bool {
+        (self.row | self.col) & (Self::CELL - 1) == 0
+    }
+
+    /// Column in cells.
+    pub fn cols(self) -> f64 {
+        self.col as f64 / Self::CELL as f64
+    }
+
+    /// Row in cells.
+    pub fn rows(self) -> f64 {
+        self.row as f64 / Self::CELL as f64
+    }
+
+    /// The vector from `other` to here, in cells.
+    pub fn minus(self, other: Self) -> [f64; 2] {
+        let cells = |d: i64| d as f64 / Self::CELL as f64;
+        [cells(self.col - other.col), cells(self.row - other.row)]
+    }
+}
+
+/// A corner of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Vertex {
+    /// Where it is.
+    pub at: Position,
+    /// Its height.
+    pub z: f64,
+}
+
+/// A triangle by its corners, in the order of the file.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Triangle {
+    /// The corners.
+    pub corners: [Vertex; 3],
+}
+
+impl Triangle {
+    /// Positions of the corners.
+    pub fn positions(&self) -> [Position; 3] {
+        self.corners.map(|corner| corner.at)
+    }
+
+    /// True when all corners are samples.
+    pub fn is_lattice(&self) -> bool {
+        self.positions().iter().all(|p| p.is_sample())
+    }
+
+    /// Twice the signed area, in 2^-60 cell; positive when counter-clockwise in (column, row).
+    pub fn double_area(&self) -> i128 {
+        let [a, b, c] = self.positions();
+        super::exact::double_area(a, b, c)
+    }
+
+    /// Least and greatest row and column of the corners.
+    pub fn bounds(&self) -> [Position; 2] {
+        let [a, b, c] = self.positions();
+        let row = [a.row.min(b.row).min(c.row), a.row.max(b.row).max(c.row)];
+        let col = [a.col.min(b.col).min(c.col), a.col.max(b.col).max(c.col)];
+        [0, 1].map(|i| Position { row: row[i], col: col[i] })
+    }
+
+    /// The smallest angle in degrees, seen in (column, row) axes with square cells.
+    pub fn smallest_angle(&self) -> f64 {
+        let p = self.positions();
+        let side = |i: usize| {
+            let [x, y] = p[(i + 1) % 3].minus(p[(i + 2) % 3]);
+            x * x + y * y
+        };
+        let sides = [side(0), side(1), side(2)];
+        let least = (0..3).fold(0, |best, i| if sides[i] < sides[best] { i } else { best });
+        let [ux, uy] = p[(least + 1) % 3].minus(p[least]);
+        let [vx, vy] = p[(least + 2) % 3].minus(p[least]);
+        (ux * vy - uy * vx).abs().atan2(ux * vx + uy * vy).to_degrees()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(points: [[f64; 2]; 3]) -> Triangle {
+        Triangle { corners: points.map(|[c, r]| Vertex { at: Position::nearest(c, r), z: 0.0 }) }
+    }
+
+    #[test]
+    fn smallest_angles_of_known_triangles() {
+        let angle = |points| triangle(points).smallest_angle();
+        assert!((angle([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) - 45.0).abs() < 1e-12);
+        let high = 3f64.sqrt() / 2.0;
+        assert!((angle([[0.0, 0.0], [1.0, 0.0], [0.5, high]]) - 60.0).abs() < 1e-6);
+        assert!((angle([[5.0, 5.0], [5.0, 6.0], [105.0, 5.0]]) - 0.5729).abs() < 1e-4);
+    }
+
+    #[test]
+    fn order_is_row_major() {
+        assert!(Position::sample(9, 1) < Position::sample(0, 2));
+        assert!(Position::sample(-1, 2) < Position::sample(0, 2));
+        assert!(Position::nearest(0.5, 0.0) == Position { row: 0, col: Position::CELL / 2 });
+    }
+}
