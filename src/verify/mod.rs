@@ -1,2 +1,77 @@
 //! Independent proof of a mesh's promises: error bound, coverage, topology. Pure; shares no code
 //! with `tin`.
+//!
+//! Everything is decided one [`Domain`] (a rectangle of samples) at a time, from the triangles
+//! that touch it and the heights of it and of one sample around it. Each sample, cell, vertex,
+//! edge and triangle is owned by exactly one domain, and every figure of a [`Tally`] is a count, a
+//! maximum or an exact sum, so the outcome does not depend on how the grid was divided, nor on the
+//! order in which domains were done.
+
+mod bits;
+mod domain;
+mod edges;
+mod exact;
+mod expansion;
+mod sections;
+mod snap;
+mod sum;
+mod surface;
+mod tally;
+mod triangle;
+mod worst;
+
+pub use domain::{Domain, Layout};
+pub use edges::Open;
+pub use snap::{Snapped, Snapper};
+pub use sum::ExactSum;
+pub use surface::{Followed, Run, Surface};
+pub use tally::{Fault, Spot, Tally};
+pub use triangle::{Position, Triangle, Vertex};
+
+use std::mem::size_of;
+
+/// One rectangle of samples to check, with all that touches it.
+#[derive(Debug)]
+pub struct Part<'a> {
+    /// The samples it owns, in the grid they belong to.
+    pub domain: Domain,
+    /// Heights of [`Domain::apron`], row by row, NaN where void.
+    pub heights: &'a [f64],
+    /// Every triangle that touches the domain, in any order; others do no harm.
+    pub triangles: &'a [Triangle],
+    /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
+    /// format have no identity.
+    pub vertices: Option<&'a [Position]>,
+    /// Largest allowed vertical distance; `None` to measure only.
+    pub tolerance: Option<f64>,
+    /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,
+    /// -1 when it is clockwise there (a north-up grid).
+    pub orientation: i128,
+}
+
+/// Bytes [`check`] needs for a domain of `samples` samples touched by `triangles` triangles, with
+/// `vertices` stored vertices; heights, triangles and positions included.
+pub fn bytes_needed(samples: u64, triangles: u64, vertices: u64) -> u64 {
+    let per_triangle = size_of::<Triangle>() + edges::BYTES_PER_TRIANGLE;
+    samples * worst::BYTES_PER_SAMPLE
+        + triangles * per_triangle as u64
+        + vertices * size_of::<Position>() as u64
+}
+
+/// Checks one part and adds what it owns to `tally`. Returns the open edges that are on the
+/// outline of the surface as far as this part can see; the caller follows the rest of them with
+/// [`Surface::follow`] and counts those that leave the outline with [`Tally::crack`].
+///
+/// O(samples + triangles log triangles + samples covered by each triangle).
+pub fn check(part: &Part<'_>, tally: &mut Tally) -> Vec<Open> {
+    let apron = part.domain.apron();
+    let surface = Surface::new(part.domain.grid, apron, part.heights);
+    surface.count(&part.domain, tally);
+    let mut worst = worst::Worst::new(part, &surface);
+    for triangle in part.triangles {
+        tally.triangle(triangle, part);
+        worst.add(triangle);
+    }
+    worst.finish(tally);
+    edges::check(part, &surface, tally)
+}

@@ -1,1 +1,0 @@
-//! Proves a written mesh against its source grid, out of core.

@@ -1,0 +1,206 @@
+//! Proves a written mesh against its source grid, out of core.
+//!
+//! Three passes: vertices and triangles are spread over rectangles of the grid through temporary
+//! files; then each rectangle is checked by itself ([`crate::verify`]). Nothing in the report but
+//! times and memory depends on threads, memory budget, or the order of work.
+
+mod parts;
+mod report;
+mod spill;
+mod vertices;
+mod workers;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::output::{self, MeshInfo, MeshSource};
+use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
+use crate::raster::{self, GridSource, OpenOptions};
+use crate::verify::Snapper;
+
+pub use report::{FaultReport, Place, VerifyReport};
+
+/// Least memory a verification can work in, and least for each thread.
+const LEAST_MEMORY: u64 = 1 << 20;
+
+/// A mesh to be proven against a raster.
+#[derive(Clone, Debug)]
+pub struct VerifyJob {
+    /// Mesh file.
+    pub mesh: PathBuf,
+    /// File name, or a synthetic terrain by name.
+    pub raster: String,
+    /// Band of the raster, from 1.
+    pub band: u32,
+    /// Replaces the raster's nodata value.
+    pub nodata: Option<f64>,
+    /// Largest allowed vertical distance; what the mesh's comments say when `None`.
+    pub tolerance: Option<f64>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
+/// no error, but a report with `passed` false.
+pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
+    let mesh = output::open(&job.mesh)?;
+    let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
+    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
+    let grid = raster::open(&job.raster, &options)?;
+    let tolerance = job.tolerance.or_else(|| stated_tolerance(mesh.info()));
+    let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
+    let report = checked.map_err(|e| match e.kind() {
+        ErrorKind::BadInput => e.in_file(&job.mesh),
+        _ => e,
+    })?;
+    let mesh = job.mesh.display().to_string();
+    Ok(VerifyReport { mesh, raster: job.raster.clone(), ..report })
+}
+
+/// The tolerance a mesh states in a comment: "max error 1.5 metre".
+fn stated_tolerance(info: &MeshInfo) -> Option<f64> {
+    let stated = |(key, value): &(String, String)| {
+        let text = if key == KEY { value } else { value.trim().strip_prefix(KEY)? };
+        text.split_whitespace().next()?.parse().ok()
+    };
+    info.details.iter().find_map(stated).filter(|t: &f64| *t >= 0.0 && t.is_finite())
+}
+
+const KEY: &str = "max error";
+
+/// Proves `mesh` against `grid`; a caller's caches of both are not part of the memory budget, of
+/// which this takes about two thirds.
+///
+/// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
+/// to a vertex there is not, too little memory, and everything the sources report.
+pub fn verify(
+    mesh: &dyn MeshSource,
+    grid: &dyn GridSource,
+    tolerance: Option<f64>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let start = Instant::now();
+    let context = Context::new(mesh, grid, tolerance, resources, progress, cancel)?;
+    let buckets = parts::Buckets::fill(&context)?;
+    let tally = buckets.check(&context)?;
+    let report = VerifyReport::new(&context, &buckets.counts, buckets.broken, &tally);
+    let wall_seconds = start.elapsed().as_secs_f64();
+    Ok(VerifyReport {
+        threads: context.threads,
+        memory_budget: resources.memory,
+        spilled_bytes: buckets.bytes(),
+        peak_memory: peak_memory(),
+        wall_seconds,
+        samples_per_second: report.samples as f64 / wall_seconds.max(1e-9),
+        ..report
+    })
+}
+
+/// What every pass needs to know.
+struct Context<'a> {
+    mesh: &'a dyn MeshSource,
+    grid: &'a dyn GridSource,
+    tolerance: Option<f64>,
+    progress: &'a dyn Progress,
+    cancel: Cancel,
+    snapper: Snapper,
+    /// See [`crate::verify::Part::orientation`].
+    orientation: i128,
+    threads: usize,
+    /// Bytes for everything held here.
+    memory: u64,
+    /// Bytes for one thread.
+    share: u64,
+    temp_dir: Option<PathBuf>,
+}
+
+impl<'a> Context<'a> {
+    fn new(
+        mesh: &'a dyn MeshSource,
+        grid: &'a dyn GridSource,
+        tolerance: Option<f64>,
+        resources: &Resources,
+        progress: &'a dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        check_arguments(grid, tolerance, resources)?;
+        let (info, map) = (mesh.info(), grid.info().transform);
+        let size = [grid.info().width, grid.info().height];
+        let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
+        let threads = resources.threads.clamp(1, most);
+        let memory = resources.memory / 8 * 5;
+        Ok(Self {
+            mesh,
+            grid,
+            tolerance,
+            progress,
+            cancel: cancel.clone(),
+            snapper: Snapper::new(map, size, info.origin, info.single_precision),
+            orientation: if map.determinant() < 0.0 { -1 } else { 1 },
+            threads,
+            memory,
+            share: memory / threads as u64,
+            temp_dir: resources.temp_dir.clone(),
+        })
+    }
+
+    /// Where spills go.
+    fn folder(&self) -> PathBuf {
+        self.temp_dir.clone().unwrap_or_else(std::env::temp_dir)
+    }
+}
+
+fn check_arguments(
+    grid: &dyn GridSource,
+    tolerance: Option<f64>,
+    resources: &Resources,
+) -> Result<()> {
+    if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
+        return Err(Error::usage("the tolerance is not a number from 0 up"));
+    }
+    if !grid.info().transform.is_valid() {
+        return Err(Error::bad_input("the raster's map from samples to the world has no inverse"));
+    }
+    if grid.info().bounds().is_empty() {
+        return Err(Error::bad_input("the raster has no samples"));
+    }
+    if resources.memory < LEAST_MEMORY {
+        let message = format!("{} bytes of memory are too few", resources.memory);
+        return Err(Error::new(ErrorKind::Resource, message).remedy("allow 1 MiB or more"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info(details: &[(&str, &str)]) -> MeshInfo {
+        MeshInfo {
+            vertices: 0,
+            triangles: 0,
+            format: "test",
+            origin: [0.0; 3],
+            single_precision: false,
+            indexed: true,
+            crs: None,
+            details: details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect(),
+        }
+    }
+
+    #[test]
+    fn the_tolerance_is_read_from_comments() {
+        let stated = |details: &[(&str, &str)]| stated_tolerance(&info(details));
+        assert_eq!(stated(&[("max error", "1.5 metre")]), Some(1.5));
+        assert_eq!(
+            stated(&[("comment", "source a.tif"), ("comment", "max error 0.25")]),
+            Some(0.25)
+        );
+        assert_eq!(stated(&[("comment", "max error unknown")]), None);
+        assert_eq!(stated(&[("comment", "max error -1")]), None);
+        assert_eq!(stated(&[]), None);
+    }
+}

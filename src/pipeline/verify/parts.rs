@@ -1,0 +1,343 @@
+//! The passes over a mesh and its grid: vertices and triangles into buckets by domain, then one
+//! domain after the other.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Context;
+use super::spill::{Spill, Writer};
+use super::vertices::{VertexCache, VertexCounts};
+use super::workers::{self, lock};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geom::{Point3, Rect};
+use crate::raster::GridInfo;
+use crate::verify::{
+    self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
+};
+
+/// Triangles a worker takes at a time.
+const BATCH: u64 = 2048;
+/// Most samples of a domain: with their errors they should stay near the processor.
+const MOST_SAMPLES: u64 = 1 << 18;
+/// Domains for each thread, at least, where the grid is large enough.
+const SHARES: u64 = 4;
+
+/// Divides the grid so that a domain of average density takes half of a thread's memory. On a grid
+/// stored in strips domains are as wide as the grid if they can, so that strips are decoded once.
+pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layout {
+    let grid = [info.width, info.height];
+    let samples = u64::from(info.width) * u64::from(info.height);
+    let unit = u64::from(Domain::UNIT);
+    let per_sample = (1 << 10) * triangles.min(2 * samples) / samples;
+    let need = verify::bytes_needed(1 << 10, per_sample + per_sample / 2, per_sample);
+    let area = (memory / 2 * (1 << 10) / need)
+        .min(MOST_SAMPLES)
+        .min(samples / (SHARES * threads as u64))
+        .max(unit * unit);
+    let side = |samples: u64| (samples / unit * unit).clamp(unit, 1 << 30) as u32;
+    let across = u64::from(info.width).next_multiple_of(unit);
+    let size = if info.block.0 < info.width || info.width <= Domain::UNIT {
+        let square = side(area.isqrt());
+        [square, square]
+    } else if area / across >= unit {
+        [side(across), side(area / across)]
+    } else {
+        [side(area / unit), Domain::UNIT]
+    };
+    Layout { grid, size }
+}
+
+/// Everything the mesh has, by the domains it touches.
+pub(super) struct Buckets {
+    layout: Layout,
+    /// Each triangle in every domain it may touch.
+    triangles: Spill<Triangle>,
+    /// Each vertex in the domain that owns it, where vertices have an identity.
+    positions: Option<Spill<Position>>,
+    /// How the vertices lie.
+    pub(super) counts: VertexCounts,
+    /// Triangles left out because of an unusable vertex.
+    pub(super) broken: u64,
+}
+
+impl Buckets {
+    /// Reads the mesh once.
+    pub(super) fn fill(context: &Context<'_>) -> Result<Self> {
+        let info = context.mesh.info();
+        let (memory, threads) = (context.share, context.threads);
+        let layout = layout(context.grid.info(), info.triangles, memory, threads);
+        let folder = context.folder();
+        let positions = match info.indexed {
+            true => Some(Spill::new(&folder, layout.len())?),
+            false => None,
+        };
+        let triangles = Spill::new(&folder, layout.len())?;
+        let counts = VertexCounts::default();
+        let mut buckets = Self { layout, triangles, positions, counts, broken: 0 };
+        context.progress.begin("vertices", info.vertices);
+        buckets.counts = buckets.fill_positions(context)?;
+        context.progress.end();
+        context.progress.begin("triangles", info.triangles);
+        buckets.broken = buckets.fill_triangles(context)?;
+        context.progress.end();
+        Ok(buckets)
+    }
+
+    fn fill_positions(&self, context: &Context<'_>) -> Result<VertexCounts> {
+        let all = Mutex::new(VertexCounts::default());
+        let pages = VertexCounts::pages(context.mesh);
+        let start = || {
+            let writer = self.positions.as_ref().map(|spill| spill.writer(context.share / 2));
+            (VertexCounts::default(), writer, Vec::new())
+        };
+        type State<'s> = (VertexCounts, Option<Writer<'s, Position>>, Vec<Point3>);
+        let work = |(counts, writer, stored): &mut State<'_>, page: u64| {
+            counts.page(context.mesh, &context.snapper, page, stored, |at| match writer {
+                Some(writer) => writer.push(self.layout.owner(at), at),
+                None => Ok(()),
+            })?;
+            context.progress.advance(stored.len() as u64);
+            Ok(())
+        };
+        let finish = |(counts, writer, _): State<'_>| {
+            lock(&all).merge(&counts);
+            writer.map_or(Ok(()), Writer::finish)
+        };
+        workers::run(context.threads, pages, &context.cancel, start, work, finish)?;
+        Ok(*lock(&all))
+    }
+
+    fn fill_triangles(&self, context: &Context<'_>) -> Result<u64> {
+        let broken = AtomicU64::new(0);
+        let units = context.mesh.info().triangles.div_ceil(BATCH);
+        let start = || Filler {
+            layout: self.layout,
+            cache: VertexCache::new(context.mesh, context.snapper, context.share / 2),
+            writer: self.triangles.writer(context.share / 4),
+            ids: Vec::new(),
+            touched: Vec::new(),
+            broken: 0,
+        };
+        let work = |filler: &mut Filler<'_>, unit| filler.batch(context, unit * BATCH);
+        let finish = |filler: Filler<'_>| {
+            broken.fetch_add(filler.broken, Ordering::Relaxed);
+            filler.writer.finish()
+        };
+        workers::run(context.threads, units, &context.cancel, start, work, finish)?;
+        Ok(broken.into_inner())
+    }
+
+    /// Bytes spilled.
+    pub(super) fn bytes(&self) -> u64 {
+        self.triangles.bytes() + self.positions.as_ref().map_or(0, Spill::bytes)
+    }
+
+    /// Checks every domain.
+    pub(super) fn check(&self, context: &Context<'_>) -> Result<Tally> {
+        let all = Mutex::new(Tally::default());
+        let info = context.grid.info();
+        context.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
+        let checker = Checker { context, buckets: self, crowded: Mutex::new(()) };
+        let rows = Rows::new(&self.layout);
+        let work = |tally: &mut Tally, index| {
+            let domain = self.layout.domain(index);
+            checker.check(domain, index, tally)?;
+            rows.done(&self.layout, index, context);
+            context.progress.advance(domain.rect.len() as u64);
+            Ok(())
+        };
+        let finish = |tally: Tally| {
+            lock(&all).merge(&tally);
+            Ok(())
+        };
+        let (threads, units) = (context.threads, self.layout.len());
+        workers::run(threads, units, &context.cancel, Tally::default, work, finish)?;
+        context.progress.end();
+        let tally = lock(&all).clone();
+        Ok(tally)
+    }
+}
+
+/// One thread's part in spreading triangles over domains.
+struct Filler<'a> {
+    layout: Layout,
+    cache: VertexCache<'a>,
+    writer: Writer<'a, Triangle>,
+    ids: Vec<[u64; 3]>,
+    touched: Vec<u64>,
+    broken: u64,
+}
+
+impl Filler<'_> {
+    /// Spreads the batch of triangles that begins with `first`.
+    fn batch(&mut self, context: &Context<'_>, first: u64) -> Result<()> {
+        let info = context.mesh.info();
+        let mut ids = std::mem::take(&mut self.ids);
+        ids.clear();
+        ids.resize((info.triangles - first).min(BATCH) as usize, [0; 3]);
+        context.mesh.read_triangles(first, &mut ids)?;
+        for (corners, number) in ids.iter().zip(first..) {
+            if let Some(&id) = corners.iter().find(|&&id| id >= info.vertices) {
+                let message = format!("refers to vertex {id} of {}", info.vertices);
+                return Err(Error::bad_input(message).at(format!("triangle {number}")));
+            }
+            self.spread(corners)?;
+        }
+        context.progress.advance(ids.len() as u64);
+        self.ids = ids;
+        Ok(())
+    }
+
+    fn spread(&mut self, &[a, b, c]: &[u64; 3]) -> Result<()> {
+        let corners = [self.cache.get(a)?, self.cache.get(b)?, self.cache.get(c)?];
+        let [Some(a), Some(b), Some(c)] = corners else {
+            self.broken += 1;
+            return Ok(());
+        };
+        let triangle = Triangle { corners: [a, b, c] };
+        self.touched.clear();
+        self.layout.touched(&triangle, |domain| self.touched.push(domain));
+        self.touched.iter().try_for_each(|&domain| self.writer.push(domain, triangle))
+    }
+}
+
+/// Checks domains, splitting those too crowded for a thread's memory.
+struct Checker<'a> {
+    context: &'a Context<'a>,
+    buckets: &'a Buckets,
+    /// Held while a domain that cannot be split takes more than a thread's share.
+    crowded: Mutex<()>,
+}
+
+impl Checker<'_> {
+    fn check(&self, domain: Domain, bucket: u64, tally: &mut Tally) -> Result<()> {
+        let (triangles, positions) = self.count(domain, bucket)?;
+        let need = verify::bytes_needed(domain.apron().len() as u64, triangles, positions);
+        if need <= self.context.share {
+            return self.check_whole(domain, bucket, [triangles, positions], tally);
+        }
+        match domain.halves() {
+            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, tally)),
+            None if need > self.context.memory || triangles > MOST_TRIANGLES => {
+                Err(too_crowded(domain, triangles, need))
+            }
+            None => {
+                let _alone = lock(&self.crowded);
+                self.check_whole(domain, bucket, [triangles, positions], tally)
+            }
+        }
+    }
+
+    /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
+    fn count(&self, domain: Domain, bucket: u64) -> Result<(u64, u64)> {
+        let Buckets { layout, triangles, positions, .. } = self.buckets;
+        if domain == layout.domain(bucket) {
+            return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
+        }
+        let mut counts = (0, 0);
+        self.each_triangle(domain, bucket, |_| counts.0 += 1)?;
+        self.each_position(domain, bucket, |_| counts.1 += 1)?;
+        Ok(counts)
+    }
+
+    fn each_triangle(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        mut visit: impl FnMut(&Triangle),
+    ) -> Result<()> {
+        self.buckets.triangles.read(bucket, |triangles| {
+            triangles.iter().filter(|t| domain.may_touch(t)).for_each(&mut visit);
+        })
+    }
+
+    fn each_position(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        mut visit: impl FnMut(Position),
+    ) -> Result<()> {
+        let Some(positions) = &self.buckets.positions else { return Ok(()) };
+        positions.read(bucket, |positions| {
+            positions.iter().copied().filter(|&at| domain.owns(at)).for_each(&mut visit);
+        })
+    }
+
+    fn check_whole(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        [triangles, positions]: [u64; 2],
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let mut all = Vec::with_capacity(triangles as usize);
+        self.each_triangle(domain, bucket, |triangle| all.push(*triangle))?;
+        let mut vertices = Vec::with_capacity(positions as usize);
+        self.each_position(domain, bucket, |at| vertices.push(at))?;
+        vertices.sort_unstable();
+        let part = Part {
+            domain,
+            heights: &self.read(domain.apron())?,
+            triangles: &all,
+            vertices: self.buckets.positions.is_some().then_some(&vertices[..]),
+            tolerance: self.context.tolerance,
+            orientation: self.context.orientation,
+        };
+        let open = verify::check(&part, tally);
+        open.into_iter().try_for_each(|open| self.follow(open, tally))
+    }
+
+    fn read(&self, rect: Rect) -> Result<Vec<f64>> {
+        let mut heights = vec![0.0; rect.len()];
+        self.context.grid.read_f64(rect, &mut heights)?;
+        Ok(heights)
+    }
+
+    /// Follows an open edge beyond its domain.
+    fn follow(&self, mut open: Open, tally: &mut Tally) -> Result<()> {
+        let grid = self.buckets.layout.grid;
+        loop {
+            let window = open.rest.window(grid);
+            let surface = Surface::new(grid, window, &self.read(window)?);
+            match surface.follow(open.rest) {
+                Followed::On => return Ok(()),
+                Followed::Off => {
+                    tally.crack(&open);
+                    return Ok(());
+                }
+                Followed::Rest(rest) => open.rest = rest,
+            }
+        }
+    }
+}
+
+/// Triangles of a part are numbered with their corners in `u32`.
+const MOST_TRIANGLES: u64 = 1 << 30;
+
+fn too_crowded(domain: Domain, triangles: u64, need: u64) -> Error {
+    let Rect { col, row, width, height } = domain.rect;
+    let what = format!("{triangles} triangles touch the {width} x {height} samples there");
+    Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
+        .at(format!("column {col}, row {row}"))
+        .remedy("raise --memory")
+}
+
+/// Tells the grid when a row of domains is done.
+struct Rows {
+    left: Vec<AtomicU64>,
+}
+
+impl Rows {
+    fn new(layout: &Layout) -> Self {
+        let [across, down] = layout.counts();
+        Self { left: (0..down).map(|_| AtomicU64::new(u64::from(across))).collect() }
+    }
+
+    fn done(&self, layout: &Layout, index: u64, context: &Context<'_>) {
+        let down = (index / u64::from(layout.counts()[0])) as usize;
+        if self.left[down].fetch_sub(1, Ordering::Relaxed) == 1 {
+            let Rect { row, height, .. } = layout.domain(index).rect;
+            context.grid.release(Rect::new(0, row, layout.grid[0], height));
+        }
+    }
+}

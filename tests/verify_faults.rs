@@ -1,0 +1,397 @@
+//! Planted faults: each is found by its own name, and a sound mesh has none.
+
+mod verify_support;
+
+use terrane::geom::Affine;
+use terrane::pipeline::verify::{FaultReport, VerifyReport};
+use verify_support::{Grid, Mesh, check, delaunay, noise, split_cells};
+
+/// World y of a row, under the default map.
+fn y(row: u32) -> f64 {
+    -f64::from(row)
+}
+
+fn rough() -> Grid {
+    Grid::new(12, 9, |c, r| (noise(c, r, 1) * 64.0).round() / 4.0)
+}
+
+/// Names of all faults found, in the order of the report.
+fn faults(report: &VerifyReport) -> Vec<&'static str> {
+    let named: [(&str, &FaultReport); 15] = [
+        ("over", &report.over_tolerance),
+        ("uncovered samples", &report.uncovered_samples),
+        ("uncovered cells", &report.uncovered_cells),
+        ("void", &report.void_cells),
+        ("outside", &report.outside_triangles),
+        ("overlap", &report.overlaps),
+        ("inverted", &report.inverted_triangles),
+        ("empty", &report.empty_triangles),
+        ("crack", &report.cracks),
+        ("t-junction", &report.t_junctions),
+        ("non-manifold", &report.non_manifold_edges),
+        ("split height", &report.split_heights),
+        ("duplicate", &report.duplicate_vertices),
+        ("unused", &report.unused_vertices),
+        ("non-delaunay", &report.non_delaunay_edges),
+    ];
+    named.iter().filter(|(_, fault)| fault.count > 0).map(|(name, _)| *name).collect()
+}
+
+fn assert_sound(report: &VerifyReport) {
+    assert_eq!(report.failures, Vec::<String>::new());
+    assert!(report.passed);
+    assert_eq!(faults(report), Vec::<&str>::new());
+    assert_eq!(report.covered_samples, report.surface_samples);
+    assert_eq!(report.mesh_area, report.surface_cells as f64);
+}
+
+#[test]
+fn split_cells_are_sound_under_any_map() {
+    let utm = Affine { x0: 5e5, a: 30.0, b: 0.0, y0: 4.2e6, d: 0.0, e: -30.0 };
+    let south_up = Affine { e: 30.0, ..utm };
+    let rotated = Affine { x0: 0.1, a: 0.8, b: 0.6, y0: -7.3, d: 0.6, e: -0.8 };
+    let degrees = Affine { x0: 11.3, a: 1.0 / 3600.0, b: 0.0, y0: 46.9, d: 0.0, e: -1.0 / 3600.0 };
+    for transform in [Affine::LATTICE, utm, south_up, rotated, degrees] {
+        let mut grid = rough();
+        grid.info.transform = transform;
+        let report = check(&split_cells(&grid), &grid, Some(0.0));
+        assert_sound(&report);
+        assert_eq!((report.max_error, report.rmse), (Some(0.0), Some(0.0)));
+        assert_eq!(report.triangles, 2 * 11 * 8);
+        assert_eq!((report.free_vertices, report.open_edges), (0, 2 * (11 + 8)));
+    }
+}
+
+#[test]
+fn voids_and_isolated_samples_are_no_fault() {
+    let mut grid = rough();
+    for (col, row) in [(3, 3), (4, 3), (9, 0), (10, 1), (11, 1), (0, 8)] {
+        grid.set(col, row, f64::NAN);
+    }
+    let report = check(&split_cells(&grid), &grid, Some(0.0));
+    assert_sound(&report);
+    assert_eq!((report.valid_samples, report.isolated_samples), (102, 2));
+    assert_eq!(report.covered_samples, 100);
+}
+
+#[test]
+fn a_delaunay_mesh_has_no_non_delaunay_edge_and_a_flip_makes_one() {
+    let grid = Grid::new(100, 80, |c, r| f64::from(c) * 0.5 - f64::from(r));
+    let mut mesh = delaunay(&grid, |c, r| noise(c, r, 7) < 0.05);
+    let report = check(&mesh, &grid, Some(1e-9));
+    assert_sound(&report);
+    assert!(report.smallest_angle.unwrap() > 0.0);
+    assert_eq!(report.angle_histogram.iter().sum::<u64>(), report.triangles);
+    let flipped = (0..mesh.triangles.len()).find_map(|t| flip(&mesh, t)).unwrap();
+    mesh.triangles = flipped;
+    let report = check(&mesh, &grid, Some(1e-9));
+    assert!(report.passed, "non-Delaunay edges do not fail: {:?}", report.failures);
+    assert!(report.non_delaunay_edges.count >= 1);
+}
+
+/// Flips the first side of triangle `t`, where that leaves two proper triangles.
+fn flip(mesh: &Mesh, t: usize) -> Option<Vec<[u64; 3]>> {
+    let [a, b, c] = mesh.triangles[t];
+    let rotations = |[x, y, z]: [u64; 3]| [[x, y, z], [y, z, x], [z, x, y]];
+    let twin = |&[x, y, _]: &[u64; 3]| [x, y] == [b, a];
+    let (other, d) = mesh.triangles.iter().enumerate().find_map(|(i, &triangle)| {
+        rotations(triangle).iter().find(|r| twin(r)).map(|r| (i, r[2]))
+    })?;
+    let area = |ids: [u64; 3]| {
+        let [p, q, s] = ids.map(|id| mesh.vertices[id as usize]);
+        (q[0] - p[0]) * (s[1] - p[1]) - (q[1] - p[1]) * (s[0] - p[0])
+    };
+    let new = [[a, d, c], [d, b, c]];
+    let mut triangles = mesh.triangles.clone();
+    (triangles[t], triangles[other]) = (new[0], new[1]);
+    new.iter().all(|&ids| area(ids) > 0.0).then_some(triangles)
+}
+
+#[test]
+fn a_vertex_moved_up_is_over_the_tolerance() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    let id = mesh.find(5.0, y(4));
+    mesh.vertices[id as usize][2] += 0.5;
+    let report = check(&mesh, &grid, Some(0.25));
+    assert_eq!(faults(&report), ["over"]);
+    assert_eq!(report.over_tolerance.count, 1);
+    let place = report.over_tolerance.first.unwrap();
+    assert_eq!((place.column, place.row, place.x, place.y), (5.0, 4.0, 5.0, -4.0));
+    assert_eq!((report.max_error, report.max_error_at), (Some(0.5), Some(place)));
+    assert!(!report.passed && report.failures.len() == 1);
+    assert!(report.failures[0].contains("column 5, row 4"), "{}", report.failures[0]);
+    assert!(check(&mesh, &grid, Some(0.5)).passed, "closed <=");
+}
+
+#[test]
+fn a_vertex_moved_sideways_is_free_and_over_the_tolerance() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    let id = mesh.find(5.0, y(4)) as usize;
+    mesh.vertices[id][0] += 0.25;
+    let report = check(&mesh, &grid, Some(1e-6));
+    assert_eq!(report.free_vertices, 1);
+    assert_eq!(faults(&report), ["over", "non-delaunay"]);
+    // Beyond its neighbour it turns triangles over.
+    mesh.vertices[id][0] += 1.25;
+    let report = check(&mesh, &grid, Some(1e-6));
+    assert!(report.inverted_triangles.count > 0 && !report.passed);
+}
+
+#[test]
+fn one_part_in_a_billion_over_the_tolerance_is_over() {
+    // A slope of 1/3 over three cells: the middle samples are off by no float exactly.
+    let grid = Grid::new(4, 2, |c, _| if c == 1 { 1.0 } else { f64::from(c) / 3.0 * 0.9 });
+    let mesh = delaunay(&grid, |_, _| false);
+    let error = check(&mesh, &grid, None).max_error.unwrap();
+    let count = |tolerance: f64| check(&mesh, &grid, Some(tolerance)).over_tolerance.count;
+    assert_eq!(count(error * (1.0 + 1e-9)), 0);
+    assert_eq!(count(error * (1.0 - 1e-9)), 2);
+    assert_eq!(count(error.next_up().next_up()), 0);
+    assert_eq!(count(error.next_down().next_down()), 2);
+}
+
+#[test]
+fn the_verdict_at_the_tolerance_is_exact() {
+    // Plane z = x / 3 against 1: the error at column 1 is 2/3, between two floats.
+    let mut grid = Grid::new(4, 2, |c, _| if c == 3 { 1.0 } else { 0.0 });
+    grid.set(1, 0, 1.0);
+    let mesh = delaunay(&grid, |_, _| false);
+    let below = 2.0 / 3.0;
+    let report = check(&mesh, &grid, Some(below));
+    assert_eq!(report.over_tolerance.count, 3);
+    assert_eq!(*report.error_histogram.last().unwrap(), 3);
+    assert!(report.max_error.unwrap() > below);
+    let report = check(&mesh, &grid, Some(f64::next_up(below)));
+    assert!(report.passed);
+    assert!(report.max_error.unwrap() <= f64::next_up(below));
+}
+
+#[test]
+fn a_dropped_triangle_is_a_crack() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    mesh.triangles.remove(77);
+    mesh.recount();
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!(faults(&report), ["crack"]);
+    assert_eq!(report.cracks.count, 3);
+    assert_eq!(report.mesh_area, 87.5);
+    // Both halves of a cell, and with them a cell.
+    mesh.triangles.remove(76);
+    mesh.recount();
+    assert_eq!(faults(&check(&mesh, &grid, None)), ["uncovered cells", "crack"]);
+}
+
+#[test]
+fn a_dropped_corner_leaves_a_sample_uncovered() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    let corner = mesh.find(0.0, 0.0);
+    mesh.triangles.retain(|t| !t.contains(&corner));
+    mesh.recount();
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!(faults(&report), ["uncovered samples", "crack", "unused"]);
+    assert_eq!(report.uncovered_samples.count, 1);
+}
+
+#[test]
+fn a_vertex_split_apart_is_a_crack() {
+    let grid = rough();
+    for (dx, dz, expected) in [
+        (0.25, 0.0, &["over", "crack"][..]),
+        (0.0, 0.5, &["over", "split height", "duplicate"][..]),
+    ] {
+        let mut mesh = split_cells(&grid);
+        let id = mesh.find(6.0, y(3));
+        let [x, y, z] = mesh.vertices[id as usize];
+        let copy = mesh.add([x + dx, y, z + dz]);
+        let users: Vec<usize> =
+            (0..mesh.triangles.len()).filter(|&t| mesh.triangles[t].contains(&id)).collect();
+        for &t in &users[..3] {
+            mesh.triangles[t] = mesh.triangles[t].map(|v| if v == id { copy } else { v });
+        }
+        mesh.recount();
+        let report = check(&mesh, &grid, Some(1e-6));
+        for name in expected {
+            assert!(faults(&report).contains(name), "{name} among {:?}", faults(&report));
+        }
+        let soup = check(&mesh.soup(), &grid, Some(1e-6));
+        assert!(!soup.passed);
+        assert_eq!(soup.split_heights, report.split_heights);
+        assert_eq!(soup.cracks, report.cracks);
+    }
+}
+
+/// Two by one large cells of four triangles' worth, with a vertex on the shared edge used by the
+/// right side only.
+fn t_junction() -> (Grid, Mesh) {
+    let grid = Grid::new(9, 5, |_, _| 1.0);
+    let place = [(0, 0), (4, 0), (8, 0), (0, 4), (4, 4), (8, 4), (4, 2)];
+    let vertices = place.map(|(c, r)| grid.vertex(c, r)).to_vec();
+    let triangles = vec![[0, 3, 1], [1, 3, 4], [1, 6, 2], [6, 4, 5], [6, 5, 2]];
+    (grid, Mesh::new(vertices, triangles))
+}
+
+#[test]
+fn a_t_junction_is_named() {
+    let (grid, mut mesh) = t_junction();
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!(faults(&report), ["crack", "t-junction"]);
+    assert_eq!((report.t_junctions.count, report.cracks.count), (1, 3));
+    let place = report.t_junctions.first.unwrap();
+    assert_eq!((place.column, place.row), (4.0, 2.0));
+    mesh.vertices[6] = [4.0, -2.25, 1.0];
+    assert_eq!(check(&mesh, &grid, Some(0.0)).t_junctions.count, 1, "off the lattice too");
+    // An empty triangle closes the mesh by its edges, and is named instead.
+    mesh.triangles.push([1, 4, 6]);
+    mesh.recount();
+    assert_eq!(faults(&check(&mesh, &grid, Some(0.0))), ["empty"]);
+}
+
+#[test]
+fn duplicate_and_unused_vertices_are_counted() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    mesh.add(mesh.vertices[40]);
+    mesh.recount();
+    assert_eq!(faults(&check(&mesh, &grid, Some(0.0))), ["duplicate"]);
+    mesh.vertices.pop();
+    mesh.add([3.5, -3.5, 0.0]);
+    mesh.recount();
+    assert_eq!(faults(&check(&mesh, &grid, Some(0.0))), ["unused"]);
+    let soup = mesh.soup();
+    let report = check(&soup, &grid, Some(0.0));
+    assert_sound(&report);
+}
+
+#[test]
+fn inverted_empty_and_overlapping_triangles_are_named() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    mesh.triangles[50].swap(1, 2);
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!(faults(&report), ["inverted", "non-manifold"]);
+    assert_eq!((report.inverted_triangles.count, report.non_manifold_edges.count), (1, 3));
+    mesh.triangles[50].swap(1, 2);
+
+    let [a, b, _] = mesh.triangles[50];
+    mesh.triangles.push([a, b, b]);
+    mesh.recount();
+    assert_eq!(check(&mesh, &grid, Some(0.0)).empty_triangles.count, 1);
+    mesh.triangles.pop();
+
+    let far = [mesh.find(2.0, y(2)), mesh.find(2.0, y(6)), mesh.find(8.0, y(2))];
+    mesh.triangles.push(far);
+    mesh.recount();
+    // Of a single layer of unit triangles no sample is strictly inside.
+    let report = check(&mesh, &grid, None);
+    assert_eq!(faults(&report), ["crack", "t-junction"]);
+    assert!(report.failures.iter().any(|f| f.contains("area")));
+    mesh.triangles.push(far);
+    mesh.recount();
+    let report = check(&mesh, &grid, None);
+    assert_eq!(faults(&report), ["overlap", "non-manifold"]);
+    assert_eq!(report.overlaps.count, 7, "as Pick's theorem says");
+}
+
+#[test]
+fn triangles_over_voids_and_beyond_the_grid_are_named() {
+    let mut grid = rough();
+    let mut mesh = split_cells(&grid);
+    grid.set(4, 4, f64::NAN);
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!((report.void_cells.count, report.uncovered_samples.count), (4, 0));
+    assert!(faults(&report).contains(&"void"));
+    let small = Grid::new(11, 9, |c, r| grid.at(c, r));
+    let report = check(&mesh, &small, None);
+    assert_eq!(report.outside_triangles.count, 2 * 8);
+    mesh.vertices.iter_mut().for_each(|v| v[0] -= 1.0);
+    let mut shifted = rough();
+    shifted.info.transform.x0 = -1.0;
+    assert_sound(&check(&mesh, &shifted, Some(0.0)));
+    assert_eq!(check(&mesh, &rough(), None).outside_triangles.count, 2 * 8);
+}
+
+#[test]
+fn unusable_vertices_and_bad_ids() {
+    let grid = rough();
+    let mut mesh = split_cells(&grid);
+    mesh.vertices[30][2] = f64::NAN;
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_eq!((report.unusable_vertices, report.broken_triangles), (1, 6));
+    assert!(!report.passed);
+    mesh.triangles[3][1] = 1 << 40;
+    let resources = terrane::pipeline::Resources::default();
+    let (progress, cancel) = (terrane::pipeline::Silent, terrane::pipeline::Cancel::default());
+    let verify = terrane::pipeline::verify::verify;
+    let error = verify(&mesh, &grid, None, &resources, &progress, &cancel).unwrap_err();
+    assert_eq!(error.kind(), terrane::ErrorKind::BadInput);
+    assert!(error.to_string().starts_with("triangle 3: refers to vertex 1099511627776"));
+    let error = verify(&mesh, &grid, Some(f64::NAN), &resources, &progress, &cancel).unwrap_err();
+    assert_eq!(error.kind(), terrane::ErrorKind::Usage);
+}
+
+#[test]
+fn grids_without_surface() {
+    let empty = Mesh::new(Vec::new(), Vec::new());
+    let line = Grid::new(7, 1, |_, _| 1.0);
+    let report = check(&empty, &line, Some(0.0));
+    assert!(report.passed);
+    assert_eq!((report.isolated_samples, report.max_error), (7, None));
+    let void = Grid::new(5, 5, |_, _| f64::NAN);
+    assert!(check(&empty, &void, Some(0.0)).passed);
+    let cell = Grid::new(2, 2, |_, _| 1.0);
+    assert_sound(&check(&split_cells(&cell), &cell, Some(0.0)));
+    assert_eq!(check(&empty, &cell, None).uncovered_samples.count, 4);
+}
+
+#[test]
+fn long_outline_edges_are_followed_across_domains() {
+    // Two triangles over a grid of many domains, then with a notch cut into the border.
+    let mut grid = Grid::new(5000, 70, |_, _| 0.0);
+    let mesh = delaunay(&grid, |_, _| false);
+    assert_sound(&verify_support::check_with(&mesh, &grid, Some(0.0), 2, 1 << 20));
+    grid.set(4700, 69, f64::NAN);
+    let report = verify_support::check_with(&mesh, &grid, Some(0.0), 2, 1 << 20);
+    assert_eq!((report.cracks.count, report.void_cells.count), (1, 2));
+}
+
+#[test]
+fn rounded_storage_is_snapped_and_reported() {
+    let mut grid = rough();
+    grid.info.transform =
+        Affine { x0: 512_345.7, a: 0.3, b: 0.0, y0: 4_200_000.1, d: 0.0, e: -0.3 };
+    let mut mesh = split_cells(&grid);
+    let origin = [512_345.0, 4_200_000.0, 0.0];
+    for vertex in &mut mesh.vertices {
+        for k in 0..2 {
+            vertex[k] = f64::from((vertex[k] - origin[k]) as f32) + origin[k];
+        }
+    }
+    mesh.info.origin = origin;
+    mesh.info.single_precision = true;
+    let report = check(&mesh, &grid, Some(0.0));
+    assert_sound(&report);
+    assert!(report.snapped_vertices > 90 && report.largest_snap > 1e-9);
+    assert!(report.largest_snap <= report.snap_radius && report.snap_radius < 1e-3);
+}
+
+#[test]
+fn steep_needles_stay_exact() {
+    // Rounding of a plane this steep is far above the tolerance: only exact decisions get it right.
+    let z = |c: u32, r: u32| f64::from(c) * 1e9 + f64::from(r) * 3e9;
+    let grid = Grid::new(300, 3, z);
+    let mut mesh = Mesh::new(
+        [(0, 0), (299, 0), (0, 2), (299, 2), (1, 1)].map(|(c, r)| grid.vertex(c, r)).to_vec(),
+        vec![[0, 2, 4], [0, 4, 1], [4, 2, 3], [4, 3, 1]],
+    );
+    assert_sound_but_delaunay(&check(&mesh, &grid, Some(0.0)));
+    mesh.vertices[4][2] = mesh.vertices[4][2].next_up();
+    assert!(check(&mesh, &grid, Some(0.0)).over_tolerance.count > 0);
+}
+
+fn assert_sound_but_delaunay(report: &VerifyReport) {
+    assert!(report.passed, "{:?}", report.failures);
+}
