@@ -6,6 +6,9 @@ use crate::error::Result;
 use crate::raster::{GridSource, OpenOptions};
 
 /// Placeholder of this branch.
-pub(crate) fn try_open(_path: &Path, _options: &OpenOptions) -> Result<Option<Box<dyn GridSource>>> {
+pub(crate) fn try_open(
+    _path: &Path,
+    _options: &OpenOptions,
+) -> Result<Option<Box<dyn GridSource>>> {
     Ok(None)
 }
