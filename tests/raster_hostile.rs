@@ -13,7 +13,7 @@ use terrane::raster::{OpenOptions, open};
 
 const TABLE: &str = include_str!("raster_support/hostile.tsv");
 /// Most samples a test reads at once.
-const MOST_SAMPLES: u64 = 1 << 20;
+const MOST_SAMPLES: u64 = 1 << 19;
 /// Far below what any of the lying headers asks for.
 const MOST_MEMORY: u64 = 1 << 30;
 
@@ -146,7 +146,7 @@ fn thousands_of_mutations_never_panic() {
         let path = folder.path().join(name);
         std::fs::write(&path, &seed).unwrap();
         assert!(matches!(guarded(&path), Ok(Ok(_))), "{name} is sound before it is damaged");
-        for _ in 0..500 {
+        for _ in 0..300 {
             let mut bytes = seed.clone();
             mutate(&mut bytes, &mut random);
             std::fs::write(&path, &bytes).unwrap();
@@ -157,7 +157,7 @@ fn thousands_of_mutations_never_panic() {
             }
         }
     }
-    assert!(read > 500 && refused > 500, "{read} read, {refused} refused");
+    assert!(read > 300 && refused > 300, "{read} read, {refused} refused");
     assert!(terrane::pipeline::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
 }
 

@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn old_and_new_lzw() {
-        let data: Vec<u8> = (0..20_000_u32).map(|i| (i * i >> 7) as u8).collect();
+        let data: Vec<u8> = (0..20_000_u32).map(|i| ((i * i) >> 7) as u8).collect();
         let new = weezl::encode::Encoder::with_tiff_size_switch(BitOrder::Msb, 8).encode(&data);
         let old = weezl::encode::Encoder::new(BitOrder::Lsb, 8).encode(&data);
         for packed in [new.unwrap(), old.unwrap()] {
