@@ -68,7 +68,7 @@ fn reading(criterion: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let mut out = vec![0.0; (TILE * TILE) as usize];
     for (name, spec) in specs() {
-        let bytes = spec.build(|col, row, band| terrain(col, row, band));
+        let bytes = spec.build(terrain);
         let path = folder.path().join("t.tif");
         std::fs::write(&path, &bytes).unwrap();
         let mut group = criterion.benchmark_group(name);
