@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use raster_support::tiff_builder::{Spec, Value};
-use raster_support::{crc, data_folder, open_band, read_all};
+use raster_support::{crc, data_folder, open_band, read_all, write_anew};
 use terrane::Result;
 use terrane::geom::Rect;
 use terrane::raster::{OpenOptions, open};
@@ -144,12 +144,12 @@ fn thousands_of_mutations_never_panic() {
     let (mut read, mut refused) = (0, 0);
     for (name, seed) in seeds() {
         let path = folder.path().join(name);
-        std::fs::write(&path, &seed).unwrap();
+        write_anew(&path, &seed);
         assert!(matches!(guarded(&path), Ok(Ok(_))), "{name} is sound before it is damaged");
         for _ in 0..300 {
             let mut bytes = seed.clone();
             mutate(&mut bytes, &mut random);
-            std::fs::write(&path, &bytes).unwrap();
+            write_anew(&path, &bytes);
             match guarded(&path) {
                 Ok(Ok(_)) => read += 1,
                 Ok(Err(_)) => refused += 1,

@@ -65,3 +65,9 @@ pub(crate) fn crc(heights: &[f64]) -> String {
     }
     format!("{:08x}", crc.sum())
 }
+
+/// Writes `bytes` to a new file. Rewriting an old one makes some file systems flush it each time.
+pub(crate) fn write_anew(path: &Path, bytes: &[u8]) {
+    let _ = std::fs::remove_file(path);
+    std::fs::write(path, bytes).unwrap();
+}
