@@ -330,3 +330,20 @@ fn details_for_info() {
         assert_eq!((detail.0.as_str(), detail.1.as_str()), expected);
     }
 }
+
+/// More blocks than are held in memory: offsets are read from the file one by one.
+#[test]
+fn very_many_blocks() {
+    let folder = Folder::new();
+    let mut spec = Spec::new(2, 300_000, 2, 32);
+    spec.rows_per_strip = 1;
+    spec.sparse = vec![299_998];
+    let path = folder.write(&spec, |col, row, _| (2 * row + col) as f64);
+    let source = open_band(&path, 1).unwrap();
+    let mut out = vec![0.0; 6];
+    source.read_f64(Rect::new(0, 299_997, 2, 3), &mut out).unwrap();
+    assert_eq!(out, [599_994.0, 599_995.0, 0.0, 0.0, 599_998.0, 599_999.0]);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes.drain(8..12);
+    assert!(open_band(&folder.raw(&bytes), 1).is_err());
+}
