@@ -5,11 +5,10 @@ mod raster_support;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use raster_support::{data_folder, open_band, read_all, read_in_windows, same};
+use raster_support::{crc, data_folder, open_band, read_all, read_in_windows, same};
 use terrane::raster::{GridInfo, GridSource};
 
 const GOLDEN: &str = include_str!("raster_support/golden.tsv");
-const VOID_BITS: u64 = 0x7ff8_0000_0000_0000;
 
 fn rows() -> impl Iterator<Item = Vec<&'static str>> {
     GOLDEN.lines().filter(|line| !line.starts_with('#')).map(|line| line.split('\t').collect())
@@ -21,15 +20,6 @@ fn number(text: &str) -> f64 {
 
 fn optional(text: &str) -> Option<f64> {
     (text != "-").then(|| number(text))
-}
-
-fn crc(heights: &[f64]) -> String {
-    let mut crc = libdeflater::Crc::new();
-    for height in heights {
-        let bits = if height.is_nan() { VOID_BITS } else { height.to_bits() };
-        crc.update(&bits.to_le_bytes());
-    }
-    format!("{:08x}", crc.sum())
 }
 
 /// Transforms agree to a billionth of a cell.
@@ -44,8 +34,23 @@ fn same_transform(info: &GridInfo, golden: &str) -> bool {
 }
 
 fn check(source: &dyn GridSource, row: &[&str]) -> Result<(), String> {
-    let [_, _, bands, width, height, kind, nodata, scale, offset, transform, epsg, point, valid, sum, crc32] =
-        row
+    let [
+        _,
+        _,
+        bands,
+        width,
+        height,
+        kind,
+        nodata,
+        scale,
+        offset,
+        transform,
+        epsg,
+        point,
+        valid,
+        sum,
+        crc32,
+    ] = row
     else {
         return Err("golden table: wrong number of fields".to_owned());
     };
@@ -56,10 +61,13 @@ fn check(source: &dyn GridSource, row: &[&str]) -> Result<(), String> {
     expect("size", (info.width, info.height) == (number(width) as u32, number(height) as u32))?;
     expect("bands", info.bands == number(bands) as u32)?;
     expect("type", *kind == "*" || info.sample_type.name() == *kind)?;
-    expect("nodata", match (info.nodata, optional(nodata)) {
-        (Some(a), Some(b)) => same(a, b) || a as f32 == b as f32,
-        (a, b) => a.is_none() && b.is_none(),
-    })?;
+    expect(
+        "nodata",
+        match (info.nodata, optional(nodata)) {
+            (Some(a), Some(b)) => same(a, b) || a as f32 == b as f32,
+            (a, b) => a.is_none() && b.is_none(),
+        },
+    )?;
     expect("scale", info.scale == number(scale) && info.offset == number(offset))?;
     expect("transform", same_transform(info, transform))?;
     expect("EPSG", info.crs.epsg.map(f64::from) == optional(epsg))?;
@@ -76,7 +84,8 @@ fn check(source: &dyn GridSource, row: &[&str]) -> Result<(), String> {
 /// The f32 path, in windows that straddle blocks, agrees with the f64 path.
 fn check_windows(source: &dyn GridSource, heights: &[f64]) -> Result<(), String> {
     let narrow = read_in_windows(source, 257).map_err(|e| e.to_string())?;
-    let differs = narrow.iter().zip(heights).any(|(n, h)| !same(f64::from(*n), f64::from(*h as f32)));
+    let differs =
+        narrow.iter().zip(heights).any(|(n, h)| !same(f64::from(*n), f64::from(*h as f32)));
     if differs { Err("f32 windows differ".to_owned()) } else { Ok(()) }
 }
 

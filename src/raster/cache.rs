@@ -176,7 +176,8 @@ mod tests {
     fn blocks_larger_than_the_cache_are_handed_out_but_not_kept() {
         let cache = BlockCache::new(5);
         assert_eq!(cache.get(1, || filled(7)).unwrap()[0], 7);
-        assert_eq!((cache.lock().bytes, cache.lock().slots.len()), (0, 0));
+        let state = cache.lock();
+        assert_eq!((state.bytes, state.slots.len()), (0, 0));
     }
 
     #[test]

@@ -224,7 +224,8 @@ mod tests {
         assert_eq!(shape(1801 * 3601 * 2).unwrap(), (1801, 3601));
         let error = shape(400).unwrap_err().to_string();
         assert!(error.contains("400 bytes") && error.contains("2884802 (1201 x 1201)"), "{error}");
-        let mut lengths: Vec<u64> = SHAPES.iter().map(|s| u64::from(s.0) * u64::from(s.1)).collect();
+        let mut lengths: Vec<u64> =
+            SHAPES.iter().map(|s| u64::from(s.0) * u64::from(s.1)).collect();
         lengths.sort_unstable();
         lengths.dedup();
         assert_eq!(lengths.len(), SHAPES.len(), "a length must tell one shape");

@@ -221,9 +221,9 @@ impl RasterFormat {
     /// True when the name of `path` ends in one of the format's extensions, in any case.
     fn has_extension_of(&self, path: &Path) -> bool {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        self.extensions.iter().any(|extension| {
-            name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.'))
-        })
+        self.extensions
+            .iter()
+            .any(|extension| name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')))
     }
 }
 

@@ -16,12 +16,7 @@ pub(crate) struct ToHeight {
 impl ToHeight {
     /// For the samples of the grid that `info` describes.
     pub(crate) fn of(info: &GridInfo) -> Self {
-        Self {
-            kind: info.sample_type,
-            nodata: info.nodata,
-            scale: info.scale,
-            offset: info.offset,
-        }
+        Self { kind: info.sample_type, nodata: info.nodata, scale: info.scale, offset: info.offset }
     }
 
     /// Converts `bytes` (samples one after the other) into `out`.

@@ -13,9 +13,8 @@ pub(crate) struct Window<'a, H> {
 impl<'a, H> Window<'a, H> {
     /// Checks that `rect` lies inside the grid and that `out` has its size.
     pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
-        let ends_inside = |first: u32, count: u32, of: u32| {
-            first.checked_add(count).is_some_and(|end| end <= of)
-        };
+        let ends_inside =
+            |first: u32, count: u32, of: u32| first.checked_add(count).is_some_and(|end| end <= of);
         let inside = ends_inside(rect.col, rect.width, info.width)
             && ends_inside(rect.row, rect.height, info.height);
         if !inside || rect.len() != out.len() {

@@ -1,7 +1,7 @@
 //! Shared by the raster tests: where the real files are, and how to read a whole grid.
 #![allow(dead_code)] // each test binary uses its part
 
-pub mod tiff_builder;
+pub(crate) mod tiff_builder;
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use terrane::geom::Rect;
 use terrane::raster::{GridSource, OpenOptions, open};
 
 /// The folder of real elevation models; `None` (with a note) where it is absent.
-pub fn data_folder() -> Option<PathBuf> {
+pub(crate) fn data_folder() -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
     let folder = std::env::var_os("TERRANE_DATA").map_or_else(|| default.into(), PathBuf::from);
     if !folder.is_dir() {
@@ -21,12 +21,12 @@ pub fn data_folder() -> Option<PathBuf> {
 }
 
 /// Opens `path` with default options and the given band.
-pub fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {
     open(path.to_str().unwrap(), &OpenOptions { band, ..OpenOptions::default() })
 }
 
 /// All heights, in f64.
-pub fn read_all(source: &dyn GridSource) -> Result<Vec<f64>> {
+pub(crate) fn read_all(source: &dyn GridSource) -> Result<Vec<f64>> {
     let bounds = source.info().bounds();
     let mut out = vec![0.0; bounds.len()];
     source.read_f64(bounds, &mut out)?;
@@ -34,7 +34,7 @@ pub fn read_all(source: &dyn GridSource) -> Result<Vec<f64>> {
 }
 
 /// All heights in f32, read in windows of at most `side` samples a side.
-pub fn read_in_windows(source: &dyn GridSource, side: u32) -> Result<Vec<f32>> {
+pub(crate) fn read_in_windows(source: &dyn GridSource, side: u32) -> Result<Vec<f32>> {
     let bounds = source.info().bounds();
     let mut all = vec![0.0; bounds.len()];
     for row in (0..bounds.height).step_by(side as usize) {
@@ -52,6 +52,22 @@ pub fn read_in_windows(source: &dyn GridSource, side: u32) -> Result<Vec<f32>> {
 }
 
 /// Equal heights, or both void.
-pub fn same(a: f64, b: f64) -> bool {
+pub(crate) fn same(a: f64, b: f64) -> bool {
     a == b || (a.is_nan() && b.is_nan())
+}
+
+/// CRC-32 of heights as little-endian f64, every void as the same NaN.
+pub(crate) fn crc(heights: &[f64]) -> String {
+    let mut crc = libdeflater::Crc::new();
+    for height in heights {
+        let bits = if height.is_nan() { 0x7ff8_0000_0000_0000 } else { height.to_bits() };
+        crc.update(&bits.to_le_bytes());
+    }
+    format!("{:08x}", crc.sum())
+}
+
+/// Writes `bytes` to a new file. Rewriting an old one makes some file systems flush it each time.
+pub(crate) fn write_anew(path: &Path, bytes: &[u8]) {
+    let _ = std::fs::remove_file(path);
+    std::fs::write(path, bytes).unwrap();
 }

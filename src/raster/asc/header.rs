@@ -7,7 +7,15 @@ use crate::limits;
 use super::tokens::{Tokens, number};
 
 const KEYS: [&str; 10] = [
-    "ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy",
+    "ncols",
+    "nrows",
+    "xllcorner",
+    "yllcorner",
+    "xllcenter",
+    "yllcenter",
+    "cellsize",
+    "dx",
+    "dy",
     "nodata_value",
 ];
 

@@ -83,8 +83,7 @@ impl Blocks {
         }
         let counts = directory.int_array(counts_tag)?.filter(|counts| counts.count >= blocks);
         let byte_counts = counts.map(|counts| Index::of(counts, file)).transpose()?;
-        let blocks =
-            Self { layout, offsets: Index::of(offsets, file)?, byte_counts, band };
+        let blocks = Self { layout, offsets: Index::of(offsets, file)?, byte_counts, band };
         blocks.check_places(file)?;
         Ok(blocks)
     }
@@ -111,8 +110,7 @@ impl Blocks {
     /// Where block (`bx`, `by`) lies, inside the file; `None` when it is sparse.
     pub(super) fn place(&self, bx: u32, by: u32, file: &RawFile) -> Result<Option<Place>> {
         let number = self.number(bx, by);
-        self.find(number, by, file)
-            .map_err(|e| self.named(e, bx, by).in_file(file.path()))
+        self.find(number, by, file).map_err(|e| self.named(e, bx, by).in_file(file.path()))
     }
 
     fn find(&self, number: u64, by: u32, file: &RawFile) -> Result<Option<Place>> {

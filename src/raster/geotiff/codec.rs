@@ -215,7 +215,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn run(compression: Compression, packed: &[u8], bytes: usize) -> std::result::Result<Vec<u8>, Fault> {
+    fn run(
+        compression: Compression,
+        packed: &[u8],
+        bytes: usize,
+    ) -> std::result::Result<Vec<u8>, Fault> {
         let mut out = vec![0; bytes];
         let written = with_scratch(|s| s.decoders.run(compression, packed, &mut out))?;
         out.truncate(written);
@@ -225,7 +229,8 @@ mod tests {
     #[test]
     fn packbits_of_the_specification() {
         let packed = [
-            0xFE, 0xAA, 0x02, 0x80, 0x00, 0x2A, 0xFD, 0xAA, 0x03, 0x80, 0x00, 0x2A, 0x22, 0xF7, 0xAA,
+            0xFE, 0xAA, 0x02, 0x80, 0x00, 0x2A, 0xFD, 0xAA, 0x03, 0x80, 0x00, 0x2A, 0x22, 0xF7,
+            0xAA,
         ];
         let mut expected = vec![0xAA, 0xAA, 0xAA, 0x80, 0x00, 0x2A, 0xAA, 0xAA, 0xAA, 0xAA];
         expected.extend([0x80, 0x00, 0x2A, 0x22]);
@@ -237,7 +242,7 @@ mod tests {
 
     #[test]
     fn old_and_new_lzw() {
-        let data: Vec<u8> = (0..20_000_u32).map(|i| (i * i >> 7) as u8).collect();
+        let data: Vec<u8> = (0..20_000_u32).map(|i| ((i * i) >> 7) as u8).collect();
         let new = weezl::encode::Encoder::with_tiff_size_switch(BitOrder::Msb, 8).encode(&data);
         let old = weezl::encode::Encoder::new(BitOrder::Lsb, 8).encode(&data);
         for packed in [new.unwrap(), old.unwrap()] {
@@ -254,8 +259,10 @@ mod tests {
         let mut zlib = vec![0; 6000];
         let level = libdeflater::CompressionLvl::default();
         let bytes = libdeflater::Compressor::new(level).zlib_compress(&data, &mut zlib).unwrap();
-        let packed =
-            [(Compression::Deflate, zlib[..bytes].to_vec()), (Compression::Zstd, zstd::bulk::compress(&data, 3).unwrap())];
+        let packed = [
+            (Compression::Deflate, zlib[..bytes].to_vec()),
+            (Compression::Zstd, zstd::bulk::compress(&data, 3).unwrap()),
+        ];
         for (compression, mut packed) in packed {
             assert_eq!(run(compression, &packed, 5000).unwrap(), data);
             assert_eq!(run(compression, &packed, 6000).unwrap(), data);

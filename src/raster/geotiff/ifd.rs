@@ -215,7 +215,7 @@ impl<'a> Directory<'a> {
 
     /// Bytes of the entry's values, which lie inside the file.
     fn check_values(&self, entry: &Entry) -> Result<u64> {
-        let bytes = entry.count.checked_mul(entry.size).unwrap_or(u64::MAX);
+        let bytes = entry.count.saturating_mul(entry.size);
         self.file
             .check_range(entry.offset, bytes)
             .map_err(|e| e.at(format_args!("tag {}", tags::name(entry.tag))))?;

@@ -161,7 +161,12 @@ fn side(directory: &Directory<'_>, tag: u16) -> Result<u32> {
     Ok(value as u32)
 }
 
-fn block_size(directory: &Directory<'_>, tiled: bool, width: u32, height: u32) -> Result<(u32, u32)> {
+fn block_size(
+    directory: &Directory<'_>,
+    tiled: bool,
+    width: u32,
+    height: u32,
+) -> Result<(u32, u32)> {
     if tiled {
         return Ok((side(directory, tags::TILE_WIDTH)?, side(directory, tags::TILE_LENGTH)?));
     }

@@ -56,10 +56,34 @@ fn reverse_each<const N: usize>(bytes: &mut [u8]) {
 /// to a pixel.
 pub(super) fn undo_horizontal(row: &mut [u8], size: usize, stride: usize) {
     match size {
-        1 => add_left(row.as_chunks_mut::<1>().0, stride, u8::from_ne_bytes, u8::wrapping_add, u8::to_ne_bytes),
-        2 => add_left(row.as_chunks_mut::<2>().0, stride, u16::from_ne_bytes, u16::wrapping_add, u16::to_ne_bytes),
-        4 => add_left(row.as_chunks_mut::<4>().0, stride, u32::from_ne_bytes, u32::wrapping_add, u32::to_ne_bytes),
-        _ => add_left(row.as_chunks_mut::<8>().0, stride, u64::from_ne_bytes, u64::wrapping_add, u64::to_ne_bytes),
+        1 => add_left(
+            row.as_chunks_mut::<1>().0,
+            stride,
+            u8::from_ne_bytes,
+            u8::wrapping_add,
+            u8::to_ne_bytes,
+        ),
+        2 => add_left(
+            row.as_chunks_mut::<2>().0,
+            stride,
+            u16::from_ne_bytes,
+            u16::wrapping_add,
+            u16::to_ne_bytes,
+        ),
+        4 => add_left(
+            row.as_chunks_mut::<4>().0,
+            stride,
+            u32::from_ne_bytes,
+            u32::wrapping_add,
+            u32::to_ne_bytes,
+        ),
+        _ => add_left(
+            row.as_chunks_mut::<8>().0,
+            stride,
+            u64::from_ne_bytes,
+            u64::wrapping_add,
+            u64::to_ne_bytes,
+        ),
     }
 }
 
@@ -87,7 +111,13 @@ fn add_left<T: Copy, const N: usize>(
 
 /// Undoes the floating point predictor in one row: `coded` holds `stride` interleaved bands of
 /// samples of `size` bytes, `out` receives band `band` in native order. `coded` is overwritten.
-pub(super) fn undo_float(coded: &mut [u8], out: &mut [u8], size: usize, stride: usize, band: usize) {
+pub(super) fn undo_float(
+    coded: &mut [u8],
+    out: &mut [u8],
+    size: usize,
+    stride: usize,
+    band: usize,
+) {
     match (size, stride) {
         (2, 1) => planes_to_samples::<2>(coded, out),
         (4, 1) => planes_to_samples::<4>(coded, out),

@@ -1,0 +1,84 @@
+//! Reading rate of compressed GeoTIFF, one thread: our decode path beside the `tiff` crate's, on
+//! the same bytes. Samples per second are printed by criterion.
+
+use std::hint::black_box;
+use std::io::Cursor;
+use std::path::Path;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use terrane::geom::Rect;
+use terrane::raster::{GridSource, OpenOptions, open};
+
+#[path = "../tests/raster_support/tiff_builder.rs"]
+#[allow(dead_code)]
+mod tiff_builder;
+
+use tiff_builder::Spec;
+
+const SIDE: u32 = 2048;
+const TILE: u32 = 512;
+
+/// Rolling hills with small-scale roughness, in float32.
+fn terrain(col: usize, row: usize, _band: usize) -> f64 {
+    let (x, y) = (col as f64, row as f64);
+    let noise = ((col * 7919 + row * 104_729) % 1013) as f64 / 1013.0;
+    let height = 300.0 * (x * 0.004).sin() * (y * 0.003).cos() + 20.0 * (x * 0.05 + y * 0.03).sin();
+    f64::from((height + noise) as f32)
+}
+
+fn specs() -> Vec<(&'static str, Spec)> {
+    let spec = |compression, predictor, format, bits| {
+        let mut spec = Spec::new(SIDE as usize, SIDE as usize, format, bits);
+        (spec.compression, spec.predictor, spec.tile) = (compression, predictor, Some((256, 256)));
+        spec
+    };
+    vec![
+        ("float32 deflate predictor 3", spec(8, 3, 3, 32)),
+        ("float32 zstd predictor 3", spec(50000, 3, 3, 32)),
+        ("int16 deflate predictor 2", spec(8, 2, 2, 16)),
+        ("int16 LZW predictor 2", spec(5, 2, 2, 16)),
+        ("float32 none", spec(1, 1, 3, 32)),
+    ]
+}
+
+/// Every sample once, tile by tile, as the TIN job reads.
+fn read_tiles(source: &dyn GridSource, out: &mut [f32]) {
+    for row in (0..SIDE).step_by(TILE as usize) {
+        for col in (0..SIDE).step_by(TILE as usize) {
+            source.read_f32(Rect::new(col, row, TILE, TILE), out).unwrap();
+            source.release(Rect::new(col, row, TILE, TILE));
+        }
+    }
+    black_box(&out);
+}
+
+fn ours(path: &Path, out: &mut [f32]) {
+    let source = open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+    read_tiles(source.as_ref(), out);
+}
+
+fn tiff_crate(bytes: &[u8]) {
+    let mut decoder = tiff::decoder::Decoder::new(Cursor::new(bytes)).unwrap();
+    for chunk in 0..decoder.tile_count().unwrap() {
+        black_box(decoder.read_chunk(chunk).unwrap());
+    }
+}
+
+fn reading(criterion: &mut Criterion) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut out = vec![0.0; (TILE * TILE) as usize];
+    for (name, spec) in specs() {
+        let bytes = spec.build(terrain);
+        let path = folder.path().join("t.tif");
+        std::fs::write(&path, &bytes).unwrap();
+        let mut group = criterion.benchmark_group(name);
+        group.throughput(Throughput::Elements(u64::from(SIDE) * u64::from(SIDE)));
+        group.sample_size(10);
+        group.bench_function("terrane", |b| b.iter(|| ours(&path, &mut out)));
+        group.bench_function("tiff crate", |b| b.iter(|| tiff_crate(&bytes)));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, reading);
+criterion_main!(benches);
