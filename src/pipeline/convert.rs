@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::store::{DEFAULT_TILE, Heights, StoreWriter};
+use crate::raster::store::{DEFAULT_TILE, Heights, StoreWriter, TILE_SIDES};
 use crate::raster::{self, GridInfo, GridSource, OpenOptions};
 
 /// A grid-to-store job.
@@ -141,7 +141,8 @@ impl Budget {
     /// A tile for each thread, and the rest for the source: fewer threads where memory is short.
     fn divide(job: &ConvertJob) -> Result<Self> {
         let Resources { threads, memory, .. } = job.resources;
-        let tile = u64::from(job.tile).pow(2) * BYTES_PER_SAMPLE;
+        let largest = TILE_SIDES.iter().copied().max().unwrap_or(DEFAULT_TILE);
+        let tile = u64::from(job.tile.min(largest)).pow(2) * BYTES_PER_SAMPLE;
         let least = tile + LEAST_CACHE;
         if memory < least {
             let message = format!("the memory budget of {memory} bytes is too small");

@@ -42,7 +42,7 @@ impl GeoKeys {
         let epsg = crs.epsg.and_then(|code| u16::try_from(code).ok());
         match (epsg, &crs.wkt) {
             (Some(code), _) => Self::by_code(code, crs),
-            (None, Some(wkt)) => Self::by_text(wkt, crs.geographic == Some(true)),
+            (None, Some(wkt)) => Self::by_text(wkt),
             (None, None) => Self::default(),
         }
     }
@@ -63,19 +63,16 @@ impl GeoKeys {
         Self { directory: directory(&entries), ..Self::default() }
     }
 
-    /// Well-known text without a code goes where Esri puts it and GDAL finds it: into the citation.
-    fn by_text(wkt: &str, geographic: bool) -> Self {
+    /// Well-known text without a code goes where Esri puts it; GDAL reads it from there when the
+    /// model is user-defined.
+    fn by_text(wkt: &str) -> Self {
         let ascii = format!("ESRI PE String = {}|", wkt.replace('\0', " "));
         let Ok(length) = u16::try_from(ascii.len()) else { return Self::default() };
-        let model = if geographic { key::GEOGRAPHIC } else { key::PROJECTED };
-        let system = if geographic { key::GEODETIC_CRS } else { key::PROJECTED_CRS };
-        let mut entries = vec![
-            [key::MODEL_TYPE, 0, 1, model],
+        let entries = [
+            [key::MODEL_TYPE, 0, 1, key::USER_DEFINED],
             [key::RASTER_TYPE, 0, 1, key::PIXEL_IS_AREA],
-            [system, 0, 1, key::USER_DEFINED],
             [key::PROJECTED_CITATION, tag::GEO_ASCII, length, 0],
         ];
-        entries.sort_unstable();
         Self { directory: directory(&entries), doubles: Vec::new(), ascii }
     }
 

@@ -38,7 +38,7 @@ pub struct StoreWriter {
 
 impl StoreWriter {
     /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one
-    /// of [`TILE_SIDES`](super::TILE_SIDES)), and reserves the disk for all of it. Size, transform,
+    /// of [`TILE_SIDES`](super::TILE_SIDES)), after making sure that the disk has room for it. Size, transform,
     /// CRS, sample type, nodata, scale and offset are taken from `info`.
     pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
         let header = Header::new(info, side).map_err(|e| e.in_file(path))?;
@@ -47,7 +47,7 @@ impl StoreWriter {
         let length = layout.tile_bytes().checked_mul(layout.tiles());
         let length = length.and_then(|tiles| tiles.checked_add(front.data));
         let length = length.ok_or_else(|| Error::usage("the store is too large").in_file(path))?;
-        map::reserve(file.file(), length).map_err(|e| no_room(path, length, e))?;
+        map::set_length(file.file(), length).map_err(|e| no_room(path, length, e))?;
         Ok(Self { file, layout, front, codec: Codec::new(info), written: AtomicU64::new(0) })
     }
 
@@ -151,7 +151,7 @@ struct Place {
 
 fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
     let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
-    let error = Error::write(path, error).at(format!("reserving {length} bytes"));
+    let error = Error::write(path, error).at(format!("making room for {length} bytes"));
     if full { error.remedy("free some space, or write to another disk") } else { error }
 }
 
