@@ -35,6 +35,8 @@ impl Lab {
     /// Reads everything of a file with these bytes.
     fn read(&self, ending: &str, bytes: &[u8]) -> Result<Mesh, Error> {
         let path = self.path(&format!("bad.{ending}"));
+        // A new file each time: some file systems put a file that is overwritten to disk at once.
+        let _ = std::fs::remove_file(&path);
         std::fs::write(&path, bytes).unwrap();
         read(&path)
     }
