@@ -35,12 +35,14 @@ impl Lab {
     /// Reads everything of a file with these bytes.
     fn read(&self, ending: &str, bytes: &[u8]) -> Result<Mesh, Error> {
         let path = self.path(&format!("bad.{ending}"));
+        // A new file each time: some file systems put a file that is overwritten to disk at once.
+        let _ = std::fs::remove_file(&path);
         std::fs::write(&path, bytes).unwrap();
         read(&path)
     }
 
     fn refused(&self, ending: &str, bytes: &[u8]) -> String {
-        let error = self.read(ending, bytes).err().expect("a bad file was read");
+        let error = self.read(ending, bytes).expect_err("a bad file was read");
         let text = error.to_string();
         let kinds = [ErrorKind::BadInput, ErrorKind::Unsupported, ErrorKind::Limit];
         assert!(kinds.contains(&error.kind()), "{text}");
@@ -174,7 +176,11 @@ fn lying_ply_files() {
     refuse(&ascii, &[], "ASCII PLY");
     refuse(&ply("0", "0", list).replace("float y", "float w"), &[], "no property \"y\"");
     refuse(&ply("0", "0", list).replace("float y", "int y"), &[], "a whole number as y");
-    refuse(&ply("0", "0", list).replace("element vertex 0", ""), &[], "property without an element");
+    refuse(
+        &ply("0", "0", list).replace("element vertex 0", ""),
+        &[],
+        "property without an element",
+    );
     refuse("ply\nformat binary_little_endian 1.0\nend_header\n", &[], "no vertices");
     refuse("ply\nelement vertex 0\nproperty float x\n", &[], "no end");
     refuse(&format!("ply\n{}", "comment x\n".repeat(2 << 20)), &[], "PLY header length");

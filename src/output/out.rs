@@ -69,7 +69,7 @@ impl Out {
     pub(super) fn append(&mut self, spool: &mut Out) -> Result<()> {
         self.flush()?;
         let mut source = spool.rewound()?;
-        io::copy(&mut source, &mut self.file).map_err(|e| Error::write(&self.path, e))?;
+        io::copy(&mut source, &mut self.file).map_err(|e| failure(&self.path, e))?;
         Ok(())
     }
 
@@ -77,13 +77,13 @@ impl Out {
     pub(super) fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let written = self.file.rewind().and_then(|()| self.file.write_all(bytes));
-        written.map_err(|e| Error::write(&self.path, e))
+        written.map_err(|e| failure(&self.path, e))
     }
 
     /// The file, complete, to be read from its start.
     pub(super) fn rewound(&mut self) -> Result<&File> {
         self.flush()?;
-        self.file.seek(SeekFrom::Start(0)).map_err(|e| Error::read(&self.path, e))?;
+        self.file.seek(SeekFrom::Start(0)).map_err(|e| failure(&self.path, e))?;
         Ok(&self.file)
     }
 
@@ -98,10 +98,16 @@ impl Out {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.file.write_all(&self.buffer).map_err(|e| Error::write(&self.path, e))?;
+        self.file.write_all(&self.buffer).map_err(|e| failure(&self.path, e))?;
         self.buffer.clear();
         Ok(())
     }
+}
+
+fn failure(path: &Path, error: io::Error) -> Error {
+    let is_full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
+    let error = Error::write(path, error);
+    if is_full { error.remedy("free some space, or choose another place") } else { error }
 }
 
 #[cfg(test)]
@@ -135,5 +141,6 @@ mod tests {
         let mut out = Out::new(full, Path::new("mesh.ply"));
         let error = out.bytes(&vec![0; BUFFER_BYTES]).unwrap_err();
         assert_eq!((error.kind(), error.path()), (ErrorKind::Io, Some(Path::new("mesh.ply"))));
+        assert!(error.to_string().ends_with("free some space, or choose another place"));
     }
 }
