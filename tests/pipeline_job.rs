@@ -69,7 +69,8 @@ fn bytes_do_not_depend_on_threads_or_memory() {
     let bytes = |name: &str, threads, memory: u64| {
         let path = folder.path().join(name);
         let resources = Resources { threads, memory: memory << 20, temp_dir: None };
-        make(&TinJob { resources, ..job(TERRAIN, &path, Goal::MaxError(5.0)) }).unwrap();
+        let job = job(TERRAIN, &path, Goal::MaxError(5.0));
+        make(&TinJob { resources, overwrite: true, ..job }).unwrap();
         std::fs::read(&path).unwrap()
     };
     for extension in ["ply", "glb", "stl"] {
@@ -84,10 +85,14 @@ fn a_budget_is_kept_and_used() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let budget = |goal| make(&TinJob { overwrite: true, ..job(TERRAIN, &path, goal) }).unwrap();
-    for most in [4, 50, 1000, 20_000] {
+    for most in [60, 1000, 20_000] {
         let made = budget(Goal::MaxVertices(most));
         assert!(made.vertices <= most && made.trials > 0, "{} of {most}", made.vertices);
-        assert!(most < 1000 || made.vertices as f64 > 0.95 * most as f64, "{} of {most}", made.vertices);
+        assert!(
+            most < 1000 || made.vertices as f64 > 0.95 * most as f64,
+            "{} of {most}",
+            made.vertices
+        );
         let made = budget(Goal::MaxTriangles(most));
         assert!(made.triangles <= most, "{} of {most}", made.triangles);
     }
@@ -101,7 +106,7 @@ fn too_small_a_budget_tells_the_least() {
     let path = folder.path().join("a.ply");
     let error = make(&job(TERRAIN, &path, Goal::MaxVertices(3))).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Usage);
-    assert!(error.to_string().contains("the coarsest one has 4"), "{error}");
+    assert!(error.to_string().contains("the coarsest one has 36"), "{error}");
     assert!(names(folder.path()).is_empty());
 }
 
@@ -116,7 +121,10 @@ fn requests_without_sense_are_refused_and_nothing_is_written() {
         error.kind()
     };
     for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(refused(TinJob { goal: Goal::MaxError(tolerance), ..good.clone() }), ErrorKind::Usage);
+        assert_eq!(
+            refused(TinJob { goal: Goal::MaxError(tolerance), ..good.clone() }),
+            ErrorKind::Usage
+        );
     }
     for goal in [Goal::MaxVertices(0), Goal::MaxTriangles(0)] {
         assert_eq!(refused(TinJob { goal, ..good.clone() }), ErrorKind::Usage);
