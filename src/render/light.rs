@@ -66,14 +66,14 @@ fn difference(before: f32, here: f32, after: f32) -> f32 {
 }
 
 /// Steepness (rise over run) that the steeper slopes of a picture should have to read well.
-const PLEASING_STEEPNESS: f32 = 0.85;
+const PLEASING_STEEPNESS: f32 = 0.65;
 /// Which slope counts as one of the steeper ones.
 const STEEP_QUANTILE: f64 = 0.9;
 /// Slopes looked at, at most.
 const MOST_SLOPES: usize = 1 << 18;
 
 /// The vertical exaggeration that gives a field with pixels of `ground` units a readable relief:
-/// its steeper slopes come out a little below 45 degrees. 1 when all is flat.
+/// its steeper slopes come out near 33 degrees. 1 when all is flat.
 pub fn natural_exaggeration(field: &Field, ground: [f64; 2]) -> f64 {
     let step = field.z.len().div_ceil(MOST_SLOPES).max(1);
     let mut steepness: Vec<f32> = (0..field.z.len())
@@ -109,7 +109,7 @@ mod tests {
         };
         let one = natural_exaggeration(&ramp(1.0), [10.0, 10.0]);
         let ten = natural_exaggeration(&ramp(10.0), [10.0, 10.0]);
-        assert!((one - 8.5).abs() < 1e-3 && (ten - 0.85).abs() < 1e-4);
+        assert!((one - 6.5).abs() < 1e-3 && (ten - 0.65).abs() < 1e-4);
         assert_eq!(natural_exaggeration(&ramp(0.0), [1.0, 1.0]), 1.0);
     }
 }

@@ -27,6 +27,8 @@ const INK: [f32; 3] = [0.10, 0.13, 0.20];
 const RIDGE: f32 = 0.16;
 /// Picture sides are divided in about this many parts to tell a ridge from a slope.
 const NEIGHBOURHOODS: usize = 48;
+/// How far from the border ridges count fully, in neighbourhoods.
+const BORDER: f64 = 2.0;
 
 /// Paints a field, row by row; rows are independent of each other.
 pub struct Painter<'a> {
@@ -110,11 +112,15 @@ impl<'a> Painter<'a> {
         Some([shade(0), shade(1), shade(2)])
     }
 
-    /// Height above the smoothed ground.
+    /// Height above the smoothed ground, fading out towards the border, where the ground is that
+    /// of one side only.
     fn above_ground(&self, z: f32, col: usize, row: usize) -> f32 {
-        let centre = |i: usize| (i as f64 + 0.5) / self.stride as f64 - 0.5;
-        let ground = self.ground.bilinear(centre(col), centre(row));
-        if ground.is_nan() { 0.0 } else { z - ground }
+        let at = |i: usize| (i as f64 + 0.5) / self.stride as f64;
+        let ground = self.ground.bilinear(at(col) - 0.5, at(row) - 0.5);
+        let inside = |i: usize, end: usize| at(i).min(at(end - 1 - i));
+        let border = inside(col, self.field.width).min(inside(row, self.field.height));
+        let weight = (border / BORDER).min(1.0) as f32;
+        if ground.is_nan() { 0.0 } else { (z - ground) * weight }
     }
 
     /// Twice the mean height above or below the smoothed ground; infinite when all is level.

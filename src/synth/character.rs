@@ -48,10 +48,14 @@ const ROUGH: Spectrum =
 const SMOOTH: Spectrum =
     Spectrum { coarsest: 12, ridged: 9, detail: 9, finest: 5, amplitude: 0.35, gain: 0.45 };
 
+/// Shorter swells than `ROUGH`, so that a thousand samples see both land and sea.
+const SHORES: Spectrum =
+    Spectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.12, gain: 0.56 };
+
 const SEA: Parameter = Parameter {
     key: "sea",
     about: "sea level, as a share of the relief",
-    default: 0.4,
+    default: 0.6,
     range: (-2.0, 2.0),
     whole: false,
 };
@@ -138,11 +142,11 @@ pub const CHARACTERS: &[Character] = &[
     },
     Character {
         name: "integer",
-        about: "rough, in whole metres above a flat sea at 0",
+        about: "islands and shores in whole metres above a flat sea at 0",
         own: Some(SEA),
         integer: true,
         voids: false,
-        spectrum: ROUGH,
+        spectrum: SHORES,
         finish: whole_metres,
     },
     Character {
@@ -156,11 +160,11 @@ pub const CHARACTERS: &[Character] = &[
     },
     Character {
         name: "coast",
-        about: "rough, in metres above the sea; everything beyond the coast line is void",
+        about: "islands and shores in metres above the sea; everything beyond the coast line is void",
         own: Some(SEA),
         integer: false,
         voids: true,
-        spectrum: ROUGH,
+        spectrum: SHORES,
         finish: coast,
     },
     Character {

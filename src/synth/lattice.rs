@@ -194,7 +194,14 @@ impl Run {
 
     #[inline(always)]
     #[allow(clippy::needless_range_loop)]
-    fn add_cell(&self, i: usize, range: Range<usize>, amplitude: f32, weight: &[f32], height: &mut [f32]) {
+    fn add_cell(
+        &self,
+        i: usize,
+        range: Range<usize>,
+        amplitude: f32,
+        weight: &[f32],
+        height: &mut [f32],
+    ) {
         let cell = Cubic::new(&self.value[i..i + REACH]);
         let n = range.len();
         let place = &self.place[range.clone()][..n];
@@ -218,7 +225,8 @@ impl Run {
         let place: [f32; SIDE] = std::array::from_fn(|k| k as f32 / SIDE as f32);
         let heights = height[head..tail].chunks_exact_mut(SIDE);
         let cells = self.value[first..].windows(REACH).map(Cubic::new);
-        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cells) {
+        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cells)
+        {
             for ((h, w), u) in heights.iter_mut().zip(weights).zip(&place) {
                 *h += amplitude * cell.at(*u) * w;
             }

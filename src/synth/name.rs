@@ -106,7 +106,8 @@ mod tests {
 
     #[test]
     fn names_round_trip() {
-        let terrain = Terrain::parse("salt, size=80000,height=3,seed=18446744073709551615,voids=0.01");
+        let terrain =
+            Terrain::parse("salt, size=80000,height=3,seed=18446744073709551615,voids=0.01");
         let terrain = terrain.unwrap();
         assert_eq!((terrain.width, terrain.height, terrain.seed), (80_000, 3, u64::MAX));
         let again = Terrain::parse(&terrain.to_string()).unwrap();

@@ -109,7 +109,9 @@ mod tests {
             for i in 0..4 {
                 let hash = RowHash::new(octave.key, y as u32 + j).at(x as u32 + i);
                 let node = f64::from(hash as i32 >> 8) / f64::from(1 << 23);
-                sum += node * bell(x.fract() + 1.0 - f64::from(i)) * bell(y.fract() + 1.0 - f64::from(j));
+                sum += node
+                    * bell(x.fract() + 1.0 - f64::from(i))
+                    * bell(y.fract() + 1.0 - f64::from(j));
             }
         }
         sum

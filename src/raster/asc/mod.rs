@@ -119,13 +119,12 @@ impl GridSource for AscGrid {
         self.read(rect, out)
     }
 
-    /// Forgets the blocks whose rows all lie in `rect`, if it is as wide as the grid.
+    /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
     fn release(&self, rect: Rect) {
-        for block in 0..self.starts.len() as u32 {
-            let of_block = self.block_rect(block);
-            if of_block.intersect(&rect) == of_block {
-                self.cache.forget(u64::from(block));
-            }
+        let rows = self.info.block.1;
+        let last = rect.end_row().min(self.info.height) / rows;
+        if rect.col == 0 && rect.width >= self.info.width {
+            (rect.row.div_ceil(rows)..last).for_each(|block| self.cache.forget(u64::from(block)));
         }
     }
 }

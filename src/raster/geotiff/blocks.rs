@@ -111,26 +111,27 @@ impl Blocks {
     /// Where block (`bx`, `by`) lies, inside the file; `None` when it is sparse.
     pub(super) fn place(&self, bx: u32, by: u32, file: &RawFile) -> Result<Option<Place>> {
         let number = self.number(bx, by);
-        let rows = self.layout.stored_rows(by);
-        self.find(number, self.layout.block_bytes(rows), file)
+        self.find(number, by, file)
             .map_err(|e| self.named(e, bx, by).in_file(file.path()))
     }
 
-    fn find(&self, number: u64, plain: u64, file: &RawFile) -> Result<Option<Place>> {
+    fn find(&self, number: u64, by: u32, file: &RawFile) -> Result<Option<Place>> {
+        let plain = self.layout.block_bytes(self.layout.stored_rows(by));
+        let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
         let offset = self.offsets.get(file, number)?;
         let raw = self.layout.compression == Compression::None;
         let bytes = match &self.byte_counts {
             Some(counts) => counts.get(file, number)?,
-            None if raw => plain,
+            None if raw => needed,
             None => most_packed(plain).min(file.len().saturating_sub(offset)),
         };
         if offset == 0 || bytes == 0 {
             return Ok(None);
         }
-        if raw && bytes < plain {
-            return Err(Error::bad_input(format!("has {bytes} of the {plain} bytes expected")));
+        if raw && bytes < needed {
+            return Err(Error::bad_input(format!("has {bytes} of the {needed} bytes expected")));
         }
-        let bytes = if raw { plain } else { bytes };
+        let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
         Ok(Some(Place { offset, bytes: bytes.min(most_packed(plain)) }))
     }
@@ -161,23 +162,29 @@ impl Blocks {
         let plain = to_usize("block", layout.block_bytes(layout.stored_rows(by)))?;
         let mut out = vec![0; plain / layout.stride()];
         if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
-            self.unpack(&mut scratch.decoders, packed, &mut out)?;
+            self.unpack(&mut scratch.decoders, packed, &mut out, by)?;
             self.undo_in_place(&mut out);
         } else {
             let sorted = grown(&mut scratch.plain, plain);
-            self.unpack(&mut scratch.decoders, packed, sorted)?;
+            self.unpack(&mut scratch.decoders, packed, sorted, by)?;
             self.undo_into(sorted, &mut out);
         }
         Ok(out)
     }
 
-    /// Fills `out` from `packed`.
-    fn unpack(&self, decoders: &mut Decoders, packed: &[u8], out: &mut [u8]) -> Result<()> {
-        let expected = out.len();
+    /// Fills `out` from `packed`; rows of a tile below the image may be missing.
+    fn unpack(
+        &self,
+        decoders: &mut Decoders,
+        packed: &[u8],
+        out: &mut [u8],
+        by: u32,
+    ) -> Result<()> {
+        let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
         match decoders.run(self.layout.compression, packed, out) {
-            Ok(bytes) if bytes == expected => Ok(()),
+            Ok(bytes) if bytes as u64 >= needed => Ok(()),
             Ok(bytes) => {
-                Err(Error::bad_input(format!("decodes to {bytes} of the {expected} bytes expected")))
+                Err(Error::bad_input(format!("decodes to {bytes} of the {needed} bytes expected")))
             }
             Err(Fault::Corrupt(message)) => Err(Error::bad_input(message)),
             Err(Fault::TooLong) => self.unpack_padded(decoders, packed, out),

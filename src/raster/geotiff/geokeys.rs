@@ -47,9 +47,10 @@ impl GeoKeys {
         let geographic = self.geographic();
         let horizontal = if geographic == Some(true) { GEODETIC_CRS } else { PROJECTED_CRS };
         let epsg = self.code(horizontal).or_else(|| self.geocentric_code());
+        let in_3d = self.geographic_3d_code();
         Crs {
-            epsg,
-            vertical_epsg: self.code(VERTICAL_CRS),
+            epsg: in_3d.or(epsg),
+            vertical_epsg: self.code(VERTICAL_CRS).filter(|_| in_3d.is_none()),
             citation: self.citation(geographic),
             wkt: None,
             geographic,
@@ -73,6 +74,13 @@ impl GeoKeys {
 
     fn geocentric_code(&self) -> Option<u32> {
         (self.short(MODEL_TYPE) == Some(3)).then(|| self.code(GEODETIC_CRS)).flatten()
+    }
+
+    /// Files of latitude, longitude and ellipsoidal height put the code of the 3D system where that
+    /// of a vertical one belongs. No vertical system has a code in this range.
+    fn geographic_3d_code(&self) -> Option<u32> {
+        let code = self.code(VERTICAL_CRS).filter(|code| (4883..=4999).contains(code));
+        if self.geographic() == Some(true) { code } else { None }
     }
 
     fn citation(&self, geographic: Option<bool>) -> Option<String> {
@@ -149,6 +157,13 @@ mod tests {
     fn user_defined_codes_are_no_codes() {
         let crs = keys(&[1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 32767], "").into_crs();
         assert_eq!((crs.epsg, crs.geographic), (None, Some(true)));
+    }
+
+    #[test]
+    fn a_3d_system_in_the_vertical_key() {
+        let raw = [1, 1, 1, 3, 1024, 0, 1, 2, 2048, 0, 1, 4258, 4096, 0, 1, 4937];
+        let crs = keys(&raw, "").into_crs();
+        assert_eq!((crs.epsg, crs.vertical_epsg), (Some(4937), None));
     }
 
     #[test]

@@ -1,0 +1,124 @@
+//! GeoKeys of a store: those of the source, or made from what is known of its CRS.
+
+use super::header::tag;
+use super::tags::Values;
+use crate::geom::Crs;
+
+/// Key numbers and values of the OGC GeoTIFF standard 1.1 (19-008r4).
+mod key {
+    pub(super) const MODEL_TYPE: u16 = 1024;
+    pub(super) const RASTER_TYPE: u16 = 1025;
+    pub(super) const GEODETIC_CRS: u16 = 2048;
+    pub(super) const PROJECTED_CRS: u16 = 3072;
+    pub(super) const PROJECTED_CITATION: u16 = 3073;
+    pub(super) const VERTICAL_CRS: u16 = 4096;
+    pub(super) const PROJECTED: u16 = 1;
+    pub(super) const GEOGRAPHIC: u16 = 2;
+    pub(super) const PIXEL_IS_AREA: u16 = 1;
+    pub(super) const USER_DEFINED: u16 = 32_767;
+}
+
+/// The three GeoKey tags; all empty when nothing is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct GeoKeys {
+    pub(super) directory: Vec<u16>,
+    pub(super) doubles: Vec<f64>,
+    pub(super) ascii: String,
+}
+
+impl GeoKeys {
+    /// The keys for `crs`, saying PixelIsArea.
+    pub(super) fn of(crs: &Crs) -> Self {
+        if crs.geo_keys.len() >= 4 {
+            let mut directory = crs.geo_keys.clone();
+            say_area(&mut directory);
+            let ascii = crs.geo_ascii.trim_end_matches('\0').replace('\0', " ");
+            return Self { directory, doubles: crs.geo_doubles.clone(), ascii };
+        }
+        Self::made(crs)
+    }
+
+    fn made(crs: &Crs) -> Self {
+        let epsg = crs.epsg.and_then(|code| u16::try_from(code).ok());
+        match (epsg, &crs.wkt) {
+            (Some(code), _) => Self::by_code(code, crs),
+            (None, Some(wkt)) => Self::by_text(wkt, crs.geographic == Some(true)),
+            (None, None) => Self::default(),
+        }
+    }
+
+    fn by_code(code: u16, crs: &Crs) -> Self {
+        let geographic = crs.geographic.unwrap_or_else(|| is_geographic(code));
+        let (model, system) = match geographic {
+            true => (key::GEOGRAPHIC, key::GEODETIC_CRS),
+            false => (key::PROJECTED, key::PROJECTED_CRS),
+        };
+        let mut entries = vec![
+            [key::MODEL_TYPE, 0, 1, model],
+            [key::RASTER_TYPE, 0, 1, key::PIXEL_IS_AREA],
+            [system, 0, 1, code],
+        ];
+        let vertical = crs.vertical_epsg.and_then(|code| u16::try_from(code).ok());
+        entries.extend(vertical.map(|code| [key::VERTICAL_CRS, 0, 1, code]));
+        Self { directory: directory(&entries), ..Self::default() }
+    }
+
+    /// Well-known text without a code goes where Esri puts it and GDAL finds it: into the citation.
+    fn by_text(wkt: &str, geographic: bool) -> Self {
+        let ascii = format!("ESRI PE String = {}|", wkt.replace('\0', " "));
+        let Ok(length) = u16::try_from(ascii.len()) else { return Self::default() };
+        let model = if geographic { key::GEOGRAPHIC } else { key::PROJECTED };
+        let system = if geographic { key::GEODETIC_CRS } else { key::PROJECTED_CRS };
+        let mut entries = vec![
+            [key::MODEL_TYPE, 0, 1, model],
+            [key::RASTER_TYPE, 0, 1, key::PIXEL_IS_AREA],
+            [system, 0, 1, key::USER_DEFINED],
+            [key::PROJECTED_CITATION, tag::GEO_ASCII, length, 0],
+        ];
+        entries.sort_unstable();
+        Self { directory: directory(&entries), doubles: Vec::new(), ascii }
+    }
+
+    pub(super) fn tags(&self) -> Vec<(u16, Values)> {
+        let mut tags = Vec::new();
+        if !self.directory.is_empty() {
+            tags.push((tag::GEO_KEYS, Values::Short(self.directory.clone())));
+        }
+        if !self.doubles.is_empty() {
+            tags.push((tag::GEO_DOUBLES, Values::Double(self.doubles.clone())));
+        }
+        if !self.ascii.is_empty() {
+            tags.push((tag::GEO_ASCII, Values::Ascii(self.ascii.clone())));
+        }
+        tags
+    }
+}
+
+/// Fills in the GeoKeys of a CRS known by its code only.
+pub(crate) fn complete(crs: Crs) -> Crs {
+    let GeoKeys { directory, doubles, ascii } = GeoKeys::of(&crs);
+    Crs { geo_keys: directory, geo_doubles: doubles, geo_ascii: ascii, ..crs }
+}
+
+/// The store's transform is that of cells, whatever the source said.
+fn say_area(directory: &mut [u16]) {
+    for entry in directory.chunks_exact_mut(4).skip(1) {
+        if let [key::RASTER_TYPE, 0, _, value] = entry {
+            *value = key::PIXEL_IS_AREA;
+        }
+    }
+}
+
+fn directory(entries: &[[u16; 4]]) -> Vec<u16> {
+    let mut directory = vec![1, 1, 0, entries.len() as u16];
+    directory.extend(entries.concat());
+    directory
+}
+
+/// Codes from 4000 to 4999 are geographic where nothing better is known.
+fn is_geographic(code: u16) -> bool {
+    match crs_definitions::from_code(code) {
+        Some(definition) => definition.wkt.starts_with("GEOG"),
+        None => (4000..5000).contains(&code),
+    }
+}

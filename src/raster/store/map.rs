@@ -1,0 +1,94 @@
+//! The store's system calls, and its only unsafe code: mapping a file, letting mapped pages go, and
+//! asking the disk for room.
+//!
+//! What remains at risk: a mapped file that someone truncates or rewrites in place. Reading a page
+//! beyond the new end kills the process with SIGBUS, and rewritten samples show through. Only files
+//! that carry our mark and match their directory to the last byte are mapped; we never change a
+//! store in place (writers rename a complete file over it, which leaves an existing map intact), so
+//! only another program could. Copy stores elsewhere before truncating them by hand.
+#![allow(unsafe_code)]
+
+use std::fs::File;
+use std::io;
+use std::ops::{Deref, Range};
+
+use memmap2::Mmap;
+
+/// A whole file, mapped for reading.
+#[derive(Debug)]
+pub(super) struct Map(Mmap);
+
+impl Map {
+    /// Maps `file`, which must be a store whose length has been checked against its directory.
+    pub(super) fn new(file: &File) -> io::Result<Self> {
+        // SAFETY: the map is private to this module, read-only, and handed out as plain bytes only.
+        // That the file does not shrink or change while it lives rests on the rule above.
+        let map = unsafe { Mmap::map(file)? };
+        Ok(Self(map))
+    }
+
+    /// Lets the pages of `range` (inside the map) go; they are read again when touched.
+    pub(super) fn release(&self, range: Range<usize>) {
+        #[cfg(unix)]
+        if range.end <= self.0.len() && range.start < range.end {
+            let (start, len) = (range.start, range.len());
+            // SAFETY: the map is file-backed, shared and read-only, so that dropping pages changes
+            // no byte anyone can see: the next access reads the file again. The range is inside.
+            let advised = unsafe {
+                self.0.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, start, len)
+            };
+            debug_assert!(advised.is_ok(), "{advised:?}");
+        }
+    }
+
+    /// Asks for the pages of `range` ahead of their use. A hint: failure costs time only.
+    pub(super) fn want(&self, range: Range<usize>) {
+        #[cfg(unix)]
+        if range.end <= self.0.len() {
+            let _ = self.0.advise_range(memmap2::Advice::WillNeed, range.start, range.len());
+        }
+    }
+}
+
+impl Deref for Map {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// Gives `file` its length and reserves the disk for it, so that a full disk is found before the
+/// work and not at its end. Where the system cannot reserve, the length alone is set.
+pub(super) fn reserve(file: &File, length: u64) -> io::Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        if free_space(file)? < length {
+            return Err(io::Error::from_raw_os_error(libc::ENOSPC));
+        }
+        let bytes = libc::off_t::try_from(length).map_err(|_| io::ErrorKind::FileTooLarge)?;
+        // SAFETY: a call on a descriptor that `file` keeps open, without pointers.
+        if unsafe { libc::fallocate(std::os::fd::AsRawFd::as_raw_fd(file), 0, 0, bytes) } == 0 {
+            return Ok(());
+        }
+        let error = io::Error::last_os_error();
+        if error.raw_os_error() != Some(libc::EOPNOTSUPP) {
+            return Err(error);
+        }
+    }
+    file.set_len(length)
+}
+
+/// Bytes that may still be written to the disk that `file` is on.
+#[cfg(target_os = "linux")]
+fn free_space(file: &File) -> io::Result<u64> {
+    let mut facts = std::mem::MaybeUninit::<libc::statvfs>::uninit();
+    let descriptor = std::os::fd::AsRawFd::as_raw_fd(file);
+    // SAFETY: `facts` is room for one statvfs, which the call fills when it returns 0.
+    if unsafe { libc::fstatvfs(descriptor, facts.as_mut_ptr()) } != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    // SAFETY: the call returned 0, so `facts` is filled.
+    let facts = unsafe { facts.assume_init() };
+    Ok(facts.f_bavail.saturating_mul(facts.f_frsize))
+}

@@ -1,0 +1,86 @@
+//! Help, version, completions, manual pages, and the README against the registries.
+
+mod cli_support;
+
+use cli_support::Place;
+use terrane::{output, raster, synth};
+
+const VERBS: [&str; 9] =
+    ["tin", "verify", "info", "view", "convert", "synth", "demo", "completions", "man"];
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    let place = Place::new();
+    let version = place.ok(&["--version"]);
+    assert_eq!(version.out, format!("terrane {}\n", env!("CARGO_PKG_VERSION")));
+    let help = place.ok(&["--help"]);
+    for verb in VERBS {
+        assert!(help.out.contains(&format!("\n  {verb} ")), "{verb} in\n{}", help.out);
+        let own = place.ok(&[verb, "--help"]);
+        assert!(own.out.contains(&format!("Usage: terrane {verb}")), "{}", own.out);
+        assert_eq!(own.err, "");
+    }
+}
+
+#[test]
+fn nothing_asked_gives_the_help_as_an_error() {
+    let ran = Place::new().run(&[]);
+    assert_eq!((ran.code, ran.out.as_str()), (2, ""));
+    assert!(ran.err.contains("Usage: terrane"));
+}
+
+#[test]
+fn completions_for_every_shell() {
+    let place = Place::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = place.ok(&["completions", shell]).out;
+        assert!(script.contains("max-error"), "{shell}");
+    }
+}
+
+#[test]
+fn a_manual_page_for_each_verb() {
+    let place = Place::new();
+    place.ok(&["man", "pages"]);
+    for verb in VERBS {
+        let page = std::fs::read_to_string(place.path(&format!("pages/terrane-{verb}.1"))).unwrap();
+        assert!(page.contains(".TH"), "{verb}");
+    }
+    assert!(place.path("pages/terrane.1").is_file());
+    assert_eq!(place.run(&["man", "pages"]).code, 2, "pages are not replaced unasked");
+    place.ok(&["man", "pages", "--overwrite"]);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let mut command = Place::new().command(&["completions", "zsh"]);
+    command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}
+
+#[test]
+fn the_readme_names_every_format_character_and_verb() {
+    let readme = include_str!("../README.md");
+    let section = |from: &str, to: &str| {
+        let rest = readme.split(from).nth(1).unwrap();
+        rest.split(to).next().unwrap().to_owned()
+    };
+    let formats = section("\n## Formats\n", "\n## ");
+    for format in raster::FORMATS {
+        assert!(formats.contains(&format!("| {} |", format.name)), "{}", format.name);
+    }
+    for format in output::FORMATS {
+        assert!(formats.contains(&format!("| {} |", format.name)), "{}", format.name);
+    }
+    for character in synth::CHARACTERS {
+        assert!(formats.contains(&format!("`{}`", character.name)), "{}", character.name);
+    }
+    let usage = section("\n## Use it\n", "\n### ");
+    for verb in VERBS {
+        assert!(usage.contains(&format!("\nterrane {verb}")), "{verb}");
+    }
+}

@@ -1,0 +1,92 @@
+//! Runs the real binary in a folder of its own.
+#![allow(dead_code)]
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// A 4 x 3 grid with one void, as ESRI ASCII.
+pub const GRID: &str = "ncols 4\nnrows 3\nxllcorner 100\nyllcorner 200\ncellsize 10\n\
+                        NODATA_value -9999\n1 2 3 4\n5 9 7 8\n9 10 11 -9999\n";
+
+/// The same without any height.
+pub const VOID_GRID: &str = "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n\
+                             NODATA_value -9999\n-9999 -9999\n-9999 -9999\n";
+
+/// A folder to run in; it goes with the value.
+pub struct Place {
+    folder: TempDir,
+}
+
+/// What a run left behind.
+pub struct Ran {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Place {
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> &Self {
+        std::fs::write(self.path(name), bytes).unwrap();
+        self
+    }
+
+    /// Names of all files here, sorted.
+    pub fn files(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.folder.path()).unwrap().flatten();
+        let mut names: Vec<_> =
+            entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    pub fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_terrane"));
+        command.args(args).current_dir(self.folder.path());
+        command
+    }
+
+    pub fn run(&self, args: &[&str]) -> Ran {
+        Ran::from(self.command(args).output().unwrap())
+    }
+
+    /// Runs and expects success.
+    pub fn ok(&self, args: &[&str]) -> Ran {
+        let ran = self.run(args);
+        assert_eq!(ran.code, 0, "{args:?}: {}", ran.err);
+        ran
+    }
+
+    /// Runs and expects a one-line error with exit code `code` that says each of `words`, and no
+    /// new file.
+    pub fn fails(&self, args: &[&str], code: i32, words: &[&str]) {
+        let before = self.files();
+        let ran = self.run(args);
+        assert_eq!(ran.code, code, "{args:?}: {}", ran.err);
+        assert_eq!(ran.out, "", "{args:?}");
+        assert!(ran.err.starts_with("terrane: error: "), "{args:?}: {}", ran.err);
+        assert_eq!(ran.err.lines().count(), 1, "{args:?}: {}", ran.err);
+        assert!(ran.err.contains("; "), "no remedy, {args:?}: {}", ran.err);
+        for word in words {
+            assert!(ran.err.contains(word), "{word:?} missing, {args:?}: {}", ran.err);
+        }
+        assert_eq!(self.files(), before, "{args:?}");
+    }
+}
+
+impl From<Output> for Ran {
+    fn from(output: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        let code = output.status.code().unwrap_or(-1);
+        Self { code, out: text(output.stdout), err: text(output.stderr) }
+    }
+}

@@ -1,0 +1,57 @@
+//! Shared by the raster tests: where the real files are, and how to read a whole grid.
+#![allow(dead_code)] // each test binary uses its part
+
+pub mod tiff_builder;
+
+use std::path::{Path, PathBuf};
+
+use terrane::Result;
+use terrane::geom::Rect;
+use terrane::raster::{GridSource, OpenOptions, open};
+
+/// The folder of real elevation models; `None` (with a note) where it is absent.
+pub fn data_folder() -> Option<PathBuf> {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
+    let folder = std::env::var_os("TERRANE_DATA").map_or_else(|| default.into(), PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("note: {} is absent, test skipped", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// Opens `path` with default options and the given band.
+pub fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {
+    open(path.to_str().unwrap(), &OpenOptions { band, ..OpenOptions::default() })
+}
+
+/// All heights, in f64.
+pub fn read_all(source: &dyn GridSource) -> Result<Vec<f64>> {
+    let bounds = source.info().bounds();
+    let mut out = vec![0.0; bounds.len()];
+    source.read_f64(bounds, &mut out)?;
+    Ok(out)
+}
+
+/// All heights in f32, read in windows of at most `side` samples a side.
+pub fn read_in_windows(source: &dyn GridSource, side: u32) -> Result<Vec<f32>> {
+    let bounds = source.info().bounds();
+    let mut all = vec![0.0; bounds.len()];
+    for row in (0..bounds.height).step_by(side as usize) {
+        for col in (0..bounds.width).step_by(side as usize) {
+            let rect = Rect::new(col, row, side, side).intersect(&bounds);
+            let mut out = vec![0.0; rect.len()];
+            source.read_f32(rect, &mut out)?;
+            for (i, line) in out.chunks_exact(rect.width as usize).enumerate() {
+                let start = (row as usize + i) * bounds.width as usize + col as usize;
+                all[start..start + line.len()].copy_from_slice(line);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Equal heights, or both void.
+pub fn same(a: f64, b: f64) -> bool {
+    a == b || (a.is_nan() && b.is_nan())
+}
