@@ -100,10 +100,11 @@ impl Search {
     }
 
     /// The factor by which the tolerance should change when only `trial` is known: the count is
-    /// taken to go with 1 / tolerance, and a little is added to get past the budget.
+    /// taken to go with 1 / tolerance, and a little more each time is added to get past the budget.
     fn step(&self, trial: Trial) -> f64 {
         let (count, budget) = (trial.count.max(1) as f64, self.budget.max(1) as f64);
-        ((count / budget).max(budget / count) * 1.05).clamp(1.05, MOST_STEP)
+        let beyond = 1.05 * 1.5_f64.powi(self.trials.min(30) as i32 - 1);
+        ((count / budget).max(budget / count) * 1.05).max(beyond).min(MOST_STEP)
     }
 
     fn below(&self, tolerance: f64) -> f64 {
@@ -114,8 +115,8 @@ impl Search {
         fits.tolerance == 0.0 || fits.count as f64 >= self.budget as f64 * (1.0 - SLACK)
     }
 
-    /// A tolerance between two trials, by the secant; every third time the middle, so that a curve
-    /// with jumps (integer heights) cannot hold the search up.
+    /// A tolerance between two trials, by the secant; later every third time the middle, so that a
+    /// curve with jumps (integer heights) cannot hold the search up.
     fn between(&self, over: Trial, fits: Trial) -> Option<f64> {
         let narrow = fits.tolerance <= over.tolerance * WIDTH;
         if narrow || over.tolerance == 0.0 || self.is_close(fits) || self.trials >= MOST_TRIALS {
@@ -124,7 +125,11 @@ impl Search {
         let [low, high] = [over, fits].map(|trial| trial.tolerance.ln());
         let [most, least] = [over, fits].map(|trial| (trial.count.max(1) as f64).ln());
         let wanted = (self.budget as f64 * (1.0 - SLACK / 2.0)).ln();
-        let share = if self.trials % 3 == 2 { 0.5 } else { (most - wanted) / (most - least) };
+        let share = if self.trials > 6 && self.trials % 3 == 2 {
+            0.5
+        } else {
+            (most - wanted) / (most - least)
+        };
         let next = (low + (high - low) * share.clamp(0.05, 0.95)).exp();
         (round_up(next) < fits.tolerance).then_some(next)
     }

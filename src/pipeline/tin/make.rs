@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn the_origin_is_short_and_near_the_centre() {
         let bounds = [[500_010.3, 4_100_000.0, f64::NAN], [504_106.3, 4_104_096.0, f64::NAN]];
-        assert_eq!(origin(bounds), [501_760.0 + 256.0, 4_102_144.0, 0.0]);
+        assert_eq!(origin(bounds), [502_272.0, 4_102_144.0, 0.0]);
         let degrees = [[-125.0, 48.0, f64::NAN], [-124.0, 49.0, f64::NAN]];
         assert_eq!(origin(degrees), [-124.5, 48.5, 0.0]);
     }

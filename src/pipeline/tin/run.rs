@@ -175,3 +175,151 @@ fn check_surface(valid: u64, totals: Totals) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Affine, Crs, Rect};
+    use crate::output::MeshBatch;
+    use crate::pipeline::Silent;
+    use crate::raster::{GridInfo, SampleType};
+    use crate::tin::{
+        PatchInput, PatchOutcome, Scratch, Side, TileInput, TileMesh, mend_patch, triangulate_tile,
+    };
+
+    /// A saddle with a fault in it, if wanted.
+    struct Saddle {
+        info: GridInfo,
+        broken_row: Option<u32>,
+    }
+
+    impl Saddle {
+        fn new(side: u32) -> Self {
+            let info = GridInfo {
+                width: side,
+                height: side,
+                transform: Affine::LATTICE,
+                georeferenced: false,
+                pixel_is_point: false,
+                crs: Crs::default(),
+                sample_type: SampleType::F32,
+                nodata: None,
+                scale: 1.0,
+                offset: 0.0,
+                block: (64, 64),
+                bands: 1,
+                band: 1,
+                format: "test",
+                details: Vec::new(),
+            };
+            Self { info, broken_row: None }
+        }
+    }
+
+    impl GridSource for Saddle {
+        fn info(&self) -> &GridInfo {
+            &self.info
+        }
+
+        fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+            if self.broken_row.is_some_and(|row| rect.contains(rect.col, row)) {
+                return Err(Error::bad_input("block is damaged"));
+            }
+            for (i, out) in (0..).zip(out) {
+                let (col, row) = (rect.col + i % rect.width, rect.row + i / rect.width);
+                *out = ((col * row) % 97) as f32;
+            }
+            Ok(())
+        }
+
+        fn read_f64(&self, _: Rect, _: &mut [f64]) -> Result<()> {
+            Err(Error::unsupported("f64"))
+        }
+    }
+
+    struct Drain;
+
+    impl MeshSink for Drain {
+        fn push(&mut self, _: MeshBatch<'_>) -> Result<()> {
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<u64> {
+            Ok(0)
+        }
+    }
+
+    fn run(source: &Saddle, threads: usize, kernel: Kernel) -> Result<Outcome> {
+        let settings = Settings {
+            spec: Spec {
+                tolerance: 5.0,
+                strict: false,
+                drop: true,
+                single_precision: false,
+                measure: false,
+            },
+            tile: 64,
+            threads,
+            mesh_bytes: 1 << 20,
+            temp_dir: Path::new("."),
+            order_seed: None,
+            progress: &Silent,
+            cancel: &Cancel::default(),
+        };
+        run_with(source, Box::new(Drain), &settings, kernel)
+    }
+
+    fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+        assert!(input.apron_left + input.apron_above > 0, "planted fault");
+        triangulate_tile(input, spec, scratch)
+    }
+
+    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut Scratch) -> PatchOutcome {
+        panic!("planted fault {}", 7);
+    }
+
+    #[test]
+    fn a_panic_becomes_an_error_that_names_the_tile() {
+        let source = Saddle::new(257);
+        for threads in [1, 3] {
+            let kernel = Kernel { tile: faulty_tile, ..Kernel::GREEDY };
+            let error = run(&source, threads, kernel).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Internal);
+            assert!(error.to_string().starts_with("tile 0,0: a worker failed: planted fault"));
+            let kernel = Kernel { patch: faulty_patch, ..Kernel::GREEDY };
+            let error = run(&source, threads, kernel).unwrap_err().to_string();
+            assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_read_error_names_the_tile() {
+        let source = Saddle { broken_row: Some(200), ..Saddle::new(257) };
+        for threads in [1, 3] {
+            let error = run(&source, threads, Kernel::GREEDY).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::BadInput);
+            assert!(error.to_string().contains("3,"), "{error}");
+        }
+    }
+
+    /// Asks for the widest patch every time.
+    fn greedy_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchOutcome {
+        match input.sides.contains(&Side::Open) {
+            true => PatchOutcome::NeedsReach,
+            false => mend_patch(input, spec, scratch),
+        }
+    }
+
+    #[test]
+    fn patches_are_widened_on_request() {
+        let source = Saddle::new(257);
+        let kernel = Kernel { patch: greedy_patch, ..Kernel::GREEDY };
+        let seams = |outcome: &Outcome| outcome.stages[2].samples;
+        let narrow = run(&source, 1, Kernel::GREEDY).unwrap();
+        let wide = run(&source, 1, kernel).unwrap();
+        let again = run(&source, 3, kernel).unwrap();
+        assert_eq!((wide.vertices, wide.triangles), (again.vertices, again.triangles));
+        assert!(seams(&wide) >= seams(&narrow));
+        assert!(wide.vertices > 0 && wide.triangles > wide.vertices);
+    }
+}
