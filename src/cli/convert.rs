@@ -34,13 +34,12 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ConvertJob {
-        input: args.input.clone(),
-        output: args.output.clone(),
         band: args.grid.band,
         nodata: args.grid.nodata,
         bbox: args.bbox,
         overwrite: args.overwrite,
         resources: args.machine.resources(),
+        ..ConvertJob::new(&args.input, &args.output)
     };
     copy(&job, &args.show, cancel)
 }

@@ -10,7 +10,7 @@ use crate::pipeline::convert::{self, ConvertJob};
 use crate::pipeline::tin::{Goal, TinJob, TinReport};
 use crate::pipeline::verify::VerifyReport;
 use crate::pipeline::view::ViewJob;
-use crate::pipeline::{self, Cancel, Progress, Resources};
+use crate::pipeline::{self, Cancel, Resources};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
@@ -78,13 +78,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
     ConvertJob {
-        input: TERRAIN.to_owned(),
-        output: files.grid.clone(),
-        band: 1,
-        nodata: None,
-        bbox: None,
         overwrite: true,
         resources: resources.clone(),
+        ..ConvertJob::new(TERRAIN, &files.grid)
     }
 }
 
@@ -156,9 +152,9 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
             "how exact",
             format!(
                 "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
-                text::number(checked.max_error),
+                verify::height(checked.max_error),
                 text::number(made.tolerance),
-                text::number(checked.rmse),
+                verify::height(checked.rmse),
             ),
         ),
         (

@@ -27,13 +27,9 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let terrain = args.terrain.strip_prefix("synth:").unwrap_or(&args.terrain);
     let job = ConvertJob {
-        input: format!("synth:{terrain}"),
-        output: args.output.clone(),
-        band: 1,
-        nodata: None,
-        bbox: None,
         overwrite: args.overwrite,
         resources: args.machine.resources(),
+        ..ConvertJob::new(format!("synth:{terrain}"), &args.output)
     };
     convert::copy(&job, &args.show, cancel)
 }
