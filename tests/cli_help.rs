@@ -53,7 +53,8 @@ fn a_manual_page_for_each_verb() {
 
 #[test]
 fn a_reader_that_goes_away_is_no_error() {
-    let mut command = Place::new().command(&["completions", "zsh"]);
+    let place = Place::new();
+    let mut command = place.command(&["completions", "zsh"]);
     command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
     let mut child = command.spawn().unwrap();
     drop(child.stdout.take());

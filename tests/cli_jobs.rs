@@ -64,14 +64,14 @@ fn overwrite_replaces_and_quiet_is_quiet() {
     let ran = place.ok(&["tin", TERRAIN, "a.ply", "--max-error", "5", "--overwrite", "--quiet"]);
     assert_eq!((ran.out.as_str(), ran.err.as_str()), ("", ""));
     assert!(std::fs::read(place.path("a.ply")).unwrap().starts_with(b"ply"));
-    assert_eq!(place.files(), ["a.ply"]);
+    assert_eq!(place.files(), ["a.ply", "a.prj"]);
 }
 
 #[test]
 fn every_mesh_format_is_written_told_about_and_drawn() {
     let place = Place::new();
     for format in terrane::output::FORMATS {
-        let mesh = format!("mesh.{}", format.extensions[0]);
+        let mesh = format!("as_{0}.{0}", format.extensions[0]);
         let picture = format!("{}.png", format.name);
         place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5"]);
         let told = json(&place.ok(&["info", &mesh, "--json"]).out);

@@ -77,8 +77,11 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
-    let resources = resources.clone();
-    ConvertJob { overwrite: true, resources, ..ConvertJob::new(TERRAIN, &files.grid) }
+    ConvertJob {
+        overwrite: true,
+        resources: resources.clone(),
+        ..ConvertJob::new(TERRAIN, &files.grid)
+    }
 }
 
 fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
@@ -149,9 +152,9 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
             "how exact",
             format!(
                 "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
-                text::number(checked.max_error.unwrap_or(f64::NAN)),
+                verify::height(checked.max_error),
                 text::number(made.tolerance),
-                text::number(checked.rmse.unwrap_or(f64::NAN)),
+                verify::height(checked.rmse),
             ),
         ),
         (

@@ -61,12 +61,57 @@ pub(super) fn outcome(report: &VerifyReport) -> Outcome {
     if report.passed { Outcome::Kept } else { Outcome::Broken }
 }
 
-/// A proof for people: the verdict, what failed, and every figure.
-pub(super) fn summary(report: &VerifyReport) -> String {
-    let verdict = if report.passed { "verified: every promise is kept" } else { "NOT verified" };
-    let failures: String = report.failures.iter().map(|f| format!("  - {f}\n")).collect();
-    let value = serde_json::to_value(report).unwrap_or_default();
-    let mut rows = text::rows(&value);
-    rows.retain(|(name, _)| name != "passed");
+/// A proof for people: the verdict, what failed, and the figures.
+pub(super) fn summary(r: &VerifyReport) -> String {
+    let verdict = if r.passed { "verified: every promise is kept" } else { "NOT verified" };
+    let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
+    let sizes =
+        format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
+    let time = format!(
+        "{}, {}",
+        text::seconds(r.wall_seconds),
+        text::rate(r.samples_per_second, "samples")
+    );
+    let rows = [
+        ("error", errors(r)),
+        ("samples", samples(r)),
+        ("mesh", sizes),
+        ("edges", edges(r)),
+        (
+            "angles",
+            r.smallest_angle
+                .map_or("none".to_owned(), |a| format!("{} degrees at the least", text::number(a))),
+        ),
+        ("time", time),
+    ];
     format!("{verdict}\n{failures}{}", text::table(&rows))
+}
+
+/// A height, or a dash where none was measured.
+pub(super) fn height(value: Option<f64>) -> String {
+    value.map_or("-".to_owned(), text::number)
+}
+
+fn errors(r: &VerifyReport) -> String {
+    let most = height(r.max_error);
+    let allowed = match r.tolerance {
+        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
+        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
+    };
+    format!("{allowed}; RMSE {}, mean {}", height(r.rmse), height(r.mean_error))
+}
+
+fn samples(r: &VerifyReport) -> String {
+    let mut line =
+        format!("{} covered of {}", text::count(r.covered_samples), text::count(r.surface_samples));
+    if r.isolated_samples > 0 {
+        line += &format!("; {} valid ones have no surface", text::count(r.isolated_samples));
+    }
+    line
+}
+
+fn edges(r: &VerifyReport) -> String {
+    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
+    let delaunay = text::count(r.non_delaunay_edges.count);
+    format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
 }

@@ -1,5 +1,5 @@
 //! Runs the real binary in a folder of its own.
-#![allow(dead_code)]
+#![allow(dead_code, unreachable_pub)]
 
 use std::path::PathBuf;
 use std::process::{Command, Output};

@@ -14,9 +14,9 @@ const TRIANGLE_BATCH: u64 = 1 << 16;
 const EDGE_THICKNESS: f64 = 1.0;
 /// Coverage of long edges, and the length in pixels from which an edge counts as long: shorter
 /// ones are fainter, so that dense parts do not turn black.
-const EDGE_STRENGTH: f64 = 0.62;
+const EDGE_STRENGTH: f64 = 0.54;
 const LONG_EDGE: f64 = 14.0;
-const FAINTEST_EDGE: f64 = 0.10;
+const FAINTEST_EDGE: f64 = 0.08;
 
 pub(super) fn draw(
     mesh: &dyn MeshSource,
