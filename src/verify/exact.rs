@@ -4,10 +4,10 @@
 use super::expansion::Expansion;
 use super::triangle::{Position, Triangle, Vertex};
 
-/// Twice the signed area of (a, b, c) in 2^-60 cell, exact: coordinates are below 2^61, so
-/// products of differences are below 2^124.
+/// Twice the signed area of (a, b, c) in 2^-60 cell, exact: coordinates are at most 2^61, so
+/// differences fit `i64`, and products of them are at most 2^124.
 pub(crate) fn double_area(a: Position, b: Position, c: Position) -> i128 {
-    let d = |p: i64, q: i64| i128::from(p) - i128::from(q);
+    let d = |p: i64, q: i64| i128::from(p - q);
     d(b.col, a.col) * d(c.row, a.row) - d(b.row, a.row) * d(c.col, a.col)
 }
 

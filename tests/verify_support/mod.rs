@@ -11,13 +11,13 @@ use terrane::raster::{GridInfo, GridSource, SampleType};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]
-pub struct Grid {
-    pub info: GridInfo,
-    pub heights: Vec<f64>,
+pub(crate) struct Grid {
+    pub(crate) info: GridInfo,
+    pub(crate) heights: Vec<f64>,
 }
 
 impl Grid {
-    pub fn new(width: u32, height: u32, f: impl Fn(u32, u32) -> f64) -> Self {
+    pub(crate) fn new(width: u32, height: u32, f: impl Fn(u32, u32) -> f64) -> Self {
         let samples = (0..height).flat_map(|r| (0..width).map(move |c| (c, r)));
         let info = GridInfo {
             width,
@@ -39,15 +39,15 @@ impl Grid {
         Self { info, heights: samples.map(|(c, r)| f(c, r)).collect() }
     }
 
-    pub fn at(&self, col: u32, row: u32) -> f64 {
+    pub(crate) fn at(&self, col: u32, row: u32) -> f64 {
         self.heights[(row * self.info.width + col) as usize]
     }
 
-    pub fn set(&mut self, col: u32, row: u32, z: f64) {
+    pub(crate) fn set(&mut self, col: u32, row: u32, z: f64) {
         self.heights[(row * self.info.width + col) as usize] = z;
     }
 
-    pub fn is_surface(&self, col: i64, row: i64) -> bool {
+    pub(crate) fn is_surface(&self, col: i64, row: i64) -> bool {
         let inside = |v: i64, side: u32| (0..i64::from(side) - 1).contains(&v);
         inside(col, self.info.width)
             && inside(row, self.info.height)
@@ -57,7 +57,7 @@ impl Grid {
     }
 
     /// World position of a sample.
-    pub fn vertex(&self, col: u32, row: u32) -> Point3 {
+    pub(crate) fn vertex(&self, col: u32, row: u32) -> Point3 {
         let [x, y] = self.info.transform.apply(f64::from(col), f64::from(row));
         [x, y, self.at(col, row)]
     }
@@ -86,14 +86,14 @@ impl GridSource for Grid {
 
 /// A mesh in memory.
 #[derive(Clone, Debug)]
-pub struct Mesh {
-    pub info: MeshInfo,
-    pub vertices: Vec<Point3>,
-    pub triangles: Vec<[u64; 3]>,
+pub(crate) struct Mesh {
+    pub(crate) info: MeshInfo,
+    pub(crate) vertices: Vec<Point3>,
+    pub(crate) triangles: Vec<[u64; 3]>,
 }
 
 impl Mesh {
-    pub fn new(vertices: Vec<Point3>, triangles: Vec<[u64; 3]>) -> Self {
+    pub(crate) fn new(vertices: Vec<Point3>, triangles: Vec<[u64; 3]>) -> Self {
         let info = MeshInfo {
             vertices: 0,
             triangles: 0,
@@ -109,24 +109,24 @@ impl Mesh {
         mesh
     }
 
-    pub fn recount(&mut self) {
+    pub(crate) fn recount(&mut self) {
         self.info.vertices = self.vertices.len() as u64;
         self.info.triangles = self.triangles.len() as u64;
     }
 
     /// Appends a vertex and returns its id.
-    pub fn add(&mut self, vertex: Point3) -> u64 {
+    pub(crate) fn add(&mut self, vertex: Point3) -> u64 {
         self.vertices.push(vertex);
         self.vertices.len() as u64 - 1
     }
 
     /// Id of the vertex at (x, y).
-    pub fn find(&self, x: f64, y: f64) -> u64 {
+    pub(crate) fn find(&self, x: f64, y: f64) -> u64 {
         self.vertices.iter().position(|v| [v[0], v[1]] == [x, y]).unwrap() as u64
     }
 
     /// Each triangle with three vertices of its own, as in STL.
-    pub fn soup(&self) -> Self {
+    pub(crate) fn soup(&self) -> Self {
         let corners = self.triangles.iter().flatten().map(|&id| self.vertices[id as usize]);
         let vertices: Vec<Point3> = corners.collect();
         let ids = (0..self.triangles.len() as u64).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
@@ -153,7 +153,7 @@ impl MeshSource for Mesh {
 }
 
 /// All cells of the surface, each split in two; every used sample is a vertex.
-pub fn split_cells(grid: &Grid) -> Mesh {
+pub(crate) fn split_cells(grid: &Grid) -> Mesh {
     let mut mesh = Mesh::new(Vec::new(), Vec::new());
     let mut ids = vec![u64::MAX; grid.heights.len()];
     let flip = grid.info.transform.determinant() < 0.0;
@@ -177,7 +177,7 @@ pub fn split_cells(grid: &Grid) -> Mesh {
 }
 
 /// The Delaunay mesh of the corners and the samples `keep` picks, of a grid without voids.
-pub fn delaunay(grid: &Grid, keep: impl Fn(u32, u32) -> bool) -> Mesh {
+pub(crate) fn delaunay(grid: &Grid, keep: impl Fn(u32, u32) -> bool) -> Mesh {
     let (right, below) = (grid.info.width - 1, grid.info.height - 1);
     let is_corner = |c, r| (c == 0 || c == right) && (r == 0 || r == below);
     let kept: Vec<(u32, u32)> = (0..=below)
@@ -196,7 +196,7 @@ pub fn delaunay(grid: &Grid, keep: impl Fn(u32, u32) -> bool) -> Mesh {
 }
 
 /// A hash of a lattice position, from 0 to 1.
-pub fn noise(col: u32, row: u32, seed: u32) -> f64 {
+pub(crate) fn noise(col: u32, row: u32, seed: u32) -> f64 {
     let mut h = col.wrapping_mul(0x9e37_79b1) ^ row.wrapping_mul(0x85eb_ca77) ^ seed;
     for _ in 0..3 {
         h = (h ^ h >> 15).wrapping_mul(0x2c1b_3c6d);
@@ -206,7 +206,7 @@ pub fn noise(col: u32, row: u32, seed: u32) -> f64 {
 }
 
 /// Verifies in the given memory.
-pub fn check_with(
+pub(crate) fn check_with(
     mesh: &Mesh,
     grid: &Grid,
     tolerance: Option<f64>,
@@ -218,12 +218,12 @@ pub fn check_with(
 }
 
 /// Verifies in plenty of memory.
-pub fn check(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyReport {
+pub(crate) fn check(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyReport {
     check_with(mesh, grid, tolerance, 1, 64 << 20)
 }
 
 /// The findings alone, without the figures of the run.
-pub fn findings(report: VerifyReport) -> VerifyReport {
+pub(crate) fn findings(report: VerifyReport) -> VerifyReport {
     VerifyReport {
         threads: 0,
         memory_budget: 0,

@@ -10,7 +10,7 @@ mod spill;
 mod vertices;
 mod workers;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -49,6 +49,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
     let grid = raster::open(&job.raster, &options)?;
     let tolerance = job.tolerance.or_else(|| stated_tolerance(mesh.info()));
+    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster)))?;
     let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
     let report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
@@ -126,7 +127,8 @@ impl<'a> Context<'a> {
         progress: &'a dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self> {
-        check_arguments(grid, tolerance, resources)?;
+        check_arguments(tolerance, resources)?;
+        check_grid(grid)?;
         let (info, map) = (mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];
         let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
@@ -153,23 +155,23 @@ impl<'a> Context<'a> {
     }
 }
 
-fn check_arguments(
-    grid: &dyn GridSource,
-    tolerance: Option<f64>,
-    resources: &Resources,
-) -> Result<()> {
+fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> {
     if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
         return Err(Error::usage("the tolerance is not a number from 0 up"));
     }
+    if resources.memory < LEAST_MEMORY {
+        let message = format!("{} bytes of memory are too few", resources.memory);
+        return Err(Error::new(ErrorKind::Resource, message).remedy("allow 1 MiB or more"));
+    }
+    Ok(())
+}
+
+fn check_grid(grid: &dyn GridSource) -> Result<()> {
     if !grid.info().transform.is_valid() {
         return Err(Error::bad_input("the raster's map from samples to the world has no inverse"));
     }
     if grid.info().bounds().is_empty() {
         return Err(Error::bad_input("the raster has no samples"));
-    }
-    if resources.memory < LEAST_MEMORY {
-        let message = format!("{} bytes of memory are too few", resources.memory);
-        return Err(Error::new(ErrorKind::Resource, message).remedy("allow 1 MiB or more"));
     }
     Ok(())
 }

@@ -19,6 +19,8 @@ use crate::verify::{
 const BATCH: u64 = 2048;
 /// Most samples of a domain: with their errors they should stay near the processor.
 const MOST_SAMPLES: u64 = 1 << 18;
+/// Most rows of a domain on a grid stored in strips.
+const STRIP_ROWS: u64 = 256;
 /// Domains for each thread, at least, where the grid is large enough.
 const SHARES: u64 = 4;
 
@@ -28,17 +30,18 @@ pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usiz
     let grid = [info.width, info.height];
     let samples = u64::from(info.width) * u64::from(info.height);
     let unit = u64::from(Domain::UNIT);
-    let per_sample = (1 << 10) * triangles.min(2 * samples) / samples;
-    let need = verify::bytes_needed(1 << 10, per_sample + per_sample / 2, per_sample);
+    let across = u64::from(info.width).next_multiple_of(unit);
+    let in_strips = info.block.0 >= info.width;
+    let most = if in_strips { MOST_SAMPLES.max(across * STRIP_ROWS) } else { MOST_SAMPLES };
+    let density = (1 << 10) * triangles.min(2 * samples) / samples;
+    let need = verify::bytes_needed(1 << 10, density + density / 2, density);
     let area = (memory / 2 * (1 << 10) / need)
-        .min(MOST_SAMPLES)
+        .min(most)
         .min(samples / (SHARES * threads as u64))
         .max(unit * unit);
     let side = |samples: u64| (samples / unit * unit).clamp(unit, 1 << 30) as u32;
-    let across = u64::from(info.width).next_multiple_of(unit);
-    let size = if info.block.0 < info.width || info.width <= Domain::UNIT {
-        let square = side(area.isqrt());
-        [square, square]
+    let size = if !in_strips {
+        [side(area.isqrt()); 2]
     } else if area / across >= unit {
         [side(across), side(area / across)]
     } else {
@@ -46,6 +49,19 @@ pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usiz
     };
     Layout { grid, size }
 }
+
+/// Fails when the index of all domains takes more than half of the memory.
+fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
+    let need = layout.len().saturating_mul(INDEX_BYTES);
+    if need <= context.memory / 2 {
+        return Ok(());
+    }
+    let message = format!("a grid of this size needs an index of {} MiB", need >> 20);
+    Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"))
+}
+
+/// Bytes of index for one domain: two lists of runs in the spill files.
+const INDEX_BYTES: u64 = 64;
 
 /// Everything the mesh has, by the domains it touches.
 pub(super) struct Buckets {
@@ -66,6 +82,7 @@ impl Buckets {
         let info = context.mesh.info();
         let (memory, threads) = (context.share, context.threads);
         let layout = layout(context.grid.info(), info.triangles, memory, threads);
+        check_index(&layout, context)?;
         let folder = context.folder();
         let positions = match info.indexed {
             true => Some(Spill::new(&folder, layout.len())?),
