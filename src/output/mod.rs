@@ -209,8 +209,3 @@ pub struct MeshCapacity {
     /// Bytes of one triangle.
     pub triangle_bytes: u64,
 }
-
-/// Placeholder until the mesh registry is in place.
-pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
-    Err(crate::Error::unsupported("no mesh format is known").in_file(path))
-}
