@@ -15,7 +15,7 @@ pub(crate) struct FunctionGrid {
 }
 
 impl FunctionGrid {
-    pub fn new(width: u32, height: u32, height_at: fn(u32, u32) -> f64) -> Self {
+    pub(crate) fn new(width: u32, height: u32, height_at: fn(u32, u32) -> f64) -> Self {
         let info = GridInfo {
             width,
             height,
@@ -97,7 +97,7 @@ pub(crate) struct Capture {
 }
 
 impl Capture {
-    pub fn take(&self) -> Mesh {
+    pub(crate) fn take(&self) -> Mesh {
         std::mem::take(&mut self.mesh.lock().unwrap())
     }
 }
