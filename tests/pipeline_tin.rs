@@ -3,7 +3,7 @@
 
 mod support;
 
-use support::{Capture, FunctionGrid, Mesh, hills, noise, validate};
+use support::{Capture, FunctionGrid, Mesh, hills, noise, non_delaunay_edges, validate};
 use terrane::pipeline::tin::{Outcome, Settings, run_on};
 use terrane::pipeline::{Cancel, Silent};
 use terrane::tin::Spec;
@@ -211,5 +211,16 @@ fn tiles_out_of_range_are_refused() {
     for tile in [0, 15, 8193] {
         let error = Run { tile, ..Run::default() }.on(&grid).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
+    }
+}
+
+#[test]
+fn seams_leave_a_delaunay_mesh_of_about_the_untiled_size() {
+    let grid = FunctionGrid::new(500, 400, hills);
+    for tolerance in [1.0, 3.0] {
+        let (mesh, tiled) = Run { tile: 128, tolerance, ..Run::default() }.on(&grid).unwrap();
+        let (_, whole) = Run { tile: 512, tolerance, ..Run::default() }.on(&grid).unwrap();
+        assert_eq!(non_delaunay_edges(&mesh, &grid), 0);
+        assert!(tiled.vertices as f64 <= 1.03 * whole.vertices as f64);
     }
 }

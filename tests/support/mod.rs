@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
+use terrane::geom::predicates::in_circle;
 use terrane::geom::{Affine, Crs, Point3, Rect};
 use terrane::output::{MeshBatch, MeshSink};
 use terrane::raster::{GridInfo, GridSource, SampleType};
@@ -15,7 +16,7 @@ pub(crate) struct FunctionGrid {
 }
 
 impl FunctionGrid {
-    pub fn new(width: u32, height: u32, height_at: fn(u32, u32) -> f64) -> Self {
+    pub(crate) fn new(width: u32, height: u32, height_at: fn(u32, u32) -> f64) -> Self {
         let info = GridInfo {
             width,
             height,
@@ -97,7 +98,7 @@ pub(crate) struct Capture {
 }
 
 impl Capture {
-    pub fn take(&self) -> Mesh {
+    pub(crate) fn take(&self) -> Mesh {
         std::mem::take(&mut self.mesh.lock().unwrap())
     }
 }
@@ -232,4 +233,20 @@ fn check_errors(corners: [[i64; 2]; 3], grid: &FunctionGrid, tolerance: f64) {
             assert!(error <= tolerance + 1e-9, "sample {p:?} is off by {error}");
         }
     }
+}
+
+/// Number of inner edges whose opposite corner lies strictly inside the circle of a triangle.
+pub(crate) fn non_delaunay_edges(mesh: &Mesh, grid: &FunctionGrid) -> usize {
+    let places = lattice_places(mesh, grid);
+    let place = |id: u64| places[id as usize].map(|v| v as i32);
+    let mut apex: HashMap<(u64, u64), u64> = HashMap::new();
+    for &[a, b, c] in &mesh.triangles {
+        apex.extend([((a, b), c), ((b, c), a), ((c, a), b)]);
+    }
+    let is_wrong = |(&(a, b), &c): (&(u64, u64), &u64)| {
+        // Seen from above means clockwise in (column, row) axes on a north-up grid.
+        let inside = |&d: &u64| in_circle(place(b), place(a), place(c), place(d)) > 0;
+        a < b && apex.get(&(b, a)).is_some_and(inside)
+    };
+    apex.iter().filter(|&edge| is_wrong(edge)).count()
 }
