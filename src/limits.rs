@@ -15,6 +15,8 @@ pub const MAX_BANDS: u64 = 65_535;
 pub const MAX_HEADER_BYTES: u64 = 16 << 20;
 /// Most entries of one TIFF directory.
 pub const MAX_IFD_ENTRIES: u64 = 4096;
+/// Largest magnitude of a height: differences and slopes stay far from overflow in `f32`.
+pub const MAX_HEIGHT: f32 = 1e30;
 
 /// Fails with the limit's name when `found` is beyond `most`.
 pub fn check(name: &str, found: u64, most: u64) -> Result<()> {

@@ -21,7 +21,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::geom::{Crs, Point3};
 
-pub use sidecar::{prj_path, prj_sidecar, write_prj};
+pub use sidecar::{check_prj, prj_path, prj_sidecar, write_prj};
 
 /// Every mesh format. A new one is a file in this folder and a line here.
 pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];

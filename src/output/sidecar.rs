@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, refuse_existing};
 use crate::error::{Error, Result};
 use crate::geom::Crs;
+use crate::limits::MAX_HEADER_BYTES;
 
 /// Where the sidecar of the mesh at `mesh_path` lies: `a.ply` has `a.prj`.
 pub fn prj_path(mesh_path: &Path) -> PathBuf {
@@ -22,16 +23,34 @@ pub fn prj_sidecar(crs: &Crs) -> Option<&str> {
     })
 }
 
+/// Fails when [`write_prj`] would: a different sidecar exists and `overwrite` is false.
+pub fn check_prj(mesh_path: &Path, crs: &Crs, overwrite: bool) -> Result<()> {
+    let path = prj_path(mesh_path);
+    match prj_sidecar(crs) {
+        Some(text) if !says(&path, text) => refuse_existing(&path, overwrite),
+        _ => Ok(()),
+    }
+}
+
 /// Writes the sidecar of the mesh at `mesh_path`, whole or not at all, and returns its path; `None`
-/// when there is nothing to say (see [`prj_sidecar`]). Fails when it exists and `overwrite` is
-/// false: [`refuse_existing`](crate::atomic::refuse_existing) on [`prj_path`] tells beforehand.
+/// when there is nothing to say (see [`prj_sidecar`]). One that says the same already is left alone:
+/// it may be the input's, or another mesh's of the same name. Fails when it exists, says something
+/// else, and `overwrite` is false.
 pub fn write_prj(mesh_path: &Path, crs: &Crs, overwrite: bool) -> Result<Option<PathBuf>> {
     let Some(text) = prj_sidecar(crs) else { return Ok(None) };
     let path = prj_path(mesh_path);
-    let mut file = AtomicFile::create(&path, overwrite)?;
-    writeln!(file, "{text}").map_err(|e| Error::write(&path, e))?;
-    file.commit()?;
+    if !says(&path, text) {
+        let mut file = AtomicFile::create(&path, overwrite)?;
+        writeln!(file, "{text}").map_err(|e| Error::write(&path, e))?;
+        file.commit()?;
+    }
     Ok(Some(path))
+}
+
+/// True when the file at `path` holds `text`, white space around it aside.
+fn says(path: &Path, text: &str) -> bool {
+    let is_small = std::fs::metadata(path).is_ok_and(|meta| meta.len() <= MAX_HEADER_BYTES);
+    is_small && std::fs::read_to_string(path).is_ok_and(|found| found.trim() == text.trim())
 }
 
 #[cfg(test)]
@@ -62,8 +81,13 @@ mod tests {
         assert_eq!(write_prj(&mesh, &Crs::default(), false).unwrap(), None);
         let path = write_prj(&mesh, &epsg(4326), false).unwrap().unwrap();
         assert_eq!(path, folder.path().join("a.b.prj"));
-        let refused = write_prj(&mesh, &epsg(4326), false).unwrap_err();
-        assert_eq!(refused.kind(), ErrorKind::Usage);
+        assert_eq!(write_prj(&mesh, &epsg(4326), false).unwrap(), Some(path.clone()));
+        for refused in [
+            write_prj(&mesh, &epsg(32611), false).map(|_| ()).unwrap_err(),
+            check_prj(&mesh, &epsg(32611), false).unwrap_err(),
+        ] {
+            assert_eq!(refused.kind(), ErrorKind::Usage);
+        }
         write_prj(&mesh, &epsg(32611), true).unwrap();
         assert!(std::fs::read_to_string(&path).unwrap().starts_with("PROJCS"));
     }

@@ -48,7 +48,7 @@ impl RawFile {
     pub(crate) fn of(file: File, path: &Path) -> Result<Self> {
         let len = file.metadata().map_err(|e| Error::read(path, e))?.len();
         if len == 0 {
-            return Err(Error::bad_input("file is empty").in_file(path));
+            return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
         }
         Ok(Self { file, len, path: path.to_path_buf() })
     }

@@ -204,7 +204,7 @@ fn head_of(path: &Path) -> Result<Vec<u8>> {
     let mut head = Vec::new();
     File::open(path).and_then(|f| f.take(HEAD_BYTES).read_to_end(&mut head)).map_err(fail)?;
     if head.is_empty() {
-        return Err(Error::bad_input("file is empty").in_file(path));
+        return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
     }
     Ok(head)
 }

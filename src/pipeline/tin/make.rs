@@ -15,8 +15,7 @@ use crate::atomic::{AtomicFile, refuse_existing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
 use crate::output::{
-    self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, prj_path, prj_sidecar,
-    write_prj,
+    self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
 use crate::pipeline::{Cancel, Progress, peak_memory};
@@ -96,10 +95,7 @@ impl Maker<'_> {
     /// Finds out before the work that the output can be created.
     fn check_output(&self, info: &GridInfo) -> Result<()> {
         drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
-        match prj_sidecar(&info.crs) {
-            Some(_) => refuse_existing(&prj_path(&self.job.output), self.job.overwrite),
-            None => Ok(()),
-        }
+        check_prj(&self.job.output, &info.crs, self.job.overwrite)
     }
 
     /// The tolerance to run with, and how many trials it took to find it.

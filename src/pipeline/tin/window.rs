@@ -1,9 +1,10 @@
 //! Reading a rectangle of a grid into buffers that a worker keeps.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geom::Rect;
+use crate::limits::MAX_HEIGHT;
 use crate::raster::GridSource;
-use crate::tin::Heights;
+use crate::tin::{Heights, Spec};
 
 /// The buffers of one worker.
 #[derive(Default)]
@@ -11,8 +12,8 @@ pub(super) struct Window {
     rect: Option<Rect>,
     f32: Vec<f32>,
     f64: Vec<f64>,
-    /// True when some height of the rectangle is not exactly an f32.
-    wide: bool,
+    /// How far the f32 heights of the rectangle are from the exact ones, at most.
+    rounding: f64,
 }
 
 impl Window {
@@ -21,46 +22,106 @@ impl Window {
         samples * 12
     }
 
-    /// Reads `rect` of `source`.
+    /// Reads `rect` of `source`. Fails where a height is beyond [`MAX_HEIGHT`].
     pub(super) fn read(&mut self, source: &dyn GridSource, rect: Rect) -> Result<()> {
         self.rect = Some(rect);
+        self.rounding = 0.0;
         self.f32.resize(rect.len(), 0.0);
         if source.info().exact_in_f32() {
-            self.wide = false;
-            return source.read_f32(rect, &mut self.f32);
+            source.read_f32(rect, &mut self.f32)?;
+        } else {
+            self.f64.resize(rect.len(), 0.0);
+            source.read_f64(rect, &mut self.f64)?;
+            self.rounding = narrow(&self.f64, &mut self.f32);
         }
-        self.f64.resize(rect.len(), 0.0);
-        source.read_f64(rect, &mut self.f64)?;
-        self.wide = narrow(&self.f64, &mut self.f32);
+        self.refuse_extremes(rect)
+    }
+
+    /// Fails where the output's rounding of heights alone would break the tolerance.
+    pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
+        if spec.single_precision && self.rounding > spec.tolerance {
+            return Err(too_coarse(self.rounding, spec.tolerance));
+        }
         Ok(())
+    }
+
+    /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
+    /// nodata often is.
+    fn refuse_extremes(&self, rect: Rect) -> Result<()> {
+        let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
+        let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_extreme(z));
+        if !self.f32.chunks(1024).any(any) {
+            return Ok(());
+        }
+        let index = self.f32.iter().position(is_extreme).unwrap_or(0);
+        let (row, col) = (index / rect.width as usize, index % rect.width as usize);
+        let (row, col) = (row + rect.row as usize, col + rect.col as usize);
+        let height = self.f32[index];
+        Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
+            .remedy(format!("if it stands for nodata, pass --nodata {height:e}")))
     }
 
     /// The heights of the last rectangle read (none before the first).
     pub(super) fn heights(&self) -> Heights<'_> {
         let (width, height) = self.rect.map_or((0, 0), |rect| (rect.width, rect.height));
-        Heights { width, height, f32: &self.f32, f64: self.wide.then_some(&self.f64) }
+        Heights { width, height, f32: &self.f32, f64: (self.rounding > 0.0).then_some(&self.f64) }
     }
 }
 
-/// Rounds to f32; true when that changed a value.
-fn narrow(from: &[f64], to: &mut [f32]) -> bool {
-    let mut changed = false;
+/// Rounds to f32; returns the largest change.
+fn narrow(from: &[f64], to: &mut [f32]) -> f64 {
+    let mut largest = 0.0_f64;
     for (&height, rounded) in from.iter().zip(to) {
         *rounded = height as f32;
-        changed |= f64::from(*rounded) != height && !height.is_nan();
+        largest = largest.max((f64::from(*rounded) - height).abs());
     }
-    changed
+    largest
+}
+
+fn too_coarse(rounding: f64, tolerance: f64) -> Error {
+    Error::usage(format!(
+        "the output format stores heights as 32-bit floats, which moves some by {rounding:e}, more \
+         than the tolerance of {tolerance:e}"
+    ))
+    .remedy("write PLY or OBJ, or raise --max-error")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorKind;
 
     #[test]
     fn exact_values_need_no_f64() {
         let mut out = [0.0; 3];
-        assert!(!narrow(&[1.5, f64::NAN, -7.0], &mut out));
+        assert_eq!(narrow(&[1.5, f64::NAN, -7.0], &mut out), 0.0);
         assert!(out[1].is_nan() && out[2] == -7.0);
-        assert!(narrow(&[0.1], &mut out[..1]));
+        assert_eq!(narrow(&[0.1], &mut out[..1]), f64::from(0.1_f32) - 0.1);
+    }
+
+    #[test]
+    fn a_tolerance_below_the_rounding_of_the_output_is_refused() {
+        let window = Window { rounding: 0.01, ..Window::default() };
+        let spec = |tolerance, single_precision| Spec {
+            tolerance,
+            single_precision,
+            strict: false,
+            drop: true,
+            measure: false,
+        };
+        assert!(window.check_rounding(&spec(0.02, true)).is_ok());
+        assert!(window.check_rounding(&spec(0.001, false)).is_ok());
+        let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+    }
+
+    #[test]
+    fn undeclared_nodata_is_named() {
+        let heights = vec![1.0, 2.0, 3.0, 4.0, f32::MIN, 6.0];
+        let window = Window { rect: None, f32: heights, f64: Vec::new(), rounding: 0.0 };
+        let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::BadInput);
+        let text = error.to_string();
+        assert!(text.contains("column 11, row 21") && text.contains("--nodata -3.4028235e38"));
     }
 }

@@ -284,6 +284,7 @@ impl<'a> Worker<'a> {
     fn read(&mut self, rect: Rect) -> Result<()> {
         let started = Instant::now();
         self.window.read(self.job.source, rect)?;
+        self.window.check_rounding(&self.job.settings.spec)?;
         self.clock.add(Stage::Read, started, rect.len() as u64);
         Ok(())
     }

@@ -106,7 +106,8 @@ impl<'a> Directory<'a> {
     pub(super) fn read(file: &'a RawFile) -> Result<Self> {
         let head = file.head(16)?;
         if !is_tiff(&head) {
-            return Err(Error::bad_input("is not a TIFF: it does not start with II or MM"));
+            return Err(Error::bad_input("is not a TIFF: it does not start with II or MM")
+                .remedy("check the file, or rename it after its real format"));
         }
         let order = if head[0] == b'I' { ByteOrder::Little } else { ByteOrder::Big };
         let big = order.uint(&head[2..4]) == 43;
