@@ -18,6 +18,7 @@ mod sum;
 mod surface;
 mod tally;
 mod triangle;
+mod unit;
 mod worst;
 
 pub use domain::{Domain, Layout};

@@ -14,6 +14,7 @@ use super::sections::{ceil, floor, is_small, sections, strip};
 use super::surface::{Surface, columns};
 use super::tally::{Spot, Tally};
 use super::triangle::{Position, Triangle};
+use super::unit::{Histogram, Run, Sums};
 
 /// Height and largest error of a sample, and a handful of bits.
 pub(crate) const BYTES_PER_SAMPLE: u64 = 18;
@@ -247,19 +248,21 @@ impl<'a> Worst<'a> {
     /// Adds everything to the tally.
     pub(crate) fn finish(mut self, tally: &mut Tally) {
         let rect = self.part.domain.rect;
-        let units = rect.width.div_ceil(Domain::UNIT) as usize;
-        let mut sums = vec![[0.0; 2]; units];
+        let mut sums = vec![Sums::default(); rect.width.div_ceil(Domain::UNIT) as usize];
+        let mut histogram = self.part.tolerance.map(Histogram::new);
+        let over = tally.over.count;
         let mut samples = Vec::new();
         for row in rect.row..rect.end_row() {
             self.surface.samples(self.line(i64::from(row)), &mut samples);
             self.finish_cells(row, tally);
-            self.finish_row(row, &samples, &mut sums, tally);
+            self.settle(row, &samples, tally);
+            self.finish_row(row, &samples, &mut sums, histogram.as_mut(), tally);
             if (row + 1) % Domain::UNIT == 0 || row + 1 == rect.end_row() {
-                for [error, square] in sums.iter_mut().map(std::mem::take) {
-                    tally.errors.add(error);
-                    tally.squares.add(square);
-                }
+                sums.iter_mut().for_each(|sums| sums.flush(tally));
             }
+        }
+        if let Some(histogram) = histogram {
+            histogram.flush(tally.over.count - over, tally);
         }
     }
 
@@ -286,69 +289,72 @@ impl<'a> Worst<'a> {
         Position::sample(col as i64 + i64::from(self.window.col), i64::from(row))
     }
 
-    fn finish_row(&mut self, row: u32, samples: &[u64], sums: &mut [[f64; 2]], tally: &mut Tally) {
-        let line = self.line(i64::from(row));
-        self.settle(line);
-        let errors =
-            &self.errors[line * self.window.width as usize..][..self.window.width as usize];
-        let margin = (self.part.domain.rect.col - self.window.col) as usize;
-        let scale = self.part.tolerance.map(|t| Tally::BINS as f64 / t);
-        let mut worst = Spot { error: -1.0, col: 0, row };
-        for (word, mask) in self.owned() {
-            for col in ones(samples[word] & mask).map(|bit| word * 64 + bit) {
-                let error = errors[col];
-                if error < 0.0 {
-                    tally.uncovered.add(self.place(col, row));
-                    continue;
-                }
-                tally.covered += 1;
-                let [sum, square] = &mut sums[(col - margin) / Domain::UNIT as usize];
-                *sum += error;
-                *square += error * error;
-                if error > worst.error {
-                    worst = Spot { error, col: col as u32 + self.window.col, row };
-                }
-                if let Some(scale) = scale {
-                    tally.histogram[bin(error, scale)] += 1;
-                }
+    fn finish_row(
+        &self,
+        row: u32,
+        samples: &[u64],
+        sums: &mut [Sums],
+        mut histogram: Option<&mut Histogram>,
+        tally: &mut Tally,
+    ) {
+        let [mut from, end] = self.clip(0, i64::MAX);
+        let line = self.line(i64::from(row)) * self.window.width as usize;
+        for sums in sums {
+            let to = (from + Domain::UNIT as usize).min(end);
+            let due = bits_at(samples, from, to);
+            let run = Run::new(&self.errors[line + from..line + to], due);
+            sums.add(&run);
+            if let Some(histogram) = &mut histogram {
+                histogram.add(&run);
             }
-            self.count_over(word, samples[word] & mask, row, tally);
-        }
-        if worst.error >= 0.0 {
-            tally.spot(worst);
+            tally.covered += u64::from(run.counted().count_ones());
+            let missing = u64::from(due & !run.counted());
+            ones(missing).for_each(|bit| tally.uncovered.add(self.place(from + bit, row)));
+            self.note_worst(&run, from, row, tally);
+            from = to;
         }
     }
 
-    /// Samples over the tolerance move from the last bin within it to the bin of those over.
-    fn count_over(&self, word: usize, surface: u64, row: u32, tally: &mut Tally) {
-        let over = self.over.row(self.line(i64::from(row)))[word] & surface;
-        for bit in ones(over) {
-            tally.over.add(self.place(word * 64 + bit, row));
-            tally.histogram[Tally::BINS - 1] -= 1;
-            tally.histogram[Tally::BINS] += 1;
+    /// Keeps the largest error of a run that begins with column `from` of the window.
+    #[inline]
+    fn note_worst(&self, run: &Run, from: usize, row: u32, tally: &mut Tally) {
+        let error = run.most();
+        if tally.worst.is_some_and(|worst| worst.error > error) {
+            return;
+        }
+        if let Some(bit) = run.find(error) {
+            tally.spot(Spot { error, col: (from + bit) as u32 + self.window.col, row });
         }
     }
 
     /// Brings errors in line with the exact decisions: those over are above the tolerance by at
-    /// least one float, all others at most equal to it.
-    fn settle(&mut self, line: usize) {
+    /// least one float, all others at most equal to it. Counts those over.
+    fn settle(&mut self, row: u32, samples: &[u64], tally: &mut Tally) {
         let Some(tolerance) = self.part.tolerance else { return };
+        let line = self.line(i64::from(row));
         let width = self.window.width as usize;
         let errors = &mut self.errors[line * width..][..width];
-        errors.iter_mut().zip(0..).for_each(|(error, col): (&mut f64, usize)| {
-            if *error > tolerance && !self.over.get(col, line) {
-                *error = tolerance;
+        if errors.iter().fold(false, |any, &error| any | (error > tolerance)) {
+            for (col, error) in errors.iter_mut().enumerate() {
+                if *error > tolerance && !self.over.get(col, line) {
+                    *error = tolerance;
+                }
             }
-        });
+        }
         for col in columns(self.over.row(line)) {
             errors[col] = errors[col].max(tolerance.next_up());
+        }
+        for (word, mask) in self.owned() {
+            let over = self.over.row(line)[word] & samples[word] & mask;
+            ones(over).for_each(|bit| tally.over.add(self.place(word * 64 + bit, row)));
         }
     }
 }
 
-/// The bin of an error in twentieths of the tolerance, errors at and over it in the last.
-#[inline]
-fn bin(error: f64, scale: f64) -> usize {
-    // 0 / 0 for a tolerance of 0 is NaN, which casts to bin 0.
-    ((error * scale) as usize).min(Tally::BINS - 1)
+/// The bits `from .. to` (at most 32 of them) of a row of words.
+fn bits_at(words: &[u64], from: usize, to: usize) -> u32 {
+    let (word, shift) = (from / 64, from % 64);
+    let next = words.get(word + 1).map_or(0, |&next| u128::from(next) << 64);
+    let bits = (u128::from(words[word]) | next) >> shift;
+    (bits as u64 & ((1 << (to - from)) - 1)) as u32
 }
