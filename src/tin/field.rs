@@ -92,6 +92,12 @@ impl Field {
         }
     }
 
+    /// All samples at full resolution, the rim included.
+    pub(super) fn whole(&self) -> Level<'_> {
+        let last = |n: u32| n as i32 - 1;
+        Level { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
+    }
+
     /// First and last column, first and last row that scans look at.
     pub(super) fn scan_bounds(&self) -> [i32; 4] {
         self.level(0).bounds

@@ -101,11 +101,28 @@ impl Facet {
 
     /// First and last decimated row to scan.
     #[inline(always)]
-    fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
+    pub(super) fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
         let stride_less_one = (1 << level.shift) - 1;
         let first = (self.rows[0] + stride_less_one) >> level.shift;
         let last = self.rows[1] >> level.shift;
         [first.max(level.bounds[2]), last.min(level.bounds[3])]
+    }
+
+    /// First and last decimated column of a decimated row; first > last when there is none.
+    #[inline(always)]
+    pub(super) fn columns(&self, level: &Level<'_>, row: i32) -> [i32; 2] {
+        let shrink = 1.0 / f64::from(1_u32 << level.shift);
+        let mut low = f64::from(level.bounds[0]);
+        let mut high = f64::from(level.bounds[1]);
+        for edge in 0..3 {
+            let at = self.offsets[edge] * shrink + self.slopes[edge] * f64::from(row);
+            match self.sides[edge] {
+                Side::Left => low = low.max(at - SLACK),
+                Side::Right => high = high.min(at + SLACK),
+                Side::Level => {}
+            }
+        }
+        [low.ceil() as i32, high.floor() as i32]
     }
 }
 

@@ -1,6 +1,6 @@
 //! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
 
-use super::{Facet, LANES, Level, SLACK, Side, Worst};
+use super::{Facet, LANES, Level, Worst};
 use crate::tin::Local;
 
 /// Scans the samples of `level` in the closed triangle `facet`.
@@ -14,7 +14,7 @@ pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
     let mut worst = Worst { error: 0.0, at: Local::new(0, 0) };
     let [first, last] = facet.row_range(level);
     for row in first..=last {
-        let [low, high] = columns(level, facet, row);
+        let [low, high] = facet.columns(level, row);
         let start = facet.base + gy * f64::from(row);
         let line = row as usize * level.pitch;
         for run in (low..=high).step_by(LANES) {
@@ -31,20 +31,4 @@ pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
         }
     }
     worst
-}
-
-/// First and last column of a row; first > last when there is none.
-fn columns(level: &Level<'_>, facet: &Facet, row: i32) -> [i32; 2] {
-    let shrink = 1.0 / f64::from(1_u32 << level.shift);
-    let mut low = f64::from(level.bounds[0]);
-    let mut high = f64::from(level.bounds[1]);
-    for edge in 0..3 {
-        let at = facet.offsets[edge] * shrink + facet.slopes[edge] * f64::from(row);
-        match facet.sides[edge] {
-            Side::Left => low = low.max(at - SLACK),
-            Side::Right => high = high.min(at + SLACK),
-            Side::Level => {}
-        }
-    }
-    [low.ceil() as i32, high.floor() as i32]
 }
