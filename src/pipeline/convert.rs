@@ -26,7 +26,7 @@ pub struct ConvertJob {
     pub nodata: Option<f64>,
     /// Keep only the samples inside (x min, y min, x max, y max), in world coordinates.
     pub bbox: Option<[f64; 4]>,
-    /// Samples along a tile's side: one of [`TILE_SIDES`](crate::raster::store::TILE_SIDES).
+    /// Samples along a tile's side: one of [`TILE_SIDES`].
     pub tile: u32,
     /// Replace an existing output.
     pub overwrite: bool,

@@ -2,9 +2,9 @@
 //!
 //! | share | bytes |
 //! |---|---|
-//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | [`PROGRAM`] |
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 8 MiB |
 //! | each worker: the most a tile can need | given |
-//! | half of the rest, at most [`MOST_CACHE`]: decoded blocks of the input | [`Shares::cache`] |
+//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
 //! | what is left: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
 //!
 //! Workers come first: a worker too many would break the budget, one too few costs time only, and
