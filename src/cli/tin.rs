@@ -148,7 +148,7 @@ fn job(args: &Args) -> Result<TinJob> {
         strict: args.strict,
         drop: !args.no_drop,
         tile: args.tile,
-        measure: args.show.json || args.report.is_some() || !args.show.quiet,
+        measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),
     })
 }
