@@ -39,20 +39,21 @@ def terrane(*options):
         cost = measure.run(argv)
         told = measure.run([*argv, "--report", report])
         ply.replace(mesh)
-        return Run(cost.wall, cost.cpu, cost.peak_mib, told.cpu * kernel_share(report))
+        edges = told.cpu * edge_share(report)
+        return Run(cost.wall, cost.cpu, cost.peak_mib, max(cost.cpu - edges, 0.0))
 
     return run
 
 
-def kernel_share(report):
-    """The share of the stages that do what the peers' call does.
+def edge_share(report):
+    """The share of a run with a report that reading and writing took.
 
     The share, and not the seconds: a worker that has to wait for a busy processor takes longer in
     every stage, which the CPU time of the process does not show.
     """
     stages = json.loads(report.read_text(encoding="utf-8"))["stages"]
-    kernels = sum(s["cpu_seconds"] for s in stages if s["name"] in ("tiles", "seams"))
-    return kernels / sum(s["cpu_seconds"] for s in stages)
+    edges = sum(s["cpu_seconds"] for s in stages if s["name"] in ("read", "write"))
+    return edges / sum(s["cpu_seconds"] for s in stages)
 
 
 def called(argv):
