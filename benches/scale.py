@@ -181,7 +181,7 @@ def arguments():
     parser.add_argument("--terrane", type=Path, default=target / "release/terrane")
     parser.add_argument("--work", type=Path, default=target / "peers/scale")
     parser.add_argument("--size", type=int, default=16384, help="samples along a side")
-    parser.add_argument("--max-error", type=float, default=3.0, help="keeps about 1 %% (default 3.0)")
+    parser.add_argument("--max-error", type=float, default=3.0, help="keeps about 1 %% (default 3)")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", default="", metavar="WORD", help="cases whose names hold the word")
     return parser.parse_args()

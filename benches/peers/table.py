@@ -12,15 +12,54 @@ COLUMNS = [
 ]
 
 
+SUMMARY = [
+    "grid", "tolerance", "kept", "greedy", "default", "greedy, tiles + seams",
+    "default, tiles + seams", "two threads", "vertices, greedy", "vertices, default", "peer beyond",
+]
+GREEDY, DEFAULT, TWO = "terrane greedy, 1 thread", "terrane, 1 thread", "terrane, 2 threads"
+
+
 def markdown(results):
-    """The whole race: a heading and a table for each job."""
+    """The whole race: a summary, then a heading and a table for each job."""
     lines = [f"{key}: {results[key]}  " for key in ("date", "machine", "commit", "command")]
     lines.append(f"Medians of {results['rounds']} interleaved rounds; peaks are the largest.")
     lines += [f"Skipped, not there: {name}." for name in results["skipped"]]
     job = lambda row: (row["grid"], row["share"])
-    for _, rows in groupby(results["rows"], key=job):
-        lines += ["", *table(list(rows))]
+    jobs = [list(rows) for _, rows in groupby(results["rows"], key=job)]
+    lines += ["", *summary(jobs)]
+    for rows in jobs:
+        lines += ["", *table(rows)]
     return "\n".join(lines)
+
+
+def summary(jobs):
+    """One line for each job that terrane ran in full: CPU ratios and vertices."""
+    yield f"Times faster than {PEER} (CPU), two threads against one (wall), vertices against {PEER}:"
+    yield ""
+    yield f"| {' | '.join(SUMMARY)} |"
+    yield f"|---|{'---:|' * (len(SUMMARY) - 1)}"
+    for rows in jobs:
+        by_name = {row["contestant"]: row for row in rows}
+        if {GREEDY, DEFAULT, TWO} <= by_name.keys():
+            yield f"| {' | '.join(summary_cells(by_name))} |"
+
+
+def summary_cells(by_name):
+    peer, greedy, default, two = (by_name[name] for name in (PEER, GREEDY, DEFAULT, TWO))
+    ratio = lambda row, key: f"{peer['cpu'] / row[key]:.1f}"
+    return [
+        peer["grid"],
+        f"{peer['tolerance']:g}",
+        f"{100 * peer['vertices'] / peer['samples']:.2g} %",
+        *(ratio(row, key) for key in ("cpu", "kernels") for row in (greedy, default)),
+        f"{default['wall'] / two['wall']:.2f}",
+        *(more(row, peer) for row in (greedy, default)),
+        f"{peer['beyond']:,}",
+    ]
+
+
+def more(row, peer):
+    return f"{100 * (row['vertices'] / peer['vertices'] - 1):+.1f} %"
 
 
 def table(rows):
@@ -48,7 +87,7 @@ def cells(row, peer):
         error(row),
         f"{row['beyond']:,}",
         "" if row is peer else faster(row, peer),
-        "" if row is peer else f"{100 * (row['vertices'] / peer['vertices'] - 1):+.1f} %",
+        "" if row is peer else more(row, peer),
     ]
 
 
