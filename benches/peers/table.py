@@ -26,7 +26,8 @@ def markdown(results):
     lines += [f"Skipped, not there: {name}." for name in results["skipped"]]
     job = lambda row: (row["grid"], row["share"])
     jobs = [list(rows) for _, rows in groupby(results["rows"], key=job)]
-    lines += ["", *summary(jobs)]
+    if {GREEDY, DEFAULT, TWO} <= {row["contestant"] for row in results["rows"]}:
+        lines += ["", *summary(jobs)]
     for rows in jobs:
         lines += ["", *table(rows)]
     return "\n".join(lines)
