@@ -24,6 +24,7 @@ impl AtomicFile {
     /// is false, or when its folder is missing or not writable.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
         refuse_existing(path, overwrite)?;
+        refuse_special(path)?;
         let folder = parent(path);
         remove_leftovers(folder);
         let temp = tempfile::Builder::new()
@@ -90,6 +91,18 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
     Ok(())
 }
 
+/// Fails when `path` is a folder or a device: a rename would replace it, or fail only at the end.
+fn refuse_special(path: &Path) -> Result<()> {
+    match std::fs::metadata(path) {
+        Ok(meta) if !meta.is_file() => {
+            Err(Error::new(ErrorKind::Usage, "output is a folder or a device, not a file")
+                .in_file(path)
+                .remedy("choose another name"))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -153,6 +166,15 @@ mod tests {
         assert_eq!(refused.kind(), ErrorKind::Usage);
         AtomicFile::create(&path, true).unwrap().commit().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn folders_and_devices_are_never_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = AtomicFile::create(folder.path(), true).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        #[cfg(unix)]
+        assert!(AtomicFile::create(Path::new("/dev/null"), true).is_err());
     }
 
     #[test]

@@ -22,6 +22,18 @@ impl BitSet {
         is_new
     }
 
+    /// True when the number is in the set.
+    #[inline(always)]
+    pub(super) fn contains(&self, number: usize) -> bool {
+        self.words[number / 64] & (1 << (number % 64)) != 0
+    }
+
+    /// Takes a number out.
+    #[inline(always)]
+    pub(super) fn remove(&mut self, number: usize) {
+        self.words[number / 64] &= !(1 << (number % 64));
+    }
+
     /// The numbers in ascending order.
     pub(super) fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         self.words.iter().enumerate().flat_map(|(i, &word)| {
@@ -44,8 +56,10 @@ mod tests {
         let mut set = BitSet::default();
         set.reset(200);
         assert!([130, 0, 63, 64, 199].into_iter().all(|number| set.insert(number)));
-        assert!(!set.insert(63));
+        assert!(!set.insert(63) && set.contains(63) && !set.contains(62));
         assert_eq!(set.iter().collect::<Vec<_>>(), [0, 63, 64, 130, 199]);
+        set.remove(64);
+        assert_eq!(set.iter().collect::<Vec<_>>(), [0, 63, 130, 199]);
         set.reset(10);
         assert_eq!(set.iter().count(), 0);
     }

@@ -13,14 +13,18 @@ const MAX_DEGREE: usize = 24;
 /// Buffers of the drop pass.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// Samples whose vertices are not to be tried (again).
+    /// Vertices never to be tried.
+    fixed: BitSet,
+    /// Those, and vertices that failed and whose star has not changed since.
     settled: BitSet,
     star: Vec<u32>,
     ring: Vec<(Local, u32)>,
     fill: Vec<Tri>,
 }
 
-/// Tries to drop every vertex that is not in `fixed`, once. Vertex order is that of the triangles.
+/// Tries to drop every vertex that is not in `fixed`, in the order of the triangles. A drop changes
+/// what its neighbours can do, so they may be tried again: the sweep meets a vertex once in each of
+/// its triangles. Expected time linear in the vertices and the samples of their stars.
 pub(super) fn drop_redundant(
     judge: &Judge<'_>,
     mesh: &mut Mesh,
@@ -29,25 +33,32 @@ pub(super) fn drop_redundant(
 ) {
     let width = judge.field.width() as usize;
     let samples = width * judge.field.height() as usize;
+    let index = |p: Local| p.row() as usize * width + p.col() as usize;
+    scratch.fixed.reset(samples);
     scratch.settled.reset(samples);
-    fixed.iter().for_each(|&p| {
-        scratch.settle(p, width);
-    });
-    for id in 0..mesh.tris.len() as u32 {
-        for corner in 0..3 {
-            let tri = &mesh.tris[id as usize];
-            let is_surface = !matches!(tri.state, State::Free | State::Outside);
-            if is_surface && scratch.settle(tri.corners[corner as usize], width) {
-                scratch.try_drop(judge, mesh, 4 * id + corner);
-            }
+    for &p in fixed {
+        scratch.fixed.insert(index(p));
+        scratch.settled.insert(index(p));
+    }
+    for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+        let state = mesh.tris[(half_edge >> 2) as usize].state;
+        if !matches!(state, State::Free | State::Outside)
+            && scratch.settled.insert(index(mesh.origin(half_edge)))
+            && scratch.try_drop(judge, mesh, half_edge).is_some()
+        {
+            scratch.unsettle(index);
         }
     }
 }
 
 impl Scratch {
-    /// Marks a vertex; true when it was not marked before.
-    fn settle(&mut self, p: Local, width: usize) -> bool {
-        self.settled.insert(p.row() as usize * width + p.col() as usize)
+    /// Lets the corners of the triangles that filled the last star be tried again.
+    fn unsettle(&mut self, index: impl Fn(Local) -> usize) {
+        for at in self.fill.iter().flat_map(|tri| tri.corners.map(&index)) {
+            if !self.fixed.contains(at) {
+                self.settled.remove(at);
+            }
+        }
     }
 
     /// Removes the vertex from which `half_edge` starts if its star can be refilled with Delaunay

@@ -24,7 +24,7 @@ impl Judge<'_> {
     /// `level` is within the tolerance. At level 0 the answer is exact: scans in `f32` decide only
     /// where their rounding cannot matter.
     #[inline]
-    pub(super) fn candidate(&self, p: [Local; 3], level: u8) -> Option<Local> {
+    pub(super) fn candidate(&self, p: [Local; 3], level: u8) -> Option<Candidate> {
         if double_area(p) == 1 {
             return None; // Half a cell: its corners are its only samples (Pick's theorem).
         }
@@ -33,12 +33,13 @@ impl Judge<'_> {
         let error = f64::from(worst.error);
         let hair = self.hair(z);
         if error > self.tolerance + hair {
-            Some(worst.at)
+            Some(Candidate { error: worst.error, at: worst.at })
         } else if level > 0 || error < self.tolerance - hair {
             None
         } else {
             let worst = exact::scan(self.field, p, self.tolerance);
-            (!worst.within).then_some(worst.at)
+            let error = worst.error as f32;
+            (!worst.within).then_some(Candidate { error, at: worst.at })
         }
     }
 
@@ -52,63 +53,170 @@ impl Judge<'_> {
     }
 }
 
+/// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
+const BUCKETS: usize = 64;
+
 /// Work lists, kept between tiles.
 #[derive(Debug, Default)]
 pub(super) struct WorkLists {
-    dirty: Vec<u32>,
-    passed: Vec<u32>,
+    /// Triangles by the size of their error; see [`bucket_of`].
+    buckets: Vec<Vec<u32>>,
+    /// No bucket above this one holds anything.
+    top: usize,
+    /// The bucket being emptied.
+    batch: Vec<u32>,
+    /// The last candidate found for a triangle.
+    found: Vec<Candidate>,
+    passed: Vec<(u32, u8)>,
     star: Vec<u32>,
+}
+
+/// A sample to insert.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    error: f32,
+    at: Local,
+}
+
+/// Errors within a factor of about 1.4 share a bucket, larger ones come later. The float's bits are
+/// its logarithm, roughly (Mitchell 1962).
+fn bucket_of(error: f32, tolerance: f64) -> usize {
+    const BITS: u32 = 22;
+    let bucket = |value: f32| (value.to_bits() >> BITS) as usize;
+    bucket(error).saturating_sub(bucket(tolerance as f32)).min(BUCKETS - 1)
 }
 
 /// Inserts samples until every sample of every triangle is within the tolerance. `dirty` triangles
 /// of the mesh are scanned; the others are taken to be within. `visit` is told of every insertion
 /// with the triangles around the new vertex and may stop the run by returning false.
 ///
+/// Candidates with larger errors are inserted first, up to the width of a bucket. A new triangle
+/// waits, unscanned, in the bucket that its vertex came from: often it is gone before its turn.
+///
 /// A triangle is first scanned at the stride that gives about [`SAMPLES_PER_SCAN`] samples. When no
-/// dirty triangle is left, those that passed at a coarse stride are scanned finer, and so on until
-/// all have passed at stride 1.
+/// candidate is left, those that passed at a coarse stride are scanned finer, and so on until all
+/// have passed at stride 1.
 pub(super) fn insert_adaptive(
     judge: &Judge<'_>,
     mesh: &mut Mesh,
     lists: &mut WorkLists,
     visit: impl Fn(&Mesh, &[u32]) -> bool,
 ) -> bool {
-    let WorkLists { dirty, passed, star } = lists;
-    dirty.clear();
-    passed.clear();
-    dirty.extend(mesh.ids().filter(|&id| mesh.tris[id as usize].state == State::Dirty));
+    lists.begin(mesh);
     loop {
-        let mut next = 0;
-        while next < dirty.len() {
-            let id = dirty[next];
-            next += 1;
-            let tri = mesh.tris[id as usize];
-            let level = match tri.state {
-                State::Dirty => level_for(tri.corners, SAMPLES_PER_SCAN, LEVELS),
-                State::Passed(level) if level > 0 => level.saturating_sub(REFINE_STEP),
-                _ => continue,
-            };
-            let Some(at) = judge.candidate(tri.corners, level) else {
-                mesh.tris[id as usize].state = State::Passed(level);
-                if level > 0 {
-                    passed.push(id);
+        while let Some(bucket) = lists.next_batch() {
+            for i in 0..lists.batch.len() {
+                let id = lists.batch[i];
+                if let Some(at) = lists.due(judge, mesh, id, bucket)
+                    && !lists.insert(mesh, id, at, bucket, &visit)
+                {
+                    return false;
                 }
-                continue;
-            };
-            star.clear();
-            if !mesh.insert(id, at, star) {
-                mesh.tris[id as usize].state = State::Passed(0);
-                continue;
             }
-            if !visit(mesh, star) {
-                return false;
-            }
-            dirty.extend_from_slice(star);
         }
-        dirty.clear();
-        if passed.is_empty() {
+        if !lists.refine(judge, mesh) {
             return true;
         }
-        std::mem::swap(dirty, passed);
+    }
+}
+
+impl WorkLists {
+    fn begin(&mut self, mesh: &Mesh) {
+        self.passed.clear();
+        self.buckets.resize_with(BUCKETS, Vec::new);
+        self.buckets.iter_mut().for_each(Vec::clear);
+        let dirty = mesh.ids().filter(|&id| mesh.tris[id as usize].state == State::Dirty);
+        self.buckets[BUCKETS - 1].extend(dirty);
+        self.top = BUCKETS - 1;
+    }
+
+    /// Takes the fullest-error bucket that is not empty.
+    fn next_batch(&mut self) -> Option<usize> {
+        let bucket = self.buckets[..=self.top].iter().rposition(|bucket| !bucket.is_empty())?;
+        self.top = bucket;
+        self.batch.clear();
+        std::mem::swap(&mut self.batch, &mut self.buckets[bucket]);
+        Some(bucket)
+    }
+
+    /// The sample of a triangle to insert now, if its error belongs to this bucket or above.
+    fn due(&mut self, judge: &Judge<'_>, mesh: &mut Mesh, id: u32, bucket: usize) -> Option<Local> {
+        let tri = mesh.tris[id as usize];
+        match tri.state {
+            State::Dirty => {
+                let level = level_for(tri.corners, SAMPLES_PER_SCAN, LEVELS);
+                self.scan(judge, mesh, id, level, bucket)
+            }
+            State::Waiting => {
+                let found = self.found[id as usize];
+                (bucket_of(found.error, judge.tolerance) == bucket).then_some(found.at)
+            }
+            _ => None,
+        }
+    }
+
+    /// Scans a triangle; a candidate below `bucket` is put into its own.
+    fn scan(
+        &mut self,
+        judge: &Judge<'_>,
+        mesh: &mut Mesh,
+        id: u32,
+        level: u8,
+        bucket: usize,
+    ) -> Option<Local> {
+        let tri = &mut mesh.tris[id as usize];
+        let Some(found) = judge.candidate(tri.corners, level) else {
+            tri.state = State::Passed(level);
+            if level > 0 {
+                self.passed.push((id, level));
+            }
+            return None;
+        };
+        let own = bucket_of(found.error, judge.tolerance);
+        if own >= bucket {
+            return Some(found.at);
+        }
+        tri.state = State::Waiting;
+        self.put(id, found, own);
+        None
+    }
+
+    fn put(&mut self, id: u32, found: Candidate, bucket: usize) {
+        if self.found.len() <= id as usize {
+            self.found.resize(id as usize + 1, found);
+        }
+        self.found[id as usize] = found;
+        self.buckets[bucket].push(id);
+        self.top = self.top.max(bucket);
+    }
+
+    /// Inserts a sample; false when `visit` wants to stop.
+    fn insert(
+        &mut self,
+        mesh: &mut Mesh,
+        id: u32,
+        at: Local,
+        bucket: usize,
+        visit: &impl Fn(&Mesh, &[u32]) -> bool,
+    ) -> bool {
+        self.star.clear();
+        if !mesh.insert(id, at, &mut self.star) {
+            mesh.tris[id as usize].state = State::Passed(0);
+            return true;
+        }
+        self.buckets[bucket].extend_from_slice(&self.star);
+        visit(mesh, &self.star)
+    }
+
+    /// Scans what passed at a coarse stride more finely; false when nothing is left to scan.
+    fn refine(&mut self, judge: &Judge<'_>, mesh: &mut Mesh) -> bool {
+        let passed = std::mem::take(&mut self.passed);
+        for &(id, level) in &passed {
+            if mesh.tris[id as usize].state == State::Passed(level) {
+                let finer = level.saturating_sub(REFINE_STEP);
+                self.scan(judge, mesh, id, finer, usize::MAX);
+            }
+        }
+        !passed.is_empty()
     }
 }

@@ -26,6 +26,8 @@ pub(super) enum State {
     Passed(u8),
     /// Changed since it was last scanned.
     Dirty,
+    /// Scanned; a sample to insert is known.
+    Waiting,
     /// Outside the surface: never scanned, not part of the result.
     Outside,
     /// Not in use.
