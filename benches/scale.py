@@ -12,6 +12,7 @@ Rates of stages are samples / seconds x threads: the stage alone, as if all thre
 import argparse
 import contextlib
 import json
+import re
 import os
 import sys
 import time
@@ -122,9 +123,10 @@ def run_case(case, options, store, group):
 
 
 def run_once(case, options, store, group):
-    mesh, report = options.work / "mesh.ply", options.work / "report.json"
+    """One timed run, without the error figures of a report: they cost a pass of their own."""
+    mesh = options.work / "mesh.ply"
     argv = [options.terrane, "tin", store, mesh, "--max-error", options.max_error, *case.options]
-    argv += ["--threads", case.threads, "--overwrite", "--quiet", "--report", report]
+    argv += ["--threads", case.threads, "--overwrite"]
     (evict if case.evicted else warm)(store)
     print(f"{case.name} ...", file=sys.stderr, flush=True)
     if case.capped:
@@ -133,12 +135,20 @@ def run_once(case, options, store, group):
             group_peak = group.peak_mib()
     else:
         cost, group_peak = measure.run(argv), None
-    told = json.loads(report.read_text(encoding="utf-8"))
-    seconds = {stage["name"]: stage["cpu_seconds"] for stage in told["stages"]}
     return {
         "wall": cost.wall, "cpu": cost.cpu, "peak_mib": cost.peak_mib, "group_peak_mib": group_peak,
-        **{key: told[key] for key in ("samples", "vertices", "triangles", "kept")},
-        **{name: seconds.get(name, 0.0) for name in STAGES},
+        **told(cost.stdout),
+    }
+
+
+def told(summary):
+    """What the summary of a run says: counts, and seconds of each stage over all threads."""
+    count = lambda name: int(re.search(rf"{name} +([\d,]+)", summary)[1].replace(",", ""))
+    seconds = dict(re.findall(r"(read|tiles|seams|write) ([\d.]+) s", summary))
+    samples, vertices = count("samples"), count("vertices")
+    return {
+        "samples": samples, "vertices": vertices, "triangles": count("triangles"),
+        "kept": vertices / samples, **{name: float(seconds.get(name, 0)) for name in STAGES},
     }
 
 

@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,7 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
 const TEMP_PREFIX: &str = ".terrane-";
+const TEMP_SUFFIX: &str = ".tmp";
 
 /// An output file in the making. Dropping it removes the temporary file.
 #[derive(Debug)]
@@ -27,11 +28,7 @@ impl AtomicFile {
         refuse_special(path)?;
         let folder = parent(path);
         remove_leftovers(folder);
-        let temp = tempfile::Builder::new()
-            .prefix(&format!("{TEMP_PREFIX}{}-", std::process::id()))
-            .suffix(".tmp")
-            .tempfile_in(folder)
-            .map_err(|e| Error::write(path, e))?;
+        let temp = temporary(folder).map_err(|e| Error::write(path, e))?;
         Ok(Self { temp, path: path.to_path_buf(), overwrite })
     }
 
@@ -49,7 +46,6 @@ impl AtomicFile {
     pub fn commit(self) -> Result<u64> {
         let Self { temp, path, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
-        make_readable(temp.as_file()).map_err(fail)?;
         temp.as_file().sync_all().map_err(fail)?;
         let bytes = temp.as_file().metadata().map_err(fail)?.len();
         let persisted = if overwrite { temp.persist(&path) } else { temp.persist_noclobber(&path) };
@@ -110,16 +106,24 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
-/// Temporary files are created private; an output has the permissions of any new file.
-#[cfg(unix)]
-fn make_readable(file: &File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_file: &File) -> io::Result<()> {
-    Ok(())
+/// A temporary file in `folder`, locked as long as it is open, with the permissions of any new
+/// file.
+fn temporary(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
+    #[cfg(unix)]
+    let anyone = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+    #[cfg(unix)]
+    builder.permissions(anyone);
+    loop {
+        let temp = builder.tempfile_in(folder)?;
+        // A file system without locks has no leftovers removed either.
+        let is_taken = matches!(temp.as_file().try_lock(), Err(TryLockError::WouldBlock));
+        // Another run may have taken the file for a leftover before it was locked.
+        if !is_taken && temp.path().exists() {
+            return Ok(temp);
+        }
+    }
 }
 
 fn sync_folder(folder: &Path) {
@@ -128,25 +132,22 @@ fn sync_folder(folder: &Path) {
     }
 }
 
-/// Removes temporary files whose process is gone. Best effort: failures are not the user's problem.
+/// Removes temporary files that nobody has locked any more: their run was killed. Best effort:
+/// failures are not the user's problem.
 fn remove_leftovers(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
-        if name.to_str().and_then(owner).is_some_and(|pid| !is_alive(pid)) {
+        let is_ours = name.to_str().is_some_and(is_temporary);
+        if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-/// The process id in the name of a temporary file of ours.
-fn owner(name: &str) -> Option<u32> {
-    let rest = name.strip_prefix(TEMP_PREFIX)?.strip_suffix(".tmp")?;
-    rest.split_once('-')?.0.parse().ok()
-}
-
-fn is_alive(pid: u32) -> bool {
-    !cfg!(target_os = "linux") || Path::new(&format!("/proc/{pid}")).exists()
+/// True for a name that [`temporary`] gives.
+fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
 }
 
 #[cfg(test)]
@@ -183,7 +184,10 @@ mod tests {
         let orphan = folder.path().join(".terrane-4294967294-abc.tmp");
         std::fs::write(&orphan, b"left by a killed run").unwrap();
         let path = folder.path().join("out.bin");
+        let running = AtomicFile::create(&folder.path().join("other.bin"), false).unwrap();
         drop(AtomicFile::create(&path, false).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the running one stays");
+        drop(running);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

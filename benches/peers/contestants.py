@@ -52,8 +52,8 @@ def edge_share(report):
     every stage, which the CPU time of the process does not show.
     """
     stages = json.loads(report.read_text(encoding="utf-8"))["stages"]
-    edges = sum(s["cpu_seconds"] for s in stages if s["name"] in ("read", "write"))
-    return edges / sum(s["cpu_seconds"] for s in stages)
+    edges = sum(s["thread_seconds"] for s in stages if s["name"] in ("read", "write"))
+    return edges / sum(s["thread_seconds"] for s in stages)
 
 
 def called(argv):

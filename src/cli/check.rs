@@ -38,15 +38,30 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     Ok(())
 }
 
-/// Fails when `path` is one of the inputs: it would be replaced while it is read.
-pub(super) fn not_itself(input: &str, path: &Path) -> Result<()> {
-    let same = std::fs::canonicalize(input).ok().zip(std::fs::canonicalize(path).ok());
-    if same.is_some_and(|(a, b)| a == b) {
-        return Err(Error::usage("output is the input itself")
-            .in_file(path)
-            .remedy("choose another name"));
+/// Fails when two of the files are one and the same: one would be replaced by the other. Outputs
+/// need not exist yet.
+pub(super) fn distinct(files: &[&Path]) -> Result<()> {
+    for (i, &file) in files.iter().enumerate() {
+        if files[..i].iter().any(|&other| is_same(file, other)) {
+            return Err(Error::usage("output is the input itself, or two outputs have this name")
+                .in_file(file)
+                .remedy("choose another name"));
+        }
     }
     Ok(())
+}
+
+/// Compares files by where they really are, and those that are not there yet by their folder.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        std::fs::canonicalize(path).unwrap_or_else(|_| {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+            let folder =
+                std::fs::canonicalize(folder.unwrap_or(Path::new("."))).unwrap_or_default();
+            folder.join(path.file_name().unwrap_or_default())
+        })
+    };
+    place(a) == place(b)
 }
 
 /// Fails when `path` does not end in one of `endings`.
@@ -79,8 +94,10 @@ mod tests {
         assert!(new_file(folder.path(), true).is_err());
         let lost = folder.path().join("no/such/b.ply");
         assert_eq!(new_file(&lost, false).unwrap_err().kind(), ErrorKind::CannotWrite);
-        assert!(not_itself(&name(&file), &file).is_err());
-        assert!(not_itself(&name(&file), &lost).is_ok());
+        let twice = folder.path().join("./c.json");
+        assert!(distinct(&[&file, &lost, &file]).is_err());
+        assert!(distinct(&[&twice, &folder.path().join("c.json")]).is_err());
+        assert!(distinct(&[&file, &lost, &twice]).is_ok());
         assert!(ending(&file, &["tif", "tiff"], "a grid store").is_ok());
         assert!(ending(&lost, &["tif", "tiff"], "a grid store").is_err());
     }

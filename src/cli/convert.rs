@@ -62,6 +62,6 @@ pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Resu
 fn check(input: &str, output: &Path, overwrite: bool) -> Result<()> {
     check::input(input)?;
     check::ending(output, ENDINGS, "a grid store")?;
-    check::not_itself(input, output)?;
+    check::distinct(&[Path::new(input), output])?;
     check::new_file(output, overwrite)
 }

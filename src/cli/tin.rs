@@ -120,6 +120,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     } else if !args.show.quiet {
         say::result(&summary(&made))?;
         checked.as_ref().map_or(Ok(()), |c| say::result(&verify::summary(c)))?;
+    } else {
+        checked.iter().for_each(verify::tell_failures);
     }
     Ok(checked.as_ref().map_or(Outcome::Kept, verify::outcome))
 }
@@ -128,13 +130,22 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<TinJob> {
     check::input(&args.input)?;
     let format = output::by_path(&args.output, args.format.as_deref())?;
-    check::not_itself(&args.input, &args.output)?;
+    let prj = output::prj_path(&args.output);
+    let files = [Path::new(&args.input), &args.output, &prj];
+    check::distinct(&files[..2])?;
+    if let Some(report) = &args.report {
+        check::distinct(&[&files[..], &[report]].concat())?;
+    }
     check::new_file(&args.output, args.overwrite)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
     let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
     if solid_base.is_some() && format.name != "STL" {
         return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
             .remedy("write STL, or leave --co out"));
+    }
+    if solid_base.is_some() && args.verify {
+        return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
+            .remedy("leave out --verify, or verify the mesh without --co SOLID_BASE"));
     }
     Ok(TinJob {
         input: args.input.clone(),
@@ -227,10 +238,10 @@ fn time(r: &TinReport) -> String {
     let rate = text::rate(r.samples_per_second, "samples");
     let threads =
         if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
-    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.cpu_seconds));
+    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
     let stages: Vec<String> = r.stages.iter().map(stage).collect();
     let total = text::seconds(r.wall_seconds);
-    format!("{total}, {rate}, {threads} (CPU: {})", stages.join(", "))
+    format!("{total}, {rate}, {threads} (in threads: {})", stages.join(", "))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `terrane verify`: a written mesh is proved against its grid.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::{Outcome, args, check, parse, say, text, tin};
 use crate::error::Result;
@@ -35,7 +35,10 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.mesh.to_string_lossy())?;
     check::input(&args.raster)?;
-    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    if let Some(report) = &args.report {
+        check::distinct(&[&args.mesh, Path::new(&args.raster), report])?;
+        check::new_file(report, args.overwrite)?;
+    }
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.raster.clone(),
@@ -52,8 +55,15 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         say::json(&report)?;
     } else if !args.show.quiet {
         say::result(&summary(&report))?;
+    } else {
+        tell_failures(&report);
     }
     Ok(outcome(&report))
+}
+
+/// Names the broken promises on stderr, for those who asked for no result.
+pub(super) fn tell_failures(report: &VerifyReport) {
+    report.failures.iter().for_each(|failure| say::failure(failure));
 }
 
 /// Whether the mesh kept its promises.
@@ -63,7 +73,11 @@ pub(super) fn outcome(report: &VerifyReport) -> Outcome {
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &VerifyReport) -> String {
-    let verdict = if r.passed { "verified: every promise is kept" } else { "NOT verified" };
+    let verdict = match (r.passed, r.tolerance) {
+        (true, Some(_)) => "verified: every promise is kept",
+        (true, None) => "verified, but for the error: no bound is known to hold it to",
+        (false, _) => "NOT verified",
+    };
     let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));

@@ -143,14 +143,20 @@ impl Maker<'_> {
         counted: impl Fn(Size) -> u64,
     ) -> Result<(f64, u32)> {
         let spec = self.spec();
+        if budget >= layout.samples() / 2 && self.count(layout, 0.0, &counted)? <= budget {
+            return Ok((0.0, 1));
+        }
         let guess =
             Estimator::new(self.source, layout, self.cancel).guess(&spec, budget, &counted)?;
-        search(budget, guess, |tolerance| {
-            let stage = format!("count at {tolerance:.4}");
-            let outcome =
-                self.run(&stage, layout, Box::new(Counter), Spec { tolerance, ..spec })?;
-            Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
-        })
+        search(budget, guess, |tolerance| self.count(layout, tolerance, &counted))
+    }
+
+    /// The size of the mesh at a tolerance, by making it and throwing it away.
+    fn count(&self, layout: Layout, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
+        let stage = format!("count at {tolerance:.4}");
+        let spec = Spec { tolerance, ..self.spec() };
+        let outcome = self.run(&stage, layout, Box::new(Counter), spec)?;
+        Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
     }
 
     fn spec(&self) -> Spec {

@@ -10,7 +10,7 @@ pub struct StageReport {
     /// Name: "read", "tiles", "seams", "write".
     pub name: String,
     /// Seconds spent in it, summed over threads.
-    pub cpu_seconds: f64,
+    pub thread_seconds: f64,
     /// Samples it handled.
     pub samples: u64,
 }
@@ -99,7 +99,7 @@ impl Clock {
     pub(super) fn report(&self) -> Vec<StageReport> {
         let stage = |i: usize| StageReport {
             name: Self::NAMES[i].to_owned(),
-            cpu_seconds: self.spent[i].as_secs_f64(),
+            thread_seconds: self.spent[i].as_secs_f64(),
             samples: self.samples[i],
         };
         (0..Self::NAMES.len()).map(stage).collect()
