@@ -87,8 +87,7 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 }
 
 /// Inserts samples until every sample of every triangle is within the tolerance. `dirty` triangles
-/// of the mesh are scanned; the others are taken to be within. `visit` is told of every insertion
-/// with the triangles around the new vertex and may stop the run by returning false.
+/// of the mesh are scanned; the others are taken to be within.
 ///
 /// Candidates with larger errors are inserted first, up to the width of a bucket. A new triangle
 /// waits, unscanned, in the bucket that its vertex came from: often it is gone before its turn.
@@ -96,26 +95,19 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 /// A triangle is first scanned at the stride that gives about [`SAMPLES_PER_SCAN`] samples. When no
 /// candidate is left, those that passed at a coarse stride are scanned finer, and so on until all
 /// have passed at stride 1.
-pub(super) fn insert_adaptive(
-    judge: &Judge<'_>,
-    mesh: &mut Mesh,
-    lists: &mut WorkLists,
-    visit: impl Fn(&Mesh, &[u32]) -> bool,
-) -> bool {
+pub(super) fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
     lists.begin(mesh);
     loop {
         while let Some(bucket) = lists.next_batch() {
             for i in 0..lists.batch.len() {
                 let id = lists.batch[i];
-                if let Some(at) = lists.due(judge, mesh, id, bucket)
-                    && !lists.insert(mesh, id, at, bucket, &visit)
-                {
-                    return false;
+                if let Some(at) = lists.due(judge, mesh, id, bucket) {
+                    lists.insert(mesh, id, at, bucket);
                 }
             }
         }
         if !lists.refine(judge, mesh) {
-            return true;
+            return;
         }
     }
 }
@@ -190,22 +182,14 @@ impl WorkLists {
         self.top = self.top.max(bucket);
     }
 
-    /// Inserts a sample; false when `visit` wants to stop.
-    fn insert(
-        &mut self,
-        mesh: &mut Mesh,
-        id: u32,
-        at: Local,
-        bucket: usize,
-        visit: &impl Fn(&Mesh, &[u32]) -> bool,
-    ) -> bool {
+    /// Inserts a sample; the new triangles wait in `bucket`.
+    fn insert(&mut self, mesh: &mut Mesh, id: u32, at: Local, bucket: usize) {
         self.star.clear();
-        if !mesh.insert(id, at, &mut self.star) {
+        if mesh.insert(id, at, &mut self.star) {
+            self.buckets[bucket].extend_from_slice(&self.star);
+        } else {
             mesh.tris[id as usize].state = State::Passed(0);
-            return true;
         }
-        self.buckets[bucket].extend_from_slice(&self.star);
-        visit(mesh, &self.star)
     }
 
     /// Scans what passed at a coarse stride more finely; false when nothing is left to scan.

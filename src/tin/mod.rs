@@ -127,47 +127,34 @@ pub struct TileMesh {
     pub valid: u64,
 }
 
-/// A seam patch to mend. Positions are relative to the patch's first sample.
+/// A seam patch to mend. Positions are relative to the first sample of a rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchInput<'a> {
-    /// Heights of the patch rectangle.
+    /// Heights of the rectangle: all triangles lie in it, and one more sample on each side where
+    /// the grid goes on (a void there ends the surface).
     pub heights: Heights<'a>,
-    /// All triangles wholly inside the patch rectangle, in any order. The rectangle should be wide
-    /// enough to hold every triangle with a corner on the seam.
+    /// The triangles to mend, in any order; they should hold every triangle with a corner on the
+    /// seam.
     pub triangles: &'a [Triangle],
-    /// Column (patch position) of the vertical rim line; its vertices may be dropped.
+    /// Column of the vertical rim line; its vertices may be dropped.
     pub seam_col: Option<u32>,
-    /// Row (patch position) of the horizontal rim line.
+    /// Row of the horizontal rim line.
     pub seam_row: Option<u32>,
-    /// What lies beyond the sides left, right, above, below.
-    pub sides: [Side; 4],
+    /// Where the grid ends with the rectangle: left, right, above, below.
+    pub grid_ends: [bool; 4],
 }
 
-/// What lies beyond a side of a patch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// More mesh, and the patch could be widened to take it in.
-    Open,
-    /// More mesh, which this patch is not to touch.
-    Closed,
-    /// Nothing: the grid ends here.
-    GridEnd,
-}
-
-/// Outcome of a seam patch.
-#[derive(Clone, Debug)]
-pub enum PatchOutcome {
-    /// The triangles that replace those of the input, and every vertex they use with its height
-    /// (sorted by position).
-    Done {
-        /// Triangles.
-        triangles: Vec<Triangle>,
-        /// Vertices.
-        vertices: Vec<Local>,
-        /// Heights of the vertices.
-        heights: Vec<f64>,
-    },
-    /// A change came up to the border on an open side: try again with a wider rectangle. Never
-    /// returned when no side is [`Side::Open`].
-    NeedsReach,
+/// A mended patch.
+#[derive(Clone, Debug, Default)]
+pub struct PatchMesh {
+    /// The triangles that replace those of the input.
+    pub triangles: Vec<Triangle>,
+    /// Every vertex they use, sorted, and
+    pub vertices: Vec<Local>,
+    /// their heights.
+    pub heights: Vec<f64>,
+    /// The changed triangles on the border of the patch, each turned so that the edge beyond which
+    /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not
+    /// Delaunay with it, a larger patch would have changed more.
+    pub border: Vec<[Local; 3]>,
 }

@@ -1,22 +1,22 @@
 //! Seam patches: the region around a tile border, made Delaunay and re-fitted across it.
 //!
-//! The border of a patch is frozen. A change that reaches it could have gone further in a wider
-//! patch; then the caller is asked for one.
+//! The border of a patch is frozen. What changed beside it is reported, so that the caller can tell
+//! whether the change would have gone on in a larger patch.
 
 use super::bits::BitSet;
 use super::field::Field;
-use super::greedy::{Judge, WorkLists, insert_adaptive};
+use super::greedy::{Judge, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
-use super::mesh::{Mesh, NONE, State, Tri, next};
+use super::mesh::{Mesh, NONE, State, Tri, next, prev};
 use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
-use super::{Local, PatchInput, PatchOutcome, Side, Spec, Triangle, drop, strict};
+use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop, strict};
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
 /// vertices of the seam that are no longer needed.
 ///
-/// Returns [`PatchOutcome::NeedsReach`] when a change came up to the frozen border of an open side.
-/// The result is a pure function of the set of triangles, the heights and `spec`.
-pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchOutcome {
+/// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is
+/// linear in the triangles but for sorting them.
+pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
     let (width, height) = (input.heights.width, input.heights.height);
     scratch.field.load(&input.heights, [0, 0, width, height], 0, spec.single_precision);
     let mut sorted = input.triangles.to_vec();
@@ -24,12 +24,16 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     build(&mut scratch.mesh, &sorted);
     let Scratch { field, mesh, lists, drop, used, scan } = scratch;
     let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
-    let border = Border { field, sides: input.sides };
-    let stays_inside = |mesh: &Mesh, changed: &[u32]| !border.is_touched(mesh, changed);
-    let is_mended = legalise(mesh, stays_inside)
-        && insert(&judge, spec.strict, mesh, lists, stays_inside)
-        && (!spec.drop || drop_seam(&judge, mesh, input, drop, &border));
-    if is_mended { finish(mesh, &border, &sorted, spec, used) } else { PatchOutcome::NeedsReach }
+    legalise(mesh);
+    if spec.strict {
+        strict::insert(&judge, mesh);
+    } else {
+        insert_adaptive(&judge, mesh, lists);
+    }
+    if spec.drop {
+        drop_seam(&judge, mesh, input, drop);
+    }
+    finish(mesh, &Border { field, grid_ends: input.grid_ends }, &sorted, spec, used)
 }
 
 /// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
@@ -54,32 +58,15 @@ fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
 /// What lies beyond the edges that have no twin.
 struct Border<'a> {
     field: &'a Field,
-    sides: [Side; 4],
+    grid_ends: [bool; 4],
 }
 
 impl Border<'_> {
-    /// True when one of the triangles has an edge beyond which the mesh goes on, on an open side.
-    fn is_touched(&self, mesh: &Mesh, changed: &[u32]) -> bool {
-        changed.iter().any(|&id| {
-            let tri = &mesh.tris[id as usize];
-            let is_open = |edge| self.is_frozen(tri, edge) && self.is_near_open_side(tri, edge);
-            (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_open(edge))
-        })
-    }
-
-    /// Whether the frozen edge is there because of an open side: whichever of the open and the
-    /// closed sides is nearest. A wrong guess costs a wider patch, or leaves an edge to the patch
-    /// of the tile corner.
-    fn is_near_open_side(&self, tri: &Tri, edge: u32) -> bool {
-        let ends = [edge, next(edge)].map(|i| tri.corners[i as usize]);
-        let (last_col, last_row) = (self.field.width() - 1, self.field.height() - 1);
-        let distances = |p: Local| [p.col(), last_col - p.col(), p.row(), last_row - p.row()];
-        let [a, b] = ends.map(distances);
-        let nearest = |kind: Side| {
-            let of_kind = (0..4).filter(|&side| self.sides[side] == kind);
-            of_kind.map(|side| a[side].min(b[side])).min().unwrap_or(u32::MAX)
-        };
-        nearest(Side::Open) < nearest(Side::Closed)
+    /// The triangle, once for each frozen edge, turned so that this edge comes first.
+    fn beside(&self, tri: &Tri) -> impl Iterator<Item = [Local; 3]> {
+        let is_frozen = |&edge: &u32| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge);
+        let turned = |edge| [edge, next(edge), prev(edge)].map(|i| tri.corners[i as usize]);
+        (0..3).filter(is_frozen).map(turned)
     }
 
     /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
@@ -89,10 +76,11 @@ impl Border<'_> {
         nothing_beyond || owns_by_direction(from, to)
     }
 
-    /// False for edges on the grid's border and on the outline of a void.
+    /// True when the surface goes on beyond an edge without a twin: it is neither on the grid's border
+    /// nor on the outline of a void.
     fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
-        !on_grid_border(from, to, self.field, self.sides.map(|side| side == Side::GridEnd))
+        !on_grid_border(from, to, self.field, self.grid_ends)
             && !self.has_void_beyond(from, to)
     }
 
@@ -122,30 +110,13 @@ impl Border<'_> {
 }
 
 /// Flips until every edge of the patch is Delaunay (Lawson 1977).
-fn legalise(mesh: &mut Mesh, stays_inside: impl Fn(&Mesh, &[u32]) -> bool) -> bool {
+fn legalise(mesh: &mut Mesh) {
     let mut stack: Vec<u32> =
         (0..mesh.tris.len() as u32).rev().flat_map(|id| [4 * id + 2, 4 * id + 1, 4 * id]).collect();
     while let Some(half_edge) = stack.pop() {
-        let Some([t, u]) = mesh.flip_if_illegal(half_edge) else { continue };
-        if !stays_inside(mesh, &[t, u]) {
-            return false;
+        if let Some([t, u]) = mesh.flip_if_illegal(half_edge) {
+            stack.extend([4 * t, 4 * t + 1, 4 * u + 1, 4 * u + 2]);
         }
-        stack.extend([4 * t, 4 * t + 1, 4 * u + 1, 4 * u + 2]);
-    }
-    true
-}
-
-fn insert(
-    judge: &Judge<'_>,
-    is_strict: bool,
-    mesh: &mut Mesh,
-    lists: &mut WorkLists,
-    stays_inside: impl Fn(&Mesh, &[u32]) -> bool,
-) -> bool {
-    if is_strict {
-        strict::insert(judge, mesh, stays_inside)
-    } else {
-        insert_adaptive(judge, mesh, lists, stays_inside)
     }
 }
 
@@ -155,8 +126,7 @@ fn drop_seam(
     mesh: &mut Mesh,
     input: &PatchInput<'_>,
     scratch: &mut drop::Scratch,
-    border: &Border<'_>,
-) -> bool {
+) {
     let on_seam = |p: Local| Some(p.col()) == input.seam_col || Some(p.row()) == input.seam_row;
     let mut seam: Vec<(Local, u32)> = Vec::new();
     for id in mesh.ids() {
@@ -167,16 +137,12 @@ fn drop_seam(
     seam.dedup_by_key(|&mut (p, _)| p);
     for i in 0..seam.len() {
         let Some(changed) = scratch.try_drop(judge, mesh, seam[i].1) else { continue };
-        if border.is_touched(mesh, changed) {
-            return false;
-        }
         for half_edge in changed.iter().flat_map(|id| 4 * id..4 * id + 3) {
             if let Ok(at) = seam.binary_search_by_key(&mesh.origin(half_edge), |&(p, _)| p) {
                 seam[at].1 = half_edge;
             }
         }
     }
-    true
 }
 
 /// The patch's triangles; those that were never touched keep their measures.
@@ -186,19 +152,22 @@ fn finish(
     sorted: &[Triangle],
     spec: &Spec,
     used: &mut BitSet,
-) -> PatchOutcome {
+) -> PatchMesh {
     let field = border.field;
-    let finished = |id: u32| {
+    let mut patch = PatchMesh::default();
+    for id in mesh.ids() {
         let tri = &mesh.tris[id as usize];
         if let Some(&kept) = sorted.get(tri.source as usize) {
-            return kept;
+            patch.triangles.push(kept);
+            continue;
         }
         let owned = [0, 1, 2].map(|edge| border.is_owned(tri, edge));
         let (max_error, square_sum) =
             if spec.measure { measure(field, tri.corners, owned) } else { (0.0, 0.0) };
-        Triangle { corners: smallest_first(tri.corners), max_error, square_sum }
-    };
-    let triangles: Vec<Triangle> = mesh.ids().map(finished).collect();
-    let (vertices, heights) = vertices_in_use(&triangles, field, used);
-    PatchOutcome::Done { triangles, vertices, heights }
+        let corners = smallest_first(tri.corners);
+        patch.triangles.push(Triangle { corners, max_error, square_sum });
+        patch.border.extend(border.beside(tri));
+    }
+    (patch.vertices, patch.heights) = vertices_in_use(&patch.triangles, field, used);
+    patch
 }

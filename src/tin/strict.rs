@@ -46,14 +46,9 @@ impl PartialEq for Entry {
 impl Eq for Entry {}
 
 /// Garland & Heckbert's algorithm III: a heap of candidates, full scans in `f64`, one insertion at
-/// a time. Dirty triangles of the mesh are scanned first; `visit` is as for
-/// [`insert_adaptive`](super::greedy::insert_adaptive). Time O((m + n) log m) expected for m
-/// vertices and n samples, with a large constant.
-pub(super) fn insert(
-    judge: &Judge<'_>,
-    mesh: &mut Mesh,
-    visit: impl Fn(&Mesh, &[u32]) -> bool,
-) -> bool {
+/// a time. Dirty triangles of the mesh are scanned first. Time O((m + n) log m) expected for m vertices
+/// and n samples, with a large constant.
+pub(super) fn insert(judge: &Judge<'_>, mesh: &mut Mesh) {
     let mut heap = BinaryHeap::new();
     let mut stamps = vec![0; mesh.tris.len()];
     let mut star: Vec<u32> =
@@ -65,12 +60,9 @@ pub(super) fn insert(
             heap.extend(candidate(judge, mesh, id, stamps[id as usize]));
         }
         star.clear();
-        let Some(entry) = heap.pop() else { return true };
+        let Some(entry) = heap.pop() else { return };
         if stamps[entry.id as usize] == entry.stamp {
             mesh.insert(entry.id, entry.at, &mut star);
-            if !visit(mesh, &star) {
-                return false;
-            }
         }
     }
 }

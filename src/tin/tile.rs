@@ -62,9 +62,9 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     }
     let judge = Judge { field: &scratch.field, scan: scratch.scan, tolerance: spec.tolerance };
     if spec.strict {
-        strict::insert(&judge, &mut scratch.mesh, |_, _| true);
+        strict::insert(&judge, &mut scratch.mesh);
     } else {
-        insert_adaptive(&judge, &mut scratch.mesh, &mut scratch.lists, |_, _| true);
+        insert_adaptive(&judge, &mut scratch.mesh, &mut scratch.lists);
     }
     if spec.drop {
         drop::drop_redundant(&judge, &mut scratch.mesh, &fixed, &mut scratch.drop);

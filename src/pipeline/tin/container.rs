@@ -8,6 +8,7 @@ use bytemuck::Zeroable;
 
 use super::layout::{Layout, TileId};
 use super::spill::{Extent, Spill};
+use super::zone::Zone;
 use crate::error::Result;
 use crate::geom::Rect;
 use crate::tin::{Local, Triangle};
@@ -24,8 +25,8 @@ pub(super) struct Piece<'a> {
 /// Moves positions by a fixed number of columns and rows.
 #[derive(Clone, Copy)]
 pub(super) struct Shift {
-    cols: i32,
-    rows: i32,
+    pub(super) cols: i32,
+    pub(super) rows: i32,
 }
 
 impl Shift {
@@ -83,18 +84,17 @@ pub(super) struct Container {
 }
 
 impl Container {
-    /// Moves all triangles wholly inside `rect` to `out`, relative to the rectangle. `origin` is
-    /// the tile's first sample.
-    pub(super) fn extract(&mut self, rect: Rect, origin: (u32, u32), out: &mut Vec<Triangle>) {
-        let frame = Frame::new(rect, origin);
-        let shift = Shift::new(origin, (rect.col, rect.row));
+    /// Moves all triangles of `zone` to `out`, relative to its limits. `origin` is the tile's first
+    /// sample.
+    pub(super) fn extract(&mut self, zone: &Zone, origin: (u32, u32), out: &mut Vec<Triangle>) {
+        let members = zone.seen_from(origin);
+        let shift = Shift::new(origin, (zone.limits().col, zone.limits().row));
         self.triangles.retain(|triangle| {
-            let [a, b, c] = triangle.corners;
-            let inside = frame.contains(a) & frame.contains(b) & frame.contains(c);
-            if inside {
+            let is_member = members.contains(triangle);
+            if is_member {
                 out.push(shift.triangle(triangle));
             }
-            !inside
+            !is_member
         });
     }
 

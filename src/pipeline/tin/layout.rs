@@ -6,7 +6,6 @@
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
-use crate::tin::Side;
 
 /// Fewest and most cells along a tile's side. A triangle stored with its tile reaches at most 1.5
 /// tiles beyond the tile's first sample, which must stay below the 2^14 of [`crate::tin::Local`].
@@ -90,11 +89,6 @@ impl Layout {
     /// Number of cells of the grid.
     pub(super) fn cells(&self) -> u64 {
         u64::from(self.width - 1) * u64::from(self.height - 1)
-    }
-
-    /// Cells along the side of a full tile.
-    pub(super) fn tile_cells(&self) -> u32 {
-        self.tile
     }
 
     /// Position of `tile` in row-by-row order.
@@ -185,32 +179,25 @@ impl Layout {
         self.between(first, last)
     }
 
-    /// The seam lines (column, row) of such a patch, relative to its rectangle.
+    /// The seam lines (column, row) of a patch, relative to `rect`, where they cross it.
     pub(super) fn seam_lines(&self, seam: Seam, tile: TileId, rect: Rect) -> [Option<u32>; 2] {
         let (col, row) = self.origin(tile);
-        let [col, row] = [col + self.tile - rect.col, row + self.tile - rect.row];
-        [(seam != Seam::Horizontal).then_some(col), (seam != Seam::Vertical).then_some(row)]
+        let col = (seam != Seam::Horizontal).then_some(col + self.tile);
+        let row = (seam != Seam::Vertical).then_some(row + self.tile);
+        let inside = |line: Option<u32>, first: u32| line.and_then(|line| line.checked_sub(first));
+        [inside(col, rect.col), inside(row, rect.row)]
     }
 
-    /// What lies beyond the sides (left, right, above, below) of a patch of the given reach.
-    pub(super) fn sides(&self, seam: Seam, rect: Rect, reach: u32) -> [Side; 4] {
+    /// Which sides (left, right, above, below) of `rect` are ends of the grid.
+    pub(super) fn grid_ends(&self, rect: Rect) -> [bool; 4] {
         let (right, below) = (rect.end_col() == self.width, rect.end_row() == self.height);
-        let grid_ends = [rect.col == 0, right, rect.row == 0, below];
-        let (across, along) = (seam != Seam::Horizontal, seam != Seam::Vertical);
-        let is_cut = [across, across, along, along];
-        std::array::from_fn(|side| match (grid_ends[side], is_cut[side]) {
-            (true, _) => Side::GridEnd,
-            (false, true) if reach < self.widest_reach() => Side::Open,
-            _ => Side::Closed,
-        })
+        [rect.col == 0, right, rect.row == 0, below]
     }
 
-    /// The reaches to try for a seam patch, narrow to wide, when the triangles beside the seam
-    /// reach `near` cells.
-    pub(super) fn reaches(&self, near: u32) -> impl Iterator<Item = u32> + use<> {
+    /// The reaches to try for a seam patch, narrow to wide.
+    pub(super) fn reaches(&self) -> impl Iterator<Item = u32> + use<> {
         let widest = self.widest_reach();
-        let first = near.max(FIRST_REACH).min(widest);
-        std::iter::successors(Some(first), move |&reach| {
+        std::iter::successors(Some(FIRST_REACH.min(widest)), move |&reach| {
             (reach < widest).then(|| (reach * 2).min(widest))
         })
     }
@@ -228,7 +215,7 @@ impl Layout {
     }
 
     /// The rectangle from `first` to `last` (column, row; inclusive), cut off at the grid's end.
-    fn between(&self, first: [u32; 2], last: [u32; 2]) -> Rect {
+    pub(super) fn between(&self, first: [u32; 2], last: [u32; 2]) -> Rect {
         let end = [last[0].min(self.width - 1) + 1, last[1].min(self.height - 1) + 1];
         Rect::new(first[0], first[1], end[0] - first[0], end[1] - first[1])
     }
@@ -253,14 +240,12 @@ mod tests {
 
     #[test]
     fn reaches_double_up_to_half_a_tile() {
-        let reaches = |tile, near| -> Vec<u32> {
-            Layout::new(9000, 9000, tile).unwrap().reaches(near).collect()
+        let reaches = |tile| -> Vec<u32> {
+            Layout::new(9000, 9000, tile).unwrap().reaches().collect()
         };
-        assert_eq!(reaches(16, 3), [8]);
-        assert_eq!(reaches(100, 0), [32, 50]);
-        assert_eq!(reaches(512, 0), [32, 64, 128, 256]);
-        assert_eq!(reaches(512, 50), [50, 100, 200, 256]);
-        assert_eq!(reaches(512, 999), [256]);
+        assert_eq!(reaches(16), [8]);
+        assert_eq!(reaches(100), [FIRST_REACH, 2 * FIRST_REACH, 50]);
+        assert_eq!(reaches(512).last(), Some(&256));
     }
 
     #[test]
@@ -277,15 +262,13 @@ mod tests {
     }
 
     #[test]
-    fn sides_are_open_until_the_widest_reach() {
+    fn the_grid_ends_at_its_borders() {
         let layout = Layout::new(129, 129, 64).unwrap();
-        let sides =
-            |seam, reach| layout.sides(seam, layout.patch(seam, TileId::new(0, 0), reach), reach);
-        use Side::{Closed, GridEnd, Open};
-        assert_eq!(sides(Seam::Vertical, 8), [Open, Open, GridEnd, Closed]);
-        assert_eq!(sides(Seam::Vertical, 32), [Closed, Closed, GridEnd, Closed]);
-        assert_eq!(sides(Seam::Horizontal, 8), [GridEnd, Closed, Open, Open]);
-        assert_eq!(sides(Seam::Corner, 8), [Open; 4]);
+        let ends = |seam, row, col| layout.grid_ends(layout.patch(seam, TileId::new(row, col), 8));
+        assert_eq!(ends(Seam::Vertical, 0, 0), [false, false, true, false]);
+        assert_eq!(ends(Seam::Vertical, 1, 0), [false, false, false, true]);
+        assert_eq!(ends(Seam::Horizontal, 0, 1), [false, true, false, false]);
+        assert_eq!(ends(Seam::Corner, 0, 0), [false; 4]);
     }
 
     #[test]

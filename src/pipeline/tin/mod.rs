@@ -1,6 +1,5 @@
 //! The main job: a grid in, a seamless mesh with a proven error bound out.
 
-mod beside;
 mod budget;
 mod container;
 mod estimate;
@@ -17,6 +16,7 @@ mod units;
 mod window;
 mod worker;
 mod writer;
+mod zone;
 
 pub use job::{Goal, TinJob};
 pub use make::run;

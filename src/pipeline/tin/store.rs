@@ -20,7 +20,7 @@ struct Slot {
     place: Place,
     /// Id of the first vertex, once numbered.
     first_id: u64,
-    /// Reach of the seam patch below this tile.
+    /// How far from its seam the patch below this tile would have changed its neighbours' triangles.
     reach: u32,
     /// Tiles that still need the vertices to write their triangles.
     readers: u32,
@@ -80,7 +80,7 @@ impl Store {
         Ok(first_id + vertices as u64)
     }
 
-    /// Notes how far the seam patch below `tile` reached.
+    /// Notes how far from its seam the patch below `tile` would have gone on sideways.
     pub(super) fn set_reach(&self, tile: TileId, reach: u32) -> Result<()> {
         self.slot(tile, |slot| slot.reach = reach)
     }

@@ -7,8 +7,7 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
-use super::beside::Beside;
-use super::container::{Piece, Shift};
+use super::container::{Container, Piece, Shift};
 use super::layout::{Layout, Seam, TileId};
 use super::number::{Lookup, Marks, positions};
 use super::report::{Clock, Stage};
@@ -17,11 +16,12 @@ use super::schedule::{Queue, Step, Task, lock};
 use super::store::Store;
 use super::window::Window;
 use super::writer::{Part, Writer};
+use super::zone::{Frontier, Zone, rect_around};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::raster::GridSource;
 use crate::tin::{
-    self, Heights, PatchInput, PatchOutcome, Scratch, Spec, TileInput, TileMesh, Triangle,
+    self, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
     mend_patch, triangulate_tile,
 };
 
@@ -29,7 +29,7 @@ use crate::tin::{
 #[derive(Clone, Copy)]
 pub(super) struct Kernel {
     pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
-    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchOutcome,
+    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
 }
 
 impl Kernel {
@@ -135,90 +135,107 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
-    /// Mends one seam, in a wider patch while the kernel asks for it.
+    /// Mends one seam, in a wider patch while the mesh beyond does not agree with the result.
     fn mend(&mut self, seam: Seam, tile: TileId) -> Result<()> {
         let layout = self.job.layout;
+        let along = self.reach_along(seam, tile)?;
         self.triangles.clear();
-        let mut before: Option<Rect> = None;
-        for reach in layout.reaches(self.reach_needed(seam, tile)?) {
-            let rect = layout.patch(seam, tile, reach);
+        for reach in layout.reaches() {
+            let zone = Zone::new(&layout, seam, tile, reach, along);
+            self.extract(&zone)?;
+            let Some(rect) = rect_around(&self.triangles, zone.limits(), &layout) else { continue };
             self.read(rect)?;
-            let started = Instant::now();
-            self.extract(rect, before)?;
-            let is_mended = self.mend_rect(seam, tile, rect, reach)?;
-            self.clock.add(Stage::Seams, started, rect.len() as u64);
-            if is_mended {
-                return self.note_mended(seam, tile, reach);
+            let patch = self.mend_rect(seam, tile, zone.limits(), rect);
+            let frontier = self.frontier(&patch, rect, &zone)?;
+            if reach == layout.widest_reach() || !frontier.is_open() {
+                return self.settle(seam, tile, rect, &patch, &frontier);
             }
-            before = Some(rect);
-        }
-        Err(Error::new(ErrorKind::Internal, "the widest patch is not wide enough"))
-    }
-
-    fn note_mended(&self, seam: Seam, tile: TileId, reach: u32) -> Result<()> {
-        match seam {
-            Seam::Vertical => self.release_left_of_seam(tile),
-            Seam::Horizontal => self.job.store.set_reach(tile, reach)?,
-            Seam::Corner => {}
         }
         Ok(())
     }
 
-    /// How far the triangles reach that a patch has to take in from the start.
-    fn reach_needed(&mut self, seam: Seam, tile: TileId) -> Result<u32> {
+    /// How far up and down from a tile corner the patch has to follow the vertical seam.
+    fn reach_along(&self, seam: Seam, tile: TileId) -> Result<u32> {
+        if seam != Seam::Corner {
+            return Ok(0);
+        }
+        let right = self.job.layout.clamp(tile, 0, 1);
+        Ok(self.job.store.reach(tile)?.max(self.job.store.reach(right)?))
+    }
+
+    /// Adds the triangles of `zone` to those found in a narrower one.
+    fn extract(&mut self, zone: &Zone) -> Result<()> {
         let started = Instant::now();
         let layout = &self.job.layout;
-        let widest = layout.patch(seam, tile, layout.widest_reach());
-        let mut needed = 0;
-        if seam == Seam::Corner {
-            needed =
-                self.job.store.reach(tile)?.max(self.job.store.reach(layout.clamp(tile, 0, 1))?);
-        }
-        let beside = Beside::new(layout, seam, tile, needed);
-        for near in layout.keepers(widest) {
-            let beside = beside.seen_from(layout.origin(near));
-            let reach = |t: &Triangle| beside.reach(t);
-            let furthest =
-                self.job.store.with(near, |kept| kept.triangles.iter().map(reach).max())?;
-            needed = needed.max(furthest.unwrap_or(0));
+        for tile in layout.keepers(zone.limits()) {
+            let origin = layout.origin(tile);
+            self.job.store.with(tile, |kept| kept.extract(zone, origin, &mut self.triangles))?;
         }
         self.clock.add(Stage::Seams, started, 0);
-        Ok(needed)
-    }
-
-    /// Adds the triangles inside `rect` to those found `before` in a narrower rectangle.
-    fn extract(&mut self, rect: Rect, before: Option<Rect>) -> Result<()> {
-        if let Some(before) = before {
-            let shift = Shift::new((before.col, before.row), (rect.col, rect.row));
-            self.triangles.iter_mut().for_each(|t| *t = shift.triangle(t));
-        }
-        let layout = &self.job.layout;
-        for tile in layout.keepers(rect) {
-            let origin = layout.origin(tile);
-            self.job.store.with(tile, |kept| kept.extract(rect, origin, &mut self.triangles))?;
-        }
         Ok(())
     }
 
-    /// Mends a patch and stores the result; false when it needs a wider one.
-    fn mend_rect(&mut self, seam: Seam, tile: TileId, rect: Rect, reach: u32) -> Result<bool> {
+    /// Mends the triangles in `rect`, whose heights have been read.
+    fn mend_rect(&mut self, seam: Seam, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
+        let started = Instant::now();
         let layout = &self.job.layout;
         let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
+        let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
+        let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
         let input = PatchInput {
             heights: self.window.heights(),
-            triangles: &self.triangles,
+            triangles: &triangles,
             seam_col,
             seam_row,
-            sides: layout.sides(seam, rect, reach),
+            grid_ends: layout.grid_ends(rect),
         };
-        match (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch) {
-            PatchOutcome::NeedsReach => Ok(false),
-            PatchOutcome::Done { triangles, vertices, heights } => {
-                let (triangles, vertices, heights) = (&triangles, &vertices, &heights);
-                self.job.insert(Piece { rect, triangles, vertices, heights })?;
-                Ok(true)
-            }
+        let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
+        self.clock.add(Stage::Seams, started, rect.len() as u64);
+        patch
+    }
+
+    /// What the mesh beyond a mended patch says to it.
+    fn frontier(&mut self, patch: &PatchMesh, rect: Rect, zone: &Zone) -> Result<Frontier> {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        let limits = zone.limits();
+        let base = (limits.col, limits.row);
+        let mut frontier = Frontier::new(&patch.border, (rect.col, rect.row), base);
+        for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
+            let origin = layout.origin(tile);
+            let (members, shift) = (zone.seen_from(origin), Shift::new(origin, base));
+            let see = |kept: &mut Container| {
+                let reachable = kept.triangles.iter().filter(|t| members.is_within_limits(t));
+                reachable.for_each(|triangle| frontier.see(triangle, [shift.cols, shift.rows]));
+            };
+            self.job.store.with(tile, see)?;
         }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(frontier)
+    }
+
+    /// Stores a mended patch.
+    fn settle(
+        &mut self,
+        seam: Seam,
+        tile: TileId,
+        rect: Rect,
+        patch: &PatchMesh,
+        frontier: &Frontier,
+    ) -> Result<()> {
+        let started = Instant::now();
+        let PatchMesh { triangles, vertices, heights, .. } = patch;
+        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        match seam {
+            Seam::Vertical => self.release_left_of_seam(tile),
+            Seam::Horizontal => {
+                let row = self.job.layout.widest_reach() as i32;
+                self.job.store.set_reach(tile, frontier.closed_reach(row))?;
+            }
+            Seam::Corner => {}
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(())
     }
 
     /// The tiles on the left of a mended seam (and the last one) are read again at their ends only.
@@ -327,8 +344,8 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
 
 /// Most bytes a worker holds for tiles of `cells` x `cells`.
 pub(super) fn worker_bytes(cells: u32) -> u64 {
-    let samples = u64::from(cells + 2).pow(2);
-    tin::Scratch::bytes(cells) + Window::bytes(samples) + Marks::bytes(cells)
+    let samples = u64::from(cells + 3).pow(2);
+    tin::Scratch::bytes(cells + 2) + Window::bytes(samples) + Marks::bytes(cells)
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
