@@ -10,7 +10,7 @@ use terrane::geom::{Crs, Point3, Rect};
 use terrane::output::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
 use terrane::synth::{CHARACTERS, Terrain};
 use terrane::tin::{
-    Heights, Local, PatchInput, Scratch, Side, Spec, TileInput, TileMesh, Triangle, mend_patch,
+    Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
     triangulate_tile,
 };
 
@@ -100,9 +100,14 @@ impl Seam {
     fn input(&self) -> PatchInput<'_> {
         let heights =
             Heights { width: 2 * REACH + 1, height: CELLS + 1, f32: &self.heights, f64: None };
-        let sides = [Side::Closed, Side::Closed, Side::GridEnd, Side::GridEnd];
         let triangles = &self.triangles;
-        PatchInput { heights, triangles, seam_col: Some(REACH), seam_row: None, sides }
+        PatchInput {
+            heights,
+            triangles,
+            seam_col: Some(REACH),
+            seam_row: None,
+            grid_ends: [false, false, true, true],
+        }
     }
 }
 

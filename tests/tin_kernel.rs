@@ -6,8 +6,8 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 use terrane::geom::predicates::{Lattice, in_circle, orient};
 use terrane::tin::{
-    Heights, Local, PatchInput, PatchOutcome, Scratch, Side, Spec, TileInput, TileMesh, Triangle,
-    mend_patch, triangulate_tile,
+    Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
+    triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.
@@ -197,64 +197,61 @@ proptest! {
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
         let spec = spec(tolerance.into());
-        let (mended, _) = mend(&grid, half, &spec, half);
-        check_all(&grid, &mended, tolerance.into(), 1);
-        for reach in [4, half / 2] {
-            let (narrow, was_wide_enough) = mend(&grid, half, &spec, reach);
-            if was_wide_enough {
-                check_all(&grid, &narrow, tolerance.into(), 1);
+        for reach in [half, half / 2, 4, 0] {
+            let (mended, is_delaunay) = mend(&grid, half, &spec, reach);
+            check_all(&grid, &mended, tolerance.into(), 1);
+            if is_delaunay {
+                let ours = edges(&mended);
+                for (&(a, b), &c) in &ours {
+                    if let Some(&d) = ours.get(&(b, a)) {
+                        prop_assert!(in_circle(lattice(a), lattice(b), lattice(c), lattice(d)) <= 0);
+                    }
+                }
             }
+            prop_assert!(is_delaunay || reach < half);
         }
     }
 }
 
-/// Two tiles that meet at column `half`, and the patch between them: triangles in grid positions,
-/// and whether the patch was wide enough.
+/// Two tiles that meet at column `half`, and the patch of the triangles that come within `reach` of
+/// it: all triangles in grid positions, and whether those left out agree with the patch.
 fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool) {
-    let shift = |t: &Triangle, by: i32| {
-        let corners = t.corners.map(|p| Local::new((p.col() as i32 + by) as u32, p.row()));
+    let shift = |t: &Triangle| {
+        let corners = t.corners.map(|p| Local::new(p.col() + half, p.row()));
         Triangle { corners, ..*t }
     };
     let left = tile(grid, 0, half, spec).triangles;
     let right = tile(grid, half, 2 * half, spec).triangles;
-    let all = left.into_iter().chain(right.iter().map(|t| shift(t, half as i32)));
-    let all: Vec<_> = all.collect();
-    let on_seam = |t: &&Triangle| t.corners.iter().any(|p| p.col() == half);
-    let distances =
-        all.iter().filter(on_seam).flat_map(|t| t.corners.map(|p| p.col().abs_diff(half)));
-    let reach = distances.fold(reach, u32::max);
-    let (first, last) = (half - reach, half + reach);
-    let (inside, mut outside): (Vec<_>, Vec<_>) =
-        all.into_iter().partition(|t| t.corners.iter().all(|p| (first..=last).contains(&p.col())));
-    let z: Vec<f32> = grid
-        .f32()
-        .chunks(grid.width as usize)
-        .flat_map(|row| row[first as usize..=last as usize].to_vec())
-        .collect();
-    let local: Vec<_> = inside.iter().map(|t| shift(t, -(first as i32))).collect();
-    let side = if reach == half { Side::GridEnd } else { Side::Open };
+    let all = left.into_iter().chain(right.iter().map(shift));
+    let band = half - reach..=half + reach;
+    let (inside, mut mended): (Vec<_>, Vec<_>) = all.partition(|t| {
+        let cols = t.corners.map(|p| p.col());
+        *band.start() <= cols.into_iter().max().unwrap()
+            && cols.into_iter().min().unwrap() <= *band.end()
+    });
     let input = PatchInput {
-        heights: Heights { width: 2 * reach + 1, height: grid.height, f32: &z, f64: None },
-        triangles: &local,
-        seam_col: Some(reach),
+        heights: Heights { width: grid.width, height: grid.height, f32: &grid.f32(), f64: None },
+        triangles: &inside,
+        seam_col: Some(half),
         seam_row: None,
-        sides: [side, side, Side::GridEnd, Side::GridEnd],
+        grid_ends: [true; 4],
     };
-    match mend_patch(&input, spec, &mut Scratch::default()) {
-        PatchOutcome::Done { triangles, .. } => {
-            outside.extend(triangles.iter().map(|t| shift(t, first as i32)));
-            outside.sort_by_key(|t| t.corners);
-            (outside, true)
-        }
-        PatchOutcome::NeedsReach => (Vec::new(), false),
-    }
+    let patch = mend_patch(&input, spec, &mut Scratch::default());
+    let beyond = edges(&mended);
+    let agrees = |&[a, b, c]: &[Local; 3]| {
+        let disagrees = |&d| in_circle(lattice(a), lattice(b), lattice(c), lattice(d)) > 0;
+        !beyond.get(&(b, a)).is_some_and(disagrees)
+    };
+    let is_delaunay = patch.border.iter().all(agrees);
+    mended.extend(&patch.triangles);
+    (mended, is_delaunay)
 }
 
 #[test]
 fn narrow_patches_suffice_on_rough_ground() {
     let grid = Grid::hills(257, 60, 3, 0);
-    let (_, is_wide_enough) = mend(&grid, 128, &spec(2.0), 32);
-    assert!(is_wide_enough);
+    let (_, is_delaunay) = mend(&grid, 128, &spec(2.0), 16);
+    assert!(is_delaunay);
 }
 
 #[test]

@@ -80,8 +80,7 @@ impl Border<'_> {
     /// nor on the outline of a void.
     fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
-        !on_grid_border(from, to, self.field, self.grid_ends)
-            && !self.has_void_beyond(from, to)
+        !on_grid_border(from, to, self.field, self.grid_ends) && !self.has_void_beyond(from, to)
     }
 
     /// True when the cell to the right of the directed unit edge is inside the patch and void.

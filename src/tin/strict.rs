@@ -121,7 +121,7 @@ mod tests {
                 mesh.reset_to_rectangle(11, 8);
                 mesh.border_is_fixed = true;
             }
-            insert(&judge, &mut mesh, |_, _| true);
+            insert(&judge, &mut mesh);
             insert_naively(&judge, &mut twin);
             mesh.validate();
             let corners = |mesh: &Mesh| mesh.tris.iter().map(|tri| tri.corners).collect::<Vec<_>>();

@@ -2,13 +2,14 @@
 //!
 //! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with
 //! the tile that owns its sample; positions are relative to that tile's first sample. Until the
-//! tile is final, vertices may be listed that no triangle uses, and listed twice.
+//! tile is final, vertices may be listed that no triangle uses, and listed twice. Triangles well
+//! inside a tile are kept apart, because seam patches rarely ask for them.
 
 use bytemuck::Zeroable;
 
 use super::layout::{Layout, TileId};
 use super::spill::{Extent, Spill};
-use super::zone::Zone;
+use super::zone::{Bounds, Zone};
 use crate::error::Result;
 use crate::geom::Rect;
 use crate::tin::{Local, Triangle};
@@ -72,10 +73,16 @@ impl Frame {
     }
 }
 
+/// Triangles at least this many cells away from the sides of their tile are its inner ones.
+const MARGIN: u32 = 40;
+
 /// What is kept with a tile, in memory.
 #[derive(Debug, Default)]
 pub(super) struct Container {
+    /// Those near the sides of the tile, and all that seam patches brought.
     pub(super) triangles: Vec<Triangle>,
+    /// The others; no triangle of a neighbour has a corner among theirs.
+    pub(super) inner: Vec<Triangle>,
     pub(super) vertices: Vec<Local>,
     pub(super) heights: Vec<f64>,
     /// This many vertices from the first are sorted and unique; later ones were added by
@@ -84,18 +91,28 @@ pub(super) struct Container {
 }
 
 impl Container {
-    /// Moves all triangles of `zone` to `out`, relative to its limits. `origin` is the tile's first
-    /// sample.
-    pub(super) fn extract(&mut self, zone: &Zone, origin: (u32, u32), out: &mut Vec<Triangle>) {
+    /// Moves all triangles of `zone` to `out`, relative to its limits.
+    pub(super) fn extract(
+        &mut self,
+        zone: &Zone,
+        tile: TileId,
+        layout: &Layout,
+        out: &mut Vec<Triangle>,
+    ) {
+        let origin = layout.origin(tile);
         let members = zone.seen_from(origin);
         let shift = Shift::new(origin, (zone.limits().col, zone.limits().row));
-        self.triangles.retain(|triangle| {
+        let is_left = |triangle: &Triangle| {
             let is_member = members.contains(triangle);
             if is_member {
                 out.push(shift.triangle(triangle));
             }
             !is_member
-        });
+        };
+        if members.touches(&inner_bounds(layout, tile)) {
+            self.triangles.append(&mut self.inner);
+        }
+        self.triangles.retain(is_left);
     }
 
     /// Takes what belongs to `tile` out of a piece of the mesh.
@@ -104,10 +121,15 @@ impl Container {
         let shift = Shift::new(at, layout.origin(tile));
         let owned = Frame::new(layout.owned(tile), at);
         let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
-        self.triangles.extend(kept.map(|t| shift.triangle(t)));
         if piece.rect == layout.rect(tile) {
+            let inner = inner_bounds(layout, tile);
+            for &triangle in kept {
+                let is_inner = inner.holds(&Bounds::of(triangle.corners));
+                if is_inner { &mut self.inner } else { &mut self.triangles }.push(triangle);
+            }
             self.insert_sorted(piece, owned);
         } else {
+            self.triangles.extend(kept.map(|t| shift.triangle(t)));
             self.insert_loose(piece, owned, shift);
         }
     }
@@ -148,9 +170,17 @@ impl Container {
         self.sorted = kept.len();
     }
 
+    /// Takes out all triangles.
+    pub(super) fn take_triangles(&mut self) -> Vec<Triangle> {
+        let mut triangles = std::mem::take(&mut self.triangles);
+        triangles.append(&mut std::mem::take(&mut self.inner));
+        triangles
+    }
+
     /// Bytes held.
     pub(super) fn bytes(&self) -> u64 {
-        let triangles = self.triangles.capacity() * size_of::<Triangle>();
+        let triangles = self.triangles.capacity() + self.inner.capacity();
+        let triangles = triangles * size_of::<Triangle>();
         let vertices = self.vertices.capacity() * size_of::<Local>();
         (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
     }
@@ -159,11 +189,12 @@ impl Container {
     pub(super) fn spill(&self, spill: &Spill) -> Result<Spilled> {
         let extent = spill.write(&[
             bytemuck::cast_slice(&self.triangles),
+            bytemuck::cast_slice(&self.inner),
             bytemuck::cast_slice(&self.vertices),
             bytemuck::cast_slice(&self.heights),
         ])?;
-        let (triangles, vertices) = (self.triangles.len(), self.vertices.len());
-        Ok(Spilled { extent, triangles, vertices, sorted: self.sorted })
+        let (triangles, inner) = (self.triangles.len(), self.inner.len());
+        Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
     }
 }
 
@@ -172,6 +203,7 @@ impl Container {
 pub(super) struct Spilled {
     pub(super) extent: Extent,
     triangles: usize,
+    inner: usize,
     vertices: usize,
     sorted: usize,
 }
@@ -185,17 +217,25 @@ impl Spilled {
     /// Reads the container back and frees its space.
     pub(super) fn load(self, spill: &Spill) -> Result<Container> {
         let mut triangles = vec![Triangle::zeroed(); self.triangles];
+        let mut inner = vec![Triangle::zeroed(); self.inner];
         let mut vertices = vec![Local::zeroed(); self.vertices];
         let mut heights = vec![0.0; self.vertices];
-        let parts: [&mut [u8]; 3] = [
+        let mut parts: [&mut [u8]; 4] = [
             bytemuck::cast_slice_mut::<Triangle, u8>(&mut triangles),
+            bytemuck::cast_slice_mut::<Triangle, u8>(&mut inner),
             bytemuck::cast_slice_mut::<Local, u8>(&mut vertices),
             bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
         ];
-        let mut parts = parts;
         spill.read(self.extent, &mut parts)?;
-        Ok(Container { triangles, vertices, heights, sorted: self.sorted })
+        Ok(Container { triangles, inner, vertices, heights, sorted: self.sorted })
     }
+}
+
+/// The samples of a tile that are [`MARGIN`] cells away from its sides.
+pub(super) fn inner_bounds(layout: &Layout, tile: TileId) -> Bounds {
+    let rect = layout.rect(tile);
+    let span = |count: u32| [MARGIN as i32, count as i32 - 1 - MARGIN as i32];
+    Bounds { cols: span(rect.width), rows: span(rect.height) }
 }
 
 /// The first corner of a triangle's bounding box.
@@ -207,6 +247,7 @@ fn first_corner(triangle: &Triangle) -> Local {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::tin::layout::Seam;
 
     fn triangle(corners: [(u32, u32); 3]) -> Triangle {
         let corners = corners.map(|(col, row)| Local::new(col, row));
@@ -215,24 +256,51 @@ mod tests {
 
     #[test]
     fn a_piece_is_divided_among_owners_and_found_again() {
-        let layout = Layout::new(33, 17, 16).unwrap();
-        let rect = Rect::new(8, 0, 17, 17);
-        let triangles = [triangle([(0, 0), (16, 0), (4, 9)]), triangle([(8, 1), (9, 1), (8, 16)])];
+        let layout = Layout::new(257, 129, 128).unwrap();
+        let (left, right) = (TileId::new(0, 0), TileId::new(0, 1));
+        let zone = Zone::new(&layout, Seam::Vertical, left, 64, 0);
+        let triangles = [
+            triangle([(0, 0), (127, 0), (64, 9)]),
+            triangle([(64, 1), (65, 1), (64, 90)]),
+            triangle([(20, 50), (21, 50), (22, 60)]),
+        ];
         let mut vertices: Vec<Local> = triangles.iter().flat_map(|t| t.corners).collect();
         vertices.sort();
         let heights: Vec<f64> = vertices.iter().map(|at| f64::from(at.col())).collect();
+        let rect = zone.limits();
         let piece = Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
         let mut found = Vec::new();
         let mut counts = Vec::new();
-        for tile in layout.owners(rect) {
+        for tile in [left, right] {
             let mut container = Container::default();
             container.insert(piece, tile, &layout);
             counts.push((container.triangles.len(), container.vertices.len()));
-            container.extract(rect, layout.origin(tile), &mut found);
+            container.extract(&zone, tile, &layout, &mut found);
             assert!(container.triangles.is_empty());
         }
-        assert_eq!(counts, [(1, 2), (1, 4)]);
-        assert_eq!(found, triangles);
+        assert_eq!(counts, [(2, 4), (1, 5)]);
+        found.sort_by_key(|t| t.corners);
+        assert_eq!(found.len(), 3);
+        assert!(triangles.iter().all(|t| found.contains(t)));
+    }
+
+    #[test]
+    fn inner_triangles_are_found_when_a_zone_reaches_them() {
+        let layout = Layout::new(257, 129, 128).unwrap();
+        let tile = TileId::new(0, 0);
+        let triangles =
+            [triangle([(70, 50), (80, 50), (75, 60)]), triangle([(110, 50), (120, 50), (115, 60)])];
+        let rect = layout.rect(tile);
+        let piece = Piece { rect, triangles: &triangles, vertices: &[], heights: &[] };
+        let mut container = Container::default();
+        container.insert(piece, tile, &layout);
+        assert_eq!((container.inner.len(), container.triangles.len()), (1, 1));
+        for (reach, taken) in [(8, 1), (32, 1), (60, 2)] {
+            let mut found = Vec::new();
+            let zone = Zone::new(&layout, Seam::Vertical, tile, reach, 0);
+            container.extract(&zone, tile, &layout, &mut found);
+            assert_eq!(found.len(), if reach == 32 { 0 } else { taken.min(1) }, "reach {reach}");
+        }
     }
 
     #[test]
@@ -241,12 +309,14 @@ mod tests {
         let spill = Spill::new(folder.path());
         let container = Container {
             triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
+            inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
             vertices: vec![Local::new(0, 0), Local::new(1, 0), Local::new(0, 1)],
             heights: vec![1.5, 2.5, -3.5],
             sorted: 2,
         };
         let loaded = container.spill(&spill).unwrap().load(&spill).unwrap();
         assert_eq!(loaded.triangles, container.triangles);
+        assert_eq!(loaded.inner, container.inner);
         assert_eq!(loaded.vertices, container.vertices);
         assert_eq!((loaded.heights, loaded.sorted), (container.heights, 2));
     }

@@ -15,7 +15,7 @@ const _: () = assert!(*TILE_CELLS.end() * 3 / 2 < 1 << 14);
 /// First reach of a seam patch, in cells on each side of the seam; it doubles while the kernel asks
 /// for more. Changes rarely go further than the triangles that touch the rim, and a narrow patch
 /// keeps the re-read samples to a few per cent.
-const FIRST_REACH: u32 = 32;
+const FIRST_REACH: u32 = 16;
 
 /// A tile by its row and column among the tiles; ordered row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -240,9 +240,8 @@ mod tests {
 
     #[test]
     fn reaches_double_up_to_half_a_tile() {
-        let reaches = |tile| -> Vec<u32> {
-            Layout::new(9000, 9000, tile).unwrap().reaches().collect()
-        };
+        let reaches =
+            |tile| -> Vec<u32> { Layout::new(9000, 9000, tile).unwrap().reaches().collect() };
         assert_eq!(reaches(16), [8]);
         assert_eq!(reaches(100), [FIRST_REACH, 2 * FIRST_REACH, 50]);
         assert_eq!(reaches(512).last(), Some(&256));

@@ -185,9 +185,7 @@ mod tests {
     use crate::output::MeshBatch;
     use crate::pipeline::Silent;
     use crate::raster::{GridInfo, SampleType};
-    use crate::tin::{
-        PatchInput, PatchOutcome, Scratch, Side, TileInput, TileMesh, mend_patch, triangulate_tile,
-    };
+    use crate::tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
 
     /// A saddle with a fault in it, if wanted.
     struct Saddle {
@@ -276,7 +274,7 @@ mod tests {
         triangulate_tile(input, spec, scratch)
     }
 
-    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut Scratch) -> PatchOutcome {
+    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut Scratch) -> PatchMesh {
         panic!("planted fault {}", 7);
     }
 
@@ -302,26 +300,5 @@ mod tests {
             assert_eq!(error.kind(), ErrorKind::BadInput);
             assert!(error.to_string().contains("3,"), "{error}");
         }
-    }
-
-    /// Asks for the widest patch every time.
-    fn greedy_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchOutcome {
-        match input.sides.contains(&Side::Open) {
-            true => PatchOutcome::NeedsReach,
-            false => mend_patch(input, spec, scratch),
-        }
-    }
-
-    #[test]
-    fn patches_are_widened_on_request() {
-        let source = Saddle::new(257);
-        let kernel = Kernel { patch: greedy_patch, ..Kernel::GREEDY };
-        let seams = |outcome: &Outcome| outcome.stages[2].samples;
-        let narrow = run(&source, 1, Kernel::GREEDY).unwrap();
-        let wide = run(&source, 1, kernel).unwrap();
-        let again = run(&source, 3, kernel).unwrap();
-        assert_eq!((wide.vertices, wide.triangles), (again.vertices, again.triangles));
-        assert!(seams(&wide) >= seams(&narrow));
-        assert!(wide.vertices > 0 && wide.triangles > wide.vertices);
     }
 }

@@ -21,8 +21,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::raster::GridSource;
 use crate::tin::{
-    self, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
-    mend_patch, triangulate_tile,
+    self, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
+    triangulate_tile,
 };
 
 /// The two pure functions the pipeline is built around; tests plant faults here.
@@ -168,8 +168,8 @@ impl<'a> Worker<'a> {
         let started = Instant::now();
         let layout = &self.job.layout;
         for tile in layout.keepers(zone.limits()) {
-            let origin = layout.origin(tile);
-            self.job.store.with(tile, |kept| kept.extract(zone, origin, &mut self.triangles))?;
+            let out = &mut self.triangles;
+            self.job.store.with(tile, |kept| kept.extract(zone, tile, layout, out))?;
         }
         self.clock.add(Stage::Seams, started, 0);
         Ok(())
@@ -199,16 +199,10 @@ impl<'a> Worker<'a> {
         let started = Instant::now();
         let layout = &self.job.layout;
         let limits = zone.limits();
-        let base = (limits.col, limits.row);
-        let mut frontier = Frontier::new(&patch.border, (rect.col, rect.row), base);
+        let places = ((rect.col, rect.row), (limits.col, limits.row));
+        let mut frontier = Frontier::new(&patch.border, places.0, places.1);
         for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
-            let origin = layout.origin(tile);
-            let (members, shift) = (zone.seen_from(origin), Shift::new(origin, base));
-            let see = |kept: &mut Container| {
-                let reachable = kept.triangles.iter().filter(|t| members.is_within_limits(t));
-                reachable.for_each(|triangle| frontier.see(triangle, [shift.cols, shift.rows]));
-            };
-            self.job.store.with(tile, see)?;
+            self.job.store.with(tile, |kept| frontier.see(kept, zone, tile, layout))?;
         }
         self.clock.add(Stage::Seams, started, 0);
         Ok(frontier)
@@ -259,6 +253,7 @@ impl<'a> Worker<'a> {
             job.store.with(near, |kept| self.marks.mark(&kept.triangles, origin))?;
         }
         let points = job.store.with(tile, |kept| {
+            self.marks.mark(&kept.inner, layout.origin(tile));
             kept.settle(|at| self.marks.contains(at));
             positions(kept, layout.origin(tile), &job.source.info().transform)
         })?;
@@ -285,7 +280,7 @@ impl<'a> Worker<'a> {
         for (near, ranks) in self.lookup.begin(&job.layout, tile) {
             job.store.with_ids(near, |kept, first_id| ranks.copy(kept, first_id))?;
         }
-        let triangles = job.store.with(tile, |kept| std::mem::take(&mut kept.triangles))?;
+        let triangles = job.store.with(tile, Container::take_triangles)?;
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
         let faces =

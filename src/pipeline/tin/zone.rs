@@ -1,6 +1,6 @@
 //! Which triangles a seam patch takes in, and whether the mesh beyond it agrees with the result.
 
-use super::container::{Frame, Shift};
+use super::container::{Container, Frame, Shift, inner_bounds};
 use super::layout::{Layout, Seam, TileId};
 use crate::geom::Rect;
 use crate::geom::predicates::{Lattice, in_circle};
@@ -21,9 +21,9 @@ pub(super) struct Zone {
 
 /// First and last column, first and last row.
 #[derive(Clone, Copy, Debug)]
-struct Bounds {
-    cols: [i32; 2],
-    rows: [i32; 2],
+pub(super) struct Bounds {
+    pub(super) cols: [i32; 2],
+    pub(super) rows: [i32; 2],
 }
 
 impl Zone {
@@ -51,11 +51,8 @@ impl Zone {
     /// The rule for triangles with positions relative to `origin` (column, row).
     pub(super) fn seen_from(&self, origin: (u32, u32)) -> Membership {
         let Shift { cols, rows } = Shift::new((self.limits.col, self.limits.row), origin);
-        let moved = |band: Bounds| Bounds {
-            cols: band.cols.map(|col| col + cols),
-            rows: band.rows.map(|row| row + rows),
-        };
-        Membership { limits: Frame::new(self.limits, origin), bands: self.bands.map(moved) }
+        let bands = self.bands.map(|band| band.moved(cols, rows));
+        Membership { limits: Frame::new(self.limits, origin), bands }
     }
 }
 
@@ -69,8 +66,12 @@ impl Membership {
     /// True when the patch takes the triangle in.
     #[inline]
     pub(super) fn contains(&self, triangle: &Triangle) -> bool {
-        let bounds = Bounds::of(triangle.corners);
-        self.is_within_limits(triangle) && self.bands.iter().any(|band| band.touches(&bounds))
+        self.is_within_limits(triangle) && self.touches(&Bounds::of(triangle.corners))
+    }
+
+    /// True when one of the bands touches the box.
+    pub(super) fn touches(&self, bounds: &Bounds) -> bool {
+        self.bands.iter().any(|band| band.touches(bounds))
     }
 
     /// True when the patch could take the triangle in.
@@ -81,8 +82,9 @@ impl Membership {
 }
 
 impl Bounds {
+    /// The box around a triangle.
     #[inline]
-    fn of(corners: [Local; 3]) -> Self {
+    pub(super) fn of(corners: [Local; 3]) -> Self {
         let [a, b, c] = corners.map(|at| [at.col() as i32, at.row() as i32]);
         let span = |i: usize| [a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i])];
         Self { cols: span(0), rows: span(1) }
@@ -93,15 +95,36 @@ impl Bounds {
         let overlap = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[1]) & (b[0] <= a[1]);
         overlap(self.cols, other.cols) & overlap(self.rows, other.rows)
     }
+
+    /// True when `other` is wholly inside.
+    #[inline]
+    pub(super) fn holds(&self, other: &Self) -> bool {
+        let covers = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[0]) & (b[1] <= a[1]);
+        covers(self.cols, other.cols) & covers(self.rows, other.rows)
+    }
+
+    /// The box around an edge.
+    fn along([a, b]: [Lattice; 2]) -> Self {
+        let span = |i: usize| [a[i].min(b[i]), a[i].max(b[i])];
+        Self { cols: span(0), rows: span(1) }
+    }
+
+    /// The box around two.
+    fn join(self, other: Self) -> Self {
+        let join = |a: [i32; 2], b: [i32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Self { cols: join(self.cols, other.cols), rows: join(self.rows, other.rows) }
+    }
+
+    /// The same in positions moved by `cols` and `rows`.
+    fn moved(&self, cols: i32, rows: i32) -> Self {
+        Self { cols: self.cols.map(|col| col + cols), rows: self.rows.map(|row| row + rows) }
+    }
 }
 
 /// The rectangle that the triangles fill, with one more sample on each side where the grid goes on.
 /// Their positions are relative to `limits`.
 pub(super) fn rect_around(triangles: &[Triangle], limits: Rect, layout: &Layout) -> Option<Rect> {
-    let bounds = triangles.iter().map(|triangle| Bounds::of(triangle.corners)).reduce(|a, b| {
-        let join = |a: [i32; 2], b: [i32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        Bounds { cols: join(a.cols, b.cols), rows: join(a.rows, b.rows) }
-    })?;
+    let bounds = triangles.iter().map(|t| Bounds::of(t.corners)).reduce(Bounds::join)?;
     let first = [limits.col + bounds.cols[0] as u32, limits.row + bounds.rows[0] as u32];
     let last = [limits.col + bounds.cols[1] as u32, limits.row + bounds.rows[1] as u32];
     Some(layout.between(first.map(|at| at.saturating_sub(1)), last.map(|at| at + 1)))
@@ -115,7 +138,6 @@ pub(super) struct Frontier {
     /// Which of them have a triangle beyond that the patch could have taken in.
     found: Vec<bool>,
     is_open: bool,
-    bounds: [Lattice; 2],
 }
 
 impl Frontier {
@@ -129,27 +151,35 @@ impl Frontier {
         };
         let mut edges: Vec<_> = border.iter().map(turned).collect();
         edges.sort_unstable();
-        let mut bounds = [[i32::MAX; 2], [i32::MIN; 2]];
-        for at in edges.iter().flat_map(|edge| edge.0) {
-            bounds[0] = [bounds[0][0].min(at[0]), bounds[0][1].min(at[1])];
-            bounds[1] = [bounds[1][0].max(at[0]), bounds[1][1].max(at[1])];
-        }
-        Self { found: vec![false; edges.len()], edges, is_open: false, bounds }
+        Self { found: vec![false; edges.len()], edges, is_open: false }
     }
 
-    /// Looks at a triangle that the patch could have taken in, with positions relative to `origin`
-    /// where the frontier's are relative to `to`.
-    #[inline]
-    pub(super) fn see(&mut self, triangle: &Triangle, shift: [i32; 2]) {
-        let corners =
-            triangle.corners.map(|at| [at.col() as i32 + shift[0], at.row() as i32 + shift[1]]);
-        let [low, high] = self.bounds;
-        let inside = |at: &Lattice| {
-            (low[0] <= at[0]) & (at[0] <= high[0]) & (low[1] <= at[1]) & (at[1] <= high[1])
-        };
-        if corners.iter().filter(|&at| inside(at)).count() >= 2 {
-            (0..3).for_each(|i| self.see_edge([corners[i], corners[(i + 1) % 3]], corners[(i + 2) % 3]));
+    /// Looks at the triangles kept with a tile, where the patch could have taken them in.
+    pub(super) fn see(&mut self, kept: &Container, zone: &Zone, tile: TileId, layout: &Layout) {
+        let origin = layout.origin(tile);
+        let Shift { cols, rows } = Shift::new(origin, (zone.limits.col, zone.limits.row));
+        let members = zone.seen_from(origin);
+        let inner = inner_bounds(layout, tile).moved(cols, rows);
+        let around = self.bounds();
+        let concerns_inner = self.edges.iter().any(|(edge, _)| inner.holds(&Bounds::along(*edge)));
+        let inner = if concerns_inner { &kept.inner[..] } else { &[] };
+        for triangle in kept.triangles.iter().chain(inner) {
+            let corners =
+                triangle.corners.map(|at| [at.col() as i32 + cols, at.row() as i32 + rows]);
+            let near = corners.iter().filter(|&&at| around.holds(&Bounds::along([at, at])));
+            if near.count() >= 2 && members.is_within_limits(triangle) {
+                for i in 0..3 {
+                    let [from, to, third] = [i, (i + 1) % 3, (i + 2) % 3].map(|i| corners[i]);
+                    self.see_edge([from, to], third);
+                }
+            }
         }
+    }
+
+    /// The box around all edges.
+    fn bounds(&self) -> Bounds {
+        let boxes = self.edges.iter().map(|&(edge, _)| Bounds::along(edge));
+        boxes.reduce(Bounds::join).unwrap_or(Bounds { cols: [0, -1], rows: [0, -1] })
     }
 
     fn see_edge(&mut self, edge: [Lattice; 2], beyond: Lattice) {
@@ -169,5 +199,54 @@ impl Frontier {
         let closed = self.edges.iter().zip(&self.found).filter(|&(_, found)| !found);
         let rows = closed.flat_map(|(edge, _)| edge.0.map(|at| at[1].abs_diff(row)));
         rows.max().unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
+        let corners = corners.map(|(col, row)| Local::new(col, row));
+        Triangle { corners, max_error: 0.0, square_sum: 0.0 }
+    }
+
+    #[test]
+    fn a_zone_takes_what_touches_its_band_within_its_limits() {
+        let layout = Layout::new(129, 129, 32).unwrap();
+        let takes = |seam, reach, along, corners| {
+            let zone = Zone::new(&layout, seam, TileId::new(1, 1), reach, along);
+            zone.seen_from((32, 32)).contains(&triangle(corners))
+        };
+        assert!(takes(Seam::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
+        assert!(!takes(Seam::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(!takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]), "beyond the limits");
+        assert!(takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
+        assert!(!takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]), "in two tiles");
+        let above = [(32, 20), (32, 29), (30, 22)];
+        assert!(!takes(Seam::Corner, 2, 2, above));
+        assert!(takes(Seam::Corner, 2, 3, above) && takes(Seam::Corner, 3, 0, above));
+    }
+
+    #[test]
+    fn a_frontier_finds_what_is_not_delaunay_beyond_it() {
+        let layout = Layout::new(129, 129, 32).unwrap();
+        let tile = TileId::new(1, 1);
+        let zone = Zone::new(&layout, Seam::Vertical, tile, 4, 0);
+        let base = (zone.limits().col, zone.limits().row);
+        let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| Local::new(col, row))];
+        for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {
+            let mut frontier = Frontier::new(&border, (26, 0), base);
+            let mut kept = Container::default();
+            if beyond > 0 {
+                let moved =
+                    [(40, 50), (40, 40), (beyond, 45)].map(|(col, row)| (col - 6, row - 32));
+                kept.triangles.push(triangle(moved));
+            }
+            frontier.see(&kept, &zone, tile, &layout);
+            assert_eq!(frontier.is_open(), is_open);
+            assert_eq!(frontier.closed_reach(10) > 0, !found);
+        }
     }
 }
