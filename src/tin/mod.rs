@@ -10,12 +10,14 @@ mod field;
 mod greedy;
 mod measure;
 mod mesh;
+mod order;
 mod patch;
 mod rim;
 mod scan;
 mod strict;
 mod tile;
 
+pub use order::sort_by_position;
 pub use patch::mend_patch;
 pub use tile::{Scratch, triangulate_tile};
 

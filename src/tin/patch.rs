@@ -8,6 +8,7 @@ use super::field::Field;
 use super::greedy::{Judge, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Mesh, NONE, State, Tri, next, prev};
+use super::order::{by_rows, sort_by_position};
 use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop, strict};
 
@@ -20,7 +21,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     let (width, height) = (input.heights.width, input.heights.height);
     scratch.field.load(&input.heights, [0, 0, width, height], 0, spec.single_precision);
     let mut sorted = input.triangles.to_vec();
-    sorted.sort_unstable_by_key(|triangle| triangle.corners);
+    sort_by_position(&mut sorted);
     build(&mut scratch.mesh, &sorted);
     let Scratch { field, mesh, lists, drop, used, scan } = scratch;
     let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
@@ -49,7 +50,7 @@ fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
             (ends[0].min(ends[1]), ends[0].max(ends[1]), 4 * id + edge)
         }));
     }
-    edges.sort_unstable();
+    by_rows(&mut edges, |edge| edge.0, |&edge| edge);
     for pair in edges.windows(2).filter(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1)) {
         mesh.link(pair[0].2, pair[1].2);
     }

@@ -2,13 +2,13 @@
 //!
 //! A vertex belongs to the tile that owns its sample. Ids count tile by tile in row-by-row order,
 //! and by position (row, column) within a tile, so an id is the tile's first id plus the vertex's
-//! rank. Ranks are looked up in the sorted list itself: memory goes with the mesh, not the grid.
+//! rank: the number of marked samples before it.
 
 use super::container::{Container, Shift};
 use super::layout::{Layout, TileId};
 use super::writer::Faces;
 use crate::geom::{Affine, Point3, Rect};
-use crate::tin::{Local, Triangle};
+use crate::tin::{Local, Triangle, sort_by_position};
 
 /// The samples of one tile that are vertices in use: one bit each.
 #[derive(Default)]
@@ -81,42 +81,63 @@ fn position(at: Local, height: f64, (col, row): (u32, u32), to_world: &Affine) -
 #[derive(Default)]
 pub(super) struct Ranks {
     first_id: u64,
+    /// Samples from one row to the next.
+    pitch: usize,
+    /// One bit a sample, set where it is a vertex.
+    bits: Vec<u64>,
+    /// Vertices before each word of `bits`.
+    before: Vec<u32>,
+    /// Copies for [`Lookup::faces`] with corners; else empty.
     vertices: Vec<Local>,
     heights: Vec<f64>,
-    /// Where each row begins in `vertices`, and one more.
-    rows: Vec<u32>,
 }
 
 impl Ranks {
-    /// Copies a settled container whose first vertex has id `first_id`.
-    pub(super) fn copy(&mut self, container: &Container, first_id: u64) {
-        self.first_id = first_id;
-        self.vertices.clone_from(&container.vertices);
-        self.heights.clone_from(&container.heights);
-        self.rows.clear();
-        for (rank, at) in (0_u32..).zip(&self.vertices) {
-            let rows = (at.row() + 1) as usize;
-            if self.rows.len() < rows {
-                self.rows.resize(rows, rank);
-            }
+    /// Takes over a settled container of the tile that owns `owned`, whose first vertex has id
+    /// `first_id`.
+    pub(super) fn fill(
+        &mut self,
+        container: &Container,
+        owned: Rect,
+        first_id: u64,
+        with_corners: bool,
+    ) {
+        (self.first_id, self.pitch) = (first_id, owned.width as usize);
+        self.bits.resize(owned.len().div_ceil(64), 0);
+        for &at in &container.vertices {
+            let bit = at.row() as usize * self.pitch + at.col() as usize;
+            self.bits[bit / 64] |= 1 << (bit % 64);
         }
-        self.rows.push(self.vertices.len() as u32);
+        let mut count = 0;
+        self.before.extend(self.bits.iter().map(|word| {
+            count += word.count_ones();
+            count - word.count_ones()
+        }));
+        if with_corners {
+            self.vertices.clone_from(&container.vertices);
+            self.heights.clone_from(&container.heights);
+        }
     }
 
     /// Forgets all vertices.
-    pub(super) fn clear(&mut self) {
+    fn clear(&mut self) {
+        self.bits.clear();
+        self.before.clear();
         self.vertices.clear();
         self.heights.clear();
-        self.rows.clear();
     }
 
     /// Rank of the vertex at `at`.
     fn rank(&self, at: Local) -> Option<usize> {
-        let row = at.row() as usize;
-        let first = *self.rows.get(row)? as usize;
-        let end = *self.rows.get(row + 1)? as usize;
-        let rank = first + self.vertices[first..end].partition_point(|&v| v < at);
-        (self.vertices.get(rank) == Some(&at)).then_some(rank)
+        let bit = at.row() as usize * self.pitch + at.col() as usize;
+        let below = self.bits.get(bit / 64)? & (2_u64 << (bit % 64)).wrapping_sub(1);
+        let is_vertex = below >> (bit % 64) == 1;
+        is_vertex.then(|| (self.before[bit / 64] + below.count_ones()) as usize - 1)
+    }
+
+    /// Bytes held at most for a tile of `cells` x `cells`, copies of vertices not counted.
+    pub(super) fn bytes(cells: u32) -> u64 {
+        u64::from(cells + 1).pow(2) / 64 * 12 + 12
     }
 }
 
@@ -181,7 +202,7 @@ impl Lookup {
         to_world: &Affine,
         with_corners: bool,
     ) -> Option<Faces> {
-        triangles.sort_unstable_by_key(|triangle| triangle.corners);
+        sort_by_position(&mut triangles);
         let flip = to_world.determinant() < 0.0;
         let mut faces = Faces::default();
         faces.ids.reserve_exact(triangles.len());
@@ -209,7 +230,7 @@ mod tests {
         container.vertices = positions.iter().map(|&(col, row)| Local::new(col, row)).collect();
         container.heights = vec![0.0; positions.len()];
         let mut ranks = Ranks::default();
-        ranks.copy(&container, first_id);
+        ranks.fill(&container, Rect::new(0, 0, 10, 7), first_id, false);
         ranks
     }
 
@@ -221,7 +242,7 @@ mod tests {
         assert_eq!(found(9, 0), Some(1));
         assert_eq!(found(1, 4), Some(2));
         assert_eq!(found(8, 4), Some(4));
-        for (col, row) in [(2, 0), (3, 1), (9, 4), (1, 5), (0, 9)] {
+        for (col, row) in [(2, 0), (3, 1), (9, 4), (1, 5), (9, 6), (0, 9)] {
             assert_eq!(found(col, row), None);
         }
     }

@@ -9,7 +9,7 @@ use crossbeam_channel::Sender;
 
 use super::container::{Container, Piece, Shift};
 use super::layout::{Layout, Seam, TileId};
-use super::number::{Lookup, Marks, positions};
+use super::number::{Lookup, Marks, Ranks, positions};
 use super::report::{Clock, Stage};
 use super::run::Settings;
 use super::schedule::{Queue, Step, Task, lock};
@@ -278,7 +278,9 @@ impl<'a> Worker<'a> {
         let started = Instant::now();
         let job = self.job;
         for (near, ranks) in self.lookup.begin(&job.layout, tile) {
-            job.store.with_ids(near, |kept, first_id| ranks.copy(kept, first_id))?;
+            let owned = job.layout.owned(near);
+            let fill = |kept: &mut Container, id| ranks.fill(kept, owned, id, job.with_corners);
+            job.store.with_ids(near, fill)?;
         }
         let triangles = job.store.with(tile, Container::take_triangles)?;
         let to_world = &job.source.info().transform;
@@ -340,7 +342,10 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
 /// Most bytes a worker holds for tiles of `cells` x `cells`.
 pub(super) fn worker_bytes(cells: u32) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
-    tin::Scratch::bytes(cells + 2) + Window::bytes(samples) + Marks::bytes(cells)
+    tin::Scratch::bytes(cells + 2)
+        + Window::bytes(samples)
+        + Marks::bytes(cells)
+        + 4 * Ranks::bytes(cells)
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
