@@ -15,9 +15,10 @@ pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f
     let facet = Facet::new(p, field.vertices(p));
     let whole = field.whole();
     let mut total = Total::default();
+    let edges = facet.edges();
     let [first, last] = facet.row_range(&whole);
     for row in first..=last {
-        let [low, high] = facet.columns(&whole, row);
+        let [low, high] = edges.columns(&whole, row);
         let counts = |col| is_owned(p, owned, Local::new(col as u32, row as u32));
         let is_level = has_level_edge(p, row);
         if low > high {

@@ -9,7 +9,7 @@ mod x86;
 
 use super::Local;
 use super::field::Level;
-use crate::geom::predicates::orient;
+use crate::geom::predicates::{Lattice, orient};
 
 /// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
 /// run of lanes.
@@ -44,20 +44,29 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
     kernels
 }
 
-/// A triangle with heights: its plane and its edges as row bounds, in lattice units.
+/// A triangle with heights: its plane and its box, in lattice units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
     /// Plane: height = `base` + `gx` * column + `gy` * row.
     pub(super) base: f64,
     pub(super) gx: f64,
     pub(super) gy: f64,
+    /// Corners as [column, row].
+    corners: [Lattice; 3],
+    /// First and last column.
+    cols: [i32; 2],
+    /// First and last row.
+    rows: [i32; 2],
+}
+
+/// The edges of a triangle as bounds of its rows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edges {
     /// Edges as columns: `offset` + `slope` * row.
     slopes: [f64; 3],
     offsets: [f64; 3],
-    /// Which edges bound a row on the right (the others that are not level bound it on the left).
+    /// Which side of a row an edge bounds.
     sides: [Side; 3],
-    /// First and last row.
-    rows: [i32; 2],
 }
 
 /// On which side of its interior an edge lies.
@@ -80,9 +89,29 @@ impl Facet {
         let scale = 1.0 / (bx * cy - by * cx);
         let gx = (zb * cy - zc * by) * scale;
         let gy = (bx * zc - cx * zb) * scale;
+        let span =
+            |i: usize| [q[0][i].min(q[1][i]).min(q[2][i]), q[0][i].max(q[1][i]).max(q[2][i])];
+        let base = z[0] - gx * ax - gy * ay;
+        Self { base, gx, gy, corners: q, cols: span(0), rows: span(1) }
+    }
+
+    /// First and last decimated row to scan.
+    #[inline(always)]
+    pub(super) fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
+        decimated(self.rows, level.shift, [level.bounds[2], level.bounds[3]])
+    }
+
+    /// First and last decimated column to scan in any row. Runs of lanes begin at the first.
+    #[inline(always)]
+    fn column_range(&self, level: &Level<'_>) -> [i32; 2] {
+        decimated(self.cols, level.shift, [level.bounds[0], level.bounds[1]])
+    }
+
+    #[inline(always)]
+    pub(super) fn edges(&self) -> Edges {
         let (mut slopes, mut offsets, mut sides) = ([0.0; 3], [0.0; 3], [Side::Level; 3]);
         for i in 0..3 {
-            let (from, to) = (q[i], q[(i + 1) % 3]);
+            let (from, to) = (self.corners[i], self.corners[(i + 1) % 3]);
             let [dx, dy] = [to[0] - from[0], to[1] - from[1]].map(f64::from);
             let slope = if dy == 0.0 { 0.0 } else { dx / dy };
             slopes[i] = slope;
@@ -93,21 +122,18 @@ impl Facet {
                 _ => Side::Level,
             };
         }
-        let low = q[0][1].min(q[1][1]).min(q[2][1]);
-        let high = q[0][1].max(q[1][1]).max(q[2][1]);
-        let base = z[0] - gx * ax - gy * ay;
-        Self { base, gx, gy, slopes, offsets, sides, rows: [low, high] }
+        Edges { slopes, offsets, sides }
     }
+}
 
-    /// First and last decimated row to scan.
-    #[inline(always)]
-    pub(super) fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
-        let stride_less_one = (1 << level.shift) - 1;
-        let first = (self.rows[0] + stride_less_one) >> level.shift;
-        let last = self.rows[1] >> level.shift;
-        [first.max(level.bounds[2]), last.min(level.bounds[3])]
-    }
+/// The decimated positions in a range of lattice positions and inside the bounds.
+#[inline(always)]
+fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] {
+    let stride_less_one = (1 << shift) - 1;
+    [((first + stride_less_one) >> shift).max(bounds[0]), (last >> shift).min(bounds[1])]
+}
 
+impl Edges {
     /// First and last decimated column of a decimated row; first > last when there is none.
     #[inline(always)]
     pub(super) fn columns(&self, level: &Level<'_>, row: i32) -> [i32; 2] {
@@ -124,6 +150,12 @@ impl Facet {
         }
         [low.ceil() as i32, high.floor() as i32]
     }
+}
+
+/// The beginning of the run of lanes that holds column `low`, where the first begins at `left`.
+#[inline(always)]
+fn run_of(low: i32, left: i32) -> i32 {
+    left + (low - left) / LANES as i32 * LANES as i32
 }
 
 /// Twice the area of a triangle in cells.
