@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::{Outcome, args, check, parse, say, text, tin};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
+use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
 /// Prove a mesh against its grid: error bound, coverage, topology. Exits with 1 when a promise is
@@ -28,7 +29,7 @@ pub(super) struct Args {
     #[arg(long)]
     overwrite: bool,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
@@ -36,6 +37,8 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.mesh.to_string_lossy())?;
     check::input(&args.raster)?;
+    check_kinds(&args.mesh, &args.raster)?;
+    args.grid.check(&args.raster)?;
     if let Some(report) = &args.report {
         check::distinct(&[&args.mesh, Path::new(&args.raster), report])?;
         check::new_file(report, args.overwrite)?;
@@ -43,7 +46,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.raster.clone(),
-        band: args.grid.band,
+        band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,
         resources: args.machine.resources(),
@@ -60,6 +63,22 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         tell_failures(&report);
     }
     Ok(outcome(&report))
+}
+
+/// Fails unless there is a mesh and a grid, in this order.
+fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
+    let name = mesh.to_string_lossy();
+    match (is_mesh(&name)?, is_mesh(raster)?) {
+        (true, false) => Ok(()),
+        (false, true) => Err(Error::usage("mesh and grid are the wrong way round")
+            .remedy(format!("write `terrane verify {raster} {name}`"))),
+        (false, false) => Err(Error::bad_input("is a grid, not a mesh")
+            .in_file(mesh)
+            .remedy("name a mesh, such as one made by `terrane tin`")),
+        (true, true) => Err(Error::bad_input("is a mesh, not a grid")
+            .in_file(Path::new(raster))
+            .remedy("name the grid that the mesh was made from")),
+    }
 }
 
 /// Names the broken promises on stderr, for those who asked for no result.

@@ -129,14 +129,13 @@ fn within_memory(frame: &Frame, resources: &Resources) -> Result<()> {
     let pixels = u64::from(frame.width) * u64::from(frame.height);
     let need = pixels * PIXEL_BYTES;
     if need > resources.memory {
+        let mib = need.div_ceil(1 << 20);
         let message = format!(
-            "a picture of {} x {} pixels needs {} MiB",
-            frame.width,
-            frame.height,
-            need >> 20
+            "a picture of {} x {} pixels needs {mib} MiB of memory",
+            frame.width, frame.height,
         );
         return Err(Error::new(ErrorKind::Resource, message)
-            .remedy("ask for a smaller --width or allow more --memory"));
+            .remedy(format!("pass --memory {mib}M or more, or a smaller --width")));
     }
     Ok(())
 }

@@ -19,6 +19,7 @@ mod worker;
 mod writer;
 
 pub use job::{Goal, TinJob};
+pub use layout::TILE_CELLS;
 pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};

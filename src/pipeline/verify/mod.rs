@@ -176,7 +176,7 @@ fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> 
     }
     if resources.memory < LEAST_MEMORY {
         let message = format!("{} bytes of memory are too few", resources.memory);
-        return Err(Error::new(ErrorKind::Resource, message).remedy("allow 1 MiB or more"));
+        return Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 1M or more"));
     }
     Ok(())
 }
