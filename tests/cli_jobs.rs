@@ -282,3 +282,12 @@ fn a_link_is_written_through() {
     assert!(place.path("a.ply").symlink_metadata().unwrap().is_symlink());
     assert!(std::fs::read(place.path("there/a.ply")).unwrap().starts_with(b"ply"));
 }
+
+#[test]
+fn a_terrain_of_a_million_by_a_million_samples_is_drawn() {
+    let place = Place::new();
+    let terrain = "synth:rough,size=1000000,seed=1";
+    place.ok(&["view", terrain, "-o", "a.png", "--width", "200"]);
+    assert_eq!(size_of_png(&place, "a.png"), (200, 200));
+    assert!(opacity(&place, "a.png").iter().all(|&a| a == 255));
+}
