@@ -154,3 +154,24 @@ fn a_stated_bound_that_is_no_number_is_an_error() {
         place.ok(&["verify", "b.ply", TERRAIN, "--max-error", "5"]);
     }
 }
+
+#[test]
+fn heights_far_from_zero_keep_their_digits_in_every_format() {
+    let place = Place::new();
+    let heights: Vec<String> =
+        (0..900u64).map(|i| (20_000_001 + (i * i) % 77).to_string()).collect();
+    let head = "ncols 30\nnrows 30\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\n";
+    place.write("far.asc", format!("{head}{}\n", heights.join(" ")));
+    for format in terrane::output::FORMATS {
+        let mesh = format!("far.{}", format.extensions[0]);
+        place.ok(&["tin", "far.asc", &mesh, "--max-error", "0.25", "--overwrite"]);
+        let verify = ["verify", &mesh, "far.asc", "--json", "--max-error", "0.25"];
+        let report = json(&place.ok(&verify).out);
+        assert_eq!(report["off_sample_vertices"]["count"], 0, "{mesh}");
+        let origin = json(&place.ok(&["info", &mesh, "--json"]).out)["origin"].clone();
+        let far = origin[2].as_f64().unwrap() > 1.9e7;
+        assert_eq!(far, format.single_precision, "{mesh}: {origin}");
+    }
+    let co = ["--co", "SOLID_BASE=19999990", "--overwrite"];
+    place.ok(&[&["tin", "far.asc", "far.stl", "--max-error", "0.25"][..], &co].concat());
+}

@@ -301,6 +301,6 @@ mod tests {
         assert_eq!(position(1e-9), "1e-9");
         assert_eq!(position(-2.5e-12), "-2.5e-12");
         assert_eq!(position(1e300), "1e300");
-        assert_eq!(position(499_999.9995), "499999.9995");
+        assert_eq!(position(499_999.999_5), "499999.9995");
     }
 }

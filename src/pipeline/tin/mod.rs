@@ -6,6 +6,7 @@ mod container;
 mod estimate;
 mod job;
 mod layout;
+mod local;
 mod make;
 mod number;
 mod report;
