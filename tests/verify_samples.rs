@@ -58,6 +58,18 @@ fn a_vertex_moved_by_half_a_cell_is_off_its_sample() {
 }
 
 #[test]
+fn one_corner_of_several_at_a_sample_is_enough() {
+    let grid = flat();
+    let mut mesh = split_cells(&grid);
+    let copy = mesh.add([5.0, -4.0, 7.5]);
+    let id = mesh.find(5.0, -4.0);
+    let last = mesh.triangles.iter().rposition(|t| t.contains(&id)).unwrap();
+    mesh.triangles[last] = mesh.triangles[last].map(|v| if v == id { copy } else { v });
+    mesh.recount();
+    assert_eq!(check(&mesh, &grid, WIDE).off_sample_vertices.count, 1);
+}
+
+#[test]
 fn a_vertex_in_a_void_or_beyond_the_grid_is_off_the_samples() {
     let mut grid = flat();
     let mesh = own(split_cells(&grid));
