@@ -29,7 +29,7 @@ fn window(character: &str, cols: u32, rows: u32) -> Vec<f32> {
 }
 
 fn spec(tolerance: f64, drop: bool) -> Spec {
-    Spec { tolerance, strict: false, drop, single_precision: false, measure: false }
+    Spec { tolerance, strict: false, drop, single_precision: None, measure: false }
 }
 
 /// A tile with more grid on the right, when `apron` is 1, and nothing else around it.

@@ -1,4 +1,5 @@
-//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed.
+//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. A
+//! link is written through: its target is replaced, the link stays.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -17,6 +18,8 @@ const TEMP_SUFFIX: &str = ".tmp";
 pub struct AtomicFile {
     temp: NamedTempFile,
     path: PathBuf,
+    /// Where `path` leads.
+    target: PathBuf,
     overwrite: bool,
 }
 
@@ -26,13 +29,14 @@ impl AtomicFile {
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
         refuse_existing(path, overwrite)?;
         refuse_special(path)?;
-        let folder = parent(path);
+        let target = resolve(path)?;
+        let folder = parent(&target);
         remove_leftovers(folder);
-        let temp = temporary(folder).map_err(|e| Error::write(path, e))?;
-        Ok(Self { temp, path: path.to_path_buf(), overwrite })
+        let temp = temporary(folder).map_err(|e| Error::write(path, plain(e)))?;
+        Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
     }
 
-    /// The final path.
+    /// The final path, as it was given.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -44,36 +48,38 @@ impl AtomicFile {
 
     /// Syncs the file and renames it to its final name; returns its size in bytes.
     pub fn commit(self) -> Result<u64> {
-        let Self { temp, path, overwrite } = self;
+        let Self { temp, path, target, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
         temp.as_file().sync_all().map_err(fail)?;
         let bytes = temp.as_file().metadata().map_err(fail)?.len();
-        let persisted = if overwrite { temp.persist(&path) } else { temp.persist_noclobber(&path) };
+        let persisted =
+            if overwrite { temp.persist(&target) } else { temp.persist_noclobber(&target) };
         persisted.map_err(|e| fail(e.error))?;
-        sync_folder(parent(&path));
+        sync_folder(parent(&target));
         Ok(bytes)
     }
 }
 
+// Straight to the file: the wrapper would add the temporary name to every error.
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.temp.write(bytes)
+        self.temp.as_file_mut().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.temp.flush()
+        self.temp.as_file_mut().flush()
     }
 }
 
 impl Read for AtomicFile {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.temp.read(bytes)
+        self.temp.as_file_mut().read(bytes)
     }
 }
 
 impl Seek for AtomicFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.temp.seek(to)
+        self.temp.as_file_mut().seek(to)
     }
 }
 
@@ -96,6 +102,31 @@ fn refuse_special(path: &Path) -> Result<()> {
                 .remedy("choose another name"))
         }
         _ => Ok(()),
+    }
+}
+
+/// Most links that are followed one after the other, as on Linux.
+const MOST_LINKS: usize = 40;
+
+/// The file that `path` leads to through any links; it need not exist.
+pub fn resolve(path: &Path) -> Result<PathBuf> {
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match std::fs::read_link(&target) {
+            Ok(next) => target = parent(&target).join(next),
+            Err(_) => return Ok(target),
+        }
+    }
+    Err(Error::new(ErrorKind::CannotWrite, "is a link that leads nowhere")
+        .in_file(path)
+        .remedy("choose another name"))
+}
+
+/// The system's own error, without the name of a temporary file that `tempfile` puts after it.
+pub fn plain(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path ") {
+        Some((own, _)) => io::Error::new(error.kind(), own),
+        None => error,
     }
 }
 
@@ -176,6 +207,44 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Usage);
         #[cfg(unix)]
         assert!(AtomicFile::create(Path::new("/dev/null"), true).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_its_target_is_replaced() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("there")).unwrap();
+        std::fs::write(at("there/old.bin"), b"old").unwrap();
+        symlink("there/old.bin", at("to-file")).unwrap();
+        symlink("to-file", at("to-link")).unwrap();
+        symlink(at("there/new.bin"), at("dangling")).unwrap();
+        for (link, target) in [("to-link", "there/old.bin"), ("dangling", "there/new.bin")] {
+            let refused = AtomicFile::create(&at(link), false).unwrap_err();
+            assert_eq!(refused.kind(), ErrorKind::Usage);
+            let mut file = AtomicFile::create(&at(link), true).unwrap();
+            file.write_all(link.as_bytes()).unwrap();
+            assert_eq!(file.path(), at(link));
+            let temp = file.temp.path().parent().unwrap().canonicalize().unwrap();
+            assert_eq!(temp, at("there").canonicalize().unwrap(), "beside the target");
+            file.commit().unwrap();
+            assert!(at(link).symlink_metadata().unwrap().is_symlink());
+            assert_eq!(std::fs::read(at(target)).unwrap(), link.as_bytes());
+        }
+        symlink("nowhere/lost.bin", at("lost")).unwrap();
+        let lost = AtomicFile::create(&at("lost"), true).unwrap_err();
+        assert_eq!((lost.kind(), lost.path()), (ErrorKind::CannotWrite, Some(&*at("lost"))));
+        symlink("loop", at("loop")).unwrap();
+        let looped = AtomicFile::create(&at("loop"), true).unwrap_err();
+        assert_eq!(looped.kind(), ErrorKind::CannotWrite);
+    }
+
+    #[test]
+    fn errors_never_name_the_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let lost = AtomicFile::create(&folder.path().join("no/such/out.bin"), true).unwrap_err();
+        assert!(!lost.to_string().contains(TEMP_PREFIX), "{lost}");
     }
 
     #[test]

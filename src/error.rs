@@ -115,7 +115,10 @@ impl Error {
             | io::ErrorKind::ReadOnlyFilesystem => ErrorKind::CannotWrite,
             _ => ErrorKind::Io,
         };
-        Self::io(kind, "write", source).in_file(path)
+        let is_full =
+            matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
+        let error = Self::io(kind, "write", source).in_file(path);
+        if is_full { error.remedy("free some space, or choose another place") } else { error }
     }
 
     /// Attaches the file, unless one is attached already.

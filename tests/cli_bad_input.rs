@@ -117,3 +117,88 @@ fn one_bad_file_does_not_hide_the_others() {
     assert!(ran.out.contains("good.asc") && ran.out.contains("4 x 3"), "{}", ran.out);
     assert_eq!(ran.err.lines().count(), 2, "{}", ran.err);
 }
+
+#[test]
+fn options_that_cannot_act_are_refused_by_name() {
+    let place = place();
+    place.ok(&["tin", "good.asc", "m.ply", "--max-error", "0"]);
+    let view = ["view", "m.ply", "-o", "out.png"];
+    place.fails(&[&view[..], &["--band", "1"]].concat(), 2, &["m.ply", "--band", "mesh"]);
+    place.fails(&[&view[..], &["--nodata", "3"]].concat(), 2, &["m.ply", "--nodata", "mesh"]);
+    place.fails(&["info", "m.ply", "--band", "1"], 2, &["m.ply", "--band", "mesh"]);
+    place.fails(&["info", "m.ply", "--nodata", "1"], 2, &["m.ply", "--nodata", "mesh"]);
+    place.fails(&["info", "m.ply", "--stats"], 2, &["m.ply", "--stats", "mesh"]);
+    let terrain = "synth:rough,size=20";
+    for args in [
+        &["tin", terrain, "out.ply", "--max-error", "1"][..],
+        &["verify", "m.ply", terrain],
+        &["info", terrain],
+        &["view", terrain, "-o", "out.png"],
+        &["convert", terrain, "out.tif"],
+    ] {
+        place.fails(&[args, &["--band", "1"]].concat(), 2, &["synth:rough", "--band"]);
+        place.fails(&[args, &["--nodata", "-1"]].concat(), 2, &["synth:rough", "--nodata"]);
+    }
+    for args in [
+        &["info", "good.asc"][..],
+        &["view", "good.asc", "-o", "out.png"],
+        &["convert", "good.asc", "out.tif"],
+        &["synth", "rough,size=20", "out.tif"],
+    ] {
+        place.fails(&[args, &["--temp-dir", "."]].concat(), 2, &["--temp-dir"]);
+    }
+}
+
+#[test]
+fn a_tile_out_of_range_is_a_usage_error_that_tells_the_range() {
+    let place = place();
+    for cells in ["1", "15", "8193", "99999999999"] {
+        let args = ["tin", "good.asc", "out.ply", "--max-error", "1", "--tile", cells];
+        place.fails(&args, 2, &["--tile", "16..=8192"]);
+    }
+}
+
+#[test]
+fn verify_says_when_mesh_and_grid_are_swapped() {
+    let place = place();
+    place.ok(&["tin", "good.asc", "m.ply", "--max-error", "0"]);
+    place.fails(&["verify", "good.asc", "m.ply"], 2, &["terrane verify m.ply good.asc"]);
+    place.fails(&["verify", "good.asc", "good.asc"], 65, &["good.asc", "mesh"]);
+    place.fails(&["verify", "m.ply", "m.ply"], 65, &["m.ply", "grid"]);
+}
+
+#[test]
+fn budgets_too_small_tell_the_least_and_the_units() {
+    let place = place();
+    let tin = ["tin", "good.asc", "out.ply", "--max-error", "1", "--memory"];
+    for bare in ["1", "512", "1000000"] {
+        place.fails(&[&tin[..], &[bare]].concat(), 2, &["--memory", "at least 1M", "K, M or G"]);
+    }
+    place.fails(&[&tin[..], &["1M"]].concat(), 75, &["--memory 62M", "1.0 MiB"]);
+    let view = ["view", "good.asc", "-o", "out.png", "--memory", "1M"];
+    place.fails(&view, 75, &["--memory 156M", "--width"]);
+}
+
+#[test]
+fn terrains_that_are_too_large_for_a_store() {
+    let place = place();
+    for size in ["1073741824", "10000000", "99999999999"] {
+        place.fails(&["synth", &format!("rough,size={size}"), "out.tif"], 2, &["size"]);
+    }
+}
+
+#[test]
+fn names_of_terrains_say_each_thing_once() {
+    let place = place();
+    for (name, word) in [
+        ("synth:rough,size=10,size=20", "size is given twice"),
+        ("synth:rough,seed=1,size=9,seed=1", "seed is given twice"),
+        ("synth:rough,size=10,", "empty"),
+        ("synth:rough,,size=10", "empty"),
+        ("synth:rough,", "empty"),
+    ] {
+        place.fails(&["info", name], 2, &[word]);
+    }
+    let told = place.ok(&["info", "synth:rough,height=3,size=10"]).out;
+    assert!(told.contains("10 x 3"), "in any order: {told}");
+}

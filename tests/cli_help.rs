@@ -71,11 +71,14 @@ fn the_readme_names_every_format_character_and_verb() {
         rest.split(to).next().unwrap().to_owned()
     };
     let formats = section("\n## Formats\n", "\n## ");
-    for format in raster::FORMATS {
-        assert!(formats.contains(&format!("| {} |", format.name)), "{}", format.name);
-    }
-    for format in output::FORMATS {
-        assert!(formats.contains(&format!("| {} |", format.name)), "{}", format.name);
+    let endings = |all: &[&str]| all.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ");
+    let known = raster::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
+    let known = known.chain(output::FORMATS.iter().map(|f| (f.name, endings(f.extensions))));
+    let help = Place::new().ok(&["tin", "--help"]).out;
+    for (name, endings) in known {
+        assert!(formats.contains(&format!("| {name} | {endings} |")), "{name}: {endings}");
+        let line = help.lines().find(|l| l.trim().starts_with(name)).unwrap();
+        assert!(line.contains(&endings), "{name}: {endings} in {line}");
     }
     for character in synth::CHARACTERS {
         assert!(formats.contains(&format!("`{}`", character.name)), "{}", character.name);

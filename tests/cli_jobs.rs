@@ -194,7 +194,7 @@ fn progress_for_programs_is_one_object_per_line() {
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_nothing_half_written() {
-    for signal in ["-INT", "-TERM"] {
+    for signal in ["-INT", "-TERM", "-HUP"] {
         let place = Place::new();
         let args = [
             "tin",
@@ -219,4 +219,75 @@ fn a_signal_leaves_nothing_half_written() {
         assert!(rest.lines().last().unwrap().starts_with("terrane: error: interrupted"), "{rest}");
         assert_eq!(place.files(), Vec::<String>::new());
     }
+}
+
+/// As under nohup: the job outlives the terminal.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hangup_that_is_ignored_at_the_start_stays_ignored() {
+    let place = Place::new();
+    let job = "exec \"$0\" tin synth:rough,size=1500,seed=1 a.ply --max-error 2 --progress json";
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("trap '' HUP; {job}"), env!("CARGO_BIN_EXE_terrane")]);
+    command.current_dir(place.path(".")).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut messages = BufReader::new(child.stderr.take().unwrap());
+    messages.read_line(&mut String::new()).unwrap();
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
+    let mut rest = String::new();
+    messages.read_to_string(&mut rest).unwrap();
+    let ran = Ran::from(child.wait_with_output().unwrap());
+    assert_eq!(ran.code, 0, "{rest}");
+    assert!(place.path("a.ply").is_file());
+}
+
+/// Runs with files limited to `blocks` of 512 or 1024 bytes, which fails as a full disk does.
+#[cfg(target_os = "linux")]
+fn run_short_of_room(place: &Place, args: &[&str], blocks: u32) -> Ran {
+    let mut command = Command::new("sh");
+    let limit = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+    command.args(["-c", &limit, env!("CARGO_BIN_EXE_terrane")]).args(args);
+    Ran::from(command.current_dir(place.path(".")).output().unwrap())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_fills_up_is_told_by_the_outputs_own_name() {
+    let place = Place::new();
+    let jobs: [(&[&str], &str); 3] = [
+        (&["view", TERRAIN, "-o", "a.png", "--width", "600"], "a.png"),
+        (&["tin", TERRAIN, "a.ply", "--max-error", "0.1"], "a.ply"),
+        (&["tin", TERRAIN, "a.glb", "--max-error", "0.1"], "a.glb"),
+    ];
+    for (args, name) in jobs {
+        let ran = run_short_of_room(&place, args, 16);
+        assert_eq!(ran.code, 74, "{args:?}: {}", ran.err);
+        assert!(ran.err.starts_with(&format!("terrane: error: {name}: ")), "{}", ran.err);
+        assert!(!ran.err.contains(".tmp"), "{}", ran.err);
+        assert_eq!(place.files(), Vec::<String>::new());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_written_through() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("there")).unwrap();
+    place.write("there/a.ply", "old");
+    std::os::unix::fs::symlink("there/a.ply", place.path("a.ply")).unwrap();
+    let args = ["tin", TERRAIN, "a.ply", "--max-error", "5"];
+    place.fails(&args, 2, &["exists"]);
+    place.ok(&[&args[..], &["--overwrite"]].concat());
+    assert!(place.path("a.ply").symlink_metadata().unwrap().is_symlink());
+    assert!(std::fs::read(place.path("there/a.ply")).unwrap().starts_with(b"ply"));
+}
+
+#[test]
+fn a_terrain_of_a_million_by_a_million_samples_is_drawn() {
+    let place = Place::new();
+    let terrain = "synth:rough,size=1000000,seed=1";
+    place.ok(&["view", terrain, "-o", "a.png", "--width", "200"]);
+    assert_eq!(size_of_png(&place, "a.png"), (200, 200));
+    assert!(opacity(&place, "a.png").iter().all(|&a| a == 255));
 }

@@ -73,14 +73,38 @@ fn every_edge_has_two_triangles_that_run_opposite_ways() {
 }
 
 #[test]
-fn where_outlines_touch_edges_are_still_balanced() {
+fn where_outlines_touch_only_the_upright_edge_has_four_triangles() {
     // Cells left out along a diagonal touch at their corners.
     let triangles = solid(&mesh::surface(30, 31), BASE).unwrap();
     let edges = edges(&triangles);
-    assert!(edges.values().any(|&count| count > 1), "no outlines touch");
+    let mut pinches = 0;
     for ([a, b], count) in &edges {
-        assert_eq!(Some(count), edges.get(&[*b, *a]));
+        assert_eq!(Some(count), edges.get(&[*b, *a]), "as many one way as the other");
+        let is_upright = a[..2] == b[..2];
+        assert!(*count == 1 || *count == 2 && is_upright, "{count} at {a:?} {b:?}");
+        pinches += count - 1;
     }
+    assert!(pinches > 0, "no outlines touch");
+}
+
+#[test]
+fn a_solid_far_from_zero_has_its_base_where_it_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("solid.stl");
+    let options = SinkOptions { solid_base: Some(2e7 - 100.0), ..SinkOptions::default() };
+    let header = output::MeshHeader { origin: [0.0, 0.0, 2e7], ..mesh::header() };
+    let corners = [[[0.0, 0.0, 2e7 + 0.25], [30.0, 0.0, 2e7 - 0.5], [0.0, 30.0, 2e7]]];
+    let mut sink = (stl().create)(&path, &header, &options).unwrap();
+    let [vertices] = &corners;
+    let batch = output::MeshBatch { vertices, triangles: &[[0, 1, 2]], corners: &corners };
+    sink.push(batch).unwrap();
+    sink.finish().unwrap();
+    let source = output::open(&path).unwrap();
+    assert_eq!(source.info().origin, [0.0, 0.0, 2e7]);
+    let found = mesh::corners(&mesh::read(&*source, 1000).unwrap());
+    assert!(found.contains(&corners[0]), "heights come back to the bit");
+    let low = found.iter().flatten().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+    assert_eq!(low, 2e7 - 100.0);
 }
 
 #[test]

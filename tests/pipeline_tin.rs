@@ -41,7 +41,7 @@ impl Run {
                 tolerance: self.tolerance,
                 strict: false,
                 drop: true,
-                single_precision: false,
+                single_precision: None,
                 measure: true,
             },
             tile: self.tile,

@@ -59,6 +59,7 @@ struct Counts {
     open: u64,
     non_delaunay: u64,
     free: u64,
+    off_samples: u64,
 }
 
 impl Counts {
@@ -86,6 +87,7 @@ impl Counts {
             open: r.open_edges,
             non_delaunay: r.non_delaunay_edges.count,
             free: r.free_vertices,
+            off_samples: r.off_sample_vertices.count,
         }
     }
 }
@@ -267,12 +269,29 @@ impl Twin<'_> {
         counts.free = self.vertices.iter().filter(|(p, _)| is_free(p)).count() as u64;
     }
 
+    fn is_sample(&self, &([c, r], z): &(At, i64)) -> bool {
+        let [width, height] = self.size().map(|side| side * QUARTERS);
+        let inside = (0..width).contains(&c) && (0..height).contains(&r);
+        inside
+            && c % QUARTERS == 0
+            && r % QUARTERS == 0
+            && self.grid.at((c / QUARTERS) as u32, (r / QUARTERS) as u32) * 8.0 == z as f64
+    }
+
+    /// Positions of corners at which any corner is off its sample.
+    fn count_off_samples(&self, counts: &mut Counts) {
+        let corners = self.triangles.iter().flatten().map(|&v| &self.vertices[v]);
+        let off = corners.filter(|vertex| !self.is_sample(vertex)).map(|vertex| vertex.0);
+        counts.off_samples = off.collect::<std::collections::HashSet<At>>().len() as u64;
+    }
+
     fn counts(&self, tolerance: i64, orientation: i64) -> Counts {
         let mut counts = Counts::default();
         self.count_samples(tolerance, &mut counts);
         self.count_triangles(orientation, &mut counts);
         self.count_edges(&mut counts);
         self.count_vertices(&mut counts);
+        self.count_off_samples(&mut counts);
         counts
     }
 

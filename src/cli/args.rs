@@ -1,31 +1,66 @@
 //! Arguments that several verbs share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use crate::cli::parse;
 use crate::cli::progress::{self, How};
+use crate::error::{Error, Result};
+use crate::pipeline::surface::{is_mesh, is_synthetic};
 use crate::pipeline::{Progress, Resources};
 use crate::raster::OpenOptions;
 
 /// How a grid is read.
 #[derive(Clone, Debug, Args)]
 pub(super) struct Grid {
-    /// Band to read, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) band: u32,
+    /// Band to read, from 1 [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    band: Option<u32>,
     /// Stored value that means "no height", instead of the file's own
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
     pub(super) nodata: Option<f64>,
 }
 
 impl Grid {
+    /// The band asked for.
+    pub(super) fn band(&self) -> u32 {
+        self.band.unwrap_or(1)
+    }
+
     /// Options for opening the grid within `resources`.
     pub(super) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
-        OpenOptions { band: self.band, nodata: self.nodata, cache_bytes }
+        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes }
     }
+
+    /// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
+    pub(super) fn check(&self, input: &str) -> Result<()> {
+        let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];
+        match options.into_iter().find(|(_, given)| *given) {
+            Some((option, _)) => only_grid_files(option, input),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Fails when `input` is no grid file, because `option` is about those.
+fn only_grid_files(option: &str, input: &str) -> Result<()> {
+    if is_synthetic(input) {
+        return Err(refusal(option, input, "a synthetic terrain"));
+    }
+    only_grids(option, input)
+}
+
+/// Fails when `input` is a mesh, because `option` is about grids.
+pub(super) fn only_grids(option: &str, input: &str) -> Result<()> {
+    if is_mesh(input)? { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
+}
+
+fn refusal(option: &str, input: &str, what: &str) -> Error {
+    Error::usage(format!("{option} is for grid files, and this is {what}"))
+        .in_file(Path::new(input))
+        .remedy(format!("leave {option} out"))
 }
 
 /// What a job may use.
@@ -39,9 +74,6 @@ pub(super) struct Machine {
     /// at most 4GiB]
     #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
     memory: Option<u64>,
-    /// Folder for temporary files [default: the output's]
-    #[arg(long, value_name = "DIR")]
-    temp_dir: Option<PathBuf>,
 }
 
 impl Machine {
@@ -51,8 +83,26 @@ impl Machine {
         Resources {
             threads: self.threads.map_or(default.threads, usize::from),
             memory: self.memory.unwrap_or(default.memory),
-            temp_dir: self.temp_dir.clone(),
+            temp_dir: None,
         }
+    }
+}
+
+/// What a job may use that spills to temporary files.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Resources")]
+pub(super) struct SpillingMachine {
+    #[command(flatten)]
+    machine: Machine,
+    /// Folder for temporary files [default: the output's, or the system's where there is none]
+    #[arg(long, value_name = "DIR")]
+    temp_dir: Option<PathBuf>,
+}
+
+impl SpillingMachine {
+    /// The resources asked for.
+    pub(super) fn resources(&self) -> Resources {
+        Resources { temp_dir: self.temp_dir.clone(), ..self.machine.resources() }
     }
 }
 

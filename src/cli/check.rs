@@ -51,10 +51,12 @@ pub(super) fn distinct(files: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Compares files by where they really are, and those that are not there yet by their folder.
+/// Compares files by where they really are, links followed, and those that are not there yet by
+/// their folder.
 fn is_same(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| {
         std::fs::canonicalize(path).unwrap_or_else(|_| {
+            let path = atomic::resolve(path).unwrap_or_else(|_| path.to_path_buf());
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
             let folder =
                 std::fs::canonicalize(folder.unwrap_or(Path::new("."))).unwrap_or_default();

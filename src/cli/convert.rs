@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::{Outcome, args, check, parse, say, text};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::{self, ConvertJob};
+use crate::pipeline::surface::is_synthetic;
 
 /// Endings of a store.
 const ENDINGS: &[&str] = &["tif", "tiff"];
@@ -33,8 +34,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    check::input(&args.input)?;
+    args.grid.check(&args.input)?;
     let job = ConvertJob {
-        band: args.grid.band,
+        band: args.grid.band(),
         nodata: args.grid.nodata,
         bbox: args.bbox,
         overwrite: args.overwrite,
@@ -47,7 +50,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 /// Runs a checked copy and tells about it.
 pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Result<Outcome> {
     check(&job.input, &job.output, job.overwrite)?;
-    let report = convert::run(job, show.progress().as_ref(), cancel)?;
+    let made = convert::run(job, show.progress().as_ref(), cancel);
+    let report = made.map_err(|e| name_size(e, &job.input))?;
     if show.json {
         say::json(&report)?;
     } else if !show.quiet {
@@ -57,6 +61,15 @@ pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Resu
         say::result(&format!("{title}\n{}", text::table(&told.collect::<Vec<_>>())))?;
     }
     Ok(Outcome::Kept)
+}
+
+/// The size of a terrain was asked for here: beyond a limit, it is no fault of a file.
+fn name_size(error: Error, input: &str) -> Error {
+    if error.kind() != ErrorKind::Limit || !is_synthetic(input) {
+        return error;
+    }
+    Error::usage(format!("a store cannot hold a terrain of this size: {error}"))
+        .remedy("choose a smaller size")
 }
 
 fn check(input: &str, output: &Path, overwrite: bool) -> Result<()> {

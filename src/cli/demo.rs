@@ -19,7 +19,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "DIR", default_value = "terrane-demo")]
     dir: PathBuf,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }

@@ -56,6 +56,10 @@ enum Facts {
 
 fn describe(file: &str, args: &Args, progress: &dyn Progress, cancel: &Cancel) -> Result<Facts> {
     check::input(file)?;
+    args.grid.check(file)?;
+    if args.stats {
+        args::only_grids("--stats", file)?;
+    }
     let resources: Resources = args.machine.resources();
     match surface::open(file, &args.grid.open_options(&resources))? {
         Surface::Grid(grid) => {
@@ -203,8 +207,14 @@ fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
     [low(0), low(1), high(0), high(1)]
 }
 
-/// A coordinate to nine significant digits or better, shortest form.
+/// A coordinate to nine decimals, shortest form; tiny and huge ones in powers of ten.
 fn position(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-6..1e15).contains(&value.abs()) {
+        return format!("{value:e}");
+    }
     let text = format!("{value:.9}");
     if text.contains('.') {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -287,5 +297,10 @@ mod tests {
         assert_eq!(position(30.0), "30");
         assert_eq!(position(-124.000138889), "-124.000138889");
         assert_eq!(position(4_000_000.5), "4000000.5");
+        assert_eq!((position(0.0), position(-0.0)), ("0".to_owned(), "0".to_owned()));
+        assert_eq!(position(1e-9), "1e-9");
+        assert_eq!(position(-2.5e-12), "-2.5e-12");
+        assert_eq!(position(1e300), "1e300");
+        assert_eq!(position(499_999.999_5), "499999.9995");
     }
 }

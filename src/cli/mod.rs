@@ -14,6 +14,7 @@ mod man;
 mod parse;
 mod progress;
 mod say;
+mod signal;
 mod synth;
 mod text;
 mod tin;
@@ -70,7 +71,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(error) => return usage::report(&error, &args),
     };
     let cancel = Cancel::default();
-    stop_on_signal(cancel.clone());
+    signal::stop(cancel.clone());
     match run(&cli.verb, &cancel) {
         Ok(Outcome::Kept) => ExitCode::SUCCESS,
         Ok(Outcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
@@ -93,16 +94,4 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::Completions(args) => complete::run(args),
         Verb::Man(args) => man::run(args),
     }
-}
-
-/// The first Ctrl-C (or SIGTERM) asks the job to stop, the second leaves at once. Without a handler
-/// the system's own applies, which is no reason to refuse work.
-fn stop_on_signal(cancel: Cancel) {
-    let _ = ctrlc::set_handler(move || {
-        if cancel.check().is_err() {
-            std::process::exit(ErrorKind::Interrupted.exit_code().into());
-        }
-        cancel.cancel();
-        say::note("stopping; once more to leave at once");
-    });
 }

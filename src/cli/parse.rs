@@ -3,8 +3,11 @@
 /// A value, or what was expected.
 type Parsed<T> = Result<T, String>;
 
+/// No job works in less.
+const LEAST_BYTES: f64 = (1 << 20) as f64;
+
 /// Bytes from "128M", "4GiB", "512 MiB", "1.5g", "1000000": K, M, G and T are powers of 1024, with
-/// or without "B" or "iB".
+/// or without "B" or "iB". Fewer than [`LEAST_BYTES`] are a unit forgotten.
 pub(super) fn bytes(text: &str) -> Parsed<u64> {
     let lower = text.trim().to_ascii_lowercase();
     let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
@@ -19,7 +22,10 @@ pub(super) fn bytes(text: &str) -> Parsed<u64> {
         _ => return Err("expected a size such as 512M or 4GiB".to_owned()),
     };
     match value.map(|v| v * (1u64 << shift) as f64) {
-        Ok(bytes) if (1.0..1e18).contains(&bytes) => Ok(bytes as u64),
+        Ok(bytes) if bytes > 0.0 && bytes < LEAST_BYTES => {
+            Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
+        }
+        Ok(bytes) if (LEAST_BYTES..1e18).contains(&bytes) => Ok(bytes as u64),
         _ => Err("expected a size such as 512M or 4GiB".to_owned()),
     }
 }
@@ -69,9 +75,15 @@ mod tests {
 
     #[test]
     fn sizes_are_read_as_people_write_them() {
-        let good = [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("1000", 1000)];
-        for (text, value) in good.into_iter().chain([("1.5k", 1536), ("2tb", 2 << 40), ("7B", 7)]) {
+        let good =
+            [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("2tb", 2 << 40)];
+        for (text, value) in good.into_iter().chain([("1536k", 3 << 19), ("2000000", 2_000_000)]) {
             assert_eq!(bytes(text), Ok(value), "{text}");
+        }
+        for text in ["1", "512", "1023K"] {
+            assert!(
+                bytes(text).is_err_and(|e| e.contains("at least 1M") && e.contains("K, M or G"))
+            );
         }
         for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
             assert!(bytes(text).is_err(), "{text}");

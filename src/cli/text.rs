@@ -24,13 +24,23 @@ pub(super) fn number(value: f64) -> String {
     }
     let magnitude = value.abs().log10().floor() as i32;
     if !(-5..=14).contains(&magnitude) {
-        return format!("{value:.5e}");
+        return powers(&format!("{value:.5e}"));
     }
     let text = format!("{value:.*}", (5 - magnitude).max(0) as usize);
     if text.contains('.') {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
         text
+    }
+}
+
+/// A number in powers of ten without trailing zeros: "1.50000e-9" becomes "1.5e-9".
+fn powers(text: &str) -> String {
+    match text.split_once('e') {
+        Some((digits, power)) if digits.contains('.') => {
+            format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'))
+        }
+        _ => text.to_owned(),
     }
 }
 
@@ -76,8 +86,11 @@ pub(super) fn rate(per_second: f64, what: &str) -> String {
 /// "1.23 %"; small shares keep two significant digits.
 pub(super) fn percent(share: f64) -> String {
     let value = share * 100.0;
-    let digits = if value >= 0.1 || value == 0.0 { 2 } else { 4 };
-    format!("{value:.digits$} %")
+    if value >= 0.1 || value == 0.0 {
+        return format!("{value:.2} %");
+    }
+    let rounded = format!("{value:.1e}").parse().unwrap_or(value);
+    format!("{} %", number(rounded))
 }
 
 /// Aligned "name  value" lines, each indented by two.
@@ -123,7 +136,10 @@ mod tests {
         assert_eq!(number(4.998046875), "4.99805");
         assert_eq!(number(1200.0), "1200");
         assert_eq!(number(-0.000833333), "-0.000833333");
-        assert_eq!(number(6.4e-9), "6.40000e-9");
+        assert_eq!(number(6.4e-9), "6.4e-9");
+        assert_eq!(number(1e-9), "1e-9");
+        assert_eq!(number(-1.23456789e300), "-1.23457e300");
+        assert_eq!(number(9.999999e15), "1e16");
         assert_eq!(bytes(1023), "1023 bytes");
         assert_eq!(bytes(1 << 20), "1.0 MiB");
         assert_eq!(seconds(0.4217), "0.42 s");
@@ -131,6 +147,9 @@ mod tests {
         assert_eq!(seconds(7500.0), "2 h 05 min");
         assert_eq!(rate(123_456_789.0, "samples"), "123.5 M samples/s");
         assert_eq!(percent(0.0123), "1.23 %");
+        assert_eq!(percent(0.000_01), "0.001 %");
+        assert_eq!(percent(1e-9), "1e-7 %");
+        assert_eq!((percent(0.0), percent(1.0)), ("0.00 %".into(), "100.00 %".into()));
     }
 
     #[test]

@@ -44,14 +44,19 @@ pub(super) struct Args {
     /// Keep vertices that turned out to be redundant (faster, more vertices)
     #[arg(long, help_heading = "Method")]
     no_drop: bool,
-    /// Cells along the side of a tile
+    /// Cells along the side of a tile, 16 to 8192
     #[arg(long, value_name = "CELLS", default_value_t = 512, help_heading = "Method",
-          value_parser = clap::value_parser!(u32).range(2..))]
+          value_parser = tile_cells())]
     tile: u32,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
+}
+
+fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
+    let (least, most) = tin::TILE_CELLS.into_inner();
+    clap::value_parser!(u32).range(i64::from(least)..=i64::from(most))
 }
 
 /// What the mesh has to reach: exactly one of these.
@@ -129,6 +134,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<TinJob> {
     check::input(&args.input)?;
+    args.grid.check(&args.input)?;
     let format = output::by_path(&args.output, args.format.as_deref())?;
     let prj = output::prj_path(&args.output);
     let files = [Path::new(&args.input), &args.output, &prj];
@@ -149,7 +155,7 @@ fn job(args: &Args) -> Result<TinJob> {
     }
     Ok(TinJob {
         input: args.input.clone(),
-        band: args.grid.band,
+        band: args.grid.band(),
         nodata: args.grid.nodata,
         output: args.output.clone(),
         format: Some(format.name.to_owned()),

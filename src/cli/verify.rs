@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::{Outcome, args, check, parse, say, text, tin};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
+use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
 /// Prove a mesh against its grid: error bound, coverage, topology. Exits with 1 when a promise is
-/// broken
+/// broken. Vertices that are no samples of the grid are a failure of meshes written by terrane
+/// only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Mesh file
@@ -27,7 +29,7 @@ pub(super) struct Args {
     #[arg(long)]
     overwrite: bool,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
@@ -35,6 +37,8 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.mesh.to_string_lossy())?;
     check::input(&args.raster)?;
+    check_kinds(&args.mesh, &args.raster)?;
+    args.grid.check(&args.raster)?;
     if let Some(report) = &args.report {
         check::distinct(&[&args.mesh, Path::new(&args.raster), report])?;
         check::new_file(report, args.overwrite)?;
@@ -42,7 +46,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.raster.clone(),
-        band: args.grid.band,
+        band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,
         resources: args.machine.resources(),
@@ -59,6 +63,22 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         tell_failures(&report);
     }
     Ok(outcome(&report))
+}
+
+/// Fails unless there is a mesh and a grid, in this order.
+fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
+    let name = mesh.to_string_lossy();
+    match (is_mesh(&name)?, is_mesh(raster)?) {
+        (true, false) => Ok(()),
+        (false, true) => Err(Error::usage("mesh and grid are the wrong way round")
+            .remedy(format!("write `terrane verify {raster} {name}`"))),
+        (false, false) => Err(Error::bad_input("is a grid, not a mesh")
+            .in_file(mesh)
+            .remedy("name a mesh, such as one made by `terrane tin`")),
+        (true, true) => Err(Error::bad_input("is a mesh, not a grid")
+            .in_file(Path::new(raster))
+            .remedy("name the grid that the mesh was made from")),
+    }
 }
 
 /// Names the broken promises on stderr, for those who asked for no result.
@@ -90,6 +110,7 @@ pub(super) fn summary(r: &VerifyReport) -> String {
         ("error", errors(r)),
         ("samples", samples(r)),
         ("mesh", sizes),
+        ("vertices", vertices(r)),
         ("edges", edges(r)),
         (
             "angles",
@@ -122,6 +143,17 @@ fn samples(r: &VerifyReport) -> String {
         line += &format!("; {} valid ones have no surface", text::count(r.isolated_samples));
     }
     line
+}
+
+fn vertices(r: &VerifyReport) -> String {
+    match (r.off_sample_vertices.count, r.made_by_terrane) {
+        (0, _) => "all are samples of the grid".to_owned(),
+        (off, true) => format!("{} off the samples", text::count(off)),
+        (off, false) => format!(
+            "{} off the samples; no failure, because terrane did not write this mesh",
+            text::count(off)
+        ),
+    }
 }
 
 fn edges(r: &VerifyReport) -> String {

@@ -48,12 +48,13 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.input)?;
+    args.grid.check(&args.input)?;
     check::ending(&args.output, &["png"], "a picture")?;
     check::new_file(&args.output, args.overwrite)?;
     view::check_width(args.width)?;
     let job = ViewJob {
         input: args.input.clone(),
-        band: args.grid.band,
+        band: args.grid.band(),
         nodata: args.grid.nodata,
         output: args.output.clone(),
         overwrite: args.overwrite,

@@ -89,7 +89,8 @@ pub struct MeshHeader {
     /// Coordinate reference system of the source.
     pub crs: Crs,
     /// Origin for formats that cannot hold f64 coordinates: they store `position - origin` in f32
-    /// and record the origin. z of the origin is always 0, so f32 heights stay exact.
+    /// and record the origin. Heights that are f32 stay exact when z of the origin is 0; otherwise
+    /// it is near the heights, so that they lose little.
     pub origin: Point3,
     /// World bounding box of everything that can come: (min, max), x and y from the grid;
     /// z may be NaN when unknown.

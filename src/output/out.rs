@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use crate::atomic::plain;
 use crate::error::{Error, Result};
 
 /// Bytes gathered before they go to the file: enough to make the cost of a call vanish.
@@ -24,7 +25,7 @@ impl Out {
 
     /// Starts an anonymous file in `folder`, which vanishes with this value. Errors name `folder`.
     pub(super) fn spool(folder: &Path) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder).map_err(|e| Error::write(folder, e))?;
+        let file = tempfile::tempfile_in(folder).map_err(|e| Error::write(folder, plain(e)))?;
         Ok(Self::new(file, folder))
     }
 
@@ -69,7 +70,7 @@ impl Out {
     pub(super) fn append(&mut self, spool: &mut Out) -> Result<()> {
         self.flush()?;
         let mut source = spool.rewound()?;
-        io::copy(&mut source, &mut self.file).map_err(|e| failure(&self.path, e))?;
+        io::copy(&mut source, &mut self.file).map_err(|e| Error::write(&self.path, e))?;
         Ok(())
     }
 
@@ -77,13 +78,13 @@ impl Out {
     pub(super) fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let written = self.file.rewind().and_then(|()| self.file.write_all(bytes));
-        written.map_err(|e| failure(&self.path, e))
+        written.map_err(|e| Error::write(&self.path, e))
     }
 
     /// The file, complete, to be read from its start.
     pub(super) fn rewound(&mut self) -> Result<&File> {
         self.flush()?;
-        self.file.seek(SeekFrom::Start(0)).map_err(|e| failure(&self.path, e))?;
+        self.file.seek(SeekFrom::Start(0)).map_err(|e| Error::write(&self.path, e))?;
         Ok(&self.file)
     }
 
@@ -98,16 +99,10 @@ impl Out {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.file.write_all(&self.buffer).map_err(|e| failure(&self.path, e))?;
+        self.file.write_all(&self.buffer).map_err(|e| Error::write(&self.path, e))?;
         self.buffer.clear();
         Ok(())
     }
-}
-
-fn failure(path: &Path, error: io::Error) -> Error {
-    let is_full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
-    let error = Error::write(path, error);
-    if is_full { error.remedy("free some space, or choose another place") } else { error }
 }
 
 #[cfg(test)]

@@ -47,7 +47,8 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let local = Local::new(header.origin)?;
     let title = title(header.origin)?;
     let solid = options.solid_base.map(|base| {
-        Solid::new(base, header.bounds[0][2], Outline::new(temp_folder(path, options)))
+        let (lowest, origin) = (header.bounds[0][2], header.origin[2]);
+        Solid::new(base, lowest, origin, Outline::new(temp_folder(path, options)))
     });
     let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
     FileSink::create(path, options, encoder)
@@ -127,20 +128,30 @@ impl Encoder for StlEncoder {
 
 /// What turns a surface into a solid: every triangle once more at the bottom, turned around, and
 /// two upright triangles under every edge of the outline. Each edge then has as many triangles one
-/// way as the other (two triangles, except under a vertex at which two outlines touch).
+/// way as the other: one each, but two each where two voids touch at a corner, along the upright
+/// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
+/// that edge two; every loop of the outline has walls of its own, closed by themselves.
 struct Solid {
+    /// As it was given.
+    height: f64,
+    /// Relative to the origin, as stored.
     base: f32,
+    /// Height of the origin.
+    origin: f64,
     outline: Outline,
 }
 
 impl Solid {
-    /// `lowest` is the smallest height that can come; NaN when that is unknown.
-    fn new(base: f64, lowest: f64, outline: Outline) -> Result<Self> {
-        if !base.is_finite() || (base as f32).is_infinite() {
-            return Err(Error::usage(format!("a solid cannot have its base at {base}")));
+    /// `lowest` is the smallest height that can come; NaN when that is unknown. `origin` is the
+    /// height that stored ones are relative to.
+    fn new(height: f64, lowest: f64, origin: f64, outline: Outline) -> Result<Self> {
+        let base = (height - origin) as f32;
+        if !base.is_finite() {
+            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
         }
-        let solid = Self { base: base as f32, outline };
-        if lowest.is_nan() { Ok(solid) } else { solid.check(lowest as f32).map(|()| solid) }
+        let solid = Self { height, base, origin, outline };
+        let lowest = (lowest - origin) as f32;
+        if lowest.is_nan() { Ok(solid) } else { solid.check(lowest).map(|()| solid) }
     }
 
     fn bottom(&self, top: Corners) -> Result<Corners> {
@@ -149,12 +160,13 @@ impl Solid {
         Ok([c, b, a].map(|p| lowered(p, self.base)))
     }
 
-    fn check(&self, height: f32) -> Result<()> {
-        if height > self.base {
+    /// Fails unless a stored height is above the base.
+    fn check(&self, stored: f32) -> Result<()> {
+        if stored > self.base {
             return Ok(());
         }
-        let message =
-            format!("the surface reaches down to {height}, the solid's base {}", self.base);
+        let (lowest, base) = (self.origin + f64::from(stored), self.height);
+        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
         Err(Error::usage(message).remedy("choose a base below the lowest height"))
     }
 }

@@ -1,6 +1,6 @@
 //! Numbers and comments as text.
 
-use crate::output::MeshHeader;
+use crate::output::{MeshHeader, MeshInfo};
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
 pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
@@ -43,6 +43,21 @@ pub(super) const CRS: &str = "crs ";
 /// Name and version of this program.
 pub(super) fn generator() -> String {
     concat!("terrane ", env!("CARGO_PKG_VERSION")).to_owned()
+}
+
+impl MeshInfo {
+    /// True when the file bears this program's mark: its name and version, or in STL the recorded
+    /// origin.
+    pub fn is_own(&self) -> bool {
+        let is_mark = |text: &str| {
+            let rest = text.strip_prefix("terrane ");
+            rest.is_some_and(|rest| {
+                rest.starts_with("origin ") || rest.starts_with(|c: char| c.is_ascii_digit())
+            })
+        };
+        let keys = ["comment", "generator", "title"];
+        self.details.iter().any(|(key, text)| keys.contains(&key.as_str()) && is_mark(text))
+    }
 }
 
 fn plain(line: &str) -> String {

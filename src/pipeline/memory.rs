@@ -35,11 +35,12 @@ pub struct Shares {
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
     let least = PROGRAM + LEAST_SHARED + worker;
     if memory < least {
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        let (needed, allowed) = (mib(least), memory >> 20);
-        let message = format!("at least {needed} MiB of memory are needed, {allowed} are allowed");
+        let needed = least.div_ceil(1 << 20);
+        let allowed = memory as f64 / (1 << 20) as f64;
+        let message =
+            format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
         return Err(Error::new(ErrorKind::Resource, message)
-            .remedy("raise --memory or choose a smaller --tile"));
+            .remedy(format!("pass --memory {needed}M or more, or a smaller --tile")));
     }
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
@@ -70,6 +71,6 @@ mod tests {
     fn too_little_is_refused_with_the_least_needed() {
         let error = divide(61 * MIB, 1, 48 * MIB).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        assert!(error.to_string().starts_with("at least 62 MiB of memory are needed, 61 are"));
+        assert!(error.to_string().starts_with("at least 62 MiB of memory are needed, 61.0 MiB"));
     }
 }

@@ -23,7 +23,7 @@ pub enum Surface {
 /// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
 /// first bytes. `input` may be a synthetic terrain by name.
 pub fn open(input: &str, options: &OpenOptions) -> Result<Surface> {
-    if is_synthetic(input) || !is_mesh(Path::new(input))? {
+    if !is_mesh(input)? {
         return raster::open(input, options).map(Surface::Grid);
     }
     output::open(Path::new(input)).map(Surface::Mesh)
@@ -34,7 +34,12 @@ pub fn is_synthetic(input: &str) -> bool {
     input.starts_with("synth:")
 }
 
-fn is_mesh(path: &Path) -> Result<bool> {
+/// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
+pub fn is_mesh(input: &str) -> Result<bool> {
+    if is_synthetic(input) {
+        return Ok(false);
+    }
+    let path = Path::new(input);
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| {
         endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))

@@ -129,14 +129,13 @@ fn within_memory(frame: &Frame, resources: &Resources) -> Result<()> {
     let pixels = u64::from(frame.width) * u64::from(frame.height);
     let need = pixels * PIXEL_BYTES;
     if need > resources.memory {
+        let mib = need.div_ceil(1 << 20);
         let message = format!(
-            "a picture of {} x {} pixels needs {} MiB",
-            frame.width,
-            frame.height,
-            need >> 20
+            "a picture of {} x {} pixels needs {mib} MiB of memory",
+            frame.width, frame.height,
         );
         return Err(Error::new(ErrorKind::Resource, message)
-            .remedy("ask for a smaller --width or allow more --memory"));
+            .remedy(format!("pass --memory {mib}M or more, or a smaller --width")));
     }
     Ok(())
 }
@@ -164,8 +163,7 @@ fn paint(
     let style = Style { light, exaggeration, ground, fineness: FINENESS as usize };
     let painter = Painter::new(&drawn.field, drawn.edges.as_ref(), style);
     let mut file = AtomicFile::create(&job.output, job.overwrite)?;
-    write_png(&mut file, &painter, &job.resources, progress, cancel)
-        .map_err(|e| e.in_file(&job.output))?;
+    write_png(&mut file, &painter, &job.resources, progress, cancel)?;
     let (low, high) = extremes(&drawn.field);
     Ok(ViewReport {
         input: job.input.clone(),
@@ -195,8 +193,12 @@ fn write_png(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<()> {
-    let fail = |e: png::EncodingError| Error::io(ErrorKind::Io, "write the picture", e.into());
-    let failed = |e| Error::io(ErrorKind::Io, "write the picture", e);
+    let path = file.path().to_path_buf();
+    let failed = |e| Error::write(&path, e);
+    let fail = |e: png::EncodingError| match e {
+        png::EncodingError::IoError(e) => failed(e),
+        other => Error::new(ErrorKind::Internal, other.to_string()).in_file(&path),
+    };
     let (width, height) = (painter.width(), painter.height());
     let mut out = BufWriter::new(file);
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);

@@ -7,15 +7,23 @@ use crate::error::{Error, Result};
 
 impl Terrain {
     /// The terrain with this name: a character, then any of its parameters as `key=value`,
-    /// separated by commas. A parameter given twice counts as given last. Fails with
-    /// [`ErrorKind::Usage`](crate::ErrorKind::Usage) and the words known.
+    /// separated by commas, in any order, each at most once; width and height go before size. Fails
+    /// with [`ErrorKind::Usage`](crate::ErrorKind::Usage) and the words known.
     pub fn parse(name: &str) -> Result<Self> {
         let mut words = name.split(',').map(str::trim);
         let character = words.next().unwrap_or_default();
         let mut terrain = Self::new(find(character)?);
-        for word in words.filter(|word| !word.is_empty()) {
-            terrain.set(word)?;
+        let mut given: Vec<[&str; 2]> = Vec::new();
+        for word in words {
+            let pair = terrain.split(word)?;
+            if given.iter().any(|[key, _]| *key == pair[0]) {
+                return Err(Error::usage(format!("{} is given twice in {name:?}", pair[0]))
+                    .remedy("give each parameter once"));
+            }
+            given.push(pair);
         }
+        given.sort_by_key(|[key, _]| *key != "size");
+        given.into_iter().try_for_each(|[key, text]| terrain.set(key, text))?;
         Ok(terrain)
     }
 
@@ -33,9 +41,17 @@ impl Terrain {
         }
     }
 
-    fn set(&mut self, word: &str) -> Result<()> {
+    /// Key and value of a parameter.
+    fn split<'a>(&self, word: &'a str) -> Result<[&'a str; 2]> {
+        if word.is_empty() {
+            return Err(Error::usage("the terrain's name has an empty parameter")
+                .remedy("remove the comma too many"));
+        }
         let (key, text) = word.split_once('=').ok_or_else(|| self.unknown(word))?;
-        let (key, text) = (key.trim(), text.trim());
+        Ok([key.trim(), text.trim()])
+    }
+
+    fn set(&mut self, key: &str, text: &str) -> Result<()> {
         let parameter = self.parameters().find(|p| p.key == key);
         let parameter = parameter.ok_or_else(|| self.unknown(key))?;
         let value = check(parameter, text)?;

@@ -28,7 +28,8 @@ pub(super) struct Field {
     values: Vec<f32>,
     starts: [usize; LEVELS],
     exact: Vec<f64>,
-    round_vertices: bool,
+    /// Vertices are rounded to f32 relative to this height.
+    rounding: Option<f64>,
     /// Samples from the border that scans leave out (1 for a tile, whose rim is fixed).
     margin: u32,
 }
@@ -40,10 +41,10 @@ impl Field {
         heights: &Heights<'_>,
         [col, row, width, height]: [u32; 4],
         margin: u32,
-        round_vertices: bool,
+        rounding: Option<f64>,
     ) {
         (self.width, self.height, self.margin) = (width, height, margin);
-        self.round_vertices = round_vertices;
+        self.rounding = rounding;
         self.values.clear();
         self.exact.clear();
         for r in row..row + height {
@@ -128,12 +129,8 @@ impl Field {
     /// The height a vertex at this sample has in the output.
     #[inline(always)]
     pub(super) fn vertex(&self, p: Local) -> f64 {
-        let index = self.index(p);
-        if self.exact.is_empty() || self.round_vertices {
-            f64::from(self.values[index])
-        } else {
-            self.exact[index]
-        }
+        let height = self.sample(p);
+        self.rounding.map_or(height, |origin| origin + f64::from((height - origin) as f32))
     }
 
     /// The heights of three vertices.
@@ -159,7 +156,7 @@ mod tests {
         let heights: Vec<f32> = (0..width * height).map(|i| i as f32).collect();
         let heights = Heights { width, height, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, width, height], 0, false);
+        field.load(&heights, [0, 0, width, height], 0, None);
         for level in 0..LEVELS as u8 {
             let copy = field.level(level);
             for row in (0..height).step_by(1 << level) {
@@ -177,7 +174,7 @@ mod tests {
         let heights = [0.0; 9 * 5];
         let heights = Heights { width: 9, height: 5, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, 9, 5], 1, false);
+        field.load(&heights, [0, 0, 9, 5], 1, None);
         assert_eq!(field.level(0).bounds, [1, 7, 1, 3]);
         assert_eq!(field.level(1).bounds, [1, 3, 1, 1]);
         assert_eq!(field.level(3).bounds, [1, 0, 1, 0]);

@@ -77,8 +77,9 @@ pub struct Spec {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
-    /// Vertex heights are rounded to f32, because the output stores no more.
-    pub single_precision: bool,
+    /// Vertex heights are rounded to f32 relative to this one, because the output stores no more;
+    /// `None` where it stores f64.
+    pub single_precision: Option<f64>,
     /// Fill `max_error` and `square_sum` of the triangles.
     pub measure: bool,
 }

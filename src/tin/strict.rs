@@ -113,7 +113,7 @@ mod tests {
             let heights: Vec<f32> = heights.into_iter().map(f32::from).collect();
             let heights = Heights { width: 12, height: 9, f32: &heights, f64: None };
             let mut field = Field::default();
-            field.load(&heights, [0, 0, 12, 9], 1, false);
+            field.load(&heights, [0, 0, 12, 9], 1, None);
             let judge =
                 Judge { field: &field, scan: scan::fastest(), tolerance: tolerance.into() };
             let (mut mesh, mut twin) = (Mesh::default(), Mesh::default());

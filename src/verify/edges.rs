@@ -41,6 +41,22 @@ impl Use {
     }
 }
 
+impl Part<'_> {
+    /// True when a vertex at an owned position is a sample with its height, as the format holds it.
+    fn is_sample(&self, at: Position, z: f64) -> bool {
+        let apron = self.domain.apron();
+        let inside = |fixed: i64, first: u32, count: u32| {
+            let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
+            cells.filter(|&cells| cells < count as usize)
+        };
+        let col = inside(at.col, apron.col, apron.width);
+        let row = inside(at.row, apron.row, apron.height);
+        let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
+        let height = place.and_then(|place| self.heights.get(place));
+        at.is_sample() && height.is_some_and(|&height| self.precision.is(z, height))
+    }
+}
+
 /// The corners of a part's triangles as numbered vertices.
 #[derive(Debug, Default)]
 struct Corners {
@@ -57,7 +73,8 @@ fn sample_key(at: Position) -> u64 {
 }
 
 impl Corners {
-    /// Numbers the corners of `triangles`; counts positions with several heights.
+    /// Numbers the corners of `triangles`; counts positions with several heights and those off the
+    /// samples.
     fn new(part: &Part<'_>, tally: &mut Tally) -> Self {
         // Samples, the rule, sort twice as fast by a short key.
         if part.triangles.iter().all(Triangle::is_lattice) {
@@ -82,9 +99,14 @@ impl Corners {
             let first = corner(group[0].1);
             corners.positions.push(first.at);
             group.iter().for_each(|&(_, corner)| corners.numbers[corner as usize] = number);
-            let differs = |&(_, number): &(K, u32)| corner(number).z != first.z;
-            if group.iter().any(differs) && part.domain.owns(first.at) {
-                tally.split_heights.add(first.at);
+            if part.domain.owns(first.at) {
+                let mut heights = group.iter().map(|&(_, number)| corner(number).z);
+                if heights.clone().any(|z| z != first.z) {
+                    tally.split_heights.add(first.at);
+                }
+                if !heights.all(|z| part.is_sample(first.at, z)) {
+                    tally.off_samples.add(first.at);
+                }
             }
         }
         corners

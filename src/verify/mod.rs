@@ -23,7 +23,7 @@ mod worst;
 
 pub use domain::{Domain, Layout};
 pub use edges::Open;
-pub use snap::{Snapped, Snapper};
+pub use snap::{Precision, Snapped, Snapper};
 pub use sum::ExactSum;
 pub use surface::{Followed, Run, Surface};
 pub use tally::{Fault, Spot, Tally};
@@ -43,6 +43,8 @@ pub struct Part<'a> {
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
     pub vertices: Option<&'a [Position]>,
+    /// How the mesh stores heights.
+    pub precision: Precision,
     /// Largest allowed vertical distance; `None` to measure only.
     pub tolerance: Option<f64>,
     /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,

@@ -14,6 +14,27 @@ const LARGEST_RADIUS: f64 = 0.25;
 /// Fixed-point positions themselves are rounded by half of 2^-30 cell.
 const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
 
+/// How a mesh stores heights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Precision {
+    /// In `f64`, or in text that reads back as such.
+    Double,
+    /// In `f32`, relative to this height.
+    Single(f64),
+}
+
+impl Precision {
+    /// True when `stored` is what a file of this precision holds for `height`.
+    pub(crate) fn is(self, stored: f64, height: f64) -> bool {
+        match self {
+            Self::Double => stored == height,
+            Self::Single(origin) => {
+                stored == height || stored == origin + f64::from((height - origin) as f32)
+            }
+        }
+    }
+}
+
 /// A vertex on its way to the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Snapped {

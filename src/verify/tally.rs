@@ -106,6 +106,8 @@ pub struct Tally {
     pub duplicates: Fault,
     /// Stored vertices at no triangle's corner.
     pub unused: Fault,
+    /// Positions of corners that are no sample, or not at its height.
+    pub off_samples: Fault,
 }
 
 impl Tally {
@@ -134,7 +136,7 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 15] {
+    fn faults_mut(&mut self) -> [&mut Fault; 16] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
@@ -151,6 +153,7 @@ impl Tally {
             &mut self.split_heights,
             &mut self.duplicates,
             &mut self.unused,
+            &mut self.off_samples,
         ]
     }
 

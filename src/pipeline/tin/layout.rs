@@ -9,7 +9,7 @@ use crate::geom::Rect;
 
 /// Fewest and most cells along a tile's side. A triangle stored with its tile reaches at most 1.5
 /// tiles beyond the tile's first sample, which must stay below the 2^14 of [`crate::tin::Local`].
-pub(super) const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
+pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
 const _: () = assert!(*TILE_CELLS.end() * 3 / 2 < 1 << 14);
 
 /// First reach of a seam patch, in cells on each side of the seam; it doubles while the kernel asks

@@ -7,6 +7,7 @@ use super::budget::search;
 use super::estimate::{Estimator, Size};
 use super::job::{Goal, TinJob};
 use super::layout::Layout;
+use super::local::height_origin;
 use super::report::TinReport;
 use super::run::{Outcome, Settings, run_on};
 use super::units::{horizontal_unit, vertical_unit};
@@ -47,7 +48,11 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
         cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
     };
     let source = raster::open(&job.input, &options)?;
-    let maker = Maker { job, source: &*source, format, shares, progress, cancel };
+    let height_origin = match format.single_precision {
+        true => Some(height_origin(&*source).map_err(|error| in_input(error, &job.input))?),
+        false => None,
+    };
+    let maker = Maker { job, source: &*source, format, height_origin, shares, progress, cancel };
     let mut report = maker.make().map_err(|error| in_input(error, &job.input))?;
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.samples_per_second = report.samples as f64 / report.wall_seconds;
@@ -68,6 +73,8 @@ struct Maker<'a> {
     job: &'a TinJob,
     source: &'a dyn GridSource,
     format: &'static MeshFormat,
+    /// What heights are stored relative to, where the format stores them in f32.
+    height_origin: Option<f64>,
     shares: Shares,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
@@ -79,7 +86,7 @@ impl Maker<'_> {
         let layout = Layout::new(info.width, info.height, self.job.tile)?;
         self.check_output(info)?;
         let (tolerance, trials) = self.tolerance(layout)?;
-        let header = header(info, &self.job.input, tolerance);
+        let header = header(info, &self.job.input, tolerance, self.height_origin.unwrap_or(0.0));
         let options = SinkOptions {
             overwrite: self.job.overwrite,
             solid_base: self.job.solid_base,
@@ -164,7 +171,7 @@ impl Maker<'_> {
             tolerance: 0.0,
             strict: self.job.strict,
             drop: self.job.drop,
-            single_precision: self.format.single_precision,
+            single_precision: self.height_origin,
             measure: false,
         }
     }
@@ -259,12 +266,12 @@ impl MeshSink for Counter {
     }
 }
 
-fn header(info: &GridInfo, input: &str, tolerance: f64) -> MeshHeader {
+fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHeader {
     let bounds = bounds(info);
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
     MeshHeader {
         crs: info.crs.clone(),
-        origin: origin(bounds),
+        origin: origin(bounds, height),
         bounds,
         comments: vec![format!("source {input}"), format!("max error {tolerance}{unit}")],
     }
@@ -286,11 +293,11 @@ fn bounds(info: &GridInfo) -> [Point3; 2] {
 
 /// The centre, rounded to a multiple of a power of two that is small against the extent: few
 /// digits, and subtracted without rounding.
-fn origin([low, high]: [Point3; 2]) -> Point3 {
+fn origin([low, high]: [Point3; 2], height: f64) -> Point3 {
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     let unit = (extent / 8.0).log2().floor().exp2();
     let round = |axis: usize| (f64::midpoint(low[axis], high[axis]) / unit).round() * unit;
-    [round(0), round(1), 0.0]
+    [round(0), round(1), height]
 }
 
 #[cfg(test)]
@@ -300,8 +307,8 @@ mod tests {
     #[test]
     fn the_origin_is_short_and_near_the_centre() {
         let bounds = [[500_010.3, 4_100_000.0, f64::NAN], [504_106.3, 4_104_096.0, f64::NAN]];
-        assert_eq!(origin(bounds), [502_272.0, 4_102_144.0, 0.0]);
+        assert_eq!(origin(bounds, 0.0), [502_272.0, 4_102_144.0, 0.0]);
         let degrees = [[-125.0, 48.0, f64::NAN], [-124.0, 49.0, f64::NAN]];
-        assert_eq!(origin(degrees), [-124.5, 48.5, 0.0]);
+        assert_eq!(origin(degrees, 4096.0), [-124.5, 48.5, 4096.0]);
     }
 }

@@ -5,6 +5,7 @@ mod container;
 mod estimate;
 mod job;
 mod layout;
+mod local;
 mod make;
 mod number;
 mod report;
@@ -19,6 +20,7 @@ mod writer;
 mod zone;
 
 pub use job::{Goal, TinJob};
+pub use layout::TILE_CELLS;
 pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};

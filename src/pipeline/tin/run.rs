@@ -255,7 +255,7 @@ mod tests {
                 tolerance: 5.0,
                 strict: false,
                 drop: true,
-                single_precision: false,
+                single_precision: None,
                 measure: false,
             },
             tile: 64,

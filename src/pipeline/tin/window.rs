@@ -39,10 +39,14 @@ impl Window {
 
     /// Fails where the output's rounding of heights alone would break the tolerance.
     pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
-        if spec.single_precision && self.rounding > spec.tolerance {
-            return Err(too_coarse(self.rounding, spec.tolerance));
-        }
-        Ok(())
+        let Some(origin) = spec.single_precision else { return Ok(()) };
+        let moved = |height: f64| (origin + f64::from((height - origin) as f32) - height).abs();
+        let rounding = match (self.rounding > 0.0, origin == 0.0) {
+            (_, true) => self.rounding,
+            (true, _) => self.f64.iter().fold(0.0, |most, &z| moved(z).max(most)),
+            (false, _) => self.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
+        };
+        if rounding > spec.tolerance { Err(too_coarse(rounding, spec.tolerance)) } else { Ok(()) }
     }
 
     /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
@@ -102,9 +106,9 @@ mod tests {
     #[test]
     fn a_tolerance_below_the_rounding_of_the_output_is_refused() {
         let window = Window { rounding: 0.01, ..Window::default() };
-        let spec = |tolerance, single_precision| Spec {
+        let spec = |tolerance, single: bool| Spec {
             tolerance,
-            single_precision,
+            single_precision: single.then_some(0.0),
             strict: false,
             drop: true,
             measure: false,
@@ -113,6 +117,10 @@ mod tests {
         assert!(window.check_rounding(&spec(0.001, false)).is_ok());
         let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
+        let far = Window { f64: vec![2e7 + 0.25, f64::NAN], rounding: 0.25, ..Window::default() };
+        assert!(far.check_rounding(&spec(0.1, true)).is_err());
+        let near = Spec { single_precision: Some(2e7), ..spec(0.0, true) };
+        assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::output::{self, MeshInfo, MeshSource};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridSource, OpenOptions};
-use crate::verify::Snapper;
+use crate::verify::{Precision, Snapper};
 
 pub use report::{FaultReport, Place, VerifyReport};
 
@@ -48,7 +48,10 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
     let grid = raster::open(&job.raster, &options)?;
-    let tolerance = job.tolerance.or_else(|| stated_tolerance(mesh.info()));
+    let tolerance = match job.tolerance {
+        Some(tolerance) => Some(tolerance),
+        None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster)))?;
     let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
     let report = checked.map_err(|e| match e.kind() {
@@ -59,13 +62,20 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     Ok(VerifyReport { mesh, raster: job.raster.clone(), ..report })
 }
 
-/// The tolerance a mesh states in a comment: "max error 1.5 metre".
-fn stated_tolerance(info: &MeshInfo) -> Option<f64> {
-    let stated = |(key, value): &(String, String)| {
-        let text = if key == KEY { value } else { value.trim().strip_prefix(KEY)? };
-        text.split_whitespace().next()?.parse().ok()
+/// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is
+/// an error: to take it for none would leave the errors unjudged.
+fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
+    let stated = |(key, value): &'_ (String, String)| {
+        let rest = if key == KEY { value } else { value.trim().strip_prefix(KEY)? };
+        let is_whole_word = rest.is_empty() || key == KEY || rest.starts_with(char::is_whitespace);
+        is_whole_word.then(|| rest.split_whitespace().next().unwrap_or_default().to_owned())
     };
-    info.details.iter().find_map(stated).filter(|t: &f64| *t >= 0.0 && t.is_finite())
+    let Some(word) = info.details.iter().find_map(stated) else { return Ok(None) };
+    match word.parse() {
+        Ok(tolerance) if (0.0..f64::INFINITY).contains(&tolerance) => Ok(Some(tolerance)),
+        _ => Err(Error::bad_input(format!("states \"{KEY} {word}\", which is no bound"))
+            .remedy("give the bound with --max-error")),
+    }
 }
 
 const KEY: &str = "max error";
@@ -108,6 +118,7 @@ struct Context<'a> {
     progress: &'a dyn Progress,
     cancel: Cancel,
     snapper: Snapper,
+    precision: Precision,
     /// See [`crate::verify::Part::orientation`].
     orientation: i128,
     threads: usize,
@@ -141,6 +152,10 @@ impl<'a> Context<'a> {
             progress,
             cancel: cancel.clone(),
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
+            precision: match info.single_precision {
+                true => Precision::Single(info.origin[2]),
+                false => Precision::Double,
+            },
             orientation: if map.determinant() < 0.0 { -1 } else { 1 },
             threads,
             memory,
@@ -161,7 +176,7 @@ fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> 
     }
     if resources.memory < LEAST_MEMORY {
         let message = format!("{} bytes of memory are too few", resources.memory);
-        return Err(Error::new(ErrorKind::Resource, message).remedy("allow 1 MiB or more"));
+        return Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 1M or more"));
     }
     Ok(())
 }
@@ -196,13 +211,13 @@ mod tests {
     #[test]
     fn the_tolerance_is_read_from_comments() {
         let stated = |details: &[(&str, &str)]| stated_tolerance(&info(details));
-        assert_eq!(stated(&[("max error", "1.5 metre")]), Some(1.5));
-        assert_eq!(
-            stated(&[("comment", "source a.tif"), ("comment", "max error 0.25")]),
-            Some(0.25)
-        );
-        assert_eq!(stated(&[("comment", "max error unknown")]), None);
-        assert_eq!(stated(&[("comment", "max error -1")]), None);
-        assert_eq!(stated(&[]), None);
+        assert_eq!(stated(&[("max error", "1.5 metre")]).unwrap(), Some(1.5));
+        let second = [("comment", "source a.tif"), ("comment", "max error 0.25")];
+        assert_eq!(stated(&second).unwrap(), Some(0.25));
+        assert_eq!(stated(&[("comment", "max errors are small")]).unwrap(), None);
+        assert_eq!(stated(&[]).unwrap(), None);
+        for bad in ["max error unknown", "max error -1", "max error NaN", "max error"] {
+            assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
+        }
     }
 }

@@ -297,6 +297,7 @@ impl Checker<'_> {
             heights: &self.read(domain.apron())?,
             triangles: &all,
             vertices: self.buckets.positions.is_some().then_some(&vertices[..]),
+            precision: self.context.precision,
             tolerance: self.context.tolerance,
             orientation: self.context.orientation,
         };

@@ -118,6 +118,12 @@ pub struct VerifyReport {
     pub duplicate_vertices: FaultReport,
     /// Stored vertices at no triangle's corner.
     pub unused_vertices: FaultReport,
+    /// Positions of triangle corners that are no sample, or not at the height their sample has in
+    /// the precision of the format. A failure only where `made_by_terrane`: the error bound of
+    /// other meshes may hold all the same.
+    pub off_sample_vertices: FaultReport,
+    /// True when the file bears terrane's mark, and with it the promise that vertices are samples.
+    pub made_by_terrane: bool,
 
     /// Edges between two triangles.
     pub interior_edges: u64,
@@ -198,6 +204,8 @@ impl VerifyReport {
             split_heights: fault(&tally.split_heights),
             duplicate_vertices: fault(&tally.duplicates),
             unused_vertices: fault(&tally.unused),
+            off_sample_vertices: fault(&tally.off_samples),
+            made_by_terrane: mesh.is_own(),
             interior_edges: tally.interior_edges,
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
@@ -218,6 +226,9 @@ impl VerifyReport {
         let plain = counts.into_iter().filter(|(count, _)| *count > 0);
         let mut failures: Vec<String> = plain.map(|(n, what)| format!("{n} {what}")).collect();
         failures.extend(self.promises().iter().filter_map(|(fault, what)| fault.sentence(what)));
+        if self.made_by_terrane {
+            failures.extend(self.off_sample_vertices.sentence("vertices off the samples"));
+        }
         if !area_matches {
             let (mesh, surface) = (self.mesh_area, self.surface_cells);
             failures.push(format!("the mesh has an area of {mesh} cells, the surface {surface}"));

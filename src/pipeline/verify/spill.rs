@@ -9,6 +9,7 @@ use std::sync::Mutex;
 use bytemuck::Pod;
 
 use super::workers::lock;
+use crate::atomic::plain;
 use crate::error::{Error, Result};
 
 /// Bytes read at a time.
@@ -33,7 +34,7 @@ pub(super) struct Spill<T> {
 impl<T: Pod> Spill<T> {
     /// Empty buckets `0 .. buckets`, in a nameless file in `folder`.
     pub(super) fn new(folder: &Path, buckets: u64) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder).map_err(|e| Error::write(folder, e))?;
+        let file = tempfile::tempfile_in(folder).map_err(|e| Error::write(folder, plain(e)))?;
         Ok(Self {
             folder: folder.to_path_buf(),
             file: Mutex::new((file, 0)),

@@ -21,7 +21,7 @@ pub(super) fn draw(
     let info = grid.info();
     let frame = frame(job, outer_bounds(info), info.crs.geographic == Some(true))?;
     let fine = frame.finer(FINENESS);
-    let plan = Plan::new(info, &fine);
+    let plan = Plan::new(info, &frame);
     let coarse = plan.read(grid, &job.resources, progress, cancel)?;
     let field = workers(&job.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
     Ok(Drawn { frame, field, edges: None })
@@ -37,23 +37,44 @@ fn outer_bounds(info: &GridInfo) -> [f64; 4] {
     [low(0), low(1), high(0), high(1)]
 }
 
+/// Most samples under a picture that are all read.
+const EXACT_SAMPLES: u64 = 1 << 26;
+/// Most samples that are read of more, unless the picture has more pixels.
+const SPARSE_SAMPLES: u64 = 1 << 22;
+
 /// Which samples are read, and how much coarser they are kept.
 struct Plan {
     /// Samples under the picture, with a margin.
     crop: Rect,
     /// Samples per height kept, along each side.
     stride: u32,
+    /// Samples read for a height kept, along each side: all of them, or a few in their middle.
+    patch: u32,
     /// Natural block of the source.
     block: (u32, u32),
 }
 
 impl Plan {
-    fn new(info: &GridInfo, fine: &Frame) -> Self {
-        let [px, py] = fine.pixel();
+    /// Averages all samples, at twice the fineness of the picture, as long as they are at most
+    /// [`EXACT_SAMPLES`]; of more it samples a few for each pixel.
+    fn new(info: &GridInfo, frame: &Frame) -> Self {
+        let exact = Self::averaging(info, &frame.finer(FINENESS));
+        if exact.crop.len() as u64 <= EXACT_SAMPLES || exact.stride == 1 {
+            return exact;
+        }
+        let sparse = Self::averaging(info, frame);
+        let (width, height) = sparse.coarse_size();
+        let each = SPARSE_SAMPLES / (u64::from(width) * u64::from(height));
+        let patch = each.isqrt().clamp(1, u64::from(sparse.stride)) as u32;
+        Self { patch, ..sparse }
+    }
+
+    fn averaging(info: &GridInfo, lattice: &Frame) -> Self {
+        let [px, py] = lattice.pixel();
         let samples_per_pixel = (px * py / info.transform.determinant().abs()).sqrt();
         let most = info.width.max(info.height);
         let stride = (samples_per_pixel as u32).clamp(1, most);
-        Self { crop: crop(info, fine, stride), stride, block: info.block }
+        Self { crop: crop(info, lattice, stride), stride, patch: stride, block: info.block }
     }
 
     fn coarse_size(&self) -> (u32, u32) {
@@ -75,7 +96,10 @@ impl Plan {
         workers(resources)?.install(|| {
             chunks.par_iter().try_for_each(|&chunk| {
                 cancel.check()?;
-                let means = self.average(grid, chunk, window_samples(resources))?;
+                let means = match self.patch == self.stride {
+                    true => self.average(grid, chunk, window_samples(resources))?,
+                    false => self.sample(grid, chunk)?,
+                };
                 place(&mut coarse.lock().unwrap_or_else(|e| e.into_inner()), chunk, &means);
                 progress.advance(self.samples_of(chunk).len() as u64);
                 Ok(())
@@ -89,10 +113,10 @@ impl Plan {
     /// hold about `most` samples.
     fn chunks(&self, most: u64) -> Vec<Rect> {
         let (width, height) = self.coarse_size();
-        let stride = u64::from(self.stride);
-        let block_rows = u64::from(self.block.1).min(most / stride / stride).max(1);
+        let (stride, patch) = (u64::from(self.stride), u64::from(self.patch));
+        let block_rows = u64::from(self.block.1).min(most / patch / patch).max(1);
         let rows = block_rows.div_ceil(stride).min(u64::from(height)) as u32;
-        let cols = most / (u64::from(rows) * stride * stride);
+        let cols = most / (u64::from(rows) * patch * patch);
         let cols = cols.clamp(1, u64::from(width)) as u32;
         let starts = |end: u32, step: u32| (0..end).step_by(step as usize);
         starts(height, rows)
@@ -124,6 +148,22 @@ impl Plan {
             samples.resize(rect.len(), 0.0);
             grid.read_f32(rect, &mut samples)?;
             average_rows(&samples, rect.width as usize, self.stride as usize, line);
+        }
+        grid.release(self.samples_of(chunk));
+        Ok(means)
+    }
+
+    /// Heights of a rectangle of the coarse field, each from a few samples in its middle.
+    fn sample(&self, grid: &dyn GridSource, chunk: Rect) -> Result<Vec<f32>> {
+        let mut means = vec![0.0; chunk.len()];
+        let mut samples = Vec::new();
+        for (i, mean) in (0..).zip(&mut means) {
+            let (col, row) = (chunk.col + i % chunk.width, chunk.row + i / chunk.width);
+            let rect = middle(self.samples_of(Rect::new(col, row, 1, 1)), self.patch);
+            samples.resize(rect.len(), 0.0);
+            grid.read_f32(rect, &mut samples)?;
+            let width = rect.width as usize;
+            average_rows(&samples, width, width, std::slice::from_mut(mean));
         }
         grid.release(self.samples_of(chunk));
         Ok(means)
@@ -163,9 +203,105 @@ fn crop(info: &GridInfo, fine: &Frame, stride: u32) -> Rect {
     Rect::new(col, row, width, height)
 }
 
+/// The middle of a rectangle, at most `side` samples along each side.
+fn middle(rect: Rect, side: u32) -> Rect {
+    let (width, height) = (rect.width.min(side), rect.height.min(side));
+    let (col, row) = ((rect.width - width) / 2, (rect.height - height) / 2);
+    Rect::new(rect.col + col, rect.row + row, width, height)
+}
+
 fn place(field: &mut Field, chunk: Rect, means: &[f32]) {
     for (row, line) in means.chunks_exact(chunk.width as usize).enumerate() {
         let start = (chunk.row as usize + row) * field.width + chunk.col as usize;
         field.z[start..start + line.len()].copy_from_slice(line);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    use super::*;
+    use crate::geom::Crs;
+    use crate::pipeline::Silent;
+    use crate::raster::SampleType;
+
+    /// A plane of any size that counts the samples read of it.
+    struct Plane {
+        info: GridInfo,
+        read: AtomicU64,
+    }
+
+    impl Plane {
+        fn new(side: u32) -> Self {
+            let info = GridInfo {
+                width: side,
+                height: side,
+                transform: Affine::LATTICE,
+                georeferenced: false,
+                pixel_is_point: false,
+                crs: Crs::default(),
+                sample_type: SampleType::F32,
+                nodata: None,
+                scale: 1.0,
+                offset: 0.0,
+                block: (512, 512),
+                bands: 1,
+                band: 1,
+                format: "test",
+                details: Vec::new(),
+            };
+            Self { info, read: AtomicU64::new(0) }
+        }
+
+        /// Heights under a picture `width` pixels wide, and how many samples that took.
+        fn picture(&self, width: u32) -> (Field, u64) {
+            let frame = Frame::fit(outer_bounds(&self.info), width, [1.0, 1.0]);
+            let plan = Plan::new(&self.info, &frame);
+            let resources = Resources::default();
+            let coarse = plan.read(self, &resources, &Silent, &Cancel::default()).unwrap();
+            let field = plan.lay(&coarse, &frame.finer(FINENESS), &self.info.transform);
+            (field, self.read.load(Ordering::Relaxed))
+        }
+    }
+
+    impl GridSource for Plane {
+        fn info(&self) -> &GridInfo {
+            &self.info
+        }
+
+        fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+            self.read.fetch_add(rect.len() as u64, Ordering::Relaxed);
+            for (i, z) in (0..).zip(out) {
+                *z = (rect.col + i % rect.width) as f32 + (rect.row + i / rect.width) as f32;
+            }
+            Ok(())
+        }
+
+        fn read_f64(&self, _: Rect, _: &mut [f64]) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn of_enormous_grids_few_samples_are_read() {
+        for (side, width) in [(1 << 30, 100), (1_000_000, 300), (8200, 16), (100_000, 1)] {
+            let (field, read) = Plane::new(side).picture(width);
+            assert!(read <= SPARSE_SAMPLES, "{side}, {width}: {read}");
+            let slope = f64::from(side) / field.width as f64;
+            for (i, &z) in field.z.iter().enumerate().filter(|_| width > 1) {
+                let (col, row) = (i % field.width, i / field.width);
+                let inner = |at: usize| (2..field.width - 2).contains(&at);
+                let expected = (col + row + 1) as f64 * slope;
+                let near = (f64::from(z) - expected).abs() <= 2.0 * slope;
+                assert!(near || !inner(col) || !inner(row), "{side}: {z} at {col}, {row}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_grids_up_to_the_limit_every_sample_is_read_once() {
+        let (_, read) = Plane::new(8192).picture(16);
+        assert_eq!(read, EXACT_SAMPLES);
     }
 }

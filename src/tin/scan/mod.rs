@@ -190,7 +190,7 @@ mod tests {
         let heights: Vec<f32> = (0..SIDE * SIDE).map(height).collect();
         let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, SIDE, SIDE], margin, false);
+        field.load(&heights, [0, 0, SIDE, SIDE], margin, None);
         field
     }
 
@@ -245,7 +245,7 @@ mod tests {
             heights[(target.row() * SIDE + target.col()) as usize] = 1.0;
             let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
             let mut one = Field::default();
-            one.load(&heights, [0, 0, SIDE, SIDE], margin, false);
+            one.load(&heights, [0, 0, SIDE, SIDE], margin, None);
             let found = scalar::scan(&one.level(level), &Facet::new(p, [0.0; 3]));
             prop_assert_eq!(found, Worst { error: 1.0, at: target });
         }

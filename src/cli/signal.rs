@@ -1,0 +1,58 @@
+//! Stopping on signals: the first asks the job to stop, the second leaves at once.
+
+use crate::cli::say;
+use crate::error::ErrorKind;
+use crate::pipeline::Cancel;
+
+/// Lets Ctrl-C, SIGTERM and SIGHUP stop the job. A signal that was ignored when the process began
+/// stays ignored, as nohup and job control want it. Without a handler the system's own applies,
+/// which is no reason to refuse work.
+pub(super) fn stop(cancel: Cancel) {
+    listen(move || {
+        if cancel.check().is_err() {
+            std::process::exit(ErrorKind::Interrupted.exit_code().into());
+        }
+        cancel.cancel();
+        say::note("stopping; once more to leave at once");
+    });
+}
+
+#[cfg(unix)]
+fn listen(on_signal: impl Fn() + Send + 'static) {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let ignored = std::fs::read_to_string("/proc/self/status").ok();
+    let ignored = ignored.as_deref().and_then(ignored_signals);
+    // Where the system does not tell what is ignored, hanging up is left to it.
+    let known: &[i32] =
+        if ignored.is_some() { &[SIGINT, SIGTERM, SIGHUP] } else { &[SIGINT, SIGTERM] };
+    let is_wanted = |&&signal: &&i32| ignored.unwrap_or(0) >> (signal - 1) & 1 == 0;
+    let wanted: Vec<i32> = known.iter().filter(is_wanted).copied().collect();
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new(wanted) {
+        std::thread::spawn(move || signals.forever().for_each(|_| on_signal()));
+    }
+}
+
+#[cfg(not(unix))]
+fn listen(on_signal: impl Fn() + Send + 'static) {
+    let _ = ctrlc::set_handler(on_signal);
+}
+
+/// The set of ignored signals (bit n is signal n + 1) in the text of Linux's `/proc/self/status`.
+#[cfg(unix)]
+fn ignored_signals(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;
+    u64::from_str_radix(line.trim(), 16).ok()
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ignored_signals_are_read_from_the_status() {
+        let status = "Name:\tterrane\nSigBlk:\t0000000000000000\nSigIgn:\t0000000000001001\n";
+        assert_eq!(ignored_signals(status), Some(0x1001));
+        assert_eq!(ignored_signals("SigIgn:\tnonsense\n"), None);
+        assert_eq!(ignored_signals(""), None);
+    }
+}
