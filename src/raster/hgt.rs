@@ -115,6 +115,7 @@ fn describe(bytes: u64, name: &str, packing: &str, options: &OpenOptions) -> Res
         citation: Some("WGS 84".to_owned()),
         geographic: Some(true),
         vertical_unit: Some("metre".to_owned()),
+        vertical_unit_text: Some("m".to_owned()),
         ..Crs::default()
     };
     Ok(GridInfo {
