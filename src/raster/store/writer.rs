@@ -112,7 +112,11 @@ impl StoreWriter {
         let name = self.layout.sample_type.name();
         let (at, message, remedy) = match misfit {
             Misfit::Void(at) => {
-                (at, "a void, but no nodata value is declared".to_owned(), "pass --nodata")
+                let why = match self.codec.nodata() {
+                    Some(value) => format!("the nodata value {value} cannot be stored as {name}"),
+                    None => "no nodata value is declared".to_owned(),
+                };
+                (at, format!("a void, but {why}"), CHOOSE_FOR_VOIDS)
             }
             Misfit::Height(at, height) => {
                 (at, format!("the height {height} cannot be stored as {name}"), CHOOSE_NODATA)
@@ -141,6 +145,7 @@ impl StoreWriter {
     }
 }
 
+const CHOOSE_FOR_VOIDS: &str = "pass a value with --nodata that the type holds and no sample has";
 const CHOOSE_NODATA: &str = "if it equals the nodata value, pass another one with --nodata";
 
 /// Bytes in the file, and how many rows of a tile go there.
