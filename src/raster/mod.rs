@@ -17,7 +17,7 @@ mod window;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
@@ -123,7 +123,8 @@ pub trait GridSource: Send + Sync {
     fn info(&self) -> &GridInfo;
 
     /// Reads the heights of `rect` (inside the grid) row by row into `out`
-    /// (`rect.len()` values). Voids (nodata, NaN, infinities, sparse blocks) are NaN.
+    /// (`rect.len()` values). Voids (nodata, masked samples, NaN, infinities, sparse blocks) are
+    /// NaN.
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()>;
 
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
@@ -189,9 +190,19 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     (format.open)(path, options)
 }
 
+/// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.
+fn mask_beside(path: &Path) -> Option<PathBuf> {
+    let with = |ending: &str| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    [".msk", ".MSK"].map(with).into_iter().find(|path| path.exists())
+}
+
 /// A mask beside a file may void any of its samples; it is honoured for GeoTIFFs.
 fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
-    match geotiff::mask_beside(path) {
+    match mask_beside(path) {
         Some(mask) if format.name != geotiff::FORMAT.name => {
             let message = format!("a mask beside a file of {} is not supported", format.name);
             Err(Error::unsupported(message).in_file(&mask).remedy(

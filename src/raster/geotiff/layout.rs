@@ -282,10 +282,11 @@ fn unsupported_samples(format: u64, bits: u64) -> Error {
         6 => "complex floating point",
         _ => "unknown",
     };
-    Error::unsupported(format!("{bits}-bit {kind} samples are not supported")).remedy(
+    let target = if bits > 32 { "Float64" } else { "Float32" };
+    Error::unsupported(format!("{bits}-bit {kind} samples are not supported")).remedy(format!(
         "terrane reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats; convert the file: \
-         gdal_translate -ot Float32 IN OUT",
-    )
+         gdal_translate -ot {target} IN OUT"
+    ))
 }
 
 /// The value all bands share, or `missing` when the tag is absent.

@@ -2,16 +2,16 @@
 //! in a `.msk` file beside the grid, and an alpha band. A sample is void where any of them is 0.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::limits;
-use crate::raster::Window;
 use crate::raster::cache::BlockCache;
 use crate::raster::file::RawFile;
 use crate::raster::sample::Height;
+use crate::raster::{Window, mask_beside};
 
 use super::ifd::Directory;
 use super::image::{Image, check_cache};
@@ -42,16 +42,6 @@ pub(super) struct Grid<'a> {
     pub(super) cache_bytes: usize,
 }
 
-/// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.
-pub(in crate::raster) fn beside(path: &Path) -> Option<PathBuf> {
-    let with = |ending: &str| {
-        let mut name = path.as_os_str().to_owned();
-        name.push(ending);
-        PathBuf::from(name)
-    };
-    [".msk", ".MSK"].map(with).into_iter().find(|path| path.exists())
-}
-
 /// All masks of a grid.
 pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
     let mut masks = Vec::new();
@@ -59,7 +49,7 @@ pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
         let mask = grid.mask(grid.file, &directory, "internal".to_owned(), 1);
         masks.push(mask.map_err(|e| e.at("internal mask"))?);
     }
-    if let Some(path) = beside(grid.file.path()) {
+    if let Some(path) = mask_beside(grid.file.path()) {
         masks.push(grid.beside(&path).map_err(|e| e.in_file(&path))?);
     }
     masks.extend(grid.alpha()?);

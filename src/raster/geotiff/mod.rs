@@ -24,7 +24,7 @@ use crate::raster::cache::BlockCache;
 use crate::raster::file::RawFile;
 use crate::raster::sample::{Height, ToHeight};
 use crate::raster::{
-    GridInfo, GridSource, OpenOptions, RasterFormat, Window, store, unit_and_text,
+    GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
 };
 
 use geokeys::GeoKeys;
@@ -33,8 +33,6 @@ use ifd::Directory;
 use image::{Image, check_cache};
 use layout::Layout;
 use mask::Mask;
-
-pub(super) use mask::beside as mask_beside;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -48,7 +46,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 /// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
 /// beside it.
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    let masked = mask::beside(path).is_some();
+    let masked = mask_beside(path).is_some();
     if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
         return Ok(store);
     }
