@@ -20,7 +20,7 @@ fn ramp(col: usize, row: usize, band: usize) -> f64 {
 
 /// Which samples are kept: none of the last column, and about two of three others.
 fn kept(col: usize, row: usize, band: usize) -> f64 {
-    f64::from(u8::from((col * 7 + row * 5 + band) % 3 > 0 && col + 1 < WIDTH))
+    f64::from(u8::from(!(col * 7 + row * 5 + band).is_multiple_of(3) && col + 1 < WIDTH))
 }
 
 /// A mask of `bits` bits, of the kind that NewSubfileType `kind` says.
