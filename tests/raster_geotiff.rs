@@ -120,6 +120,7 @@ fn scale_offset_and_unit_of_the_band() {
     assert!(heights[1].is_nan(), "nodata is compared before scaling");
     assert!(!scaled.info().exact_in_f32());
     assert_eq!(scaled.info().crs.vertical_unit.as_deref(), Some("metre"));
+    assert_eq!(scaled.info().crs.vertical_unit_text.as_deref(), Some("m"));
 }
 
 #[test]

@@ -198,7 +198,7 @@ fn damaged_texts() {
 
 #[test]
 fn damaged_zipped_tiles() {
-    run(&zipped_tiles(), count(60));
+    run(&zipped_tiles(), count(200));
 }
 
 /// Only the length of a plain tile can be wrong.

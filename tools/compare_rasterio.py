@@ -94,6 +94,12 @@ def position(dataset):
     return dataset.tags().get("AREA_OR_POINT", "Area")
 
 
+def crs_text(dataset):
+    """Well-known text; what GDAL makes of a GeoTIFF that says PixelIsPoint and no CRS is none."""
+    text = dataset.crs.to_wkt() if dataset.crs else None
+    return None if text and text.startswith('LOCAL_CS["unnamed"') else text
+
+
 def compare(source, band, store, given):
     """Names of what differs between band `band` of the source and the store."""
     a, b = source.read(band), store.read(1)
@@ -103,7 +109,7 @@ def compare(source, band, store, given):
     cell = abs(source.transform.a)
     near = all(abs(x - y) <= 1e-9 * cell for x, y in zip(source.transform, store.transform))
     epsg = [d.crs.to_epsg() if d.crs else None for d in (source, store)]
-    wkt = [d.crs.to_wkt() if d.crs else None for d in (source, store)]
+    wkt = [crs_text(d) for d in (source, store)]
     facts = {
         "size": a.shape == b.shape,
         "type": a.dtype == b.dtype or is_text and np.can_cast(b.dtype, a.dtype),
