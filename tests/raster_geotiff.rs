@@ -120,6 +120,7 @@ fn scale_offset_and_unit_of_the_band() {
     assert!(heights[1].is_nan(), "nodata is compared before scaling");
     assert!(!scaled.info().exact_in_f32());
     assert_eq!(scaled.info().crs.vertical_unit.as_deref(), Some("metre"));
+    assert_eq!(scaled.info().crs.vertical_unit_text.as_deref(), Some("m"));
 }
 
 #[test]
@@ -143,9 +144,17 @@ fn area_point_matrix_and_none() {
 }
 
 #[test]
-fn unsupported_features_are_refused_by_name() {
+fn unsupported_features_are_refused_by_name_with_the_call_that_mends_them() {
     let folder = Folder::new();
-    let mut spec = Spec::new(4, 3, 2, 16);
+    let refused = |spec: &Spec, name: &str, call: &str| {
+        let error = refusal(&folder.write(spec, ramp), &OpenOptions::default());
+        assert_eq!(error.kind(), ErrorKind::Unsupported);
+        let text = error.to_string();
+        let says = |words: &str| text.contains(words);
+        assert!(says(name) && says(call), "{text}");
+        assert!(says("is not supported") || says("are not supported"), "{text}");
+    };
+    let plain = Spec::new(4, 3, 2, 16);
     let compressions = [
         (7, "JPEG"),
         (34887, "LERC"),
@@ -153,24 +162,31 @@ fn unsupported_features_are_refused_by_name() {
         (50001, "WebP"),
         (50002, "JPEG XL"),
         (4, "CCITT"),
+        (65000, "unknown"),
     ];
-    for (code, name) in compressions {
-        spec.compression = code;
-        let error = refusal(&folder.write(&spec, ramp), &OpenOptions::default());
-        assert_eq!(error.kind(), ErrorKind::Unsupported);
-        assert!(error.to_string().contains(name), "{error}");
+    for (compression, name) in compressions {
+        let call = "gdal_translate -co COMPRESS=DEFLATE IN OUT";
+        refused(&Spec { compression, ..plain.clone() }, name, call);
     }
-    for (format, bits, name) in [
-        (1, 64, "64-bit unsigned"),
-        (2, 64, "64-bit signed"),
-        (6, 64, "complex"),
-        (3, 24, "24-bit floating"),
+    for (format, bits, name, call) in [
+        (1, 64, "64-bit unsigned", "gdal_translate -ot Float64"),
+        (2, 64, "64-bit signed", "gdal_translate -ot Float64"),
+        (6, 64, "complex", "gdal_translate -ot Float64"),
+        (5, 32, "complex integer", "gdal_translate -ot Float32"),
+        (3, 24, "24-bit floating", "gdal_translate -ot Float32"),
+        (1, 1, "1-bit unsigned", "gdal_translate -ot Float32"),
     ] {
-        let spec = Spec::new(4, 3, format, bits);
-        let error = refusal(&folder.write(&spec, ramp), &OpenOptions::default());
-        assert_eq!(error.kind(), ErrorKind::Unsupported);
-        assert!(error.to_string().contains(name), "{error}");
+        refused(&Spec::new(4, 3, format, bits), name, call);
     }
+    let with = |tag, value| Spec { extra: vec![(tag, Value::Short(vec![value]))], ..plain.clone() };
+    refused(&with(258, 12), "12-bit signed integer samples", "gdal_translate -ot Float32");
+    refused(&with(317, 34892), "predictor 34892", "gdal_translate -co");
+    for (photometric, name) in [(3, "palette"), (5, "CMYK"), (6, "YCbCr"), (8, "CIE")] {
+        refused(&with(262, photometric), name, "gdal_translate");
+    }
+    refused(&with(266, 2), "FillOrder 2", "gdal_translate");
+    let mixed = Spec { bands: 2, extra: vec![(258, Value::Short(vec![16, 8]))], ..plain.clone() };
+    refused(&mixed, "bands that differ in BitsPerSample", "gdal_translate -b 1");
 }
 
 #[test]

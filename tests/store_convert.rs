@@ -287,6 +287,7 @@ fn what_is_known_of_the_crs_is_kept() {
         wkt: Some("GEOGCS[\"WGS 84\",\r\n  UNIT[\"degree\",0.0174532925199433]]".into()),
         geographic: Some(true),
         vertical_unit: Some("metre".into()),
+        vertical_unit_text: Some("m".into()),
         geo_keys: vec![1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2049, 34_737, 7, 0],
         geo_doubles: vec![6_378_137.0, 298.257_223_563],
         geo_ascii: "WGS 84|".into(),
@@ -310,17 +311,58 @@ fn what_is_known_of_the_crs_is_kept() {
 }
 
 #[test]
-fn pixel_is_point_becomes_pixel_is_area_in_the_same_place() {
+fn pixel_is_point_stays_pixel_is_point_in_the_same_place() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.tif");
-    let mut grid = MemoryGrid::new(SampleType::F32, 20, 10);
-    grid.info.pixel_is_point = true;
-    grid.info.crs.geo_keys = vec![1, 1, 0, 2, 1024, 0, 1, 1, 1025, 0, 1, 2];
-    convert(&grid, &job(&path)).unwrap();
-    let store = open(&path);
-    assert_eq!(store.info().transform, grid.info.transform);
-    assert!(!store.info().pixel_is_point);
-    assert_eq!(store.info().crs.geo_keys, [1, 1, 0, 2, 1024, 0, 1, 1, 1025, 0, 1, 1]);
+    let turned = Affine { x0: 0.1, a: 30.7, b: 2.3, y0: 0.7, d: 1.9, e: -30.1 };
+    let sources = [
+        vec![1, 1, 0, 2, 1024, 0, 1, 1, 1025, 0, 1, 2],
+        vec![1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32_611],
+        vec![],
+    ];
+    for (k, keys) in sources.into_iter().enumerate() {
+        for (turn, transform) in [None, Some(turned)].into_iter().enumerate() {
+            let path = folder.path().join(format!("{k}{turn}.tif"));
+            let mut grid = MemoryGrid::new(SampleType::F32, 20, 10);
+            grid.info.transform = transform.unwrap_or(grid.info.transform);
+            grid.info.pixel_is_point = true;
+            grid.info.crs.geo_keys = keys.clone();
+            convert(&grid, &job(&path)).unwrap();
+            let store = open(&path);
+            assert_eq!(store.info().transform, grid.info.transform);
+            assert!(store.info().pixel_is_point);
+            let keys = &store.info().crs.geo_keys;
+            assert_eq!(keys.len(), 4 + 4 * usize::from(keys[3]));
+            assert!(keys.chunks(4).skip(1).is_sorted_by_key(|entry| entry[0]), "{keys:?}");
+            assert_eq!(keys.chunks(4).filter(|entry| **entry == [1025, 0, 1, 2]).count(), 1);
+            // The mark of a store changed: the general reader sees the same place.
+            let mut bytes = std::fs::read(&path).unwrap();
+            let mark = bytes.windows(13).position(|w| w == b"terrane store").unwrap();
+            bytes[mark] = b'T';
+            std::fs::write(&path, bytes).unwrap();
+            let other = raster::open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+            assert_eq!(other.info().format, "GeoTIFF");
+            assert!(other.info().pixel_is_point);
+            assert_eq!(other.info().transform, grid.info.transform);
+        }
+    }
+}
+
+#[test]
+fn the_vertical_unit_keeps_its_spelling() {
+    let folder = tempfile::tempdir().unwrap();
+    for (k, (unit, text)) in [("metre", Some("m")), ("foot", None)].into_iter().enumerate() {
+        let path = folder.path().join(format!("{k}.tif"));
+        let mut grid = MemoryGrid::new(SampleType::I16, 20, 10);
+        grid.info.crs.vertical_unit = Some(unit.to_owned());
+        grid.info.crs.vertical_unit_text = text.map(str::to_owned);
+        convert(&grid, &job(&path)).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let written = format!("role=\"unittype\">{}</Item>", text.unwrap_or(unit));
+        assert!(bytes.windows(written.len()).any(|w| w == written.as_bytes()), "{written}");
+        let crs = open(&path).info().crs.clone();
+        let expected = (Some(unit.to_owned()), text.map(str::to_owned));
+        assert_eq!((crs.vertical_unit, crs.vertical_unit_text), expected);
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::geom::Point3;
 use crate::output::MeshInfo;
 use crate::pipeline::surface::{self, GridStats, Surface};
 use crate::pipeline::{Cancel, Progress, Resources};
-use crate::raster::GridInfo;
+use crate::raster::{GridInfo, undeclared_nodata};
 
 /// Tell what grids and meshes are
 #[derive(Clone, Debug, clap::Args)]
@@ -193,6 +193,8 @@ fn stats_rows(stats: &GridStats, samples: u64) -> Vec<(String, String)> {
     let known =
         heights.iter().filter_map(|(name, z)| Some((name.to_string(), text::number((*z)?))));
     rows.extend(known);
+    let warning = stats.suspected_nodata.map(|value| undeclared_nodata(stats.at_min, value));
+    rows.extend(warning.map(|line| ("warning".to_owned(), line)));
     rows
 }
 

@@ -18,6 +18,9 @@ pub struct Crs {
     pub geographic: Option<bool>,
     /// Unit of z, when the file says it ("metre", "foot", ...).
     pub vertical_unit: Option<String>,
+    /// The unit of z as the file spells it ("m", "METERS"), so that a copy spells it alike; `None`
+    /// where `vertical_unit` is that spelling.
+    pub vertical_unit_text: Option<String>,
     /// Raw GeoKeyDirectory (tag 34735), kept so that a GeoTIFF copy carries it unchanged.
     pub geo_keys: Vec<u16>,
     /// Raw GeoDoubleParams (tag 34736).

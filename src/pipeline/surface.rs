@@ -89,6 +89,12 @@ pub struct GridStats {
     pub mean: Option<f64>,
     /// Standard deviation of the heights.
     pub std_dev: Option<f64>,
+    /// Samples at the lowest height.
+    pub at_min: u64,
+    /// The stored value to pass as nodata, when the lowest height looks like one that the file does
+    /// not declare.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspected_nodata: Option<f64>,
 }
 
 /// Most samples a worker reads at once.
@@ -117,7 +123,9 @@ pub fn grid_stats(
         measured.collect::<Result<Vec<_>>>()
     })?;
     progress.end();
-    Ok(moments.into_iter().fold(Moments::NONE, Moments::and).stats())
+    let stats = moments.into_iter().fold(Moments::NONE, Moments::and).stats();
+    let suspected_nodata = stats.min.and_then(|min| raster::looks_like_nodata(min, info));
+    Ok(GridStats { suspected_nodata, ..stats })
 }
 
 /// Samples a worker may hold, at 8 bytes each: all workers together a quarter of the budget.
@@ -157,14 +165,21 @@ fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
 struct Moments {
     count: u64,
     min: f64,
+    at_min: u64,
     max: f64,
     mean: f64,
     squares: f64,
 }
 
 impl Moments {
-    const NONE: Self =
-        Self { count: 0, min: f64::INFINITY, max: f64::NEG_INFINITY, mean: 0.0, squares: 0.0 };
+    const NONE: Self = Self {
+        count: 0,
+        min: f64::INFINITY,
+        at_min: 0,
+        max: f64::NEG_INFINITY,
+        mean: 0.0,
+        squares: 0.0,
+    };
 
     fn of(heights: &[f64]) -> Self {
         let valid = || heights.iter().copied().filter(|z| !z.is_nan());
@@ -176,7 +191,8 @@ impl Moments {
         let squares = valid().map(|z| (z - mean) * (z - mean)).sum();
         let (min, max) =
             (valid().fold(f64::INFINITY, f64::min), valid().fold(f64::NEG_INFINITY, f64::max));
-        Self { count, min, max, mean, squares }
+        let at_min = valid().filter(|z| *z == min).count() as u64;
+        Self { count, min, at_min, max, mean, squares }
     }
 
     /// Both together (Chan, Golub & LeVeque 1979).
@@ -189,10 +205,17 @@ impl Moments {
         Self {
             count,
             min: self.min.min(other.min),
+            at_min: self.at_min_with(&other),
             max: self.max.max(other.max),
             mean: self.mean + apart * share,
             squares: self.squares + other.squares + apart * apart * share * self.count as f64,
         }
+    }
+
+    /// Samples at the lowest height of both.
+    fn at_min_with(&self, other: &Self) -> u64 {
+        let min = self.min.min(other.min);
+        [self, other].iter().filter(|m| m.min == min).map(|m| m.at_min).sum()
     }
 
     fn stats(self) -> GridStats {
@@ -203,6 +226,8 @@ impl Moments {
             max: some(self.max),
             mean: some(self.mean),
             std_dev: some((self.squares / self.count.max(1) as f64).sqrt()),
+            at_min: self.at_min,
+            suspected_nodata: None,
         }
     }
 }
@@ -295,6 +320,7 @@ mod tests {
         let whole = Moments::of(&heights).stats();
         let parts = heights.chunks(7).map(Moments::of).fold(Moments::NONE, Moments::and).stats();
         assert_eq!((whole.valid, whole.min, whole.max), (parts.valid, parts.min, parts.max));
+        assert_eq!((whole.at_min, parts.at_min), (3, 3), "0, 37 and 74");
         assert!((whole.mean.unwrap() - parts.mean.unwrap()).abs() < 1e-12);
         assert!((whole.std_dev.unwrap() - parts.std_dev.unwrap()).abs() < 1e-12);
         let none = Moments::of(&[f64::NAN]).stats();

@@ -115,6 +115,7 @@ fn describe(bytes: u64, name: &str, packing: &str, options: &OpenOptions) -> Res
         citation: Some("WGS 84".to_owned()),
         geographic: Some(true),
         vertical_unit: Some("metre".to_owned()),
+        vertical_unit_text: Some("m".to_owned()),
         ..Crs::default()
     };
     Ok(GridInfo {
@@ -181,7 +182,8 @@ fn unzip(path: &Path) -> Result<(RawFile, String)> {
     let mut archive = ZipArchive::new(io::BufReader::new(file)).map_err(damaged)?;
     let is_tile = |name: &&str| name.to_lowercase().ends_with(".hgt");
     let Some(name) = archive.file_names().find(is_tile).map(str::to_owned) else {
-        return Err(Error::unsupported("zip archive without a .hgt file in it"));
+        let message = "a zip archive without a .hgt file in it is not supported";
+        return Err(Error::unsupported(message).remedy("unzip it and give the grid inside"));
     };
     let entry = archive.by_name(&name).map_err(damaged)?;
     let declared = entry.size();

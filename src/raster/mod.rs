@@ -8,6 +8,7 @@ mod cache;
 mod file;
 mod geotiff;
 mod hgt;
+mod nodata;
 mod prj;
 mod sample;
 pub mod store;
@@ -16,10 +17,11 @@ mod window;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
+pub use nodata::{looks_like_nodata, undeclared_nodata};
 use window::Window;
 
 /// How samples are stored in the file.
@@ -121,7 +123,8 @@ pub trait GridSource: Send + Sync {
     fn info(&self) -> &GridInfo;
 
     /// Reads the heights of `rect` (inside the grid) row by row into `out`
-    /// (`rect.len()` values). Voids (nodata, NaN, infinities, sparse blocks) are NaN.
+    /// (`rect.len()` values). Voids (nodata, masked samples, NaN, infinities, sparse blocks) are
+    /// NaN.
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()>;
 
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
@@ -182,9 +185,31 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     }
     let path = Path::new(input);
     let head = head_of(path)?;
-    match format_of(path, &head) {
-        Some(format) => (format.open)(path, options),
-        None => Err(unknown_format(path)),
+    let format = format_of(path, &head).ok_or_else(|| unknown_format(path))?;
+    refuse_mask(path, format)?;
+    (format.open)(path, options)
+}
+
+/// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.
+fn mask_beside(path: &Path) -> Option<PathBuf> {
+    let with = |ending: &str| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    [".msk", ".MSK"].map(with).into_iter().find(|path| path.exists())
+}
+
+/// A mask beside a file may void any of its samples; it is honoured for GeoTIFFs.
+fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
+    match mask_beside(path) {
+        Some(mask) if format.name != geotiff::FORMAT.name => {
+            let message = format!("a mask beside a file of {} is not supported", format.name);
+            Err(Error::unsupported(message).in_file(&mask).remedy(
+                "put both into a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
+            ))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -225,6 +250,13 @@ impl RasterFormat {
             .iter()
             .any(|extension| name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')))
     }
+}
+
+/// The common name of a unit of height, and its spelling where that is another.
+fn unit_and_text(text: &str) -> (String, Option<String>) {
+    let unit = normal_unit(text);
+    let text = (unit != text).then(|| text.to_owned());
+    (unit, text)
 }
 
 /// One spelling for each common unit of height.

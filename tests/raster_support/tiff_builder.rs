@@ -77,7 +77,6 @@ impl Spec {
 
     /// Builds the file; `value(col, row, band)` is each sample.
     pub(crate) fn build(&self, value: impl Fn(usize, usize, usize) -> f64) -> Vec<u8> {
-        let blocks = self.blocks(&value);
         let mut out = Vec::new();
         out.extend(if self.big_endian { b"MM" } else { b"II" });
         if self.big_tiff {
@@ -85,8 +84,16 @@ impl Spec {
         } else {
             out.extend(self.bytes(42, 2));
         }
-        let pointer_at = out.len();
-        out.resize(pointer_at + self.offset_size(), 0);
+        out.resize(out.len() + self.offset_size(), 0);
+        self.append(&mut out, &value);
+        out
+    }
+
+    /// Puts this image behind those of `file`, whose last bytes are the place for its directory's
+    /// offset.
+    pub(crate) fn append(&self, out: &mut Vec<u8>, value: &impl Fn(usize, usize, usize) -> f64) {
+        let blocks = self.blocks(value);
+        let pointer_at = out.len() - self.offset_size();
         let (mut offsets, mut counts) = (Vec::new(), Vec::new());
         for (i, block) in blocks.iter().enumerate() {
             let sparse = self.sparse.contains(&i);
@@ -96,8 +103,7 @@ impl Spec {
                 out.extend(block);
             }
         }
-        self.directory(&mut out, pointer_at, offsets, counts);
-        out
+        self.directory(out, pointer_at, offsets, counts);
     }
 
     fn offset_size(&self) -> usize {
@@ -127,6 +133,7 @@ impl Spec {
             tags.push((278, short(self.rows_per_strip)));
             tags.push((279, Value::Long(counts)));
         }
+        tags.retain(|(tag, _)| self.extra.iter().all(|(extra, _)| extra != tag));
         tags.extend(self.extra.iter().cloned());
         tags.sort_by_key(|(tag, _)| *tag);
         self.write_directory(out, pointer_at, &tags);
@@ -211,6 +218,11 @@ impl Spec {
     }
 
     fn predict(&self, samples: &[u64], stride: usize) -> Vec<u8> {
+        if self.bits == 1 {
+            let byte =
+                |bits: &[u64]| (0..).zip(bits).fold(0, |b, (i, v)| b | (*v as u8) << (7 - i));
+            return samples.chunks(8).map(byte).collect();
+        }
         let size = self.bits / 8;
         let left = |i: usize| i.checked_sub(stride).map_or(0, |j| samples[j]);
         match self.predictor {

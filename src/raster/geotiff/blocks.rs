@@ -158,8 +158,13 @@ impl Blocks {
         let packed = grown(&mut scratch.packed, to_usize("block", place.bytes)?);
         file.read_at(place.offset, packed)?;
         let plain = to_usize("block", layout.block_bytes(layout.stored_rows(by)))?;
-        let mut out = vec![0; plain / layout.stride()];
-        if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
+        let samples = layout.block_width as usize * layout.stored_rows(by) as usize;
+        let mut out = vec![0; samples * layout.sample_type.bytes()];
+        if layout.one_bit {
+            let bits = grown(&mut scratch.plain, plain);
+            self.unpack(&mut scratch.decoders, packed, bits, by)?;
+            self.take_bits(bits, &mut out);
+        } else if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
             self.unpack(&mut scratch.decoders, packed, &mut out, by)?;
             self.undo_in_place(&mut out);
         } else {
@@ -199,6 +204,16 @@ impl Blocks {
                 Ok(())
             }
             _ => Err(Error::bad_input(format!("decodes to more than the {full} bytes expected"))),
+        }
+    }
+
+    /// Takes the chosen band out of rows of bits, high bits first: each becomes a byte, 0 or 1.
+    fn take_bits(&self, bits: &[u8], out: &mut [u8]) {
+        let (stride, band) = (self.layout.stride(), self.band_in_pixel());
+        let rows = bits.chunks_exact(self.layout.row_bytes() as usize);
+        for (bits, out) in rows.zip(out.chunks_exact_mut(self.layout.block_width as usize)) {
+            let places = (band..).step_by(stride);
+            out.iter_mut().zip(places).for_each(|(o, i)| *o = bits[i / 8] >> (7 - i % 8) & 1);
         }
     }
 

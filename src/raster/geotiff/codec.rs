@@ -63,7 +63,7 @@ fn unsupported(code: u64) -> Error {
         50002 | 52546 => "JPEG XL",
         _ => "unknown",
     };
-    Error::unsupported(format!("compression {name} (code {code})"))
+    Error::unsupported(format!("compression {name} (code {code}) is not supported"))
         .remedy("rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT")
 }
 

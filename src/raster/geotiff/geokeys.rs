@@ -55,6 +55,7 @@ impl GeoKeys {
             wkt: None,
             geographic,
             vertical_unit: self.short(VERTICAL_UNITS).and_then(unit_name).map(str::to_owned),
+            vertical_unit_text: None,
             geo_keys: self.raw,
             geo_doubles: self.doubles,
             geo_ascii: self.ascii,

@@ -1,4 +1,4 @@
-//! The first directory of a TIFF or BigTIFF: entries as (type, count, where), values read on
+//! Directories of a TIFF or BigTIFF: entries as (type, count, where), values read on
 //! demand, every count checked against the file before anything is allocated.
 
 use crate::error::{Error, Result};
@@ -69,7 +69,7 @@ pub(super) struct IntArray {
     tag: u16,
 }
 
-/// The first directory of a file.
+/// One directory of a file.
 #[derive(Debug)]
 pub(super) struct Directory<'a> {
     file: &'a RawFile,
@@ -78,6 +78,8 @@ pub(super) struct Directory<'a> {
     /// True for BigTIFF.
     pub(super) big: bool,
     entries: Vec<Entry>,
+    /// Where the next directory lies; 0 after the last.
+    pub(super) next: u64,
 }
 
 /// Field widths that differ between TIFF and BigTIFF.
@@ -112,9 +114,26 @@ impl<'a> Directory<'a> {
         let order = if head[0] == b'I' { ByteOrder::Little } else { ByteOrder::Big };
         let big = order.uint(&head[2..4]) == 43;
         let at = first_directory(&head, order, big)?;
-        let mut directory = Self { file, order, big, entries: Vec::new() };
-        directory.read_entries(at).map_err(|e| e.at("directory"))?;
+        Self::read_at(file, order, big, at).map_err(|e| e.at("directory"))
+    }
+
+    fn read_at(file: &'a RawFile, order: ByteOrder, big: bool, at: u64) -> Result<Self> {
+        let mut directory = Self { file, order, big, entries: Vec::new(), next: 0 };
+        directory.read_entries(at)?;
         Ok(directory)
+    }
+
+    /// The directory after this one.
+    pub(super) fn following(&self) -> Result<Option<Self>> {
+        if self.next == 0 {
+            return Ok(None);
+        }
+        Self::read_at(self.file, self.order, self.big, self.next).map(Some).map_err(|e| {
+            e.at(format_args!("directory at offset {}", self.next)).remedy(
+                "what follows the first image is damaged, a mask perhaps; copy the file again, or \
+                 keep the first image alone: gdal_translate IN OUT",
+            )
+        })
     }
 
     fn read_entries(&mut self, at: u64) -> Result<()> {
@@ -131,6 +150,10 @@ impl<'a> Directory<'a> {
             let field = first + (i * widths.entry() + 4 + widths.offset) as u64;
             self.entries.push(self.entry(raw, field, widths.offset));
         }
+        let end = first + bytes.len() as u64;
+        // Some writers end the file with the last entry.
+        let next = self.file.read_vec(end, widths.offset as u64).unwrap_or_default();
+        self.next = self.order.uint(&next);
         Ok(())
     }
 
@@ -231,7 +254,8 @@ fn first_directory(head: &[u8], order: ByteOrder, big: bool) -> Result<u64> {
         return Err(Error::bad_input("file is truncated: the TIFF header is not complete"));
     };
     if big && (order.uint(&head[4..6]), order.uint(&head[6..8])) != (8, 0) {
-        return Err(Error::unsupported("BigTIFF with offsets that are not 8 bytes"));
+        let message = "BigTIFF with offsets that are not 8 bytes is not supported";
+        return Err(Error::unsupported(message).remedy("rewrite the file: gdal_translate IN OUT"));
     }
     Ok(order.uint(field))
 }

@@ -24,14 +24,28 @@ pub(super) struct Layout {
     /// True when each band has blocks of its own.
     pub(super) separate: bool,
     pub(super) sample_type: SampleType,
+    /// True when each sample is one bit; it is unpacked to `sample_type`, a byte.
+    pub(super) one_bit: bool,
     pub(super) compression: Compression,
     pub(super) predictor: Predictor,
     pub(super) order: ByteOrder,
 }
 
 impl Layout {
-    /// Reads and checks the layout in `directory`.
+    /// Reads and checks the layout of the grid in `directory`.
     pub(super) fn read(directory: &Directory<'_>) -> Result<Self> {
+        Self::of(directory, |directory| Ok((sample_type(directory)?, false)))
+    }
+
+    /// Reads and checks the layout of the mask in `directory`, whose samples are bits or bytes.
+    pub(super) fn read_mask(directory: &Directory<'_>) -> Result<Self> {
+        Self::of(directory, mask_sample_type)
+    }
+
+    fn of(
+        directory: &Directory<'_>,
+        samples: impl Fn(&Directory<'_>) -> Result<(SampleType, bool)>,
+    ) -> Result<Self> {
         let width = side(directory, tags::IMAGE_WIDTH)?;
         let height = side(directory, tags::IMAGE_LENGTH)?;
         let tiled = directory.has(tags::TILE_WIDTH);
@@ -42,6 +56,8 @@ impl Layout {
             return Err(about(tags::SAMPLES_PER_PIXEL, "is 0"));
         }
         refuse_odd_pixels(directory)?;
+        let compression = Compression::from_code(directory.int(tags::COMPRESSION)?.unwrap_or(1))?;
+        let (sample_type, one_bit) = samples(directory)?;
         let layout = Self {
             width,
             height,
@@ -50,8 +66,9 @@ impl Layout {
             tiled,
             bands: bands as u32,
             separate: is_separate(directory)?,
-            compression: Compression::from_code(directory.int(tags::COMPRESSION)?.unwrap_or(1))?,
-            sample_type: sample_type(directory)?,
+            compression,
+            sample_type,
+            one_bit,
             predictor: Predictor::from_code(directory.int(tags::PREDICTOR)?.unwrap_or(1))?,
             order: directory.order,
         };
@@ -63,15 +80,31 @@ impl Layout {
         let per_plane = self.blocks_across() * self.blocks_down();
         let blocks = per_plane.saturating_mul(self.planes());
         limits::check("number of blocks", blocks, limits::MAX_BLOCKS)?;
-        if self.compression != Compression::None {
-            let bytes = self.block_bytes(self.block_height);
+        if !self.is_read_by_rows() {
+            let bytes = self.decoded_bytes();
             limits::check("bytes of one decoded block", bytes, limits::MAX_BLOCK_BYTES)?;
         }
         let float = matches!(self.sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64);
         if self.effective_predictor() == Predictor::Float && !float {
             return Err(Error::bad_input("floating point predictor on integer samples"));
         }
+        if self.one_bit && self.effective_predictor() != Predictor::None {
+            return Err(Error::bad_input("predictor on samples of one bit"));
+        }
         Ok(())
+    }
+
+    /// True when windows are read row by row straight from the file, false when blocks are decoded
+    /// whole.
+    pub(super) fn is_read_by_rows(&self) -> bool {
+        self.compression == Compression::None && !self.one_bit
+    }
+
+    /// Bytes of a full block of all its bands, each sample in its type. Saturates.
+    pub(super) fn decoded_bytes(&self) -> u64 {
+        let row = u64::from(self.block_width) * self.stride() as u64;
+        let samples = row.saturating_mul(u64::from(self.block_height));
+        samples.saturating_mul(self.sample_type.bytes() as u64)
     }
 
     /// The predictor that was really applied: uncompressed data has none, whatever the tag says.
@@ -102,12 +135,13 @@ impl Layout {
         if self.separate { 1 } else { self.bands as usize }
     }
 
-    /// Bytes of one row of a block, all its bands.
+    /// Bytes of one row of a block as stored, all its bands.
     pub(super) fn row_bytes(&self) -> u64 {
-        u64::from(self.block_width) * self.stride() as u64 * self.sample_type.bytes() as u64
+        let samples = u64::from(self.block_width) * self.stride() as u64;
+        if self.one_bit { samples.div_ceil(8) } else { samples * self.sample_type.bytes() as u64 }
     }
 
-    /// Bytes of `rows` rows of a block. Saturates.
+    /// Bytes of `rows` rows of a block as stored. Saturates.
     pub(super) fn block_bytes(&self, rows: u32) -> u64 {
         self.row_bytes().saturating_mul(u64::from(rows))
     }
@@ -185,15 +219,29 @@ fn is_separate(directory: &Directory<'_>) -> Result<bool> {
     }
 }
 
-/// Subsampled colours and reversed bits are no elevation data.
+/// Colours that are not the samples themselves, and reversed bits, are no elevation data.
 fn refuse_odd_pixels(directory: &Directory<'_>) -> Result<()> {
-    const YCBCR: u64 = 6;
-    if directory.int(tags::PHOTOMETRIC)? == Some(YCBCR) {
-        return Err(Error::unsupported("YCbCr colours"));
+    let colours = match directory.int(tags::PHOTOMETRIC)? {
+        Some(3) => Some("palette"),
+        Some(5) => Some("CMYK"),
+        Some(6) => Some("YCbCr"),
+        Some(8..=10) => Some("CIE L*a*b*"),
+        Some(32803) => Some("colour filter array"),
+        Some(32844 | 32845) => Some("LogLuv"),
+        _ => None,
+    };
+    if let Some(name) = colours {
+        return Err(Error::unsupported(format!(
+            "photometric interpretation {name} is not supported"
+        ))
+        .remedy("write plain heights: gdal_translate -co PHOTOMETRIC=MINISBLACK IN OUT"));
     }
     match directory.int(tags::FILL_ORDER)? {
         None | Some(1) => Ok(()),
-        Some(order) => Err(Error::unsupported(format!("FillOrder {order} (reversed bits)"))),
+        Some(order) => {
+            Err(Error::unsupported(format!("FillOrder {order} (reversed bits) is not supported"))
+                .remedy("rewrite the file: gdal_translate IN OUT"))
+        }
     }
 }
 
@@ -215,6 +263,16 @@ fn sample_type(directory: &Directory<'_>) -> Result<SampleType> {
     })
 }
 
+/// Masks have one bit a sample, or a byte.
+fn mask_sample_type(directory: &Directory<'_>) -> Result<(SampleType, bool)> {
+    match common(directory, tags::BITS_PER_SAMPLE, 1)? {
+        1 => Ok((SampleType::U8, true)),
+        8 => Ok((SampleType::U8, false)),
+        bits => Err(Error::unsupported(format!("a mask of {bits} bits a sample is not supported"))
+            .remedy("rewrite the mask with 1 or 8 bits a sample: gdal_translate -mask")),
+    }
+}
+
 fn unsupported_samples(format: u64, bits: u64) -> Error {
     let kind = match format {
         1 | 4 => "unsigned integer",
@@ -224,10 +282,11 @@ fn unsupported_samples(format: u64, bits: u64) -> Error {
         6 => "complex floating point",
         _ => "unknown",
     };
-    Error::unsupported(format!("{bits}-bit {kind} samples")).remedy(
-        "terrane reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats; \
-         convert with gdal_translate -ot Float32",
-    )
+    let target = if bits > 32 { "Float64" } else { "Float32" };
+    Error::unsupported(format!("{bits}-bit {kind} samples are not supported")).remedy(format!(
+        "terrane reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats; convert the file: \
+         gdal_translate -ot {target} IN OUT"
+    ))
 }
 
 /// The value all bands share, or `missing` when the tag is absent.
@@ -236,6 +295,10 @@ fn common(directory: &Directory<'_>, tag: u16, missing: u64) -> Result<u64> {
     match values.split_first() {
         None => Err(about(tag, "is empty")),
         Some((first, rest)) if rest.iter().all(|v| v == first) => Ok(*first),
-        Some(_) => Err(Error::unsupported(format!("bands that differ in {}", tags::name(tag)))),
+        Some(_) => {
+            let name = tags::name(tag);
+            Err(Error::unsupported(format!("bands that differ in {name} are not supported"))
+                .remedy("take one band out: gdal_translate -b 1 IN OUT"))
+        }
     }
 }

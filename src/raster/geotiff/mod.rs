@@ -9,25 +9,30 @@ mod gdal;
 mod geokeys;
 mod georef;
 mod ifd;
+mod image;
 mod layout;
+mod mask;
 mod predictor;
 mod tags;
 
 use std::path::Path;
+use std::sync::Arc;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
-use crate::raster::cache::{Block, BlockCache};
+use crate::raster::cache::BlockCache;
 use crate::raster::file::RawFile;
 use crate::raster::sample::{Height, ToHeight};
-use crate::raster::{GridInfo, GridSource, OpenOptions, RasterFormat, Window, normal_unit, store};
+use crate::raster::{
+    GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
+};
 
-use blocks::{Blocks, Place};
-use codec::Compression;
 use geokeys::GeoKeys;
 use georef::Georeference;
 use ifd::Directory;
+use image::{Image, check_cache};
 use layout::Layout;
+use mask::Mask;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -38,9 +43,11 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Opens a GeoTIFF; a store written by terrane is recognised first and mapped.
+/// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
+/// beside it.
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    if let Some(store) = store::try_open(path, options)? {
+    let masked = mask_beside(path).is_some();
+    if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
         return Ok(store);
     }
     let source = GeoTiff::open(path, options).map_err(|e| e.in_file(path))?;
@@ -49,90 +56,50 @@ fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 
 /// An open GeoTIFF.
 struct GeoTiff {
-    file: RawFile,
+    image: Image,
+    masks: Vec<Mask>,
     info: GridInfo,
-    blocks: Blocks,
     to_height: ToHeight,
     cache: BlockCache,
 }
 
 impl GeoTiff {
     fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
-        let file = RawFile::open(path)?;
+        let file = Arc::new(RawFile::open(path)?);
         let directory = Directory::read(&file)?;
         let layout = Layout::read(&directory)?;
         check_band(options.band, layout.bands)?;
-        check_cache(&layout, options.cache_bytes)?;
-        let info = describe(&directory, &layout, options)?;
-        let blocks = Blocks::read(&directory, layout, options.band - 1, &file)?;
-        let to_height = ToHeight::of(&info);
-        Ok(Self { file, info, blocks, to_height, cache: BlockCache::new(options.cache_bytes) })
+        let (band, cache_bytes) = (options.band - 1, options.cache_bytes);
+        check_cache(&layout, cache_bytes)?;
+        let mut info = describe(&directory, &layout, options)?;
+        let image = Image::new(&file, &directory, layout, band, 0)?;
+        let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
+        let masks = mask::find(mask::Grid { file, directory, layout, band, cache_bytes })?;
+        info.details.extend(masks.iter().map(|mask| ("mask".to_owned(), mask.name.clone())));
+        let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
+        Ok(Self { image, masks, info, to_height, cache })
     }
 
     fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        let mut window = Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.path()))?;
-        let layout = &self.blocks.layout;
-        for (bx, by) in blocks_touching(layout, rect) {
-            let part = layout.block_rect(bx, by).intersect(&rect);
-            match self.blocks.place(bx, by, &self.file)? {
-                None => self.fill_sparse(part, &mut window),
-                Some(place) if layout.compression == Compression::None => {
-                    self.read_raw((bx, by), place, part, &mut window)?;
-                }
-                Some(place) => self.read_decoded((bx, by), place, part, &mut window)?,
+        let mut window =
+            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.image.file.path()))?;
+        let sparse = self.sparse();
+        self.image.each_row(rect, &self.cache, |part, row, samples| {
+            let heights = window.row(part, row);
+            match samples {
+                Some(samples) => self.to_height.convert(samples, heights),
+                None => heights.fill(sparse),
             }
-        }
-        Ok(())
-    }
-
-    fn path(&self) -> &Path {
-        self.file.path()
+        })?;
+        self.masks.iter().try_for_each(|mask| mask.apply(rect, &self.cache, &mut window))
     }
 
     /// Blocks that were never written are nodata; without a declared nodata they are zeros.
-    fn fill_sparse<H: Height>(&self, part: Rect, window: &mut Window<'_, H>) {
-        let sparse = match self.info.nodata {
+    fn sparse<H: Height>(&self) -> H {
+        match self.info.nodata {
             Some(_) => H::VOID,
             None => H::of_f64(self.info.offset),
-        };
-        (0..part.height).for_each(|row| window.row(part, row).fill(sparse));
-    }
-
-    fn read_raw<H: Height>(
-        &self,
-        block: (u32, u32),
-        place: Place,
-        part: Rect,
-        window: &mut Window<'_, H>,
-    ) -> Result<()> {
-        self.blocks.read_raw(block, place, part, &self.file, |row, samples| {
-            self.to_height.convert(samples, window.row(part, row as u32));
-        })
-    }
-
-    fn read_decoded<H: Height>(
-        &self,
-        (bx, by): (u32, u32),
-        place: Place,
-        part: Rect,
-        window: &mut Window<'_, H>,
-    ) -> Result<()> {
-        let samples = self.decoded(bx, by, place)?;
-        let block = self.blocks.layout.block_rect(bx, by);
-        let size = self.info.sample_type.bytes();
-        let pitch = self.blocks.layout.block_width as usize * size;
-        let first = (part.col - block.col) as usize * size;
-        for row in 0..part.height {
-            let start = (part.row - block.row + row) as usize * pitch + first;
-            let bytes = &samples[start..][..part.width as usize * size];
-            self.to_height.convert(bytes, window.row(part, row));
         }
-        Ok(())
-    }
-
-    fn decoded(&self, bx: u32, by: u32, place: Place) -> Result<Block> {
-        let number = self.blocks.number(bx, by);
-        self.cache.get(number, || self.blocks.decode(bx, by, place, &self.file))
     }
 }
 
@@ -152,23 +119,9 @@ impl GridSource for GeoTiff {
     /// Forgets the blocks that lie wholly inside `rect`.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
-        let layout = &self.blocks.layout;
-        for (bx, by) in blocks_touching(layout, rect) {
-            let block = layout.block_rect(bx, by);
-            if block.intersect(&rect) == block {
-                self.cache.forget(self.blocks.number(bx, by));
-            }
-        }
+        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
+        images.for_each(|image| image.forget(rect, &self.cache));
     }
-}
-
-/// Blocks with samples in `rect` (inside the grid), row by row.
-fn blocks_touching(layout: &Layout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let (width, height) = (layout.block_width, layout.block_height);
-    let columns = rect.col / width..rect.end_col().div_ceil(width);
-    let rows = rect.row / height..rect.end_row().div_ceil(height);
-    let (columns, rows) = if rect.is_empty() { (0..0, 0..0) } else { (columns, rows) };
-    rows.flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
 fn check_band(band: u32, bands: u32) -> Result<()> {
@@ -178,20 +131,6 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
     let has = if bands == 1 { "1 band".to_owned() } else { format!("{bands} bands") };
     Err(Error::usage(format!("band {band} is out of range: the file has {has}"))
         .remedy(format!("give --band from 1 to {bands}")))
-}
-
-/// A compressed block is decoded whole, so it has to fit.
-fn check_cache(layout: &Layout, cache_bytes: usize) -> Result<()> {
-    let bytes = layout.block_bytes(layout.block_height);
-    if layout.compression == Compression::None || bytes <= cache_bytes as u64 {
-        return Ok(());
-    }
-    let message = format!(
-        "one block takes {bytes} bytes decoded, more than the {cache_bytes} bytes for cached blocks"
-    );
-    Err(Error::new(ErrorKind::Resource, message).remedy(
-        "give more --memory, or rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT",
-    ))
 }
 
 /// Everything the directory says of the grid.
@@ -231,7 +170,8 @@ fn describe(directory: &Directory<'_>, layout: &Layout, options: &OpenOptions) -
 fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
     let mut crs = keys.into_crs();
     if let Some(unit) = &items.unit {
-        crs.vertical_unit = Some(normal_unit(unit));
+        let (unit, text) = unit_and_text(unit);
+        (crs.vertical_unit, crs.vertical_unit_text) = (Some(unit), text);
     }
     crs
 }

@@ -22,7 +22,9 @@ impl Predictor {
             1 => Ok(Self::None),
             2 => Ok(Self::Horizontal),
             3 => Ok(Self::Float),
-            _ => Err(Error::unsupported(format!("predictor {code}"))),
+            _ => Err(Error::unsupported(format!("predictor {code} is not supported")).remedy(
+                "rewrite the file: gdal_translate -co COMPRESS=DEFLATE -co PREDICTOR=1 IN OUT",
+            )),
         }
     }
 

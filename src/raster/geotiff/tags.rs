@@ -15,6 +15,7 @@ macro_rules! tags {
 }
 
 tags! {
+    NEW_SUBFILE_TYPE = 254, "NewSubfileType";
     IMAGE_WIDTH = 256, "ImageWidth";
     IMAGE_LENGTH = 257, "ImageLength";
     BITS_PER_SAMPLE = 258, "BitsPerSample";
@@ -31,6 +32,7 @@ tags! {
     TILE_LENGTH = 323, "TileLength";
     TILE_OFFSETS = 324, "TileOffsets";
     TILE_BYTE_COUNTS = 325, "TileByteCounts";
+    EXTRA_SAMPLES = 338, "ExtraSamples";
     SAMPLE_FORMAT = 339, "SampleFormat";
     MODEL_PIXEL_SCALE = 33550, "ModelPixelScale";
     MODEL_TIEPOINT = 33922, "ModelTiepoint";

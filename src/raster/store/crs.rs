@@ -15,6 +15,7 @@ mod key {
     pub(super) const PROJECTED: u16 = 1;
     pub(super) const GEOGRAPHIC: u16 = 2;
     pub(super) const PIXEL_IS_AREA: u16 = 1;
+    pub(super) const PIXEL_IS_POINT: u16 = 2;
     pub(super) const USER_DEFINED: u16 = 32_767;
 }
 
@@ -27,27 +28,42 @@ pub(super) struct GeoKeys {
 }
 
 impl GeoKeys {
-    /// The keys for `crs`, saying PixelIsArea.
-    pub(super) fn of(crs: &Crs) -> Self {
+    /// The keys for `crs`, saying PixelIsPoint or PixelIsArea.
+    pub(super) fn of(crs: &Crs, point: bool) -> Self {
+        let raster_type = if point { key::PIXEL_IS_POINT } else { key::PIXEL_IS_AREA };
         if crs.geo_keys.len() >= 4 {
-            let mut directory = crs.geo_keys.clone();
-            say_area(&mut directory);
+            let directory = saying(raster_type, &crs.geo_keys);
             let ascii = crs.geo_ascii.trim_end_matches('\0').replace('\0', " ");
             return Self { directory, doubles: crs.geo_doubles.clone(), ascii };
         }
-        Self::made(crs)
+        Self::made(crs, raster_type)
     }
 
-    fn made(crs: &Crs) -> Self {
+    /// True when raster positions mean samples.
+    pub(super) fn is_point(&self) -> bool {
+        self.directory
+            .chunks_exact(4)
+            .skip(1)
+            .any(|entry| matches!(entry, [key::RASTER_TYPE, 0, _, key::PIXEL_IS_POINT]))
+    }
+
+    fn made(crs: &Crs, raster_type: u16) -> Self {
         let epsg = crs.epsg.and_then(|code| u16::try_from(code).ok());
         match (epsg, &crs.wkt) {
-            (Some(code), _) => Self::by_code(code, crs),
-            (None, Some(wkt)) => Self::by_text(wkt),
+            (Some(code), _) => Self::by_code(code, crs, raster_type),
+            (None, Some(wkt)) => Self::by_text(wkt, raster_type),
+            (None, None) if raster_type == key::PIXEL_IS_POINT => Self::by_type(raster_type),
             (None, None) => Self::default(),
         }
     }
 
-    fn by_code(code: u16, crs: &Crs) -> Self {
+    /// Nothing but what raster positions mean.
+    fn by_type(raster_type: u16) -> Self {
+        let directory = directory(&[[key::RASTER_TYPE, 0, 1, raster_type]]);
+        Self { directory, ..Self::default() }
+    }
+
+    fn by_code(code: u16, crs: &Crs, raster_type: u16) -> Self {
         let geographic = crs.geographic.unwrap_or_else(|| is_geographic(code));
         let (model, system) = match geographic {
             true => (key::GEOGRAPHIC, key::GEODETIC_CRS),
@@ -55,7 +71,7 @@ impl GeoKeys {
         };
         let mut entries = vec![
             [key::MODEL_TYPE, 0, 1, model],
-            [key::RASTER_TYPE, 0, 1, key::PIXEL_IS_AREA],
+            [key::RASTER_TYPE, 0, 1, raster_type],
             [system, 0, 1, code],
         ];
         let vertical = crs.vertical_epsg.and_then(|code| u16::try_from(code).ok());
@@ -65,12 +81,12 @@ impl GeoKeys {
 
     /// Well-known text without a code goes where Esri puts it; GDAL reads it from there when the
     /// model is user-defined.
-    fn by_text(wkt: &str) -> Self {
+    fn by_text(wkt: &str, raster_type: u16) -> Self {
         let ascii = format!("ESRI PE String = {}|", wkt.replace('\0', " "));
         let Ok(length) = u16::try_from(ascii.len()) else { return Self::default() };
         let entries = [
             [key::MODEL_TYPE, 0, 1, key::USER_DEFINED],
-            [key::RASTER_TYPE, 0, 1, key::PIXEL_IS_AREA],
+            [key::RASTER_TYPE, 0, 1, raster_type],
             [key::PROJECTED_CITATION, tag::GEO_ASCII, length, 0],
         ];
         Self { directory: directory(&entries), doubles: Vec::new(), ascii }
@@ -93,17 +109,26 @@ impl GeoKeys {
 
 /// Fills in the GeoKeys of a CRS known by its code only.
 pub(crate) fn complete(crs: Crs) -> Crs {
-    let GeoKeys { directory, doubles, ascii } = GeoKeys::of(&crs);
+    let GeoKeys { directory, doubles, ascii } = GeoKeys::of(&crs, false);
     Crs { geo_keys: directory, geo_doubles: doubles, geo_ascii: ascii, ..crs }
 }
 
-/// The store's transform is that of cells, whatever the source said.
-fn say_area(directory: &mut [u16]) {
-    for entry in directory.chunks_exact_mut(4).skip(1) {
-        if let [key::RASTER_TYPE, 0, _, value] = entry {
-            *value = key::PIXEL_IS_AREA;
+/// The keys of a source with its raster type as given. Sources that say nothing mean areas.
+fn saying(raster_type: u16, keys: &[u16]) -> Vec<u16> {
+    let mut keys = keys.to_vec();
+    let mut entries = keys.chunks_exact_mut(4).skip(1);
+    match entries.find(|entry| matches!(entry, [key::RASTER_TYPE, 0, ..])) {
+        Some(entry) => entry[3] = raster_type,
+        None if raster_type == key::PIXEL_IS_POINT => {
+            let known =
+                keys.chunks_exact(4).skip(1).take_while(|e| e[0] < key::RASTER_TYPE).count();
+            let at = 4 + 4 * known;
+            keys.splice(at..at, [key::RASTER_TYPE, 0, 1, raster_type]);
+            keys[3] = keys[3].saturating_add(1);
         }
+        None => {}
     }
+    keys
 }
 
 fn directory(entries: &[[u16; 4]]) -> Vec<u16> {

@@ -43,7 +43,7 @@ pub(super) enum Position {
         scale: [f64; 2],
         origin: [f64; 2],
     },
-    /// The 4 x 4 matrix from cell corners to world.
+    /// The 4 x 4 matrix to world: from cell corners, or from samples where these are points.
     Matrix(Vec<f64>),
 }
 
@@ -66,7 +66,7 @@ impl Header {
             return Err(Error::bad_input("the grid's transform cannot be inverted"));
         }
         let position = Position::new(info);
-        let keys = GeoKeys::of(&info.crs);
+        let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
         let metadata = Metadata::new(info, matches!(position, Position::Matrix(_)));
         Ok(Self { layout, position, keys, metadata, nodata: info.nodata.map(number) })
     }
@@ -80,7 +80,7 @@ impl Header {
             height,
             transform,
             georeferenced: self.position != Position::Nowhere,
-            pixel_is_point: false,
+            pixel_is_point: self.keys.is_point(),
             crs: self.metadata.crs(&self.keys)?,
             sample_type,
             nodata: self.nodata.as_ref().map(|text| text.parse()).transpose().ok()?,
@@ -140,7 +140,7 @@ impl Header {
             (tag::TILE_BYTES, Values::Table { count, first: step, step: 0 }),
             (tag::SAMPLE_FORMAT, short(format)),
         ];
-        tags.extend(self.position.tags());
+        tags.extend(self.position.tags(self.keys.is_point()));
         tags.extend(self.keys.tags());
         tags.extend(self.metadata.xml().map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
         tags.extend(self.nodata.clone().map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
@@ -157,17 +157,21 @@ impl Position {
         if t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0 {
             return Self::North { scale: [t.a, -t.e], origin: [t.x0, t.y0] };
         }
-        let [x, a, b, y, d, e] = t.to_gdal();
+        let [corner_x, a, b, corner_y, d, e] = t.to_gdal();
+        let point = info.pixel_is_point;
+        let [x, y] = if point { [t.x0, t.y0] } else { [corner_x, corner_y] };
         let rows = [[a, b, 0.0, x], [d, e, 0.0, y], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
         Self::Matrix(rows.concat())
     }
 
-    fn tags(&self) -> Vec<(u16, Values)> {
+    /// Samples that are areas are tied at the centre of their cell.
+    fn tags(&self, point: bool) -> Vec<(u16, Values)> {
+        let tie = if point { 0.0 } else { 0.5 };
         match self {
             Self::Nowhere => Vec::new(),
             Self::North { scale: [a, e], origin: [x, y] } => vec![
                 (tag::PIXEL_SCALE, Values::Double(vec![*a, *e, 0.0])),
-                (tag::TIEPOINT, Values::Double(vec![0.5, 0.5, 0.0, *x, *y, 0.0])),
+                (tag::TIEPOINT, Values::Double(vec![tie, tie, 0.0, *x, *y, 0.0])),
             ],
             Self::Matrix(matrix) => vec![(tag::MATRIX, Values::Double(matrix.clone()))],
         }

@@ -4,7 +4,7 @@
 use super::crs::GeoKeys;
 use super::header::number;
 use crate::geom::Crs;
-use crate::raster::GridInfo;
+use crate::raster::{GridInfo, unit_and_text};
 
 /// Items in the order they are written.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,7 +30,8 @@ impl Metadata {
             items.push("OFFSET", Some("offset"), Some(number(info.offset)));
             items.push("SCALE", Some("scale"), Some(number(info.scale)));
         }
-        items.push("UNITTYPE", Some("unittype"), crs.vertical_unit.clone());
+        let unit = crs.vertical_unit_text.as_ref().or(crs.vertical_unit.as_ref());
+        items.push("UNITTYPE", Some("unittype"), unit.cloned());
         items.push("TERRANE_EPSG", None, crs.epsg.map(|code| code.to_string()));
         items.push("TERRANE_VERTICAL_EPSG", None, crs.vertical_epsg.map(|code| code.to_string()));
         items.push("TERRANE_CITATION", None, crs.citation.clone());
@@ -72,13 +73,15 @@ impl Metadata {
     /// The CRS, with the given GeoKeys; `None` when an item is not what it should be.
     pub(super) fn crs(&self, keys: &GeoKeys) -> Option<Crs> {
         let text = |name| self.get(name).map(str::to_owned);
+        let (vertical_unit, vertical_unit_text) = self.get("UNITTYPE").map(unit_and_text).unzip();
         Some(Crs {
             epsg: self.optional("TERRANE_EPSG")?,
             vertical_epsg: self.optional("TERRANE_VERTICAL_EPSG")?,
             citation: text("TERRANE_CITATION"),
             wkt: text("TERRANE_WKT"),
             geographic: self.optional("TERRANE_GEOGRAPHIC")?,
-            vertical_unit: text("UNITTYPE"),
+            vertical_unit,
+            vertical_unit_text: vertical_unit_text.flatten(),
             geo_keys: keys.directory.clone(),
             geo_doubles: keys.doubles.clone(),
             geo_ascii: keys.ascii.clone(),

@@ -45,6 +45,11 @@ impl Codec {
         Self { sample_type, nodata, scale, offset }
     }
 
+    /// The declared nodata value, whether or not the type can hold it.
+    pub(super) fn nodata(&self) -> Option<f64> {
+        self.nodata
+    }
+
     /// Heights of stored bytes (as many as `out` holds); voids become NaN.
     pub(super) fn decode<H: Height>(&self, stored: &[u8], out: &mut [H]) {
         by_type!(self, decode_as, stored, out);

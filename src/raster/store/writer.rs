@@ -11,9 +11,9 @@ use super::map;
 use super::sample::{Codec, Height, Misfit};
 use super::tags::Front;
 use crate::atomic::AtomicFile;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
-use crate::raster::GridInfo;
+use crate::raster::{GridInfo, mask_beside};
 
 /// Heights handed to a [`StoreWriter`]; voids are NaN.
 #[derive(Clone, Copy, Debug)]
@@ -39,8 +39,10 @@ pub struct StoreWriter {
 impl StoreWriter {
     /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one
     /// of [`TILE_SIDES`](super::TILE_SIDES)), after making sure that the disk has room for it. Size, transform,
-    /// CRS, sample type, nodata, scale and offset are taken from `info`.
+    /// CRS, sample type, nodata, scale and offset are taken from `info`. Fails where a mask of an
+    /// earlier file lies beside `path`: it would void samples of the store.
     pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
+        refuse_old_mask(path)?;
         let header = Header::new(info, side).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, overwrite)?;
         let (layout, front) = (header.layout, header.front());
@@ -112,7 +114,11 @@ impl StoreWriter {
         let name = self.layout.sample_type.name();
         let (at, message, remedy) = match misfit {
             Misfit::Void(at) => {
-                (at, "a void, but no nodata value is declared".to_owned(), "pass --nodata")
+                let why = match self.codec.nodata() {
+                    Some(value) => format!("the nodata value {value} cannot be stored as {name}"),
+                    None => "no nodata value is declared".to_owned(),
+                };
+                (at, format!("a void, but {why}"), CHOOSE_FOR_VOIDS)
             }
             Misfit::Height(at, height) => {
                 (at, format!("the height {height} cannot be stored as {name}"), CHOOSE_NODATA)
@@ -141,7 +147,16 @@ impl StoreWriter {
     }
 }
 
+const CHOOSE_FOR_VOIDS: &str = "pass a value with --nodata that the type holds and no sample has";
 const CHOOSE_NODATA: &str = "if it equals the nodata value, pass another one with --nodata";
+
+fn refuse_old_mask(path: &Path) -> Result<()> {
+    let Some(mask) = mask_beside(path) else { return Ok(()) };
+    let message = "is the mask of an earlier file and would void samples of the new one";
+    Err(Error::new(ErrorKind::CannotWrite, message)
+        .in_file(&mask)
+        .remedy("remove it, or write to another name"))
+}
 
 /// Bytes in the file, and how many rows of a tile go there.
 struct Place {
