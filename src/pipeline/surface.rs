@@ -23,7 +23,7 @@ pub enum Surface {
 /// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
 /// first bytes. `input` may be a synthetic terrain by name.
 pub fn open(input: &str, options: &OpenOptions) -> Result<Surface> {
-    if is_synthetic(input) || !is_mesh(Path::new(input))? {
+    if is_synthetic(input) || !is_mesh(Path::new(raster::file_name(input)))? {
         return raster::open(input, options).map(Surface::Grid);
     }
     output::open(Path::new(input)).map(Surface::Mesh)
