@@ -2,44 +2,15 @@
 
 mod raster_support;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use raster_support::mutation::{Random, guarded, mutate};
 use raster_support::tiff_builder::{Spec, Value};
-use raster_support::{crc, data_folder, open_band, read_all, write_anew};
-use terrane::Result;
-use terrane::geom::Rect;
-use terrane::raster::{OpenOptions, open};
+use raster_support::{crc, data_folder, open_band, write_anew};
 
 const TABLE: &str = include_str!("raster_support/hostile.tsv");
-/// Most samples a test reads at once.
-const MOST_SAMPLES: u64 = 1 << 19;
 /// Far below what any of the lying headers asks for.
 const MOST_MEMORY: u64 = 1 << 30;
-
-/// Opens and reads all of a small grid, or three windows of a large one.
-fn attempt(path: &Path) -> Result<Vec<f64>> {
-    let options = OpenOptions { cache_bytes: 16 << 20, ..OpenOptions::default() };
-    let source = open(path.to_str().unwrap(), &options)?;
-    let (width, height) = (source.info().width, source.info().height);
-    if u64::from(width) * u64::from(height) <= MOST_SAMPLES {
-        return read_all(source.as_ref());
-    }
-    let (w, h) = (width.min(64), height.min(64));
-    let mut out = vec![0.0; (w * h) as usize];
-    for (col, row) in [(0, 0), (width / 2 - w / 2, height / 2 - h / 2), (width - w, height - h)] {
-        source.read_f64(Rect::new(col, row, w, h), &mut out)?;
-    }
-    Ok(out)
-}
-
-/// As [`attempt`], with a panic as text.
-fn guarded(path: &Path) -> std::result::Result<Result<Vec<f64>>, String> {
-    catch_unwind(AssertUnwindSafe(|| attempt(path))).map_err(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        text.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_owned())).unwrap_or_default()
-    })
-}
 
 fn check_row(folder: &Path, row: &[&str]) -> std::result::Result<(), String> {
     match (guarded(&folder.join(row[0]))?, row[1]) {
@@ -75,34 +46,6 @@ fn every_damaged_file_of_the_corpus() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
     assert!(rows.len() > 50, "only {} files", rows.len());
     assert!(terrane::pipeline::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
-}
-
-/// A small generator of repeatable numbers (xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, most: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % most as u64) as usize
-    }
-}
-
-/// Changes a few bytes, to anything or to values that tend to hurt; sometimes cuts the end.
-fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
-    for _ in 0..1 + random.below(4) {
-        let at = random.below(bytes.len());
-        bytes[at] = match random.below(4) {
-            0 => 0,
-            1 => 0xff,
-            2 => bytes[at] ^ (1 << random.below(8)),
-            _ => random.below(256) as u8,
-        };
-    }
-    if random.below(8) == 0 {
-        bytes.truncate(1 + random.below(bytes.len()));
-    }
 }
 
 fn ramp(col: usize, row: usize, band: usize) -> f64 {
@@ -176,7 +119,7 @@ fn things_that_are_no_rasters() {
     check("missing.tif", None, "No such file");
     check("", None, "is not a file");
     check("empty.tif", Some(b""), "file is empty");
-    check("note.txt", Some(b"hello"), "terrane reads GeoTIFF (.tif, ");
+    check("note.md", Some(b"hello"), "terrane reads GeoTIFF (.tif, ");
     check("note.tif", Some(b"hello"), "is not a TIFF");
     check("short.tif", Some(b"II*\0"), "header is not complete");
     check("odd.hgt", Some(b"hello"), "5 bytes is not the length of an SRTM tile");

@@ -249,9 +249,11 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> 
     }
 }
 
-/// The format of a file: by its first bytes, else by its name.
+/// The format of a file: by its first bytes, else by its name. The header of a raw grid goes by
+/// its name, for it begins as a text grid does.
 fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
-    let by_content = FORMATS.iter().find(|format| (format.sniff)(head));
+    let is_header = raw::is_header_name(path);
+    let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
     by_content.or_else(|| FORMATS.iter().find(|format| format.has_extension_of(path)))
 }
 

@@ -1,6 +1,8 @@
 //! Shared by the raster tests: where the real files are, and how to read a whole grid.
 #![allow(dead_code)] // each test binary uses its part
 
+pub(crate) mod formats;
+pub(crate) mod mutation;
 pub(crate) mod tiff_builder;
 
 use std::path::{Path, PathBuf};

@@ -157,16 +157,24 @@ impl Header {
     }
 }
 
+/// True for the name of a header.
+pub(super) fn is_header_name(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr"))
+}
+
 /// Opens the data file `path` by the header beside it.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr")) {
+    if is_header_name(path) {
         return Err(is_header(path));
     }
     let Some(header_path) = header_beside(path) else {
         let name = path.with_extension("hdr");
         return Err(Error::bad_input("raw binary data without a header beside it")
             .in_file(path)
-            .remedy(format!("put its header at {}", name.display())));
+            .remedy(format!(
+                "put its header beside it as {}",
+                name.file_name().unwrap_or_default().display()
+            )));
     };
     let header = read_header(path, &header_path).map_err(|e| e.in_file(&header_path))?;
     some_band(options.band, header.bands).map_err(|e| e.in_file(path))?;

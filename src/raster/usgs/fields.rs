@@ -5,6 +5,8 @@ use crate::raster::file::RawFile;
 
 /// Bytes read at a time.
 const CHUNK: u64 = 64 << 10;
+/// Bytes of the field of a height, alone and with the padding of the record before it.
+const FIELDS: [usize; 2] = [6, 10];
 /// No number is longer.
 const MOST_WORD: usize = 64;
 
@@ -53,18 +55,19 @@ impl<'a> Fields<'a> {
     }
 
     fn word(&mut self) -> Result<Vec<u8>> {
-        let mut word = Vec::new();
+        let (mut word, mut before) = (Vec::new(), 0);
         while let Some(byte) = self.peek()? {
             if byte.is_ascii_whitespace() {
                 self.next += 1;
                 if word.is_empty() {
+                    before += 1;
                     continue;
                 }
-                break;
+                return Ok(word);
             }
             let is_sign = matches!(byte, b'-' | b'+');
             if is_sign && word.last().is_some_and(|last| !b"DdEe".contains(last)) {
-                break;
+                return Ok(word);
             }
             if word.len() == MOST_WORD {
                 return Err(not_a("number", &word));
@@ -72,7 +75,8 @@ impl<'a> Fields<'a> {
             word.push(byte);
             self.next += 1;
         }
-        if word.is_empty() {
+        // A number that ends with the file must fill its field, or digits may be missing.
+        if word.is_empty() || !FIELDS.contains(&(before + word.len())) {
             let found = self.file.len();
             let message = format!("file is truncated: more is expected and it has {found} bytes");
             return Err(Error::bad_input(message));
@@ -111,7 +115,7 @@ mod tests {
     #[test]
     fn numbers_that_touch_and_records() {
         let mut file = tempfile::tempfile().unwrap();
-        file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7 junk junk  8").unwrap();
+        file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7 junk junk     8").unwrap();
         let file = RawFile::of(file, Path::new("t.dem")).unwrap();
         let mut fields = Fields::new(&file, 0);
         assert_eq!(fields.integer().unwrap(), 12);
@@ -124,7 +128,7 @@ mod tests {
         assert_eq!(fields.integer().unwrap(), 8);
         fields.align(0, 1000);
         let error = fields.integer().unwrap_err().to_string();
-        assert!(error.contains("it has 43 bytes"), "{error}");
+        assert!(error.contains("it has 46 bytes"), "{error}");
         assert!(Fields::new(&file, 32).integer().is_err());
     }
 }

@@ -20,7 +20,7 @@ use header::Header;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "USGS DEM",
     extensions: &["dem"],
-    about: "ASCII quads with or without newlines; a .dem with a .hdr beside it is read as raw",
+    about: "ASCII quads with or without newlines; binary .dem with a .hdr is read as raw",
     sniff: |_| false,
     open,
 };
@@ -32,11 +32,17 @@ const SLACK: f64 = 0.05;
 
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     // Old global grids are raw data that ends in .dem.
-    if raw::header_beside(path).is_some() {
+    if raw::header_beside(path).is_some() && !is_text(path)? {
         return raw::open(path, options);
     }
     let grid = read(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
+}
+
+/// True when the file begins as text does.
+fn is_text(path: &Path) -> Result<bool> {
+    let head = RawFile::open(path)?.head(144)?;
+    Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
 }
 
 fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
@@ -115,9 +121,9 @@ fn profile(fields: &mut Fields<'_>, header: &Header, i: u32) -> Result<Vec<f64>>
     let (_, _) = (fields.decimal()?, fields.decimal()?);
     let [col, bottom] = header.transform.invert(x, y);
     if (col - f64::from(i)).abs() > SLACK {
-        return Err(Error::bad_input(format!(
-            "it lies at x {x}, which is column {col} of the grid the header describes"
-        )));
+        let [expected, _] = header.transform.apply(f64::from(i), 0.0);
+        let message = format!("it lies at x {x}, where the header says {expected}");
+        return Err(Error::bad_input(message));
     }
     let first = bottom.round();
     if !(first < f64::from(header.height) && first - rows as f64 >= -1.0) {
