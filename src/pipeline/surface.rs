@@ -46,7 +46,9 @@ fn is_mesh(path: &Path) -> Result<bool> {
     if output::FORMATS.iter().any(|f| ends(f.extensions)) {
         return Ok(true);
     }
-    if raster::FORMATS.iter().any(|f| (f.sniff)(&head[..head.len().min(64)])) {
+    if raster::has_header(path)
+        || raster::FORMATS.iter().any(|f| (f.sniff)(&head[..head.len().min(64)]))
+    {
         return Ok(false);
     }
     if output::FORMATS.iter().any(|f| (f.sniff)(&head)) {

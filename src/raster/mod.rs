@@ -254,7 +254,14 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> 
 fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
     let is_header = raw::is_header_name(path);
     let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
-    by_content.or_else(|| FORMATS.iter().find(|format| format.has_extension_of(path)))
+    let by_name = || FORMATS.iter().find(|format| format.has_extension_of(path));
+    by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
+}
+
+/// True when an ESRI or ENVI header lies beside `path`, so that it is a raw grid whatever its
+/// ending, unless that is another format's.
+pub fn has_header(path: &Path) -> bool {
+    raw::header_beside(path).is_some()
 }
 
 /// The first bytes of a regular file.

@@ -19,8 +19,8 @@ use crate::raster::{
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "raw with header",
-    extensions: &["flt", "bil", "bip", "bsq", "dat", "img", "raw", "bin", "hdr"],
-    about: "raw binary grids with an ESRI or ENVI .hdr beside them; .prj gives the CRS",
+    extensions: &["flt", "bil", "bip", "bsq", "hdr"],
+    about: "binary grids, of any ending, with an ESRI or ENVI .hdr beside them",
     sniff: |_| false,
     open,
 };
@@ -207,7 +207,7 @@ pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
 /// The answer to a user who opens the header.
 fn is_header(path: &Path) -> Error {
     let stem = path.with_extension("");
-    let endings = FORMAT.extensions.iter().filter(|e| **e != "hdr");
+    let endings = ["bil", "flt", "bip", "bsq", "dat", "img", "raw", "bin", "dem"].iter();
     let upper = |e: &&str| [(*e).to_owned(), e.to_uppercase()];
     let mut names = endings.flat_map(upper).map(|e| stem.with_extension(e)).chain([stem.clone()]);
     let remedy = match names.find(|data| data.is_file()) {

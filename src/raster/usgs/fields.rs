@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(fields.decimal().unwrap(), 5.0);
         assert_eq!(fields.decimal().unwrap(), -0.25);
         assert_eq!(fields.integer().unwrap(), 7);
-        fields.align(0, 41);
+        fields.align(0, 40);
         assert_eq!(fields.integer().unwrap(), 8);
         fields.align(0, 1000);
         let error = fields.integer().unwrap_err().to_string();

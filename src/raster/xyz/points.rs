@@ -149,7 +149,11 @@ fn columns(heading: &str) -> Result<[usize; 3]> {
     match NAMES.map(find) {
         [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
         [None, None, None] if names.len() >= 3 => Ok([0, 1, 2]),
-        _ => Err(Error::bad_input(format!("the heading {heading:?} does not name x, y and z"))),
+        _ => {
+            let heading: String = heading.chars().take(80).collect();
+            let message = format!("the heading {heading:?} does not name x, y and z");
+            Err(Error::bad_input(message).remedy("a line is a point: its x, its y and its height"))
+        }
     }
 }
 
