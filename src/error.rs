@@ -128,6 +128,14 @@ impl Error {
         self
     }
 
+    /// Attaches the file in place of one that may be attached already: the user's name of a file
+    /// that was read through a copy.
+    #[must_use]
+    pub fn renamed(mut self, path: &Path) -> Self {
+        self.path = Some(path.to_path_buf());
+        self
+    }
+
     /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {

@@ -15,6 +15,8 @@ pub const MAX_BANDS: u64 = 65_535;
 pub const MAX_HEADER_BYTES: u64 = 16 << 20;
 /// Most directories (pages, overviews, masks) of one TIFF.
 pub const MAX_DIRECTORIES: u64 = 65_536;
+/// Most bytes a compressed or text grid may unpack to in the temporary folder.
+pub const MAX_UNPACKED_BYTES: u64 = 16 << 30;
 /// Most entries of one TIFF directory.
 pub const MAX_IFD_ENTRIES: u64 = 4096;
 /// Largest magnitude of a height: differences and slopes stay far from overflow in `f32`.

@@ -59,7 +59,7 @@ fn things_that_are_no_rasters() {
     check("missing.tif", None, "No such file");
     check("", None, "is not a file");
     check("empty.tif", Some(b""), "file is empty");
-    check("note.txt", Some(b"hello"), "terrane reads GeoTIFF (.tif, ");
+    check("note.md", Some(b"hello"), "terrane reads GeoTIFF (.tif, ");
     check("note.tif", Some(b"hello"), "is not a TIFF");
     check("short.tif", Some(b"II*\0"), "header is not complete");
     check("odd.hgt", Some(b"hello"), "5 bytes is not the length of an SRTM tile");

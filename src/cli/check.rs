@@ -5,10 +5,11 @@ use std::path::Path;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::surface::is_synthetic;
+use crate::raster;
 
 /// Fails when `input` is neither a file that is there nor the name of a synthetic terrain.
 pub(super) fn input(input: &str) -> Result<()> {
-    let path = Path::new(input);
+    let path = Path::new(raster::file_name(input));
     if is_synthetic(input) || path.is_file() {
         return Ok(());
     }

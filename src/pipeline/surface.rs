@@ -39,7 +39,7 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     if is_synthetic(input) {
         return Ok(false);
     }
-    let path = Path::new(input);
+    let path = Path::new(raster::file_name(input));
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| {
         endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))
@@ -51,7 +51,9 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     if output::FORMATS.iter().any(|f| ends(f.extensions)) {
         return Ok(true);
     }
-    if raster::FORMATS.iter().any(|f| (f.sniff)(&head[..head.len().min(64)])) {
+    if raster::has_header(path)
+        || raster::FORMATS.iter().any(|f| (f.sniff)(&head[..head.len().min(64)]))
+    {
         return Ok(false);
     }
     if output::FORMATS.iter().any(|f| (f.sniff)(&head)) {

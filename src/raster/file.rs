@@ -119,6 +119,11 @@ impl RawFile {
         Ok(())
     }
 
+    /// Reads from the start on, byte after byte.
+    pub(crate) fn reader(&self) -> Reader<'_> {
+        Reader { file: self, at: 0 }
+    }
+
     fn failed(&self, offset: u64, source: io::Error) -> Error {
         if source.kind() == io::ErrorKind::UnexpectedEof {
             return Error::bad_input("file became shorter while it was read")
@@ -126,6 +131,33 @@ impl RawFile {
                 .in_file(&self.path);
         }
         Error::read(&self.path, source)
+    }
+}
+
+/// A position in a [`RawFile`], for decoders that read streams.
+pub(crate) struct Reader<'a> {
+    file: &'a RawFile,
+    at: u64,
+}
+
+impl io::Read for Reader<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
+        read_exact_at(&self.file.file, &mut out[..bytes], self.at)?;
+        self.at += bytes as u64;
+        Ok(bytes)
+    }
+}
+
+impl io::Seek for Reader<'_> {
+    fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            io::SeekFrom::Start(at) => Some(at),
+            io::SeekFrom::End(by) => self.file.len.checked_add_signed(by),
+            io::SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.at)
     }
 }
 

@@ -1,13 +1,9 @@
 //! SRTM tiles: big-endian 16-bit heights of one degree by one degree, named after their south-west
-//! corner ("N48W125.hgt"), plain or zipped.
+//! corner ("N48W125.hgt").
 
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::Path;
 
-use zip::ZipArchive;
-
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
 use crate::raster::file::{RawFile, RowRun};
 use crate::raster::sample::{Height, ToHeight};
@@ -18,9 +14,9 @@ use crate::raster::{
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "SRTM HGT",
-    extensions: &["hgt", "hgt.zip"],
-    about: "1 degree tiles of 1/3 to 3 arc seconds, named after their corner, plain or zipped",
-    sniff: is_zip,
+    extensions: &["hgt"],
+    about: "1 degree tiles of 1/3 to 3 arc seconds, named after their corner",
+    sniff: |_| false,
     open,
 };
 
@@ -39,10 +35,6 @@ const VOID: f64 = -32768.0;
 const SAMPLE_BYTES: u64 = 2;
 const WGS84: u32 = 4326;
 
-fn is_zip(head: &[u8]) -> bool {
-    head.starts_with(b"PK\x03\x04")
-}
-
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let tile = Tile::open(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(tile))
@@ -60,14 +52,7 @@ impl Tile {
         only_band(options.band)?;
         let file = RawFile::open(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let (file, name, packing) = if is_zip(&file.head(4)?) {
-            let (file, entry) = unzip(path)?;
-            let named_inside = corner(&entry).is_some();
-            (file, if named_inside { entry } else { name }, "zip")
-        } else {
-            (file, name, "none")
-        };
-        let info = describe(file.len(), &name, packing, options)?;
+        let info = describe(file.len(), &name, options)?;
         Ok(Self { to_height: ToHeight::of(&info), file, info })
     }
 
@@ -104,7 +89,7 @@ impl GridSource for Tile {
     }
 }
 
-fn describe(bytes: u64, name: &str, packing: &str, options: &OpenOptions) -> Result<GridInfo> {
+fn describe(bytes: u64, name: &str, options: &OpenOptions) -> Result<GridInfo> {
     let (width, height) = shape(bytes)?;
     let transform = corner(name).map(|[lon, lat]| {
         let (a, e) = (1.0 / f64::from(width - 1), -1.0 / f64::from(height - 1));
@@ -134,7 +119,7 @@ fn describe(bytes: u64, name: &str, packing: &str, options: &OpenOptions) -> Res
         band: 1,
         format: FORMAT.name,
         details: vec![
-            ("compression".to_owned(), packing.to_owned()),
+            ("compression".to_owned(), "none".to_owned()),
             ("byte order".to_owned(), "big-endian".to_owned()),
             ("tile".to_owned(), name.to_owned()),
         ],
@@ -172,39 +157,6 @@ fn signed(letter: &u8, plus: u8, minus: u8) -> Option<f64> {
 
 fn number(digits: &str) -> Option<f64> {
     digits.bytes().all(|b| b.is_ascii_digit()).then(|| digits.parse().ok())?
-}
-
-/// Unpacks the one tile in the archive at `path` into an anonymous temporary file, after checking
-/// that it claims to be as long as a tile; never more than that is written.
-fn unzip(path: &Path) -> Result<(RawFile, String)> {
-    let file = File::open(path).map_err(|e| Error::read(path, e))?;
-    let damaged = |e: zip::result::ZipError| Error::bad_input(format!("damaged zip archive: {e}"));
-    let mut archive = ZipArchive::new(io::BufReader::new(file)).map_err(damaged)?;
-    let is_tile = |name: &&str| name.to_lowercase().ends_with(".hgt");
-    let Some(name) = archive.file_names().find(is_tile).map(str::to_owned) else {
-        let message = "a zip archive without a .hgt file in it is not supported";
-        return Err(Error::unsupported(message).remedy("unzip it and give the grid inside"));
-    };
-    let entry = archive.by_name(&name).map_err(damaged)?;
-    let declared = entry.size();
-    shape(declared)?;
-    let mut temp = tempfile::tempfile().map_err(cannot_unpack)?;
-    let copied = io::copy(&mut entry.take(declared + 1), &mut temp).map_err(|e| {
-        // A full disk has an error number of the system; the decoder's complaints have none.
-        if e.raw_os_error().is_some() { cannot_unpack(e) } else { damaged(e.into()) }
-    })?;
-    if copied != declared {
-        return Err(Error::bad_input(format!(
-            "damaged zip archive: {name} should unpack to {declared} bytes and does not"
-        )));
-    }
-    let base = name.rsplit(['/', '\\']).next().unwrap_or(&name).to_owned();
-    Ok((RawFile::of(temp, path)?, base))
-}
-
-fn cannot_unpack(source: io::Error) -> Error {
-    Error::io(ErrorKind::Io, "unpack into the temporary folder", source)
-        .remedy("set TMPDIR to a folder with room, or unzip the tile yourself")
 }
 
 #[cfg(test)]

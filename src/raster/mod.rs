@@ -5,15 +5,25 @@
 
 mod asc;
 mod cache;
+mod dted;
 mod file;
 mod geotiff;
 mod hgt;
 mod nodata;
+mod npy;
+mod packed;
+mod png;
 mod prj;
+mod raw;
 mod sample;
+mod spool;
 pub mod store;
+mod strided;
 mod synth;
+mod usgs;
 mod window;
+mod world;
+mod xyz;
 
 use std::fs::File;
 use std::io::Read;
@@ -102,6 +112,32 @@ pub struct GridInfo {
 }
 
 impl GridInfo {
+    /// One band of `width` x `height` samples without a place, system or nodata, read row by row.
+    pub(crate) fn plain(
+        format: &'static str,
+        width: u32,
+        height: u32,
+        sample_type: SampleType,
+    ) -> Self {
+        Self {
+            width,
+            height,
+            transform: Affine::LATTICE,
+            georeferenced: false,
+            pixel_is_point: false,
+            crs: Crs::default(),
+            sample_type,
+            nodata: None,
+            scale: 1.0,
+            offset: 0.0,
+            block: (width, 1),
+            bands: 1,
+            band: 1,
+            format,
+            details: Vec::new(),
+        }
+    }
+
     /// The rectangle of all samples.
     pub fn bounds(&self) -> Rect {
         Rect::new(0, 0, self.width, self.height)
@@ -166,7 +202,19 @@ pub struct RasterFormat {
 }
 
 /// All formats that can be read. A new one is one file and one line here.
-pub const FORMATS: &[RasterFormat] = &[geotiff::FORMAT, hgt::FORMAT, asc::FORMAT];
+pub const FORMATS: &[RasterFormat] = &[
+    geotiff::FORMAT,
+    hgt::FORMAT,
+    asc::FORMAT,
+    raw::FORMAT,
+    png::FORMAT,
+    dted::FORMAT,
+    usgs::FORMAT,
+    xyz::FORMAT,
+    npy::FORMAT,
+    packed::GZIP,
+    packed::ZIP,
+];
 
 /// What the name of a synthetic terrain starts with.
 pub const SYNTH_PREFIX: &str = "synth:";
@@ -175,7 +223,8 @@ pub const SYNTH_PREFIX: &str = "synth:";
 const HEAD_BYTES: u64 = 64;
 
 /// Opens a grid: a file by its content, else by its extension, or a synthetic terrain by its name
-/// (`synth:rough,size=4097,seed=7`). No sample is read.
+/// (`synth:rough,size=4097,seed=7`). `terrarium:` or `terrain-rgb:` before the name of a PNG tells
+/// how it holds heights.
 ///
 /// # Errors
 /// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
@@ -183,7 +232,19 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     if input.starts_with(SYNTH_PREFIX) {
         return synth::open(input);
     }
-    let path = Path::new(input);
+    if let Some((packing, path)) = png::Packing::stated(input) {
+        return png::open(Path::new(path), Some(packing), options);
+    }
+    open_path(Path::new(input), options)
+}
+
+/// The name of the file that `input` stands for: without `terrarium:` and the like before it.
+pub fn file_name(input: &str) -> &str {
+    png::Packing::stated(input).map_or(input, |(_, path)| path)
+}
+
+/// Opens a file of any format.
+fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let head = head_of(path)?;
     let format = format_of(path, &head).ok_or_else(|| unknown_format(path))?;
     refuse_mask(path, format)?;
@@ -213,10 +274,19 @@ fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
     }
 }
 
-/// The format of a file: by its first bytes, else by its name.
+/// The format of a file: by its first bytes, else by its name. The header of a raw grid goes by
+/// its name, for it begins as a text grid does.
 fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
-    let by_content = FORMATS.iter().find(|format| (format.sniff)(head));
-    by_content.or_else(|| FORMATS.iter().find(|format| format.has_extension_of(path)))
+    let is_header = raw::is_header_name(path);
+    let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
+    let by_name = || FORMATS.iter().find(|format| format.has_extension_of(path));
+    by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
+}
+
+/// True when an ESRI or ENVI header lies beside `path`, so that it is a raw grid whatever its
+/// ending, unless that is another format's.
+pub fn has_header(path: &Path) -> bool {
+    raw::header_beside(path).is_some()
 }
 
 /// The first bytes of a regular file.
@@ -270,9 +340,18 @@ fn normal_unit(unit: &str) -> String {
 
 /// Fails unless `band` is 1, for formats of one band.
 fn only_band(band: u32) -> Result<()> {
-    if band == 1 {
+    some_band(band, 1)
+}
+
+/// Fails unless `band` is one of `bands`, counted from 1.
+fn some_band(band: u32, bands: u32) -> Result<()> {
+    if (1..=bands).contains(&band) {
         return Ok(());
     }
-    Err(Error::usage(format!("band {band} is out of range: the file has 1 band"))
-        .remedy("leave out --band"))
+    let (noun, remedy) = match bands {
+        1 => ("band", "leave out --band".to_owned()),
+        _ => ("bands", format!("give --band 1 to {bands}")),
+    };
+    Err(Error::usage(format!("band {band} is out of range: the file has {bands} {noun}"))
+        .remedy(remedy))
 }

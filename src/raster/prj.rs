@@ -27,7 +27,7 @@ fn read(path: &Path) -> Result<Crs> {
 }
 
 /// From well-known text; other text (the old "Projection UTM" form) becomes the name alone.
-fn from_text(text: &str) -> Crs {
+pub(super) fn from_text(text: &str) -> Crs {
     let keyword = text.split(['[', '(']).next().unwrap_or_default().trim().to_uppercase();
     let geographic = match keyword.as_str() {
         "GEOGCS" | "GEOGCRS" | "GEODCRS" => true,
@@ -87,6 +87,7 @@ fn authority(before: &str, body: &str) -> Option<u32> {
 fn esri_code(name: &str) -> Option<u32> {
     match name {
         "GCS_WGS_1984" => return Some(4326),
+        "GCS_North_American_1927" => return Some(4267),
         "GCS_North_American_1983" => return Some(4269),
         "GCS_ETRS_1989" => return Some(4258),
         "WGS_1984_Web_Mercator_Auxiliary_Sphere" => return Some(3857),
@@ -98,6 +99,7 @@ fn esri_code(name: &str) -> Option<u32> {
     match (system, north, zone) {
         ("WGS_1984", true, 1..=60) => Some(32600 + zone),
         ("WGS_1984", false, 1..=60) => Some(32700 + zone),
+        ("NAD_1927", true, 1..=22) => Some(26700 + zone),
         ("NAD_1983", true, 1..=23) => Some(26900 + zone),
         ("ETRS_1989", true, 28..=38) => Some(25800 + zone),
         _ => None,

@@ -1,0 +1,154 @@
+//! ESRI headers: one key and value per line, in any case and order.
+
+use super::{Header, Interleave, count, number, whole};
+use crate::error::{Error, Result};
+use crate::geom::{Affine, Crs};
+use crate::limits;
+use crate::raster::SampleType;
+
+/// Values by key, keys in lower case.
+struct Values<'a>(Vec<(String, &'a str)>);
+
+impl<'a> Values<'a> {
+    fn of(text: &'a str) -> Self {
+        let pair = |line: &'a str| {
+            let mut words = line.split_whitespace();
+            Some((words.next()?.to_lowercase(), words.next()?))
+        };
+        Self(text.lines().filter_map(pair).collect())
+    }
+
+    /// The value of the first of `keys` that is there, with the key.
+    fn get(&self, keys: &[&'static str]) -> Option<(&'static str, &'a str)> {
+        keys.iter().find_map(|key| {
+            let pair = self.0.iter().find(|(k, _)| k == key)?;
+            Some((*key, pair.1))
+        })
+    }
+
+    fn number(&self, keys: &[&'static str]) -> Result<Option<f64>> {
+        self.get(keys).map(|(key, value)| number(key, value)).transpose()
+    }
+
+    fn whole(&self, key: &'static str) -> Result<Option<u64>> {
+        self.get(&[key]).map(|(key, value)| whole(key, value)).transpose()
+    }
+
+    fn side(&self, key: &'static str) -> Result<u32> {
+        let (_, value) =
+            self.get(&[key]).ok_or_else(|| Error::bad_input(format!("header lacks {key}")))?;
+        count(key, value, limits::MAX_SIDE)
+    }
+}
+
+/// Reads a header; `ending` is that of the data file, which tells floats from integers where the
+/// header does not.
+pub(super) fn read(text: &str, ending: &str) -> Result<Header> {
+    let values = Values::of(text);
+    let (width, height) = (values.side("ncols")?, values.side("nrows")?);
+    let bands = match values.get(&["nbands"]) {
+        Some((key, value)) => count(key, value, limits::MAX_BANDS)?,
+        None => 1,
+    };
+    let nodata = values.number(&["nodata", "nodata_value"])?;
+    Ok(Header {
+        kind: "ESRI",
+        width,
+        height,
+        bands,
+        sample_type: sample_type(&values, ending, nodata)?,
+        big_endian: big_endian(&values)?,
+        interleave: interleave(&values, ending)?,
+        skip: values.whole("skipbytes")?.unwrap_or(0),
+        band_row_bytes: values.whole("bandrowbytes")?,
+        total_row_bytes: values.whole("totalrowbytes")?,
+        band_gap_bytes: values.whole("bandgapbytes")?.unwrap_or(0),
+        transform: transform(&values, height)?,
+        nodata,
+        scale: Vec::new(),
+        offset: Vec::new(),
+        crs: Crs::default(),
+    })
+}
+
+fn interleave(values: &Values<'_>, ending: &str) -> Result<Interleave> {
+    match values.get(&["layout"]) {
+        Some((_, name)) => Interleave::named(name)
+            .ok_or_else(|| Error::unsupported(format!("layout {name} is not supported"))),
+        None => Ok(Interleave::named(ending).unwrap_or(Interleave::Bil)),
+    }
+}
+
+fn big_endian(values: &Values<'_>) -> Result<bool> {
+    let Some((_, order)) = values.get(&["byteorder"]) else { return Ok(false) };
+    match order.to_ascii_uppercase().as_str() {
+        "I" | "L" | "LSBFIRST" | "LITTLE_ENDIAN" | "INTEL" => Ok(false),
+        "M" | "B" | "MSBFIRST" | "BIG_ENDIAN" | "MOTOROLA" => Ok(true),
+        _ => Err(Error::unsupported(format!("byte order {order} is not supported"))),
+    }
+}
+
+/// What kind of number PIXELTYPE says.
+#[derive(PartialEq)]
+enum Kind {
+    Signed,
+    Unsigned,
+    Float,
+}
+
+fn sample_type(values: &Values<'_>, ending: &str, nodata: Option<f64>) -> Result<SampleType> {
+    let stated = match values.get(&["pixeltype"]).map(|(_, name)| name.to_ascii_uppercase()) {
+        None => None,
+        Some(name) => Some(match name.as_str() {
+            "SIGNEDINT" | "SIGNED" | "INT" => Kind::Signed,
+            "UNSIGNEDINT" | "UNSIGNED" | "UINT" => Kind::Unsigned,
+            "FLOAT" => Kind::Float,
+            _ => return Err(Error::unsupported(format!("pixel type {name} is not supported"))),
+        }),
+    };
+    let stated_bits = values.whole("nbits")?;
+    let by_ending = stated.is_none() && ending == "flt" && matches!(stated_bits, None | Some(32));
+    let is_float = stated == Some(Kind::Float) || by_ending;
+    let bits = stated_bits.unwrap_or(if is_float { 32 } else { 8 });
+    // Old global grids say nodata -9999 and no pixel type: a negative nodata has a sign.
+    let signed = stated == Some(Kind::Signed)
+        || (stated.is_none() && ending != "flt" && nodata.is_some_and(|v| v < 0.0));
+    match (bits, is_float, signed) {
+        (32, true, _) => Ok(SampleType::F32),
+        (64, true, _) => Ok(SampleType::F64),
+        (8, false, true) => Ok(SampleType::I8),
+        (8, false, false) => Ok(SampleType::U8),
+        (16, false, true) => Ok(SampleType::I16),
+        (16, false, false) => Ok(SampleType::U16),
+        (32, false, true) => Ok(SampleType::I32),
+        (32, false, false) => Ok(SampleType::U32),
+        _ => {
+            let kind = if is_float { "float" } else { "integer" };
+            Err(Error::unsupported(format!("{bits}-bit {kind} samples are not supported")))
+        }
+    }
+}
+
+/// From the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
+fn transform(values: &Values<'_>, height: u32) -> Result<Option<Affine>> {
+    let size = values.number(&["cellsize"])?;
+    let dx = values.number(&["xdim"])?.or(size);
+    let dy = values.number(&["ydim"])?.or(size);
+    let upper = (values.number(&["ulxmap"])?, values.number(&["ulymap"])?);
+    let corner = (values.number(&["xllcorner"])?, values.number(&["yllcorner"])?);
+    let centre = (values.number(&["xllcenter"])?, values.number(&["yllcenter"])?);
+    let up = f64::from(height - 1);
+    let (x0, y0, dx, dy) = match (upper, corner, centre, dx, dy) {
+        ((Some(x), Some(y)), _, _, dx, dy) => (x, y, dx.unwrap_or(1.0), dy.unwrap_or(1.0)),
+        (_, (Some(x), Some(y)), _, Some(dx), Some(dy)) => {
+            (x + 0.5 * dx, y + (up + 0.5) * dy, dx, dy)
+        }
+        (_, _, (Some(x), Some(y)), Some(dx), Some(dy)) => (x, y + up * dy, dx, dy),
+        _ => return Ok(None),
+    };
+    let map = Affine { x0, a: dx, b: 0.0, y0, d: 0.0, e: -dy };
+    if dx <= 0.0 || dy <= 0.0 || !map.is_valid() {
+        return Err(Error::bad_input("cell size or position in the header is not usable"));
+    }
+    Ok(Some(map))
+}

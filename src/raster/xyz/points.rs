@@ -1,0 +1,205 @@
+//! Points of a text file, one to a line, with any common separator and an optional heading.
+
+use std::io::{BufRead, BufReader, Read};
+
+use crate::error::{Error, Result};
+use crate::raster::file::{self, RawFile};
+
+/// Most bytes of a line.
+const MOST_LINE: u64 = 4096;
+
+/// Names of the columns x, y and z in headings, in lower case.
+const NAMES: [&[&str]; 3] = [
+    &["x", "lon", "long", "longitude", "east", "easting"],
+    &["y", "lat", "latitude", "north", "northing"],
+    &["z", "alt", "altitude", "elev", "elevation", "height", "h"],
+];
+
+/// The points of a file, one after the other.
+pub(super) struct Points<'a> {
+    file: &'a RawFile,
+    lines: BufReader<file::Reader<'a>>,
+    text: Vec<u8>,
+    line: u64,
+    separator: Option<Separator>,
+    /// Which words are x, y and z.
+    columns: [usize; 3],
+}
+
+impl<'a> Points<'a> {
+    /// At the first point: a heading is read.
+    pub(super) fn new(file: &'a RawFile) -> Result<Self> {
+        let mut points = Self {
+            file,
+            lines: BufReader::with_capacity(64 << 10, file.reader()),
+            text: Vec::new(),
+            line: 0,
+            separator: None,
+            columns: [0, 1, 2],
+        };
+        if points.next_line()?.is_some_and(is_heading) {
+            points.columns = columns(points.line_text()).map_err(|e| e.at("line 1"))?;
+        } else {
+            points.lines = BufReader::with_capacity(64 << 10, file.reader());
+            points.line = 0;
+        }
+        Ok(points)
+    }
+
+    /// The next point.
+    pub(super) fn next(&mut self) -> Result<Option<[f64; 3]>> {
+        if self.next_line()?.is_none() {
+            return Ok(None);
+        }
+        let text = self.line_text();
+        let separator = self.separator.unwrap_or_else(|| Separator::of(text));
+        let point = point(text, separator, self.columns).map_err(|e| e.at(self.place()))?;
+        self.separator = Some(separator);
+        Ok(Some(point))
+    }
+
+    /// "line 7".
+    pub(super) fn place(&self) -> String {
+        format!("line {}", self.line)
+    }
+
+    /// The next line that is neither empty nor a comment.
+    fn next_line(&mut self) -> Result<Option<&str>> {
+        loop {
+            self.text.clear();
+            let mut lines = self.lines.by_ref().take(MOST_LINE);
+            let read = lines.read_until(b'\n', &mut self.text);
+            self.line += 1;
+            match read.map_err(|e| Error::read(self.file.path(), e))? as u64 {
+                0 => return Ok(None),
+                MOST_LINE if !self.text.ends_with(b"\n") => {
+                    let message = format!("the line is longer than {MOST_LINE} bytes");
+                    return Err(Error::bad_input(message).at(self.place()));
+                }
+                _ => {}
+            }
+            if std::str::from_utf8(&self.text).is_err() {
+                return Err(Error::bad_input("the line is not text").at(self.place()));
+            }
+            let text = self.line_text();
+            if !text.is_empty() && !text.starts_with('#') {
+                break;
+            }
+        }
+        Ok(Some(self.line_text()))
+    }
+
+    /// The line at hand, which is checked to be text.
+    fn line_text(&self) -> &str {
+        let text = std::str::from_utf8(&self.text).unwrap_or_default();
+        text.trim_start_matches('\u{feff}').trim()
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Separator {
+    Space,
+    Comma,
+    Semicolon,
+}
+
+impl Separator {
+    fn of(line: &str) -> Self {
+        let mut spaced = line.split_whitespace();
+        if line.contains(';') {
+            Self::Semicolon
+        } else if line.contains(',')
+            && (spaced.clone().count() < 3 || spaced.any(|word| word.ends_with(',')))
+        {
+            Self::Comma
+        } else {
+            Self::Space
+        }
+    }
+
+    fn words(self, line: &str) -> impl Iterator<Item = &str> {
+        let splits = move |c: char| match self {
+            Self::Space => c.is_whitespace(),
+            Self::Comma => c == ',',
+            Self::Semicolon => c == ';',
+        };
+        let words = line.split(splits).filter(move |w| self != Self::Space || !w.is_empty());
+        words.map(|word| word.trim().trim_matches('"'))
+    }
+
+    /// A number; where the comma is no separator it may be the decimal point.
+    fn number(self, word: &str) -> Option<f64> {
+        word.parse().ok().or_else(|| {
+            let comma = self != Self::Comma && word.matches(',').count() == 1;
+            if comma { word.replace(',', ".").parse().ok() } else { None }
+        })
+    }
+}
+
+fn is_heading(line: &str) -> bool {
+    let separator = Separator::of(line);
+    let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    separator.words(line).take(3).all(is_name)
+}
+
+/// Which columns a heading calls x, y and z; the first three when it calls them otherwise.
+fn columns(heading: &str) -> Result<[usize; 3]> {
+    let names: Vec<String> = Separator::of(heading).words(heading).map(str::to_lowercase).collect();
+    let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
+    match NAMES.map(find) {
+        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
+        [None, None, None] if names.len() >= 3 => Ok([0, 1, 2]),
+        _ => {
+            let heading: String = heading.chars().take(80).collect();
+            let message = format!("the heading {heading:?} does not name x, y and z");
+            Err(Error::bad_input(message).remedy("a line is a point: its x, its y and its height"))
+        }
+    }
+}
+
+fn point(line: &str, separator: Separator, columns: [usize; 3]) -> Result<[f64; 3]> {
+    let words: Vec<&str> = separator.words(line).collect();
+    let mut point = [0.0; 3];
+    for (value, column) in point.iter_mut().zip(columns) {
+        let word = words.get(column).ok_or_else(|| {
+            Error::bad_input(format!("{} values where x, y and z are expected", words.len()))
+        })?;
+        *value = separator.number(word).ok_or_else(|| {
+            let word: String = word.chars().take(40).collect();
+            Error::bad_input(format!("{word:?} is not a number"))
+        })?;
+    }
+    if !(point[0].is_finite() && point[1].is_finite()) {
+        return Err(Error::bad_input("x or y is not finite"));
+    }
+    Ok(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point_of(line: &str) -> Option<[f64; 3]> {
+        point(line, Separator::of(line), [0, 1, 2]).ok()
+    }
+
+    #[test]
+    fn separators_and_decimal_commas() {
+        for line in
+            ["1.5 2 3", "1.5,2,3", "1.5, 2, 3", "1.5;2;3", "1,5 2 3", "1,5;2;3", "1.5\t2\t3"]
+        {
+            assert_eq!(point_of(line), Some([1.5, 2.0, 3.0]), "{line}");
+        }
+        for line in ["1 2", "a b c", "1 2 x", "inf 1 2", "1,,2", "1 nan 2"] {
+            assert_eq!(point_of(line), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn headings() {
+        assert!(is_heading("x,y,z") && is_heading("Lon; Lat; H") && !is_heading("1 2 3"));
+        assert_eq!(columns("id,Height,Northing,Easting").unwrap(), [3, 2, 1]);
+        assert_eq!(columns("a b c d").unwrap(), [0, 1, 2]);
+        assert!(columns("x y").is_err());
+    }
+}
