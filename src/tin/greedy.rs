@@ -7,7 +7,7 @@ use super::mesh::{Mesh, State};
 use super::scan::{Facet, Scan, double_area, level_for};
 
 /// Samples a first scan of a triangle looks at, about.
-const SAMPLES_PER_SCAN: i64 = 32;
+const SAMPLES_PER_SCAN: i64 = 64;
 /// How many levels finer a triangle that passed is scanned next.
 const REFINE_STEP: u8 = 2;
 
