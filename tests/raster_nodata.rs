@@ -37,6 +37,23 @@ fn info_warns_of_undeclared_nodata() {
 }
 
 #[test]
+fn tin_warns_of_undeclared_nodata_and_counts_each_sample_once() {
+    let place = Place::new();
+    let mut spec = Spec::new(30, 20, 2, 16);
+    place.write("a.tif", spec.build(pits));
+    let args = ["tin", "a.tif", "a.ply", "--max-error", "1", "--tile", "16"];
+    let told = place.ok(&[&args[..], &["--report", "a.json"]].concat());
+    assert!((told.out + &told.err).contains("7 samples are -32767, which looks like"));
+    let report = std::fs::read_to_string(place.path("a.json")).unwrap();
+    assert!(report.contains("\"suspected_nodata\": -32767.0"), "{report}");
+    assert!(report.contains("\"suspected_samples\": 7"), "{report}");
+    spec.extra = declared("-32767");
+    place.write("b.tif", spec.build(pits));
+    let told = place.ok(&["tin", "b.tif", "b.ply", "--max-error", "1"]);
+    assert!(!(told.out + &told.err).contains("looks like"));
+}
+
+#[test]
 fn convert_declares_the_nodata_value_it_is_given_in_place_of_the_files() {
     let place = Place::new();
     let mut spec = Spec::new(30, 20, 2, 16);

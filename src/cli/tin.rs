@@ -11,6 +11,7 @@ use crate::output;
 use crate::pipeline::Cancel;
 use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
 use crate::pipeline::verify::{VerifyJob, VerifyReport};
+use crate::raster::undeclared_nodata;
 
 /// Simplify a grid into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -212,6 +213,9 @@ pub(super) fn summary(r: &TinReport) -> String {
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
         ("time", time(r)),
     ];
+    if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
+        rows.push(("warning", undeclared_nodata(count, value)));
+    }
     if let Some(peak) = r.peak_memory {
         let budget = text::bytes(r.memory_budget);
         rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));

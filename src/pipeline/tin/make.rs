@@ -234,6 +234,8 @@ impl Maker<'_> {
             samples: layout.samples(),
             valid_samples: outcome.valid,
             isolated_samples: outcome.isolated,
+            suspected_nodata: outcome.suspects.map(|(value, _)| value),
+            suspected_samples: outcome.suspects.map(|(_, count)| count),
             vertices: outcome.vertices,
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,

@@ -36,6 +36,12 @@ pub struct TinReport {
     pub valid_samples: u64,
     /// Valid samples without any valid cell: they have no surface.
     pub isolated_samples: u64,
+    /// Stored value that looks like an undeclared nodata value, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspected_nodata: Option<f64>,
+    /// how many samples have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspected_samples: Option<u64>,
     pub vertices: u64,
     pub triangles: u64,
     /// Vertices per valid sample.

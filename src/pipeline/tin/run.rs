@@ -52,6 +52,8 @@ pub struct Outcome {
     pub valid: u64,
     /// Valid samples without a valid cell.
     pub isolated: u64,
+    /// Samples that look like undeclared nodata: the value as stored, and how many.
+    pub suspects: Option<(f64, u64)>,
     /// Largest error of any sample (0 unless measured).
     pub max_error: f64,
     /// Sum of squared errors of all samples on the surface (0 unless measured).
@@ -100,6 +102,7 @@ pub(super) fn run_with(
         next_id: AtomicU64::new(0),
         valid: AtomicU64::new(0),
         isolated: AtomicU64::new(0),
+        suspects: Mutex::default(),
         with_corners,
     };
     let clock = if settings.threads > 1 {
@@ -157,6 +160,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         triangles: totals.triangles,
         valid,
         isolated,
+        suspects: shared.suspects.into_inner().unwrap_or_else(PoisonError::into_inner),
         max_error: f64::from(totals.max_error),
         square_sum: totals.square_sum,
         spilled_bytes: shared.store.spilled(),

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::limits::MAX_HEIGHT;
-use crate::raster::GridSource;
+use crate::raster::{GridInfo, GridSource, looks_like_nodata};
 use crate::tin::{Heights, Spec};
 
 /// The buffers of one worker.
@@ -63,6 +63,21 @@ impl Window {
         let height = self.f32[index];
         Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
             .remedy(format!("if it stands for nodata, pass --nodata {height:e}")))
+    }
+
+    /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
+    /// like a nodata value that the file does not declare; with the value as stored.
+    pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
+        let rect = self.rect?;
+        let lowest = |chunk: &[f32]| chunk.iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        let lowest = self.f32.chunks(1024).map(lowest).fold(f32::INFINITY, f32::min);
+        let stored = looks_like_nodata(f64::from(lowest), info)?;
+        let is_lowest = |&&z: &&f32| z == lowest;
+        let rows = part.row - rect.row..part.end_row() - rect.row;
+        let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
+        let row = |row: u32| &self.f32[row as usize * rect.width as usize..][cols.clone()];
+        let count = rows.map(|at| row(at).iter().filter(is_lowest).count() as u64).sum();
+        Some((stored, count))
     }
 
     /// The heights of the last rectangle read (none before the first).

@@ -48,6 +48,8 @@ pub(super) struct Shared<'a> {
     pub(super) next_id: AtomicU64,
     pub(super) valid: AtomicU64,
     pub(super) isolated: AtomicU64,
+    /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
+    pub(super) suspects: Mutex<Option<(f64, u64)>>,
     /// The sink wants triangles by position.
     pub(super) with_corners: bool,
 }
@@ -119,6 +121,7 @@ impl<'a> Worker<'a> {
         let layout = &self.job.layout;
         let rect = layout.rect(tile);
         self.read(layout.apron(tile))?;
+        self.job.suspect(self.window.suspects(layout.owned(tile), self.job.source.info()));
         let started = Instant::now();
         let input = tile_input(layout, tile, self.window.heights());
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
@@ -319,6 +322,17 @@ impl<'a> Worker<'a> {
 }
 
 impl Shared<'_> {
+    /// Notes what a tile found; only the lowest value counts.
+    fn suspect(&self, found: Option<(f64, u64)>) {
+        let Some((value, count)) = found else { return };
+        let mut known = lock(&self.suspects);
+        *known = match *known {
+            Some((lowest, _)) if lowest < value => *known,
+            Some((lowest, so_far)) if lowest == value => Some((value, so_far + count)),
+            _ => Some((value, count)),
+        };
+    }
+
     /// Hands a piece of the mesh to the containers it belongs to.
     fn insert(&self, piece: Piece<'_>) -> Result<()> {
         self.layout.owners(piece.rect).try_for_each(|tile| {
