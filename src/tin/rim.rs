@@ -85,6 +85,9 @@ pub(super) enum Role {
     Void,
 }
 
+/// More than the rounding error of a distance from a chord, relative to the heights involved.
+const DOUBT: f64 = 1e-14;
+
 /// A straight run of rim samples: the first one, the step to the next, and how many.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rim {
@@ -170,8 +173,11 @@ impl Rim {
             let height = sample(self.at(i));
             let chord = (from * ahead as f64 + to * behind as f64) / f64::from(end - start);
             let error = (height - chord).abs();
-            let is_close = error >= tolerance * (1.0 - 1e-9);
-            let fails = is_close && !within([ahead, behind, 0], [from, to, 0.0], height, tolerance);
+            let doubt = DOUBT * (from.abs() + to.abs() + height.abs() + tolerance);
+            let fails = match error - tolerance {
+                excess if excess.abs() > doubt => excess > 0.0,
+                _ => !within([ahead, behind, 0], [from, to, 0.0], height, tolerance),
+            };
             if fails && worst.is_none_or(|(_, most)| error > most) {
                 worst = Some((i, error));
             }

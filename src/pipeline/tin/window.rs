@@ -6,6 +6,9 @@ use crate::limits::MAX_HEIGHT;
 use crate::raster::{GridInfo, GridSource, looks_like_nodata};
 use crate::tin::{Heights, Spec};
 
+/// Nodata values in use are below this, and no land is: only below it the lowest height is sought.
+const LOWEST_LAND: f32 = -900.0;
+
 /// The buffers of one worker.
 #[derive(Default)]
 pub(super) struct Window {
@@ -14,6 +17,8 @@ pub(super) struct Window {
     f64: Vec<f64>,
     /// How far the f32 heights of the rectangle are from the exact ones, at most.
     rounding: f64,
+    /// Lowest of the f32 heights; infinite where all are above [`LOWEST_LAND`].
+    lowest: f32,
 }
 
 impl Window {
@@ -51,13 +56,16 @@ impl Window {
 
     /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
     /// nodata often is.
-    fn refuse_extremes(&self, rect: Rect) -> Result<()> {
-        let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
-        let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_extreme(z));
+    fn refuse_extremes(&mut self, rect: Rect) -> Result<()> {
+        let is_odd = |z: &f32| (*z < LOWEST_LAND) | (*z > MAX_HEIGHT);
+        let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_odd(z));
+        self.lowest = f32::INFINITY;
         if !self.f32.chunks(1024).any(any) {
             return Ok(());
         }
-        let index = self.f32.iter().position(is_extreme).unwrap_or(0);
+        self.lowest = self.f32.iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
+        let Some(index) = self.f32.iter().position(is_extreme) else { return Ok(()) };
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
         let height = self.f32[index];
@@ -69,10 +77,8 @@ impl Window {
     /// like a nodata value that the file does not declare; with the value as stored.
     pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
         let rect = self.rect?;
-        let lowest = |chunk: &[f32]| chunk.iter().fold(f32::INFINITY, |low, &z| low.min(z));
-        let lowest = self.f32.chunks(1024).map(lowest).fold(f32::INFINITY, f32::min);
-        let stored = looks_like_nodata(f64::from(lowest), info)?;
-        let is_lowest = |&&z: &&f32| z == lowest;
+        let stored = looks_like_nodata(f64::from(self.lowest), info)?;
+        let is_lowest = |&&z: &&f32| z == self.lowest;
         let rows = part.row - rect.row..part.end_row() - rect.row;
         let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
         let row = |row: u32| &self.f32[row as usize * rect.width as usize..][cols.clone()];
@@ -141,7 +147,7 @@ mod tests {
     #[test]
     fn undeclared_nodata_is_named() {
         let heights = vec![1.0, 2.0, 3.0, 4.0, f32::MIN, 6.0];
-        let window = Window { rect: None, f32: heights, f64: Vec::new(), rounding: 0.0 };
+        let mut window = Window { f32: heights, ..Window::default() };
         let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         let text = error.to_string();
