@@ -210,6 +210,19 @@ fn scale_offset_and_pixel_is_point_stay_in_a_geotiff() {
 }
 
 #[test]
+fn a_system_without_a_code_is_kept_as_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let wkt = r#"PROJCS["mine",GEOGCS["WGS 84",DATUM["WGS_1984"]],UNIT["metre",1]]"#;
+    let mut grid = Grid::new(SampleType::I16, 9, 7);
+    (grid.info.crs.epsg, grid.info.crs.wkt) = (None, Some(wkt.to_owned()));
+    for (name, asked) in [("a.tif", "GTiff"), ("b.tif", "COG"), ("c.asc", "AAIGrid")] {
+        let path = folder.path().join(name);
+        convert(&grid, &job(&path, asked)).unwrap();
+        assert_eq!(open(&path).info().crs.wkt.as_deref(), Some(wkt), "{asked}");
+    }
+}
+
+#[test]
 fn the_bytes_do_not_depend_on_threads_or_memory() {
     let folder = tempfile::tempdir().unwrap();
     let grid = Grid::new(SampleType::F32, 1100, 700);
