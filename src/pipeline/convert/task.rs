@@ -134,8 +134,15 @@ impl Task<'_> {
             self.sink.encode(rect, Heights::F64(wide), bytes)?;
             Summary::of_f64(wide)
         };
-        self.source.release(from);
+        self.source.release(self.passed(from));
         Ok(summary)
+    }
+
+    /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
+    /// need those that they end.
+    fn passed(&self, from: Rect) -> Rect {
+        let above = from.row % self.source.info().block.1.max(1);
+        Rect::new(from.col, from.row - above, from.width, from.height + above)
     }
 }
 
