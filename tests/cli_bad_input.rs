@@ -71,7 +71,18 @@ fn outputs_that_cannot_be() {
     place.fails(&["view", "good.asc", "-o", "taken.png"], 2, &["exists"]);
     place.fails(&["view", "good.asc", "-o", "out.jpg"], 2, &[".png"]);
     place.fails(&["convert", "good.asc", "taken.tif"], 2, &["exists"]);
-    place.fails(&["convert", "good.asc", "out.png"], 2, &[".tif"]);
+    let convert = |args: &[&str], words: &[&str]| {
+        place.fails(&[&["convert", "good.asc"], args].concat(), 2, words);
+    };
+    convert(&["out.jpg"], &[".tif or .tiff, .asc, .flt, .png"]);
+    convert(&["out.png", "-f", "COG"], &["COG", ".tif"]);
+    convert(&["out.tif", "-f", "JPEG"], &["JPEG", "store, COG, GTiff"]);
+    convert(&["out.tif", "-f", "COG", "--co", "TILED=YES"], &["TILED", "COMPRESS=NONE|DEFLATE"]);
+    convert(&["out.tif", "-f", "COG", "--co", "COMPRESS=JPEG"], &["JPEG", "NONE|DEFLATE|ZSTD"]);
+    convert(&["out.tif", "--co", "COMPRESS"], &["KEY=VAL"]);
+    convert(&["out.tif", "--type", "int64"], &["int64", "int32", "float32"]);
+    let narrow = ["convert", "good.asc", "out.tif", "--type", "uint8"];
+    place.fails(&narrow, 65, &["column 3, row 2", "--out-nodata"]);
     place.fails(&["convert", "noise.tif", "noise.tif", "--overwrite"], 2, &["itself"]);
     let report = ["tin", "good.asc", "out.ply", "--max-error", "1", "--report", "taken.tif"];
     place.fails(&report, 2, &["taken.tif", "exists"]);

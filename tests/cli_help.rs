@@ -74,6 +74,14 @@ fn the_readme_names_every_format_character_and_verb() {
     let endings = |all: &[&str]| all.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ");
     let known = raster::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
     let known = known.chain(output::FORMATS.iter().map(|f| (f.name, endings(f.extensions))));
+    let written = raster::write::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
+    for (name, endings) in written {
+        assert!(formats.contains(&format!("| {name} | {endings} |")), "{name}: {endings}");
+    }
+    let options = raster::write::FORMATS.iter().flat_map(|f| f.options);
+    for option in options {
+        assert!(formats.contains(&format!("`{}`", option.key)), "{}", option.key);
+    }
     let help = Place::new().ok(&["tin", "--help"]).out;
     for (name, endings) in known {
         assert!(formats.contains(&format!("| {name} | {endings} |")), "{name}: {endings}");

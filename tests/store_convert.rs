@@ -118,6 +118,10 @@ fn job(output: &Path) -> ConvertJob {
     job
 }
 
+fn tiles(side: u32) -> Vec<(String, String)> {
+    vec![("BLOCKSIZE".to_owned(), side.to_string())]
+}
+
 fn convert(grid: &dyn GridSource, job: &ConvertJob) -> Result<ConvertReport> {
     copy(grid, job, &Silent, &Cancel::default())
 }
@@ -154,7 +158,7 @@ fn every_type_and_odd_size_comes_back() {
     for (sample_type, (width, height)) in TYPES.into_iter().flat_map(|t| sizes.map(|s| (t, s))) {
         let path = folder.path().join(format!("{}_{width}x{height}.tif", sample_type.name()));
         let grid = MemoryGrid::new(sample_type, width, height);
-        let report = convert(&grid, &ConvertJob { tile: 256, ..job(&path) }).unwrap();
+        let report = convert(&grid, &ConvertJob { creation: tiles(256), ..job(&path) }).unwrap();
         let store = open(&path);
         let valid = grid.window(grid.info.bounds()).filter(|z| !z.is_nan()).count() as u64;
         assert_eq!((report.samples, report.valid_samples), (grid.stored.len() as u64, valid));
@@ -172,7 +176,7 @@ fn windows_of_a_store_are_windows_of_the_grid_even_after_release() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let grid = MemoryGrid::new(SampleType::I16, 1111, 777);
-    convert(&grid, &ConvertJob { tile: 256, ..job(&path) }).unwrap();
+    convert(&grid, &ConvertJob { creation: tiles(256), ..job(&path) }).unwrap();
     let store = open(&path);
     let windows = [
         [0, 0, 1111, 777],
@@ -381,7 +385,7 @@ fn rotated_flipped_and_placeless_grids_keep_their_place() {
 }
 
 #[test]
-fn a_box_keeps_the_samples_inside_it() {
+fn a_box_keeps_the_cells_it_overlaps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let grid = MemoryGrid::new(SampleType::I16, 100, 80);
@@ -389,11 +393,11 @@ fn a_box_keeps_the_samples_inside_it() {
     let ([x0, y1], [x1, y0]) = (place(10.0, 20.0), place(40.4, 33.9));
     convert(&grid, &ConvertJob { bbox: Some([x0, y0, x1, y1]), ..job(&path) }).unwrap();
     let store = open(&path);
-    assert_eq!((store.info().width, store.info().height), (31, 14));
+    assert_eq!((store.info().width, store.info().height), (31, 15));
     assert_eq!(store.info().transform, grid.info.transform.shifted(10.0, 20.0));
-    let mut found = vec![0.0; 31 * 14];
+    let mut found = vec![0.0; 31 * 15];
     store.read_f64(store.info().bounds(), &mut found).unwrap();
-    let expected = grid.window(Rect::new(10, 20, 31, 14));
+    let expected = grid.window(Rect::new(10, 20, 31, 15));
     assert!(found.iter().zip(expected).all(|(a, b)| same(*a, b)));
     for bbox in [[0.0, 0.0, 1.0, 1.0], [x1, y0, x0, y1], [f64::NAN; 4]] {
         let job = ConvertJob { bbox: Some(bbox), overwrite: true, ..job(&path) };
@@ -524,8 +528,8 @@ fn impossible_jobs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let grid = MemoryGrid::new(SampleType::F32, 20, 20);
-    let error = convert(&grid, &ConvertJob { tile: 300, ..job(&path) }).unwrap_err();
-    assert!(error.to_string().contains("[256, 512, 1024]"), "{error}");
+    let error = convert(&grid, &ConvertJob { creation: tiles(300), ..job(&path) }).unwrap_err();
+    assert!(error.to_string().contains("256|512|1024"), "{error}");
     let mut starved = job(&path);
     starved.resources.memory = 1 << 20;
     let error = convert(&grid, &starved).unwrap_err();

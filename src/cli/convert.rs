@@ -1,4 +1,4 @@
-//! `terrane convert`: any grid becomes a store that is read fast.
+//! `terrane convert`: any grid becomes a clean file of any format that can be written.
 
 use std::path::{Path, PathBuf};
 
@@ -7,21 +7,41 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::{self, ConvertJob};
 use crate::pipeline::surface::is_synthetic;
+use crate::raster::{SampleType, write};
 
-/// Endings of a store.
-const ENDINGS: &[&str] = &["tif", "tiff"];
-
-/// Copy a grid into an uncompressed tiled BigTIFF that is mapped into memory and read fast
+/// Copy a grid, or a part of it, into a file of another format
+///
+/// A .tif is a store (an uncompressed tiled BigTIFF that is mapped into memory and read fast) unless
+/// -f COG or -f GTiff asks for another. Samples are written exactly or not at all: a height that the
+/// type does not hold is an error that names its place, unless --round allows the nearest value.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name
     input: String,
-    /// GeoTIFF to write
+    /// File to write
     output: PathBuf,
+    /// Format to write [default: by the output's ending]
+    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
+    format: Option<String>,
+    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
+    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value, help_heading = "Output")]
+    co: Vec<(String, String)>,
+    /// Type of the written samples, such as int16 or float32 [default: the input's]
+    #[arg(long = "type", value_name = "NAME", value_parser = parse::sample_type,
+          help_heading = "Output")]
+    sample_type: Option<SampleType>,
+    /// Written value for voids [default: the one they are read by]
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true,
+          value_parser = parse::finite_or_nan, help_heading = "Output")]
+    out_nodata: Option<f64>,
+    /// Write the nearest value where the type does not hold a height exactly
+    #[arg(long, help_heading = "Output")]
+    round: bool,
     /// Replace a file that exists
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     overwrite: bool,
-    /// Part to copy, in the coordinates of the data
+    /// Part to copy, in the coordinates of the data, widened to whole cells (the square around each
+    /// sample)
     #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
@@ -37,9 +57,14 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.input)?;
     args.grid.check(&args.input)?;
     let job = ConvertJob {
+        format: args.format.clone(),
+        creation: args.co.clone(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
         bbox: args.bbox,
+        sample_type: args.sample_type,
+        out_nodata: args.out_nodata,
+        round: args.round,
         overwrite: args.overwrite,
         resources: args.machine.resources(),
         ..ConvertJob::new(&args.input, &args.output)
@@ -49,16 +74,17 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Runs a checked copy and tells about it.
 pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Result<Outcome> {
-    check(&job.input, &job.output, job.overwrite)?;
+    check(job)?;
     let made = convert::run(job, show.progress().as_ref(), cancel);
     let report = made.map_err(|e| name_size(e, &job.input))?;
     if show.json {
         say::json(&report)?;
     } else if !show.quiet {
-        let rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
+        let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
+        rows.retain(|(name, _)| name != "input" && name != "output");
+        rows.extend(report.notes.iter().map(|note| ("note".to_owned(), note.clone())));
         let title = format!("{} -> {}", job.input, job.output.display());
-        let told = rows.into_iter().filter(|(name, _)| name != "input" && name != "output");
-        say::result(&format!("{title}\n{}", text::table(&told.collect::<Vec<_>>())))?;
+        say::result(&format!("{title}\n{}", text::table(&rows)))?;
     }
     Ok(Outcome::Kept)
 }
@@ -72,9 +98,11 @@ fn name_size(error: Error, input: &str) -> Error {
         .remedy("choose a smaller size")
 }
 
-fn check(input: &str, output: &Path, overwrite: bool) -> Result<()> {
-    check::input(input)?;
-    check::ending(output, ENDINGS, "a grid store")?;
-    check::distinct(&[Path::new(input), output])?;
-    check::new_file(output, overwrite)
+/// What can be known to be wrong before the input is opened.
+fn check(job: &ConvertJob) -> Result<()> {
+    check::input(&job.input)?;
+    let format = write::by_path(&job.output, job.format.as_deref())?;
+    format.check(&job.creation)?;
+    check::distinct(&[Path::new(&job.input), &job.output])?;
+    check::new_file(&job.output, job.overwrite)
 }

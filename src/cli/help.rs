@@ -18,7 +18,7 @@ fn lists(verb: &str) -> String {
         "tin" => vec![grids(), meshes(), EXIT_CODES.to_owned()],
         "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
         "synth" => vec![characters(), parameters()],
-        "convert" => vec![grids()],
+        "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
     parts.join("\n\n")
@@ -37,6 +37,21 @@ fn grids() -> String {
         "a terrain by name, see `terrane synth --help`",
     ));
     list("Grids read", &rows)
+}
+
+fn grids_written() -> String {
+    let formats = raster::write::FORMATS.iter();
+    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
+    list("Grids written, by --format or ending", &rows)
+}
+
+fn creation_options() -> String {
+    let of = |f: &raster::write::GridFormat| {
+        let row = |o: &raster::write::CreationOption| (o.key, o.accepts.text(), o.about);
+        list(&format!("--co of {}", f.name), &f.options.iter().map(row).collect::<Vec<_>>())
+    };
+    let formats = raster::write::FORMATS.iter().filter(|f| !f.options.is_empty());
+    formats.map(of).collect::<Vec<_>>().join("\n\n")
 }
 
 fn meshes() -> String {
@@ -94,6 +109,12 @@ mod tests {
         }
         for format in output::FORMATS {
             assert!(help("tin").contains(format.name), "{}", format.name);
+        }
+        for format in raster::write::FORMATS {
+            assert!(help("convert").contains(format.name), "{}", format.name);
+            for option in format.options {
+                assert!(help("convert").contains(option.key), "{}", option.key);
+            }
         }
         for character in synth::CHARACTERS {
             assert!(help("synth").contains(character.name), "{}", character.name);

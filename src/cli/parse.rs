@@ -1,5 +1,7 @@
 //! Values of arguments: sizes, heights, boxes. Each parser says what it expected.
 
+use crate::raster::SampleType;
+
 /// A value, or what was expected.
 type Parsed<T> = Result<T, String>;
 
@@ -59,6 +61,21 @@ pub(super) fn positive(text: &str) -> Parsed<f64> {
 pub(super) fn altitude(text: &str) -> Parsed<f64> {
     let value = finite(text).ok().filter(|v| (1.0..=90.0).contains(v));
     value.ok_or_else(|| "expected degrees from 1 to 90".to_owned())
+}
+
+/// "KEY=VAL".
+pub(super) fn key_value(text: &str) -> Parsed<(String, String)> {
+    let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
+    let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
+    pair.ok_or_else(|| "expected KEY=VAL, such as COMPRESS=ZSTD".to_owned())
+}
+
+/// The name of a sample type.
+pub(super) fn sample_type(text: &str) -> Parsed<SampleType> {
+    SampleType::by_name(text.trim()).ok_or_else(|| {
+        let names: Vec<_> = SampleType::ALL.iter().map(|kind| kind.name()).collect();
+        format!("expected one of {}", names.join(", "))
+    })
 }
 
 /// "xmin,ymin,xmax,ymax".

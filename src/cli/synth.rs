@@ -27,6 +27,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let terrain = args.terrain.strip_prefix("synth:").unwrap_or(&args.terrain);
     let job = ConvertJob {
+        format: Some("store".to_owned()),
         overwrite: args.overwrite,
         resources: args.machine.resources(),
         ..ConvertJob::new(format!("synth:{terrain}"), &args.output)

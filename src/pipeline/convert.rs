@@ -1,33 +1,45 @@
-//! Copies any grid, or a part of it, into terrane's own store: in parallel, in bounded memory, with
-//! sample type, nodata, scale, offset and CRS kept.
+//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in
+//! bounded memory, the same bytes whatever the threads.
+
+mod bbox;
+mod task;
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use serde::Serialize;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::Rect;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::store::{DEFAULT_TILE, Heights, StoreWriter, TILE_SIDES};
-use crate::raster::{self, GridInfo, GridSource, OpenOptions};
+use crate::raster::write::{self, GridFormat, GridSink, WriteOptions};
+use crate::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
+use bbox::{part, window};
+use task::{Pieces, Summary, Task};
 
-/// A grid-to-store job.
+/// A grid-to-grid job.
 #[derive(Clone, Debug)]
 pub struct ConvertJob {
     /// File name, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
     pub input: String,
-    /// Store to write.
+    /// File to write.
     pub output: PathBuf,
+    /// Name of the format to write; by the output's ending when `None`.
+    pub format: Option<String>,
+    /// Creation options of the format, as (key, value).
+    pub creation: Vec<(String, String)>,
     /// Band to read, from 1.
     pub band: u32,
     /// Replaces the file's nodata value.
     pub nodata: Option<f64>,
-    /// Keep only the samples inside (x min, y min, x max, y max), in world coordinates.
+    /// Keep only the cells that (x min, y min, x max, y max) overlaps, in world coordinates: the box
+    /// is widened to whole cells, a cell being the square around a sample.
     pub bbox: Option<[f64; 4]>,
-    /// Samples along a tile's side: one of [`TILE_SIDES`].
-    pub tile: u32,
+    /// Type of the written samples; the source's when `None`, or what the format holds.
+    pub sample_type: Option<SampleType>,
+    /// Written value for voids; the value they are read by when `None`, where the type holds it.
+    pub out_nodata: Option<f64>,
+    /// Write the nearest value where the type does not hold a height exactly, instead of failing.
+    pub round: bool,
     /// Replace an existing output.
     pub overwrite: bool,
     /// What the job may use.
@@ -40,22 +52,38 @@ impl ConvertJob {
         Self {
             input: input.into(),
             output: output.into(),
+            format: None,
+            creation: Vec::new(),
             band: 1,
             nodata: None,
             bbox: None,
-            tile: DEFAULT_TILE,
+            sample_type: None,
+            out_nodata: None,
+            round: false,
             overwrite: false,
             resources: Resources::default(),
         }
     }
+
+    fn write_options(&self) -> WriteOptions {
+        WriteOptions {
+            overwrite: self.overwrite,
+            creation: self.creation.clone(),
+            sample_type: self.sample_type,
+            nodata: self.out_nodata,
+            round: self.round,
+        }
+    }
 }
 
-/// What a grid-to-store job did.
+/// What a grid-to-grid job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct ConvertReport {
     pub input: String,
     pub output: String,
+    /// Name of the written format.
+    pub format: String,
     pub width: u32,
     pub height: u32,
     pub crs: String,
@@ -66,6 +94,8 @@ pub struct ConvertReport {
     /// Lowest and highest valid height; absent when there is none.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
+    /// What of the grid the format could not say.
+    pub notes: Vec<String>,
     pub output_bytes: u64,
     pub threads: usize,
     pub memory_budget: u64,
@@ -76,8 +106,10 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
+    let format = write::by_path(&job.output, job.format.as_deref())?;
+    format.check(&job.creation)?;
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let cache_bytes = Budget::divide(job)?.cache;
+    let cache_bytes = Budget::divide(job, format)?.cache;
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
     let source = raster::open(&job.input, &options)?;
     copy(source.as_ref(), job, progress, cancel)
@@ -91,20 +123,56 @@ pub fn copy(
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
     let start = Instant::now();
-    let budget = Budget::divide(job)?;
+    let format = write::by_path(&job.output, job.format.as_deref())?;
+    let budget = Budget::divide(job, format)?;
     let window = window(source.info(), job.bbox)?;
     let info = part(source.info(), window);
-    let writer = StoreWriter::create(&job.output, &info, job.tile, job.overwrite)?;
-    let pieces = Pieces::new(&info, writer.tile(), budget.cache);
-    let task = Task { source, window, writer: &writer, pieces, exact: info.exact_in_f32() };
+    let mut sink = format.create(&job.output, &info, &job.write_options())?;
+    let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
-    let summary = task.run(budget.threads, progress, cancel)?;
-    cancel.check()?;
-    let output_bytes = writer.finish()?;
+    let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
+    let task = Task { source, window, sink: sink.as_ref(), pieces };
+    let summary = task.run(threads, progress, cancel)?;
     progress.end();
+    copy_levels(sink.as_mut(), threads, progress, cancel)?;
+    cancel.check()?;
+    let (written, notes) = (sink.info().clone(), sink.notes());
+    let output_bytes = sink.finish()?;
     let wall_seconds = start.elapsed().as_secs_f64();
     Ok(ConvertReport {
+        format: format.name.to_owned(),
+        samples,
+        notes,
+        output_bytes,
+        threads,
+        wall_seconds,
+        samples_per_second: samples as f64 / wall_seconds,
+        ..report(job, &written, &summary)
+    })
+}
+
+/// Overviews, one after the other.
+fn copy_levels(
+    sink: &mut dyn GridSink,
+    threads: usize,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<()> {
+    while let Some(level) = sink.next_level()? {
+        let window = level.info().bounds();
+        progress.begin("overview", window.len() as u64);
+        let pieces = Pieces::new(window, level.as_ref(), sink, 0);
+        let task = Task { source: level.as_ref(), window, sink, pieces };
+        task.run(threads, progress, cancel)?;
+        progress.end();
+    }
+    Ok(())
+}
+
+fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport {
+    let seen = |height: f64| (summary.valid > 0).then_some(height);
+    ConvertReport {
         input: job.input.clone(),
         output: job.output.display().to_string(),
         width: info.width,
@@ -112,244 +180,65 @@ pub fn copy(
         crs: info.crs.label(),
         sample_type: info.sample_type.name().to_owned(),
         nodata: info.nodata,
-        samples,
         valid_samples: summary.valid,
-        lowest: (summary.valid > 0).then_some(summary.lowest),
-        highest: (summary.valid > 0).then_some(summary.highest),
-        output_bytes,
-        threads: budget.threads,
+        lowest: seen(summary.lowest),
+        highest: seen(summary.highest),
         memory_budget: job.resources.memory,
         peak_memory: peak_memory(),
-        wall_seconds,
-        samples_per_second: samples as f64 / wall_seconds,
-    })
+        ..ConvertReport::default()
+    }
 }
 
 /// How the job's memory is divided.
+#[derive(Clone, Copy)]
 struct Budget {
     threads: usize,
     /// Bytes for decoded blocks of the source.
     cache: usize,
+    memory: u64,
 }
 
-/// Bytes of heights and of encoded samples for each sample of a tile, at most: 8 and 8.
-const BYTES_PER_SAMPLE: u64 = 16;
+/// Samples of a block when nothing else is known, as in a tile of 512 x 512.
+const USUAL_SAMPLES: u64 = 512 * 512;
 /// Least memory left for the source's blocks.
 const LEAST_CACHE: u64 = 8 << 20;
 
 impl Budget {
-    /// A tile for each thread, and the rest for the source: fewer threads where memory is short.
-    fn divide(job: &ConvertJob) -> Result<Self> {
+    /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
+    /// where memory is short.
+    fn divide(job: &ConvertJob, format: &GridFormat) -> Result<Self> {
         let Resources { threads, memory, .. } = job.resources;
-        let largest = TILE_SIDES.iter().copied().max().unwrap_or(DEFAULT_TILE);
-        let tile = u64::from(job.tile.min(largest)).pow(2) * BYTES_PER_SAMPLE;
-        let least = tile + LEAST_CACHE;
+        let side = job.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
+        let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
+        let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
+        let block = samples.saturating_mul(format.bytes_per_sample);
+        let least = block.saturating_add(LEAST_CACHE);
         if memory < least {
-            let message = format!("the memory budget of {memory} bytes is too small");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("give at least {} MiB with --memory", least.div_ceil(1 << 20))));
+            return Err(too_small(memory, least));
         }
-        let most = (memory - LEAST_CACHE) / tile;
+        let most = (memory - LEAST_CACHE) / block;
         let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
-        let cache = memory - threads as u64 * tile;
-        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX) })
-    }
-}
-
-/// The samples of a grid inside a box of world coordinates, edges included.
-fn window(info: &GridInfo, bbox: Option<[f64; 4]>) -> Result<Rect> {
-    let Some([x0, y0, x1, y1]) = bbox else { return Ok(info.bounds()) };
-    let corners =
-        [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| info.transform.invert(x, y));
-    let (col, width) = span(corners.map(|c| c[0]), info.width);
-    let (row, height) = span(corners.map(|c| c[1]), info.height);
-    let ordered = x0 <= x1 && y0 <= y1;
-    if !ordered || width == 0 || height == 0 {
-        let message = format!("no sample lies inside the box {x0},{y0},{x1},{y1}");
-        let [a, b] = extent(info);
-        let extent = format!("{},{},{},{}", a[0], a[1], b[0], b[1]);
-        return Err(Error::usage(message)
-            .remedy(format!("give x min,y min,x max,y max; the grid covers {extent}")));
-    }
-    Ok(Rect::new(col, row, width, height))
-}
-
-/// First and number of lattice positions between the least and the greatest of four.
-fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
-    // A sample on the edge of the box counts, whatever the rounding of the division.
-    const HAIR: f64 = 1e-6;
-    let least = positions.into_iter().fold(f64::INFINITY, f64::min) - HAIR;
-    let most = positions.into_iter().fold(f64::NEG_INFINITY, f64::max) + HAIR;
-    let first = least.ceil().clamp(0.0, f64::from(side)) as u32;
-    let end = (most.floor() + 1.0).clamp(0.0, f64::from(side)) as u32;
-    (first, end.saturating_sub(first))
-}
-
-/// Least and greatest world position of the grid's samples.
-fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
-    let (right, down) = (f64::from(info.width - 1), f64::from(info.height - 1));
-    let corners = [[0.0, 0.0], [right, 0.0], [0.0, down], [right, down]];
-    let corners = corners.map(|[col, row]| info.transform.apply(col, row));
-    let fold = |pick: fn(f64, f64) -> f64| {
-        let [a, b, c, d] = corners;
-        [0, 1].map(|axis| pick(pick(a[axis], b[axis]), pick(c[axis], d[axis])))
-    };
-    [fold(f64::min), fold(f64::max)]
-}
-
-/// What the part of a grid inside `window` is.
-fn part(info: &GridInfo, window: Rect) -> GridInfo {
-    let transform = info.transform.shifted(f64::from(window.col), f64::from(window.row));
-    GridInfo { width: window.width, height: window.height, transform, ..info.clone() }
-}
-
-/// The units of work: some rows of one tile each, along rows of tiles.
-#[derive(Clone, Copy, Debug)]
-struct Pieces {
-    width: u32,
-    height: u32,
-    tile_width: u32,
-    /// Rows of a piece; divides the tile's.
-    rows: u32,
-}
-
-impl Pieces {
-    /// Pieces are whole tiles, unless a row of tiles across the source's blocks is more than half
-    /// of `cache` holds: then they are lower, so that no block is decoded twice.
-    fn new(info: &GridInfo, (tile_width, tile_height): (u32, u32), cache: usize) -> Self {
-        let row_bytes = u64::from(info.width) * info.sample_type.bytes() as u64;
-        let wide = info.block.0 > tile_width;
-        let mut rows = tile_height;
-        while wide && rows % 2 == 0 && u64::from(rows) * row_bytes > cache as u64 / 2 {
-            rows /= 2;
-        }
-        Self { width: info.width, height: info.height, tile_width, rows }
+        let share = threads as u64 * block;
+        let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
+        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory })
     }
 
-    fn across(&self) -> u64 {
-        u64::from(self.width.div_ceil(self.tile_width))
-    }
-
-    fn count(&self) -> u64 {
-        self.across() * u64::from(self.height.div_ceil(self.rows))
-    }
-
-    fn rect(&self, index: u64) -> Rect {
-        let (down, across) = ((index / self.across()) as u32, (index % self.across()) as u32);
-        let piece =
-            Rect::new(across * self.tile_width, down * self.rows, self.tile_width, self.rows);
-        piece.intersect(&Rect::new(0, 0, self.width, self.height))
-    }
-}
-
-/// Copying, shared between the threads.
-struct Task<'a> {
-    source: &'a dyn GridSource,
-    window: Rect,
-    writer: &'a StoreWriter,
-    pieces: Pieces,
-    /// True when `f32` holds every height.
-    exact: bool,
-}
-
-/// Buffers of one thread.
-#[derive(Default)]
-struct Buffers {
-    narrow: Vec<f32>,
-    wide: Vec<f64>,
-    bytes: Vec<u8>,
-}
-
-impl Task<'_> {
-    fn run(&self, threads: usize, progress: &dyn Progress, cancel: &Cancel) -> Result<Summary> {
-        let next = AtomicU64::new(0);
-        let work = || {
-            let result = self.work(&next, progress, cancel);
-            if result.is_err() {
-                next.store(self.pieces.count(), Ordering::Relaxed);
-            }
-            result
-        };
-        let summaries: Result<_> = std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            let joined = workers.into_iter().map(|worker| worker.join());
-            joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-        });
-        let summaries: Vec<Summary> = summaries?;
-        Ok(summaries.into_iter().fold(Summary::NONE, Summary::join))
-    }
-
-    fn work(&self, next: &AtomicU64, progress: &dyn Progress, cancel: &Cancel) -> Result<Summary> {
-        let mut buffers = Buffers::default();
-        let mut summary = Summary::NONE;
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            if index >= self.pieces.count() {
-                return Ok(summary);
-            }
-            cancel.check()?;
-            let rect = self.pieces.rect(index);
-            summary = summary.join(self.copy(rect, &mut buffers)?);
-            progress.advance(rect.len() as u64);
+    /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
+    /// larger than was thought when the source was opened.
+    fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
+        let (width, height) = sink.block();
+        let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
+        let block = samples(width.min(info.width), height.min(info.height));
+        let block = block.saturating_mul(format.bytes_per_sample).max(1);
+        match (self.memory - self.cache as u64) / block {
+            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
+            most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),
         }
     }
-
-    fn copy(&self, rect: Rect, buffers: &mut Buffers) -> Result<Summary> {
-        let Rect { col, row, .. } = self.window;
-        let from = Rect::new(col + rect.col, row + rect.row, rect.width, rect.height);
-        let Buffers { narrow, wide, bytes } = buffers;
-        let summary = if self.exact {
-            narrow.resize(rect.len(), 0.0);
-            self.source.read_f32(from, narrow)?;
-            self.writer.write(rect, Heights::F32(narrow), bytes)?;
-            Summary::of_f32(narrow)
-        } else {
-            wide.resize(rect.len(), 0.0);
-            self.source.read_f64(from, wide)?;
-            self.writer.write(rect, Heights::F64(wide), bytes)?;
-            Summary::of_f64(wide)
-        };
-        self.source.release(from);
-        Ok(summary)
-    }
 }
 
-/// What was seen while copying.
-#[derive(Clone, Copy, Debug)]
-struct Summary {
-    valid: u64,
-    lowest: f64,
-    highest: f64,
-}
-
-impl Summary {
-    const NONE: Self = Self { valid: 0, lowest: f64::INFINITY, highest: f64::NEG_INFINITY };
-
-    fn join(self, other: Self) -> Self {
-        Self {
-            valid: self.valid + other.valid,
-            lowest: self.lowest.min(other.lowest),
-            highest: self.highest.max(other.highest),
-        }
-    }
-
-    fn of_f32(heights: &[f32]) -> Self {
-        let (mut valid, mut lowest, mut highest) = (0, f32::INFINITY, f32::NEG_INFINITY);
-        for &z in heights {
-            valid += u64::from(!z.is_nan());
-            lowest = if z < lowest { z } else { lowest };
-            highest = if z > highest { z } else { highest };
-        }
-        Self { valid, lowest: f64::from(lowest), highest: f64::from(highest) }
-    }
-
-    fn of_f64(heights: &[f64]) -> Self {
-        let (mut valid, mut lowest, mut highest) = (0, f64::INFINITY, f64::NEG_INFINITY);
-        for &z in heights {
-            valid += u64::from(!z.is_nan());
-            lowest = if z < lowest { z } else { lowest };
-            highest = if z > highest { z } else { highest };
-        }
-        Self { valid, lowest, highest }
-    }
+fn too_small(memory: u64, least: u64) -> Error {
+    let message = format!("the memory budget of {memory} bytes is too small");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("give at least {} MiB with --memory", least.div_ceil(1 << 20)))
 }

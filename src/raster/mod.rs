@@ -23,6 +23,7 @@ mod synth;
 mod usgs;
 mod window;
 mod world;
+pub mod write;
 mod xyz;
 
 use std::fs::File;
@@ -50,6 +51,25 @@ pub enum SampleType {
 }
 
 impl SampleType {
+    /// All of them, the narrowest first.
+    pub const ALL: [Self; 9] = [
+        Self::I8,
+        Self::U8,
+        Self::I16,
+        Self::U16,
+        Self::F16,
+        Self::I32,
+        Self::U32,
+        Self::F32,
+        Self::F64,
+    ];
+
+    /// The type of this name, in any case ("Int16"); "byte" is `uint8`, as GDAL has it.
+    pub fn by_name(name: &str) -> Option<Self> {
+        let name = if name.eq_ignore_ascii_case("byte") { "uint8" } else { name };
+        Self::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(name))
+    }
+
     /// Bytes of one sample.
     pub fn bytes(self) -> usize {
         match self {

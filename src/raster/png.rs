@@ -39,11 +39,11 @@ pub(super) struct Packing {
     name: &'static str,
     /// What names and input prefixes say, in lower case.
     marks: &'static [&'static str],
-    scale: f64,
-    offset: f64,
+    pub(super) scale: f64,
+    pub(super) offset: f64,
 }
 
-const PACKINGS: [Packing; 2] = [
+pub(super) static PACKINGS: [Packing; 2] = [
     Packing {
         name: "terrain-RGB",
         marks: &["terrain-rgb", "terrainrgb", "terrain_rgb"],
@@ -54,6 +54,11 @@ const PACKINGS: [Packing; 2] = [
 ];
 
 impl Packing {
+    /// Its name for people.
+    pub(super) fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// The packing that an input such as `terrarium:tile.png` states, and the file's name.
     pub(super) fn stated(input: &str) -> Option<(&'static Self, &str)> {
         let (mark, path) = input.split_once(':')?;
@@ -62,7 +67,7 @@ impl Packing {
     }
 
     /// The packing that the name of the file, or else of a folder above it, tells.
-    fn named(path: &Path) -> Option<&'static Self> {
+    pub(super) fn named(path: &Path) -> Option<&'static Self> {
         let parts = path.iter().rev().map(|part| part.to_string_lossy().to_lowercase());
         let tells =
             |part: String| PACKINGS.iter().find(|p| p.marks.iter().any(|mark| part.contains(mark)));

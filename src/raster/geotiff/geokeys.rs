@@ -3,6 +3,7 @@
 
 use crate::error::Result;
 use crate::geom::Crs;
+use crate::raster::prj;
 
 use super::ifd::Directory;
 use super::tags;
@@ -16,6 +17,8 @@ const PROJECTED_CRS: u16 = 3072;
 const PROJECTED_CITATION: u16 = 3073;
 const VERTICAL_CRS: u16 = 4096;
 const VERTICAL_UNITS: u16 = 4099;
+/// Before well-known text that stands where a name does, because the system has no code.
+const ESRI_TEXT: &str = "ESRI PE String = ";
 
 /// The key directory and its parameter tags.
 #[derive(Clone, Debug, Default)]
@@ -48,12 +51,16 @@ impl GeoKeys {
         let horizontal = if geographic == Some(true) { GEODETIC_CRS } else { PROJECTED_CRS };
         let epsg = self.code(horizontal).or_else(|| self.geocentric_code());
         let in_3d = self.geographic_3d_code();
+        let citation = self.citation(geographic);
+        let named = citation.as_deref().and_then(|text| text.strip_prefix(ESRI_TEXT));
+        let named =
+            named.map_or(Crs { citation: citation.clone(), ..Crs::default() }, prj::from_text);
         Crs {
-            epsg: in_3d.or(epsg),
+            epsg: in_3d.or(epsg).or(named.epsg),
             vertical_epsg: self.code(VERTICAL_CRS).filter(|_| in_3d.is_none()),
-            citation: self.citation(geographic),
-            wkt: None,
-            geographic,
+            citation: named.citation,
+            wkt: named.wkt,
+            geographic: geographic.or(named.geographic),
             vertical_unit: self.short(VERTICAL_UNITS).and_then(unit_name).map(str::to_owned),
             vertical_unit_text: None,
             geo_keys: self.raw,
@@ -152,6 +159,16 @@ mod tests {
         assert_eq!(crs.geographic, Some(false));
         assert_eq!(crs.vertical_unit.as_deref(), Some("metre"));
         assert_eq!(crs.geo_keys, raw);
+    }
+
+    #[test]
+    fn well_known_text_in_the_citation() {
+        let text = r#"ESRI PE String = PROJCS["mine",GEOGCS["x"]]|"#;
+        let length = text.len() as u16;
+        let raw = [1, 1, 0, 2, 1024, 0, 1, 32_767, 3073, 34_737, length, 0];
+        let crs = keys(&raw, text).into_crs();
+        assert_eq!((crs.citation.as_deref(), crs.geographic), (Some("mine"), Some(false)));
+        assert_eq!(crs.wkt.as_deref(), Some(r#"PROJCS["mine",GEOGCS["x"]]"#));
     }
 
     #[test]

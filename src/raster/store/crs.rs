@@ -21,15 +21,15 @@ mod key {
 
 /// The three GeoKey tags; all empty when nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct GeoKeys {
-    pub(super) directory: Vec<u16>,
+pub(in crate::raster) struct GeoKeys {
+    pub(in crate::raster) directory: Vec<u16>,
     pub(super) doubles: Vec<f64>,
     pub(super) ascii: String,
 }
 
 impl GeoKeys {
     /// The keys for `crs`, saying PixelIsPoint or PixelIsArea.
-    pub(super) fn of(crs: &Crs, point: bool) -> Self {
+    pub(in crate::raster) fn of(crs: &Crs, point: bool) -> Self {
         let raster_type = if point { key::PIXEL_IS_POINT } else { key::PIXEL_IS_AREA };
         if crs.geo_keys.len() >= 4 {
             let directory = saying(raster_type, &crs.geo_keys);
@@ -92,7 +92,7 @@ impl GeoKeys {
         Self { directory: directory(&entries), doubles: Vec::new(), ascii }
     }
 
-    pub(super) fn tags(&self) -> Vec<(u16, Values)> {
+    pub(in crate::raster) fn tags(&self) -> Vec<(u16, Values)> {
         let mut tags = Vec::new();
         if !self.directory.is_empty() {
             tags.push((tag::GEO_KEYS, Values::Short(self.directory.clone())));

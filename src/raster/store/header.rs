@@ -10,28 +10,28 @@ use crate::geom::Affine;
 use crate::raster::{GridInfo, SampleType};
 
 /// Numbers of the tags a store has.
-pub(super) mod tag {
-    pub(in super::super) const WIDTH: u16 = 256;
-    pub(in super::super) const HEIGHT: u16 = 257;
-    pub(in super::super) const BITS: u16 = 258;
-    pub(in super::super) const COMPRESSION: u16 = 259;
-    pub(in super::super) const PHOTOMETRIC: u16 = 262;
-    pub(in super::super) const SAMPLES_PER_PIXEL: u16 = 277;
-    pub(in super::super) const PLANAR: u16 = 284;
-    pub(in super::super) const SOFTWARE: u16 = 305;
-    pub(in super::super) const TILE_WIDTH: u16 = 322;
-    pub(in super::super) const TILE_HEIGHT: u16 = 323;
-    pub(in super::super) const TILE_OFFSETS: u16 = 324;
-    pub(in super::super) const TILE_BYTES: u16 = 325;
-    pub(in super::super) const SAMPLE_FORMAT: u16 = 339;
-    pub(in super::super) const PIXEL_SCALE: u16 = 33_550;
-    pub(in super::super) const TIEPOINT: u16 = 33_922;
-    pub(in super::super) const MATRIX: u16 = 34_264;
-    pub(in super::super) const GEO_KEYS: u16 = 34_735;
-    pub(in super::super) const GEO_DOUBLES: u16 = 34_736;
-    pub(in super::super) const GEO_ASCII: u16 = 34_737;
-    pub(in super::super) const GDAL_METADATA: u16 = 42_112;
-    pub(in super::super) const GDAL_NODATA: u16 = 42_113;
+pub(in crate::raster) mod tag {
+    pub(in crate::raster) const WIDTH: u16 = 256;
+    pub(in crate::raster) const HEIGHT: u16 = 257;
+    pub(in crate::raster) const BITS: u16 = 258;
+    pub(in crate::raster) const COMPRESSION: u16 = 259;
+    pub(in crate::raster) const PHOTOMETRIC: u16 = 262;
+    pub(in crate::raster) const SAMPLES_PER_PIXEL: u16 = 277;
+    pub(in crate::raster) const PLANAR: u16 = 284;
+    pub(in crate::raster) const SOFTWARE: u16 = 305;
+    pub(in crate::raster) const TILE_WIDTH: u16 = 322;
+    pub(in crate::raster) const TILE_HEIGHT: u16 = 323;
+    pub(in crate::raster) const TILE_OFFSETS: u16 = 324;
+    pub(in crate::raster) const TILE_BYTES: u16 = 325;
+    pub(in crate::raster) const SAMPLE_FORMAT: u16 = 339;
+    pub(in crate::raster) const PIXEL_SCALE: u16 = 33_550;
+    pub(in crate::raster) const TIEPOINT: u16 = 33_922;
+    pub(in crate::raster) const MATRIX: u16 = 34_264;
+    pub(in crate::raster) const GEO_KEYS: u16 = 34_735;
+    pub(in crate::raster) const GEO_DOUBLES: u16 = 34_736;
+    pub(in crate::raster) const GEO_ASCII: u16 = 34_737;
+    pub(in crate::raster) const GDAL_METADATA: u16 = 42_112;
+    pub(in crate::raster) const GDAL_NODATA: u16 = 42_113;
 }
 
 /// How a store says where it lies.
@@ -62,9 +62,7 @@ impl Header {
     /// The facts of a grid, with tiles of `side`.
     pub(super) fn new(info: &GridInfo, side: u32) -> Result<Self> {
         let layout = Layout::new(info.width, info.height, side, info.sample_type)?;
-        if !info.transform.is_valid() {
-            return Err(Error::bad_input("the grid's transform cannot be inverted"));
-        }
+        check_place(info)?;
         let position = Position::new(info);
         let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
         let metadata = Metadata::new(info, matches!(position, Position::Matrix(_)));
@@ -178,8 +176,28 @@ impl Position {
     }
 }
 
+/// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit and nodata.
+pub(in crate::raster) fn facts(info: &GridInfo) -> Result<Vec<(u16, Values)>> {
+    check_place(info)?;
+    let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
+    let mut tags = Position::new(info).tags(keys.is_point());
+    tags.extend(keys.tags());
+    let xml = Metadata::of_band(info).xml();
+    tags.extend(xml.map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
+    let nodata = info.nodata.map(number);
+    tags.extend(nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
+    Ok(tags)
+}
+
+fn check_place(info: &GridInfo) -> Result<()> {
+    if info.transform.is_valid() {
+        return Ok(());
+    }
+    Err(Error::bad_input("the grid's transform cannot be inverted"))
+}
+
 /// BitsPerSample and SampleFormat.
-fn sample_tags(sample_type: SampleType) -> (u16, u16) {
+pub(in crate::raster) fn sample_tags(sample_type: SampleType) -> (u16, u16) {
     use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
     let format = match sample_type {
         U8 | U16 | U32 => 1,
@@ -197,7 +215,7 @@ pub(super) fn sample_type(bits: u16, format: u16) -> Option<SampleType> {
 }
 
 /// The shortest text that reads back as the same number, in the manner of GDAL ("-9999", "nan").
-pub(super) fn number(value: f64) -> String {
+pub(in crate::raster) fn number(value: f64) -> String {
     if value.is_nan() {
         return "nan".to_owned();
     }

@@ -22,8 +22,8 @@ const OPEN: &str = "<GDALMetadata>\n";
 const CLOSE: &str = "</GDALMetadata>\n";
 
 impl Metadata {
-    /// The items of a grid; the exact position of sample (0, 0) among them when asked.
-    pub(super) fn new(info: &GridInfo, with_origin: bool) -> Self {
+    /// What GDAL knows of a band too: offset, scale and vertical unit.
+    pub(super) fn of_band(info: &GridInfo) -> Self {
         let crs = &info.crs;
         let mut items = Self::default();
         if (info.scale, info.offset) != (1.0, 0.0) {
@@ -32,6 +32,13 @@ impl Metadata {
         }
         let unit = crs.vertical_unit_text.as_ref().or(crs.vertical_unit.as_ref());
         items.push("UNITTYPE", Some("unittype"), unit.cloned());
+        items
+    }
+
+    /// The items of a store; the exact position of sample (0, 0) among them when asked.
+    pub(super) fn new(info: &GridInfo, with_origin: bool) -> Self {
+        let crs = &info.crs;
+        let mut items = Self::of_band(info);
         items.push("TERRANE_EPSG", None, crs.epsg.map(|code| code.to_string()));
         items.push("TERRANE_VERTICAL_EPSG", None, crs.vertical_epsg.map(|code| code.to_string()));
         items.push("TERRANE_CITATION", None, crs.citation.clone());

@@ -13,16 +13,17 @@
 //! other file, one edited by another program included, is left to the general GeoTIFF reader.
 
 mod crs;
-mod header;
+pub(super) mod header;
 mod layout;
 mod map;
 mod metadata;
+pub(super) mod misfit;
 mod reader;
-mod sample;
-mod tags;
+pub(super) mod sample;
+pub(super) mod tags;
 #[cfg(test)]
 mod tests;
-mod writer;
+pub(super) mod writer;
 
 pub(crate) use crs::complete;
 pub use layout::{DEFAULT_TILE, TILE_SIDES};

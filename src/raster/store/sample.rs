@@ -2,24 +2,31 @@
 
 use half::f16;
 
+use super::misfit::Misfit;
+use crate::error::Error;
 use crate::raster::{GridInfo, SampleType};
 
-/// What a store's samples mean: height = stored * scale + offset, one value stands for voids.
+/// What stored samples mean: height = stored * scale + offset, one value stands for voids.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Codec {
+pub(in crate::raster) struct Codec {
     sample_type: SampleType,
     nodata: Option<f64>,
     scale: f64,
     offset: f64,
+    rounding: Rounding,
 }
 
-/// Why a height cannot be stored, and which one of the run it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Misfit {
-    /// A void, but no value is declared to stand for voids.
-    Void(usize),
-    /// A height the sample type does not hold, or that is the value for voids.
-    Height(usize, f64),
+/// What becomes of heights that the sample type does not hold as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::raster) enum Rounding {
+    /// They are refused.
+    #[default]
+    Exact,
+    /// The nearest value stands for them.
+    Nearest,
+    /// The same, and one that happens to be the value for voids moves aside: for means, which no
+    /// file of the user holds.
+    Aside,
 }
 
 /// Calls a generic method for the type of the samples.
@@ -40,14 +47,14 @@ macro_rules! by_type {
 }
 
 impl Codec {
-    pub(super) fn new(info: &GridInfo) -> Self {
+    pub(in crate::raster) fn new(info: &GridInfo) -> Self {
         let GridInfo { sample_type, nodata, scale, offset, .. } = *info;
-        Self { sample_type, nodata, scale, offset }
+        Self { sample_type, nodata, scale, offset, rounding: Rounding::Exact }
     }
 
-    /// The declared nodata value, whether or not the type can hold it.
-    pub(super) fn nodata(&self) -> Option<f64> {
-        self.nodata
+    /// The same with another way of rounding.
+    pub(in crate::raster) fn rounding(self, rounding: Rounding) -> Self {
+        Self { rounding, ..self }
     }
 
     /// Heights of stored bytes (as many as `out` holds); voids become NaN.
@@ -73,7 +80,11 @@ impl Codec {
 
     /// Stored bytes of heights. `bytes` may be longer: the rest is padded with voids (zeros where
     /// no value is declared for them).
-    pub(super) fn encode<H: Height>(&self, heights: &[H], bytes: &mut [u8]) -> Result<(), Misfit> {
+    pub(in crate::raster) fn encode<H: Height>(
+        &self,
+        heights: &[H],
+        bytes: &mut [u8],
+    ) -> Result<(), Misfit> {
         by_type!(self, encode_as, heights, bytes)
     }
 
@@ -96,27 +107,70 @@ impl Codec {
         if sound { Ok(()) } else { Err(self.misfit(heights, fill)) }
     }
 
+    /// What a reader will get of `height`, for formats that write numbers their own way.
+    pub(in crate::raster) fn fit(&self, height: f64) -> Result<f64, Misfit> {
+        let (mut bytes, mut out) = ([0; 8], [0.0]);
+        let bytes = &mut bytes[..self.sample_type.bytes()];
+        self.encode(&[height], bytes)?;
+        self.decode(bytes, &mut out);
+        Ok(out[0])
+    }
+
     #[inline(always)]
     fn store<T: Stored, H: Height>(&self, height: H, fill: Option<T>) -> (T, bool) {
         if height.is_void() {
             return (fill.unwrap_or(T::ZERO), fill.is_some());
         }
-        let (value, fits) = match self.is_plain() {
-            true => T::nearest(height.to_f64()),
-            false => T::unscale(height.to_f64(), self.scale, self.offset),
-        };
-        (value, fits & (Some(value) != fill))
+        let wanted = self.wanted::<T>(height.to_f64());
+        let (value, held) = T::nearest(wanted);
+        let meets = fill.is_some_and(|fill| value.meets(fill));
+        match self.rounding {
+            Rounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
+            Rounding::Nearest => (value, held & !meets),
+            Rounding::Aside => (if meets { value.aside() } else { value }, held),
+        }
+    }
+
+    /// What would have to be stored for `height`.
+    #[inline(always)]
+    fn wanted<T: Stored>(&self, height: f64) -> f64 {
+        if self.is_plain() { height } else { T::unscale(height, self.scale, self.offset) }
+    }
+
+    /// True when `value` is `wanted`, but for what scale and offset have rounded.
+    #[inline(always)]
+    fn is_close<T: Stored>(&self, value: T, wanted: f64) -> bool {
+        let apart = (value.to_f64() - wanted).abs();
+        apart <= if self.is_plain() { 0.0 } else { T::slack(wanted, self.offset / self.scale) }
     }
 
     /// Finds what [`encode`](Self::encode) stumbled over.
     fn misfit<T: Stored, H: Height>(&self, heights: &[H], fill: Option<T>) -> Misfit {
         let bad = |height: &H| !self.store::<T, H>(*height, fill).1;
         let at = heights.iter().position(bad).unwrap_or_default();
-        match heights.get(at) {
-            Some(height) if !height.is_void() => Misfit::Height(at, height.to_f64()),
-            _ => Misfit::Void(at),
+        let Some(height) = heights.get(at).filter(|height| !height.is_void()) else {
+            return Misfit::Void(at);
+        };
+        let height = height.to_f64();
+        let (value, held) = T::nearest(self.wanted::<T>(height));
+        match (held, fill.is_some_and(|fill| value.meets(fill))) {
+            (false, _) => Misfit::Beyond(at, height),
+            (true, true) => Misfit::Nodata(at, height),
+            (true, false) => Misfit::Between(at, height),
         }
     }
+
+    /// The error of a misfit in a run that begins at (`col`, `row`): what, where and what to do.
+    pub(in crate::raster) fn refusal(&self, misfit: Misfit, col: u32, row: u32) -> Error {
+        misfit.error(self.sample_type, self.nodata, (col, row))
+    }
+}
+
+/// True when `sample_type` has this very value to stand for voids (NaN is a value of floats).
+pub(in crate::raster) fn holds(sample_type: SampleType, value: f64) -> bool {
+    let info = GridInfo::plain("", 1, 1, sample_type);
+    let codec = Codec::new(&GridInfo { nodata: Some(value), ..info });
+    codec.encode(&[f64::NAN], &mut [0; 8][..sample_type.bytes()]).is_ok()
 }
 
 #[inline(always)]
@@ -133,7 +187,7 @@ fn decode_run<T: Stored, H: Height>(
 }
 
 /// A float that heights are handed out in.
-pub(super) trait Height: Copy {
+pub(in crate::raster) trait Height: Copy {
     const VOID: Self;
     fn of<T: Stored>(value: T) -> Self;
     fn of_f64(value: f64) -> Self;
@@ -190,7 +244,7 @@ impl Height for f64 {
 }
 
 /// A sample type.
-pub(super) trait Stored: Copy + PartialEq {
+pub(in crate::raster) trait Stored: Copy + PartialEq {
     const BYTES: usize;
     const ZERO: Self;
     /// A value that is void by itself (NaN).
@@ -201,16 +255,25 @@ pub(super) trait Stored: Copy + PartialEq {
     fn to_f64(self) -> f64;
     /// NaN and infinities.
     fn is_hole(self) -> bool;
-    /// The nearest value of this type, and whether it is near enough to be the same.
+    /// The nearest value of this type, and whether `value` is within its range.
     fn nearest(value: f64) -> (Self, bool);
 
     /// This very value, where the type has it.
     fn exactly(value: Option<f64>) -> Option<Self>;
 
-    /// The value with `value * scale + offset == height`.
-    fn unscale(height: f64, scale: f64, offset: f64) -> (Self, bool) {
-        Self::nearest((height - offset) / scale)
+    /// The stored value with `value * scale + offset == height`, about.
+    fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
+        (height - offset) / scale
     }
+
+    /// How far scale and offset (in stored units) may have moved a value of this type.
+    fn slack(wanted: f64, offset: f64) -> f64;
+
+    /// True when readers take this value for `nodata`.
+    fn meets(self, nodata: Self) -> bool;
+
+    /// A value near this one that does not meet it.
+    fn aside(self) -> Self;
 }
 
 /// The little-endian bytes of a value, to and fro.
@@ -256,8 +319,22 @@ macro_rules! stored_integer {
             fn nearest(value: f64) -> (Self, bool) {
                 // 1.5 * 2^52: adding and taking it away rounds to a whole number.
                 const ROUND: f64 = 6_755_399_441_055_744.0;
-                let near = ((value + ROUND) - ROUND) as $t;
-                (near, (f64::from(near) - value).abs() < 1e-3)
+                let whole = (value + ROUND) - ROUND;
+                (whole as $t, f64::from(whole as $t) == whole)
+            }
+
+            #[inline(always)]
+            fn slack(_wanted: f64, _offset: f64) -> f64 {
+                1e-3
+            }
+
+            #[inline(always)]
+            fn meets(self, nodata: Self) -> bool {
+                self == nodata
+            }
+
+            fn aside(self) -> Self {
+                if self == <$t>::MAX { self - 1 } else { self + 1 }
             }
 
             fn exactly(value: Option<f64>) -> Option<Self> {
@@ -269,8 +346,31 @@ macro_rules! stored_integer {
 
 stored_integer!(i8, u8, i16, u16, i32, u32);
 
+/// What floats have in common: how near nodata readers (GDAL and our own) take them for it, and a
+/// step that leaves that range towards zero.
+macro_rules! float_rules {
+    ($epsilon:expr, $step:literal) => {
+        #[inline(always)]
+        fn slack(wanted: f64, offset: f64) -> f64 {
+            1e-9 * (wanted.abs() + offset.abs())
+        }
+
+        #[inline(always)]
+        fn meets(self, nodata: Self) -> bool {
+            let nodata = Stored::to_f64(nodata);
+            (Stored::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
+        }
+
+        fn aside(self) -> Self {
+            let value = Stored::to_f64(self);
+            Self::nearest(if value == 0.0 { $step } else { value * (1.0 - $step) }).0
+        }
+    };
+}
+
 impl Stored for f32 {
     bytes_of!(f32);
+    float_rules!(f64::from(f32::EPSILON), 1e-5);
     const ZERO: Self = 0.0;
     const HOLE: Option<Self> = Some(f32::NAN);
 
@@ -303,6 +403,7 @@ impl Stored for f32 {
 
 impl Stored for f16 {
     bytes_of!(f16);
+    float_rules!(0.0, 2e-3);
     const ZERO: Self = f16::ZERO;
     const HOLE: Option<Self> = Some(f16::NAN);
 
@@ -334,6 +435,7 @@ impl Stored for f16 {
 
 impl Stored for f64 {
     bytes_of!(f64);
+    float_rules!(f64::EPSILON, 1e-9);
     const ZERO: Self = 0.0;
     const HOLE: Option<Self> = Some(f64::NAN);
 
@@ -362,10 +464,9 @@ impl Stored for f64 {
     }
 
     /// Division may miss the value by its last bit: the neighbours are tried as well.
-    fn unscale(height: f64, scale: f64, offset: f64) -> (Self, bool) {
+    fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
         let near = (height - offset) / scale;
         let tries = [near, near.next_down(), near.next_up()];
-        let exact = tries.into_iter().find(|v| v * scale + offset == height);
-        Self::nearest(exact.unwrap_or(near))
+        tries.into_iter().find(|v| v * scale + offset == height).unwrap_or(near)
     }
 }

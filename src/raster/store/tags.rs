@@ -13,7 +13,7 @@ const INLINE: usize = 8;
 
 /// The values of one tag.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Values {
+pub(in crate::raster) enum Values {
     Short(Vec<u16>),
     Long(Vec<u32>),
     Double(Vec<f64>),
@@ -27,7 +27,7 @@ pub(super) enum Values {
 }
 
 impl Values {
-    fn kind(&self) -> u16 {
+    pub(in crate::raster) fn kind(&self) -> u16 {
         match self {
             Self::Ascii(_) => 2,
             Self::Short(_) => 3,
@@ -37,7 +37,7 @@ impl Values {
         }
     }
 
-    fn count(&self) -> u64 {
+    pub(in crate::raster) fn count(&self) -> u64 {
         match self {
             Self::Short(values) => values.len() as u64,
             Self::Long(values) => values.len() as u64,
@@ -48,7 +48,7 @@ impl Values {
     }
 
     /// The bytes of everything but long tables, which are never held whole.
-    fn bytes(&self) -> Vec<u8> {
+    pub(in crate::raster) fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Short(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
             Self::Long(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),

@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::header::Header;
 use super::layout::Layout;
 use super::map;
-use super::sample::{Codec, Height, Misfit};
+use super::misfit::Misfit;
+use super::sample::{Codec, Height, Rounding};
 use super::tags::Front;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
@@ -51,6 +52,11 @@ impl StoreWriter {
         let length = length.ok_or_else(|| Error::usage("the store is too large").in_file(path))?;
         map::set_length(file.file(), length).map_err(|e| no_room(path, length, e))?;
         Ok(Self { file, layout, front, codec: Codec::new(info), written: AtomicU64::new(0) })
+    }
+
+    /// The writer with its heights rounded to what the sample type holds.
+    pub(in crate::raster) fn rounding(self, rounding: Rounding) -> Self {
+        Self { codec: self.codec.rounding(rounding), ..self }
     }
 
     /// Columns and rows of a tile.
@@ -111,21 +117,7 @@ impl StoreWriter {
     }
 
     fn refuse(&self, misfit: Misfit, col: u32, row: u32) -> Error {
-        let name = self.layout.sample_type.name();
-        let (at, message, remedy) = match misfit {
-            Misfit::Void(at) => {
-                let why = match self.codec.nodata() {
-                    Some(value) => format!("the nodata value {value} cannot be stored as {name}"),
-                    None => "no nodata value is declared".to_owned(),
-                };
-                (at, format!("a void, but {why}"), CHOOSE_FOR_VOIDS)
-            }
-            Misfit::Height(at, height) => {
-                (at, format!("the height {height} cannot be stored as {name}"), CHOOSE_NODATA)
-            }
-        };
-        let place = format!("column {}, row {row}", col as usize + at);
-        Error::bad_input(message).in_file(self.file.path()).at(place).remedy(remedy)
+        self.codec.refusal(misfit, col, row).in_file(self.file.path())
     }
 
     /// Completes the store, puts it under its name, and returns its size in bytes. Fails when
@@ -147,10 +139,7 @@ impl StoreWriter {
     }
 }
 
-const CHOOSE_FOR_VOIDS: &str = "pass a value with --nodata that the type holds and no sample has";
-const CHOOSE_NODATA: &str = "if it equals the nodata value, pass another one with --nodata";
-
-fn refuse_old_mask(path: &Path) -> Result<()> {
+pub(in crate::raster) fn refuse_old_mask(path: &Path) -> Result<()> {
     let Some(mask) = mask_beside(path) else { return Ok(()) };
     let message = "is the mask of an earlier file and would void samples of the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
@@ -171,12 +160,16 @@ fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
 }
 
 #[cfg(unix)]
-fn write_all_at(file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
+pub(in crate::raster) fn write_all_at(file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::write_all_at(file, bytes, place)
 }
 
 #[cfg(windows)]
-fn write_all_at(file: &File, mut bytes: &[u8], mut place: u64) -> io::Result<()> {
+pub(in crate::raster) fn write_all_at(
+    file: &File,
+    mut bytes: &[u8],
+    mut place: u64,
+) -> io::Result<()> {
     while !bytes.is_empty() {
         let written = std::os::windows::fs::FileExt::seek_write(file, bytes, place)?;
         if written == 0 {

@@ -1,0 +1,180 @@
+//! Grids written: one file per format, the registry that names them, and the trait behind each.
+//!
+//! A sink is fed block by block. Blocks are encoded by any thread in any order; the encoded bytes are
+//! appended one by one in row-major order, so that the file is the same whatever the threads. No sink
+//! holds the grid, and each file appears under its name whole or not at all.
+
+mod asc;
+mod cog;
+mod compress;
+mod creation;
+mod directory;
+mod flt;
+mod geotiff;
+mod level;
+mod packed;
+mod png;
+mod predict;
+mod sidecar;
+mod store;
+mod target;
+mod tiff;
+
+use std::path::Path;
+
+pub use creation::{Accepts, Creation, CreationOption};
+
+use crate::error::{Error, Result};
+use crate::geom::Rect;
+use crate::raster::store::Heights;
+use crate::raster::store::writer::refuse_old_mask;
+use crate::raster::{GridInfo, GridSource, SampleType};
+
+/// All formats that can be written. A new one is one file and one line here. Where several have an
+/// ending, the first is meant unless another is named.
+pub const FORMATS: &[GridFormat] =
+    &[store::FORMAT, cog::FORMAT, geotiff::FORMAT, asc::FORMAT, flt::FORMAT, png::FORMAT];
+
+/// One format of grids: an entry of [`FORMATS`].
+#[derive(Debug)]
+pub struct GridFormat {
+    /// Short name for `--format` and messages, unique.
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// What `--co` may say.
+    pub options: &'static [CreationOption],
+    /// Bytes that a thread holds for each sample of a block, heights included, at most.
+    pub bytes_per_sample: u64,
+    /// Starts a file.
+    pub(super) create: fn(&Order<'_>) -> Result<Box<dyn GridSink>>,
+}
+
+/// How a grid is to be written.
+#[derive(Clone, Debug, Default)]
+pub struct WriteOptions {
+    /// Replace existing files.
+    pub overwrite: bool,
+    /// Creation options as given.
+    pub creation: Vec<(String, String)>,
+    /// Type of the samples; that of the grid, or what the format holds, when `None`.
+    pub sample_type: Option<SampleType>,
+    /// Stored value for voids; that of the grid, where the type holds it, when `None`.
+    pub nodata: Option<f64>,
+    /// Store the nearest value where the type does not hold a height exactly, instead of failing.
+    pub round: bool,
+}
+
+/// What a format is asked to write.
+pub(super) struct Order<'a> {
+    path: &'a Path,
+    info: &'a GridInfo,
+    options: &'a WriteOptions,
+    creation: Creation,
+}
+
+/// Receives a grid block by block and writes it whole or not at all: the file appears under its name
+/// in [`finish`](Self::finish); dropping the sink before that leaves nothing.
+pub trait GridSink: Send + Sync {
+    /// What is written: sample type, nodata, scale and offset may differ from the source's.
+    fn info(&self) -> &GridInfo;
+
+    /// Columns and rows of a block of the current level.
+    fn block(&self) -> (u32, u32);
+
+    /// True when blocks must be appended in order and whole; otherwise pieces (rows of a block) may
+    /// come in any order, and there is nothing to append.
+    fn in_order(&self) -> bool {
+        true
+    }
+
+    /// Encodes the heights of `rect`, a block cut to the grid, into `out` (emptied first). Any
+    /// thread, any order, once for each block.
+    ///
+    /// # Errors
+    /// A height that the format cannot hold, with its column and row.
+    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()>;
+
+    /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time.
+    fn append(&self, bytes: &[u8]) -> Result<()>;
+
+    /// Ends the current level. When the file has another one, it becomes the current one, and its
+    /// grid is returned to be fed like the first.
+    fn next_level(&mut self) -> Result<Option<Box<dyn GridSource>>> {
+        Ok(None)
+    }
+
+    /// What of the grid the format cannot say, for the user.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Completes the file, puts it under its name, and returns its size in bytes.
+    fn finish(self: Box<Self>) -> Result<u64>;
+}
+
+impl GridFormat {
+    /// Fails unless the options are the format's, with values it takes.
+    pub fn check(&self, creation: &[(String, String)]) -> Result<()> {
+        Creation::new(self.name, self.options, creation).map(drop)
+    }
+
+    /// Starts a file at `path` for the grid that `info` describes.
+    ///
+    /// # Errors
+    /// Options the format does not take, a grid it cannot hold, or a file that cannot be made. A mask
+    /// of an earlier file beside `path` is refused: it would void samples of the new one.
+    pub fn create(
+        &self,
+        path: &Path,
+        info: &GridInfo,
+        options: &WriteOptions,
+    ) -> Result<Box<dyn GridSink>> {
+        let creation = Creation::new(self.name, self.options, &options.creation)?;
+        refuse_old_mask(path)?;
+        (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
+    }
+
+    fn has_extension_of(&self, path: &Path) -> bool {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        self.extensions.contains(&ending.as_str())
+    }
+
+    fn endings(&self) -> String {
+        self.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ")
+    }
+}
+
+/// The format called `name`, or else the first that `path`'s ending stands for.
+///
+/// # Errors
+/// Usage: an unknown name or ending (the known ones are listed), or a name whose format does not have
+/// the ending.
+pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
+    let Some(name) = name else {
+        return FORMATS.iter().find(|format| format.has_extension_of(path)).ok_or_else(|| {
+            Error::usage("the file name does not say which grid format is meant")
+                .in_file(path)
+                .remedy(format!("end it in {}", known(|f| f.endings())))
+        });
+    };
+    let named = |format: &&GridFormat| format.name.eq_ignore_ascii_case(name);
+    let Some(format) = FORMATS.iter().find(named) else {
+        return Err(Error::usage(format!("unknown grid format \"{name}\""))
+            .remedy(format!("known formats are {}", known(|f| f.name.to_owned()))));
+    };
+    if format.has_extension_of(path) {
+        return Ok(format);
+    }
+    Err(Error::usage(format!("{} cannot have this ending", format.name))
+        .in_file(path)
+        .remedy(format!("end the name in {}", format.endings())))
+}
+
+fn known(text: impl Fn(&GridFormat) -> String) -> String {
+    let mut texts: Vec<String> = FORMATS.iter().map(text).collect();
+    texts.dedup();
+    texts.join(", ")
+}
