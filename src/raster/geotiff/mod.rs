@@ -11,6 +11,7 @@ mod georef;
 mod ifd;
 mod image;
 mod layout;
+mod lerc;
 mod mask;
 mod predictor;
 mod tags;
@@ -38,7 +39,7 @@ use mask::Mask;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "GeoTIFF",
     extensions: &["tif", "tiff", "gtiff", "btf", "tf8"],
-    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd",
+    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd, LERC",
     sniff: ifd::is_tiff,
     open,
 };
