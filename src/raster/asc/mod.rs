@@ -125,6 +125,10 @@ impl GridSource for AscGrid {
         self.read(rect, out)
     }
 
+    fn block_bytes(&self) -> u64 {
+        self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
+    }
+
     /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
     fn release(&self, rect: Rect) {
         let rows = self.info.block.1;

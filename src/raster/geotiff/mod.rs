@@ -117,6 +117,12 @@ impl GridSource for GeoTiff {
         self.read(rect, out)
     }
 
+    fn block_bytes(&self) -> u64 {
+        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
+        let layouts = images.map(|image| &image.blocks.layout);
+        layouts.filter(|l| !l.is_read_by_rows()).map(Layout::decoded_bytes).max().unwrap_or(0)
+    }
+
     /// Forgets the blocks that lie wholly inside `rect`.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
