@@ -1,11 +1,17 @@
 //! Reading rate of compressed GeoTIFF, one thread: our decode path beside the `tiff` crate's, on
-//! the same bytes. Samples per second are printed by criterion.
+//! the same bytes; and of text grids. Criterion prints samples or bytes per second.
+//!
+//! With the arguments `read THREADS WIDTH HEIGHT FILE` it reads that file once, by windows of that
+//! size, and prints the seconds; `benches/read_peers.py` compares them with GDAL's.
 
+use std::fmt::Write;
 use std::hint::black_box;
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput};
 use terrane::geom::Rect;
 use terrane::raster::{GridSource, OpenOptions, open};
 
@@ -80,5 +86,70 @@ fn reading(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, reading);
-criterion_main!(benches);
+/// The terrain as text, with two decimals.
+fn text() -> String {
+    let mut text = format!("ncols {SIDE}\nnrows {SIDE}\nxllcorner 0\nyllcorner 0\ncellsize 1\n");
+    for row in 0..SIDE as usize {
+        for col in 0..SIDE as usize {
+            let _ = write!(text, "{:.2} ", terrain(col, row, 0));
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Opening parses every value, and so does reading.
+fn text_grids(criterion: &mut Criterion) {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, path) = (text(), folder.path().join("t.asc"));
+    std::fs::write(&path, &text).unwrap();
+    let mut group = criterion.benchmark_group("text");
+    group.throughput(Throughput::Bytes(text.len() as u64));
+    group.sample_size(10);
+    let open = || open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+    group.bench_function("open", |b| b.iter(|| black_box(open().info().sample_type)));
+    let mut out = vec![0.0; (TILE * TILE) as usize];
+    group.bench_function("open and read", |b| b.iter(|| read_tiles(open().as_ref(), &mut out)));
+    group.finish();
+}
+
+/// Reads every sample of `file` once, by windows of `width` x `height` from `threads` threads, and
+/// returns the seconds from opening on.
+fn read_file(threads: usize, width: u32, height: u32, file: &str) -> f64 {
+    let start = Instant::now();
+    let source = open(file, &OpenOptions::default()).unwrap();
+    let bounds = source.info().bounds();
+    let rows = (0..bounds.height).step_by(height as usize);
+    let at = |row| (0..bounds.width).step_by(width as usize).map(move |col| (col, row));
+    let windows: Vec<_> =
+        rows.flat_map(at).map(|(c, r)| Rect::new(c, r, width, height).intersect(&bounds)).collect();
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                let mut out = vec![0.0; (width * height) as usize];
+                while let Some(rect) = windows.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    source.read_f32(*rect, &mut out[..rect.len()]).unwrap();
+                    source.release(*rect);
+                    black_box(&out);
+                }
+            });
+        }
+    });
+    start.elapsed().as_secs_f64()
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    if let [verb, threads, width, height, file] = args.as_slice()
+        && verb == "read"
+    {
+        let number = |text: &str| text.parse().unwrap();
+        println!("{}", read_file(number(threads) as usize, number(width), number(height), file));
+        return;
+    }
+    let mut criterion = Criterion::default().configure_from_args();
+    reading(&mut criterion);
+    text_grids(&mut criterion);
+    criterion.final_summary();
+}

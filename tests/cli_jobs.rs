@@ -127,6 +127,27 @@ fn grids_are_told_about_and_drawn() {
 }
 
 #[test]
+fn what_is_odd_and_what_a_tin_takes_is_told_as_text_and_json() {
+    let place = Place::new();
+    place.write("a.asc", GRID.replace("cellsize 10", "dx 10\ndy 20"));
+    let told = json(&place.ok(&["info", "a.asc", "--json", "--stats", "--memory", "1G"]).out);
+    let notes = told["notes"].as_array().unwrap();
+    let kinds: Vec<_> = notes.iter().map(|note| note["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["no CRS", "vertical unit unknown", "cells not square", "voids"]);
+    assert_eq!(told["tin"]["memory"], 1 << 30);
+    let least = told["tin"]["least_memory"].as_u64().unwrap();
+    let (enough, less) = (least.to_string(), (least - 1).to_string());
+    let tin = ["tin", "a.asc", "a.ply", "--max-error", "1", "--memory"];
+    place.ok(&[&tin[..], &[&enough]].concat());
+    place.fails(&[&tin[..], &[&less, "--overwrite"]].concat(), 75, &["memory"]);
+    let text = place.ok(&["info", "a.asc"]).out;
+    let rows: Vec<_> = text.lines().filter_map(|line| line.trim().split_once("  ")).collect();
+    let told = |name: &str| rows.iter().filter(|row| row.0 == name).count();
+    assert_eq!(["note", "tin memory", "tin time", "tin disk"].map(told), [3, 1, 1, 0], "{text}");
+    assert!(text.contains("10 x 20 unit: 0.5000 times as wide as high"), "{text}");
+}
+
+#[test]
 fn pictures_do_not_depend_on_threads_or_memory() {
     let place = Place::new();
     let input = "synth:salt,size=700,seed=1";

@@ -1,32 +1,73 @@
-//! Damaged files of every format, by the thousand: a right answer or an error, soon and in bounded
-//! memory, never a panic. `TERRANE_MUTATIONS=100000` does as many of each format as that.
+//! Damaged files of every format, by the thousand: an answer or an error, soon and in bounded memory,
+//! never a panic. `TERRANE_MUTATIONS=100000` does as many of each format as that.
 
 mod raster_support;
 
-use std::io::Write;
 use std::path::Path;
 
+use raster_support::formats::{self, Sample};
 use raster_support::hostile::{MOST_MEMORY, Random, guarded, mutate};
 use raster_support::tiff_builder::{Spec, Value};
 use raster_support::{data_folder, write_anew};
+use terrane::raster::FORMATS;
 
 /// Real files up to this long are damaged too.
 const MOST_BYTES: u64 = 200_000;
 /// A tile of the shortest kind.
 const TILE: (usize, usize) = (601, 1201);
 
-/// A sound file: its name and bytes, and the name of the file to open where that is another.
+/// Sound files of one grid, one of which is to be damaged.
 #[derive(Clone)]
 struct Seed {
-    name: String,
-    bytes: Vec<u8>,
-    beside: Option<(String, Vec<u8>)>,
+    /// Names and contents; the first is the file to open.
+    files: Vec<(String, Vec<u8>)>,
+    /// Which is damaged.
+    damaged: usize,
+    /// False for real files, some of which are refused as they are.
+    sound: bool,
 }
 
 impl Seed {
     fn new(name: &str, bytes: Vec<u8>) -> Self {
-        Self { name: name.to_owned(), bytes, beside: None }
+        Self { files: vec![(name.to_owned(), bytes)], damaged: 0, sound: true }
     }
+
+    /// As [`new`](Self::new), but to be found beside `opened`.
+    fn beside(opened: (&str, Vec<u8>), name: &str, bytes: Vec<u8>) -> Self {
+        let files = vec![(opened.0.to_owned(), opened.1), (name.to_owned(), bytes)];
+        Self { files, damaged: 1, sound: true }
+    }
+
+    fn name(&self) -> &str {
+        &self.files[self.damaged].0
+    }
+}
+
+/// The formats, how their files are built, and how many mutations are done every day.
+const GROUPS: &[(&str, fn() -> Vec<Seed>, usize)] = &[
+    ("GeoTIFF", tiffs, 3000),
+    ("SRTM HGT", tiles, 40),
+    ("ESRI ASCII", texts, 3000),
+    ("raw with header", || built(&[".bil", ".flt", ".dat"]), 1500),
+    ("PNG", || built(&[".png"]), 1500),
+    ("DTED", || built(&[".dt0"]), 1500),
+    ("USGS DEM", || built(&[".dem"]), 1500),
+    ("XYZ", || built(&[".xyz", ".csv"]), 1500),
+    ("NumPy", || built(&[".npy"]), 1500),
+    ("gzip", || built(&[".gz"]), 1000),
+    ("zip", zips, 600),
+];
+
+/// The built files of these endings; of several that belong together each is damaged in turn.
+fn built(endings: &[&str]) -> Vec<Seed> {
+    let is_wanted =
+        |sample: &Sample| endings.iter().any(|ending| sample.files[0].0.ends_with(ending));
+    let seeds = formats::samples().into_iter().filter(is_wanted).flat_map(|sample| {
+        let files: Vec<_> =
+            sample.files.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect();
+        (0..files.len()).map(move |damaged| Seed { files: files.clone(), damaged, sound: true })
+    });
+    seeds.collect()
 }
 
 fn ramp(col: usize, row: usize, band: usize) -> f64 {
@@ -76,8 +117,7 @@ fn tiffs() -> Vec<Seed> {
         }
     }
     let grid = Spec::new(20, 18, 2, 16).build(ramp);
-    let beside = Some(("k.tif".to_owned(), grid));
-    seeds.push(Seed { beside, ..Seed::new("k.tif.msk", mask(8, 8).build(ramp)) });
+    seeds.push(Seed::beside(("k.tif", grid), "k.tif.msk", mask(8, 8).build(ramp)));
     seeds.extend(real(&["dem/formats"], ".tif"));
     seeds
 }
@@ -87,13 +127,16 @@ fn tile() -> Vec<u8> {
     (0..TILE.0 * TILE.1).flat_map(|i| sample(i).to_be_bytes()).collect()
 }
 
-fn zipped_tiles() -> Vec<Seed> {
-    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    zip.start_file("S02W010.hgt", zip::write::SimpleFileOptions::default()).unwrap();
-    zip.write_all(&tile()).unwrap();
-    let mut seeds = vec![Seed::new("z.hgt.zip", zip.finish().unwrap().into_inner())];
-    seeds.extend(real(&["dem"], ".hgt.zip"));
-    seeds
+/// Only the length of a plain tile can be wrong.
+fn tiles() -> Vec<Seed> {
+    vec![Seed::new("S02W010.hgt", tile())]
+}
+
+/// Small archives, and one in eight of a whole tile.
+fn zips() -> Vec<Seed> {
+    let tile = Seed::new("z.hgt.zip", formats::zip(&[("S02W010.hgt", &tile())]));
+    let small = built(&[".zip"]);
+    small.into_iter().cycle().take(7).chain([tile]).collect()
 }
 
 fn texts() -> Vec<Seed> {
@@ -105,8 +148,8 @@ fn texts() -> Vec<Seed> {
         Seed::new("c.asc", format!("{centre}1 2 3\r\n4 5 6").into_bytes()),
     ];
     let prj = br#"PROJCS["x",GEOGCS["y",UNIT["Degree",0.017]],AUTHORITY["EPSG","32611"]]"#;
-    let beside = Some(("p.asc".to_owned(), seeds[0].bytes.clone()));
-    seeds.push(Seed { beside, ..Seed::new("p.prj", prj.to_vec()) });
+    let grid = ("p.asc", seeds[0].files[0].1.clone());
+    seeds.push(Seed::beside(grid, "p.prj", prj.to_vec()));
     seeds.extend(real(&["dem/formats"], ".asc"));
     seeds
 }
@@ -120,11 +163,12 @@ fn real(folders: &[&str], ending: &str) -> Vec<Seed> {
             let entry = entry.unwrap();
             let name = entry.file_name().to_string_lossy().into_owned();
             if name.ends_with(ending) && entry.metadata().unwrap().len() <= MOST_BYTES {
-                seeds.push(Seed::new(&name, std::fs::read(entry.path()).unwrap()));
+                let bytes = std::fs::read(entry.path()).unwrap();
+                seeds.push(Seed { sound: false, ..Seed::new(&name, bytes) });
             }
         }
     }
-    seeds.sort_by(|a, b| a.name.cmp(&b.name));
+    seeds.sort_by(|a, b| a.files[0].0.cmp(&b.files[0].0));
     seeds
 }
 
@@ -134,34 +178,36 @@ fn count(everyday: usize) -> usize {
     asked.map_or(everyday, |count| count.parse().expect("TERRANE_MUTATIONS is a number"))
 }
 
-/// Damages each of `seeds` in turn, `count` times in all.
-fn run(seeds: &[Seed], count: usize) {
+/// Damages the files of the format `name` in turn.
+fn damage(name: &str) {
+    let (_, seeds, everyday) = GROUPS.iter().find(|group| group.0 == name).unwrap();
+    let (seeds, count) = (seeds(), count(*everyday));
     let folder = tempfile::tempdir().unwrap();
     let mut read = 0;
     for number in 0..count {
-        let seed = &seeds[number % seeds.len()];
-        let mut bytes = seed.bytes.clone();
-        mutate(&mut bytes, &mut Random::of(number));
-        match attempt(folder.path(), seed, &bytes) {
+        let mut seed = seeds[number % seeds.len()].clone();
+        mutate(&mut seed.files[seed.damaged].1, &mut Random::of(number));
+        match attempt(folder.path(), &seed) {
             Ok(is_read) => read += usize::from(is_read),
-            Err(why) => panic!("mutation {number} of {}: {why}\n{:?}", seed.name, shown(&bytes)),
+            Err(why) => {
+                let bytes = shown(&seed.files[seed.damaged].1);
+                panic!("mutation {number} of {}: {why}\n{bytes:?}", seed.name())
+            }
         }
     }
-    println!("{count} mutations: {read} read, {} refused", count - read);
+    println!("{name}: {count} mutations, {read} read, {} refused", count - read);
     assert!(read < count, "all {count} read: nothing was damaged");
     assert!(terrane::pipeline::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
 }
 
-/// True when the file was read, false when it was refused in one line.
-fn attempt(folder: &Path, seed: &Seed, bytes: &[u8]) -> Result<bool, String> {
-    let path = folder.join(&seed.name);
-    write_anew(&path, bytes);
-    let opened = seed.beside.as_ref().map(|(name, bytes)| {
-        write_anew(&folder.join(name), bytes);
-        folder.join(name)
-    });
-    let outcome = guarded(opened.as_ref().unwrap_or(&path));
-    for path in opened.iter().chain([&path]) {
+/// True when the grid was read, false when it was refused in one line.
+fn attempt(folder: &Path, seed: &Seed) -> Result<bool, String> {
+    let paths: Vec<_> = seed.files.iter().map(|(name, _)| folder.join(name)).collect();
+    for (path, (_, bytes)) in paths.iter().zip(&seed.files) {
+        write_anew(path, bytes);
+    }
+    let outcome = guarded(&paths[0]);
+    for path in &paths {
         std::fs::remove_file(path).unwrap();
     }
     match outcome? {
@@ -176,33 +222,63 @@ fn shown(bytes: &[u8]) -> &[u8] {
 }
 
 #[test]
-fn every_seed_is_sound_before_it_is_damaged() {
+fn every_format_is_damaged_and_every_seed_is_sound_before() {
+    assert!(GROUPS.iter().map(|group| group.0).eq(FORMATS.iter().map(|format| format.name)));
     let folder = tempfile::tempdir().unwrap();
-    let built = [tiffs(), texts(), zipped_tiles(), vec![Seed::new("S02W010.hgt", tile())]];
-    for seed in built.concat() {
-        let outcome = attempt(folder.path(), &seed, &seed.bytes);
-        let built_here = seed.name.split('.').next().is_some_and(|stem| stem.len() == 1);
-        assert!(outcome == Ok(true) || !built_here, "{}: {outcome:?}", seed.name);
+    for (name, seeds, _) in GROUPS {
+        let seeds = seeds();
+        assert!(!seeds.is_empty(), "{name}");
+        for seed in seeds {
+            let outcome = attempt(folder.path(), &seed);
+            assert!(outcome == Ok(true) || !seed.sound, "{name}, {}: {outcome:?}", seed.name());
+        }
     }
 }
 
+/// Formats whose fuzz target takes the text file beside a grid from the bytes before the first zero.
+const PAIRS: [&str; 5] = ["asc", "bil", "flt", "dat", "png"];
+
+/// Writes the undamaged files for the fuzz targets, by ending; see tools/fuzz/README.md.
 #[test]
-fn damaged_tiffs() {
-    run(&tiffs(), count(4000));
+#[ignore = "writes into tools/fuzz/corpus"]
+fn write_seeds() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/fuzz/corpus");
+    let seeds = GROUPS.iter().flat_map(|(_, seeds, _)| seeds());
+    for (number, seed) in seeds.enumerate() {
+        let (name, grid) = &seed.files[0];
+        let ending = name.rsplit('.').next().unwrap();
+        let bytes = match &seed.files[1..] {
+            [] if PAIRS.contains(&ending) => [&[0], &grid[..]].concat(),
+            [] => grid.clone(),
+            [(_, text)] if PAIRS.contains(&ending) => [text, &[0][..], grid].concat(),
+            _ => continue,
+        };
+        let folder = corpus.join(ending);
+        std::fs::create_dir_all(&folder).unwrap();
+        write_anew(&folder.join(format!("seed-{number}")), &bytes);
+    }
 }
 
-#[test]
-fn damaged_texts() {
-    run(&texts(), count(4000));
+/// A test for each format, so that they run side by side.
+macro_rules! damaged {
+    ($($test:ident: $name:literal;)*) => {$(
+        #[test]
+        fn $test() {
+            damage($name);
+        }
+    )*};
 }
 
-#[test]
-fn damaged_zipped_tiles() {
-    run(&zipped_tiles(), count(200));
-}
-
-/// Only the length of a plain tile can be wrong.
-#[test]
-fn damaged_tiles() {
-    run(&[Seed::new("S02W010.hgt", tile())], count(60));
+damaged! {
+    geotiff: "GeoTIFF";
+    hgt: "SRTM HGT";
+    asc: "ESRI ASCII";
+    raw: "raw with header";
+    png: "PNG";
+    dted: "DTED";
+    usgs: "USGS DEM";
+    xyz: "XYZ";
+    npy: "NumPy";
+    gzip: "gzip";
+    zip: "zip";
 }

@@ -7,10 +7,11 @@ use crate::error::Result;
 use crate::geom::Point3;
 use crate::output::MeshInfo;
 use crate::pipeline::surface::{self, GridStats, Surface};
+use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
-use crate::raster::{GridInfo, undeclared_nodata};
+use crate::raster::{GridInfo, Note, notes, notes_on_heights};
 
-/// Tell what grids and meshes are
+/// Tell what grids and meshes are, what is odd about them, and what a TIN would take
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid and mesh files, or synthetic terrains by name
@@ -65,7 +66,8 @@ fn describe(file: &str, args: &Args, progress: &dyn Progress, cancel: &Cancel) -
         Surface::Grid(grid) => {
             let measure = || surface::grid_stats(grid.as_ref(), &resources, progress, cancel);
             let stats = args.stats.then(measure).transpose()?;
-            Ok(Facts::Grid(Box::new(GridFacts::new(file, grid.info(), stats))))
+            let plan = plan(grid.as_ref(), &resources);
+            Ok(Facts::Grid(Box::new(GridFacts::new(file, grid.info(), stats, plan))))
         }
         Surface::Mesh(mesh) => {
             let bounds = surface::mesh_bounds(mesh.as_ref(), progress, cancel)?;
@@ -115,10 +117,14 @@ struct GridFacts {
     details: serde_json::Map<String, serde_json::Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stats: Option<GridStats>,
+    /// What a TIN of it would take; absent where it has no cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tin: Option<Plan>,
+    notes: Vec<Note>,
 }
 
 impl GridFacts {
-    fn new(file: &str, info: &GridInfo, stats: Option<GridStats>) -> Self {
+    fn new(file: &str, info: &GridInfo, stats: Option<GridStats>, tin: Option<Plan>) -> Self {
         let map = &info.transform;
         Self {
             file: file.to_owned(),
@@ -145,7 +151,9 @@ impl GridFacts {
             bounds: bounds(info, 0.5),
             block: [info.block.0, info.block.1],
             details: details(&info.details),
+            notes: all_notes(info, stats.as_ref()),
             stats,
+            tin,
         }
     }
 
@@ -171,14 +179,48 @@ impl GridFacts {
                 format!("stored x {} + {}", text::number(self.scale), text::number(self.offset));
             rows.push(("height", line));
         }
-        if !self.georeferenced {
-            rows.push(("position", "unknown: columns and rows stand in for it".to_owned()));
-        }
         let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
         rows.extend(detail_rows(&self.details));
         rows.extend(self.stats.iter().flat_map(|stats| stats_rows(stats, self.samples)));
+        rows.extend(self.tin.iter().flat_map(plan_rows));
+        rows.extend(self.notes.iter().map(|note| ("note".to_owned(), note.text.clone())));
         rows
     }
+}
+
+/// Notes on what the file says, and on its heights where they were read.
+fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
+    let samples = u64::from(info.width) * u64::from(info.height);
+    let on_heights = stats.map(|stats| {
+        let suspects = stats.suspected_nodata.map(|stored| (stored, stats.at_min));
+        notes_on_heights(samples, stats.valid, suspects)
+    });
+    notes(info).into_iter().chain(on_heights.into_iter().flatten()).collect()
+}
+
+fn plan_rows(plan: &Plan) -> Vec<(String, String)> {
+    let [coarse, fine] = plan.seconds.map(text::seconds);
+    let rates: Vec<String> = std::iter::zip(plan.nanoseconds_per_sample, plan.kept)
+        .map(|(rate, kept)| format!("{} ns at {} kept", text::number(rate), text::percent(kept)))
+        .collect();
+    let threads = if plan.threads == 1 { "thread" } else { "threads" };
+    let [least, memory] = [plan.least_memory, plan.memory].map(text::bytes);
+    let mut rows = vec![
+        ("tin memory", format!("{least} at least, {memory} allowed (--memory)")),
+        (
+            "tin time",
+            format!(
+                "about {coarse} to {fine} on {} {threads} (a sample and thread: {})",
+                plan.threads,
+                rates.join(", ")
+            ),
+        ),
+    ];
+    if plan.spill_bytes[1] > 0 {
+        let [coarse, fine] = plan.spill_bytes.map(text::bytes);
+        rows.push(("tin disk", format!("about {coarse} to {fine} of temporary space")));
+    }
+    rows.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 fn stats_rows(stats: &GridStats, samples: u64) -> Vec<(String, String)> {
@@ -193,8 +235,6 @@ fn stats_rows(stats: &GridStats, samples: u64) -> Vec<(String, String)> {
     let known =
         heights.iter().filter_map(|(name, z)| Some((name.to_string(), text::number((*z)?))));
     rows.extend(known);
-    let warning = stats.suspected_nodata.map(|value| undeclared_nodata(stats.at_min, value));
-    rows.extend(warning.map(|line| ("warning".to_owned(), line)));
     rows
 }
 

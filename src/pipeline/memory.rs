@@ -30,10 +30,21 @@ pub struct Shares {
     pub mesh: u64,
 }
 
+/// Bytes with which [`divide`] leaves enough for decoded blocks of `block` bytes, whatever the number
+/// of workers up to `threads` that it finds room for.
+pub fn least(threads: usize, worker: u64, block: u64) -> u64 {
+    let one = PROGRAM + LEAST_SHARED + worker;
+    if 2 * block <= LEAST_SHARED {
+        return one;
+    }
+    // Workers are added as soon as they fit, and the rest is shared by halves.
+    PROGRAM + worker * threads.max(1) as u64 + 2 * block
+}
+
 /// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
 /// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
-    let least = PROGRAM + LEAST_SHARED + worker;
+    let least = least(1, worker, 0);
     if memory < least {
         let needed = least.div_ceil(1 << 20);
         let allowed = memory as f64 / (1 << 20) as f64;
@@ -64,6 +75,17 @@ mod tests {
         for memory in [62, 64, 128, 1000, 9000] {
             let Shares { threads, cache, mesh } = shares(memory, 8);
             assert_eq!(PROGRAM + 48 * MIB * threads as u64 + cache + mesh, memory * MIB);
+        }
+    }
+
+    #[test]
+    fn the_least_memory_holds_a_block_however_many_workers_fit() {
+        for (threads, block) in [(1, 0), (1, 3), (8, 3), (1, 4), (8, 100), (3, 1024)] {
+            let least = least(threads, 48 * MIB, block * MIB);
+            let shares = divide(least, threads, 48 * MIB).unwrap();
+            assert!(shares.cache >= block * MIB, "{threads} threads, {block} MiB: {shares:?}");
+            let less = divide(least - 2 * MIB, threads, 48 * MIB);
+            assert!(threads > 1 || less.is_err() || less.unwrap().cache < block * MIB);
         }
     }
 

@@ -10,6 +10,7 @@ mod file;
 mod geotiff;
 mod hgt;
 mod nodata;
+mod notes;
 mod npy;
 mod packed;
 mod png;
@@ -33,6 +34,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
+pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
 use window::Window;
 
 /// How samples are stored in the file.
@@ -185,6 +187,12 @@ pub trait GridSource: Send + Sync {
 
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()>;
+
+    /// Bytes of the largest block that is decoded whole: [`OpenOptions::cache_bytes`] must hold as
+    /// many. 0 where samples are read straight from the file.
+    fn block_bytes(&self) -> u64 {
+        0
+    }
 
     /// A hint that `rect` will not be read again soon: mapped pages or cached blocks may go.
     fn release(&self, _rect: Rect) {}

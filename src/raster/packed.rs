@@ -93,6 +93,10 @@ impl GridSource for Unpacked {
         self.grid.read_f64(rect, out).map_err(|e| e.renamed(&self.path))
     }
 
+    fn block_bytes(&self) -> u64 {
+        self.grid.block_bytes()
+    }
+
     fn release(&self, rect: Rect) {
         self.grid.release(rect);
     }

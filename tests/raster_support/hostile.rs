@@ -6,31 +6,13 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use terrane::Result;
-use terrane::geom::Rect;
-use terrane::raster::{OpenOptions, open};
 
-/// Most samples a test reads at once.
-const MOST_SAMPLES: u64 = 1 << 19;
+use super::attempt::attempt;
+
 /// Far below what any of the lying headers asks for.
 pub(crate) const MOST_MEMORY: u64 = 512 << 20;
 /// A file that takes longer is one that hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
-
-/// Opens and reads all of a small grid, or three windows of a large one.
-fn attempt(path: &Path) -> Result<Vec<f64>> {
-    let options = OpenOptions { cache_bytes: 16 << 20, ..OpenOptions::default() };
-    let source = open(path.to_str().unwrap(), &options)?;
-    let (width, height) = (source.info().width, source.info().height);
-    if u64::from(width) * u64::from(height) <= MOST_SAMPLES {
-        return super::read_all(source.as_ref());
-    }
-    let (w, h) = (width.min(64), height.min(64));
-    let mut out = vec![0.0; (w * h) as usize];
-    for (col, row) in [(0, 0), (width / 2 - w / 2, height / 2 - h / 2), (width - w, height - h)] {
-        source.read_f64(Rect::new(col, row, w, h), &mut out)?;
-    }
-    Ok(out)
-}
 
 /// As [`attempt`]; a panic, or more time than [`PATIENCE`], is told as text.
 pub(crate) fn guarded(path: &Path) -> std::result::Result<Result<Vec<f64>>, String> {
@@ -79,11 +61,12 @@ pub(crate) fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
             _ => random.below(256) as u8,
         };
     }
-    match random.below(16) {
+    match random.below(18) {
         0 | 1 => bytes.truncate(1 + random.below(bytes.len())),
         2 => lengthen(bytes, random),
         3 => repeat_piece(bytes, random),
         4..=7 => put_number(bytes, random),
+        8 | 9 => put_word(bytes, random),
         _ => {}
     }
 }
@@ -113,4 +96,26 @@ fn put_number(bytes: &mut [u8], random: &mut Random) {
     if random.below(2) == 0 {
         place.reverse();
     }
+}
+
+/// Writes a word that tends to hurt where numbers are text.
+fn put_word(bytes: &mut [u8], random: &mut Random) {
+    const WORDS: [&str; 12] = [
+        "0",
+        "-1",
+        "99999999999",
+        "4294967296",
+        "1e999",
+        "-1e-999",
+        "nan",
+        "inf",
+        "1,5",
+        "\n\n",
+        " ",
+        "\0",
+    ];
+    let word = WORDS[random.below(WORDS.len())].as_bytes();
+    let length = word.len().min(bytes.len());
+    let at = random.below(bytes.len() - length + 1);
+    bytes[at..at + length].copy_from_slice(&word[..length]);
 }

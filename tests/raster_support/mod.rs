@@ -1,6 +1,7 @@
 //! Shared by the raster tests: where the real files are, and how to read a whole grid.
 #![allow(dead_code)] // each test binary uses its part
 
+pub(crate) mod attempt;
 pub(crate) mod formats;
 pub(crate) mod hostile;
 pub(crate) mod tiff_builder;

@@ -1,6 +1,7 @@
 //! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
 //! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
 
+mod decimal;
 mod header;
 mod tokens;
 
@@ -17,7 +18,7 @@ use crate::raster::{
 };
 
 use header::Header;
-use tokens::{Tokens, number};
+use tokens::Tokens;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -95,14 +96,19 @@ impl AscGrid {
         let mut out = Vec::with_capacity(rect.len() * self.info.sample_type.bytes());
         let mut tokens = Tokens::new(&self.file, self.starts[block as usize], 1);
         for _ in 0..rect.len() {
-            let Some(value) = tokens.next()?.and_then(|(_, word)| number(word)) else {
-                return Err(Error::bad_input("file changed while it was open")
-                    .at(format_args!("rows from {}", rect.row))
-                    .in_file(self.file.path()));
-            };
-            push(&mut out, value, self.info.sample_type);
+            match tokens.value() {
+                Ok(Some(value)) => push(&mut out, value, self.info.sample_type),
+                Err(error) if error.kind() != ErrorKind::BadInput => return Err(error),
+                _ => return Err(self.changed(rect)),
+            }
         }
         Ok(out)
+    }
+
+    /// The opening pass has seen a number for each sample.
+    fn changed(&self, rect: Rect) -> Error {
+        let error = Error::bad_input("file changed while it was open");
+        error.at(format_args!("rows from {}", rect.row)).in_file(self.file.path())
     }
 }
 
@@ -117,6 +123,10 @@ impl GridSource for AscGrid {
 
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
         self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
     }
 
     /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
@@ -175,20 +185,19 @@ struct Range {
 
 impl Range {
     fn add(&mut self, value: f64) {
-        self.whole &= value.fract() == 0.0;
+        // Whole numbers beyond 32 bits are read as decimals are.
+        self.whole &= f64::from(value as i32) == value;
         self.low = self.low.min(value);
         self.high = self.high.max(value);
     }
 
     /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does.
     fn sample_type(&self) -> SampleType {
-        let within = |low: f64, high: f64| self.whole && low <= self.low && self.high <= high;
-        if within(f64::from(i16::MIN), f64::from(i16::MAX)) {
-            SampleType::I16
-        } else if within(f64::from(i32::MIN), f64::from(i32::MAX)) {
-            SampleType::I32
-        } else {
-            SampleType::F32
+        let within = |low: f64, high: f64| low <= self.low && self.high <= high;
+        match self.whole {
+            false => SampleType::F32,
+            true if within(f64::from(i16::MIN), f64::from(i16::MAX)) => SampleType::I16,
+            true => SampleType::I32,
         }
     }
 }
@@ -197,16 +206,15 @@ impl Scan {
     /// Parses every value once, remembering only where each block of `rows` rows starts.
     fn run(file: &RawFile, header: &Header, rows: u64) -> Result<Self> {
         let values = u64::from(header.width) * u64::from(header.height);
-        let per_block = u64::from(header.width) * rows;
         let mut tokens = Tokens::new(file, header.data.0, header.data.1);
         let mut range = Range { whole: true, low: 0.0, high: 0.0 };
         let mut starts = Vec::new();
-        for i in 0..values {
-            let (offset, value) = next_value(&mut tokens, i, values)?;
-            if i % per_block == 0 {
-                starts.push(offset);
+        for first in (0..values).step_by((u64::from(header.width) * rows) as usize) {
+            starts.push(tokens.offset());
+            for i in first..values.min(first + u64::from(header.width) * rows) {
+                let value = tokens.value()?;
+                range.add(value.ok_or_else(|| truncated(i, values).at(tokens.place()))?);
             }
-            range.add(value);
         }
         if tokens.next()?.is_some() {
             let message = format!("there are more values than the {values} declared");
@@ -216,18 +224,8 @@ impl Scan {
     }
 }
 
-fn next_value(tokens: &mut Tokens<'_>, i: u64, values: u64) -> Result<(u64, f64)> {
-    let Some((offset, word)) = tokens.next()? else {
-        let message = format!("file is truncated: it ends after {i} of {values} values");
-        return Err(Error::bad_input(message).at(tokens.place()));
-    };
-    match number(word) {
-        Some(value) => Ok((offset, value)),
-        None => {
-            let word = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
-            Err(Error::bad_input(format!("{word:?} is not a number")).at(tokens.place()))
-        }
-    }
+fn truncated(i: u64, values: u64) -> Error {
+    Error::bad_input(format!("file is truncated: it ends after {i} of {values} values"))
 }
 
 fn describe(

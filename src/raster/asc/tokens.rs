@@ -1,5 +1,6 @@
 //! Words of a text file, one after the other, in bounded memory, each with its place.
 
+use super::decimal;
 use crate::error::{Error, Result};
 use crate::raster::file::RawFile;
 
@@ -50,10 +51,28 @@ impl<'a> Tokens<'a> {
         if bytes > MOST_WORD {
             return Err(Error::bad_input("a word is too long to be a number").at(self.place()));
         }
-        let offset = self.end - (self.buffer.len() - self.next) as u64;
-        let start = self.next;
+        let (offset, start) = (self.offset(), self.next);
         self.next += bytes;
         Ok(Some((offset, &self.buffer[start..start + bytes])))
+    }
+
+    /// The next word as a number; `None` at the end.
+    pub(super) fn value(&mut self) -> Result<Option<f64>> {
+        if !self.skip_space()? {
+            return Ok(None);
+        }
+        if let Some((value, bytes)) = decimal::leading(&self.buffer[self.next..]) {
+            self.next += bytes;
+            return Ok(Some(value));
+        }
+        let Some((_, word)) = self.next()? else { return Ok(None) };
+        let value = number(word).ok_or_else(|| no_number(word));
+        value.map(Some).map_err(|e| e.at(self.place()))
+    }
+
+    /// Where in the file the reader is: behind the last word.
+    pub(super) fn offset(&self) -> u64 {
+        self.end - (self.buffer.len() - self.next) as u64
     }
 
     /// "line 7".
@@ -90,26 +109,14 @@ impl<'a> Tokens<'a> {
     }
 }
 
+fn no_number(word: &[u8]) -> Error {
+    let word = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
+    Error::bad_input(format!("{word:?} is not a number"))
+}
+
 /// A number as people and programs write it: decimal comma, `nan`, and Microsoft's `1.#QNAN`.
 /// `None` when it is none.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
-    whole_number(word).or_else(|| any_number(word))
-}
-
-/// Up to nine digits with a sign: the common case.
-fn whole_number(word: &[u8]) -> Option<f64> {
-    let (negative, digits) = match word {
-        [b'-', rest @ ..] => (true, rest),
-        rest => (false, rest),
-    };
-    if digits.is_empty() || digits.len() > 9 || !digits.iter().all(u8::is_ascii_digit) {
-        return None;
-    }
-    let value = digits.iter().fold(0, |value, digit| value * 10 + i32::from(digit - b'0'));
-    Some(f64::from(if negative { -value } else { value }))
-}
-
-fn any_number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     if let Ok(value) = text.parse() {
         return Some(value);
@@ -147,11 +154,29 @@ mod tests {
         for i in 0..30_000_u64 {
             let (offset, word) = tokens.next().unwrap().unwrap();
             assert_eq!(number(word), Some(i as f64));
+            let after = offset + word.len() as u64;
             if i % 1000 == 0 {
                 assert_eq!(expected.next(), Some((i, offset, tokens.line())));
             }
+            assert_eq!(tokens.offset(), after);
         }
         assert!(tokens.next().unwrap().is_none());
+    }
+
+    #[test]
+    fn values_are_those_of_the_words_wherever_chunks_end() {
+        let words = ["1", "-2.5", "1e3", "+7", "1,5", "12345678901234567890", "0.1", "-0"];
+        let mut file = tempfile::tempfile().unwrap();
+        let text: String = (0..40_000).map(|i| format!("{}\n", words[i % words.len()])).collect();
+        file.write_all(text.as_bytes()).unwrap();
+        let file = RawFile::of(file, Path::new("t.asc")).unwrap();
+        let mut tokens = Tokens::new(&file, 0, 1);
+        for i in 0..40_000 {
+            let value = tokens.value().unwrap().unwrap();
+            let expected = number(words[i % words.len()].as_bytes()).unwrap();
+            assert_eq!((value.to_bits(), tokens.line()), (expected.to_bits(), i as u64 + 1));
+        }
+        assert!(tokens.value().unwrap().is_none());
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::raster::file::{RawFile, RowRun, to_usize};
 use super::codec::{Compression, Decoders, Fault, Scratch, with_scratch};
 use super::ifd::{Directory, IntArray, about};
 use super::layout::Layout;
+use super::lerc;
 use super::predictor::{self, Predictor};
 use super::tags;
 
@@ -183,6 +184,13 @@ impl Blocks {
         out: &mut [u8],
         by: u32,
     ) -> Result<()> {
+        if let Compression::Lerc(packing) = self.layout.compression {
+            let shape = self.lerc_shape(by);
+            return decoders.lerc(packing, packed, shape, out).map_err(|fault| match fault {
+                Fault::Corrupt(message) => Error::bad_input(message),
+                Fault::TooLong => Error::bad_input("LERC data is longer than its samples allow"),
+            });
+        }
         let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
         match decoders.run(self.layout.compression, packed, out) {
             Ok(bytes) if bytes as u64 >= needed => Ok(()),
@@ -191,6 +199,16 @@ impl Blocks {
             }
             Err(Fault::Corrupt(message)) => Err(Error::bad_input(message)),
             Err(Fault::TooLong) => self.unpack_padded(decoders, packed, out),
+        }
+    }
+
+    fn lerc_shape(&self, by: u32) -> lerc::Shape {
+        let layout = &self.layout;
+        lerc::Shape {
+            kind: layout.sample_type,
+            width: layout.block_width as usize,
+            height: layout.stored_rows(by) as usize,
+            depth: layout.stride(),
         }
     }
 

@@ -1,10 +1,11 @@
-//! Decompression of blocks: LZW (both kinds), deflate, packbits, zstd; everything else by name.
+//! Decompression of blocks: LZW (both kinds), deflate, packbits, zstd, LERC; all else by name.
 
 use std::cell::RefCell;
 
 use libdeflater::{DecompressionError, Decompressor};
 use weezl::{BitOrder, LzwStatus, decode};
 
+use super::lerc;
 use crate::error::{Error, Result};
 
 /// Scratch buffers larger than this are given back after use.
@@ -18,17 +19,28 @@ pub(super) enum Compression {
     Deflate,
     PackBits,
     Zstd,
+    Lerc(LercPacking),
+}
+
+/// How LERC data is packed once more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LercPacking {
+    None,
+    Deflate,
+    Zstd,
 }
 
 impl Compression {
-    /// From the value of the Compression tag; others are refused by name.
-    pub(super) fn from_code(code: u64) -> Result<Self> {
+    /// From the value of the Compression tag and the second of LercParameters; others are refused by
+    /// name.
+    pub(super) fn from_code(code: u64, lerc_packing: u64) -> Result<Self> {
         match code {
             1 => Ok(Self::None),
             5 => Ok(Self::Lzw),
             8 | 32946 => Ok(Self::Deflate),
             32773 => Ok(Self::PackBits),
             50000 => Ok(Self::Zstd),
+            34887 => LercPacking::from_code(lerc_packing).map(Self::Lerc),
             _ => Err(unsupported(code)),
         }
     }
@@ -40,9 +52,31 @@ impl Compression {
             Self::Deflate => "deflate",
             Self::PackBits => "packbits",
             Self::Zstd => "zstd",
+            Self::Lerc(LercPacking::None) => "LERC",
+            Self::Lerc(LercPacking::Deflate) => "LERC and deflate",
+            Self::Lerc(LercPacking::Zstd) => "LERC and zstd",
+        }
+    }
+
+    pub(super) fn is_lerc(self) -> bool {
+        matches!(self, Self::Lerc(_))
+    }
+}
+
+impl LercPacking {
+    fn from_code(code: u64) -> Result<Self> {
+        match code {
+            0 => Ok(Self::None),
+            1 => Ok(Self::Deflate),
+            2 => Ok(Self::Zstd),
+            _ => Err(Error::unsupported(format!("LERC with packing {code} is not supported"))
+                .remedy(REWRITE)),
         }
     }
 }
+
+/// What mends a file that cannot be decoded here.
+const REWRITE: &str = "rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT";
 
 fn unsupported(code: u64) -> Error {
     let name = match code {
@@ -57,14 +91,12 @@ fn unsupported(code: u64) -> Error {
         33003 | 33004 | 33005 | 34712 => "JPEG 2000",
         34661 => "JBIG",
         34676 | 34677 => "SGI LogLuv",
-        34887 => "LERC",
         34925 => "LZMA",
         50001 => "WebP",
         50002 | 52546 => "JPEG XL",
         _ => "unknown",
     };
-    Error::unsupported(format!("compression {name} (code {code}) is not supported"))
-        .remedy("rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT")
+    Error::unsupported(format!("compression {name} (code {code}) is not supported")).remedy(REWRITE)
 }
 
 /// Why a block could not be decompressed.
@@ -123,12 +155,31 @@ impl Decoders {
         out: &mut [u8],
     ) -> std::result::Result<usize, Fault> {
         match compression {
-            Compression::None => Ok(copy(packed, out)),
+            // LERC is decoded by shape: `lerc`.
+            Compression::None | Compression::Lerc(_) => Ok(copy(packed, out)),
             Compression::Lzw => lzw(packed, out),
             Compression::PackBits => packbits(packed, out),
             Compression::Deflate => self.inflate(packed, out),
             Compression::Zstd => self.unzstd(packed, out),
         }
+    }
+
+    /// Decodes LERC data, packed once more or not, that fills `out`.
+    pub(super) fn lerc(
+        &mut self,
+        packing: LercPacking,
+        packed: &[u8],
+        shape: lerc::Shape,
+        out: &mut [u8],
+    ) -> std::result::Result<(), Fault> {
+        // Blocks of noise grow a little, and the mask comes on top.
+        let most = out.len() + out.len() / 2 + 4096;
+        let unpacked = match packing {
+            LercPacking::None => None,
+            LercPacking::Deflate => Some(unpacked(most, |room| self.inflate(packed, room))?),
+            LercPacking::Zstd => Some(unpacked(most, |room| self.unzstd(packed, room))?),
+        };
+        lerc::decode(unpacked.as_deref().unwrap_or(packed), shape, out).map_err(Fault::Corrupt)
     }
 
     fn inflate(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
@@ -150,6 +201,17 @@ impl Decoders {
             _ => corrupt(e),
         })
     }
+}
+
+/// Up to `most` bytes that `unpack` makes.
+fn unpacked(
+    most: usize,
+    unpack: impl FnOnce(&mut [u8]) -> std::result::Result<usize, Fault>,
+) -> std::result::Result<Vec<u8>, Fault> {
+    let mut room = vec![0; most];
+    let bytes = unpack(&mut room)?;
+    room.truncate(bytes);
+    Ok(room)
 }
 
 fn copy(packed: &[u8], out: &mut [u8]) -> usize {

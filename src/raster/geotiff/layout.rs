@@ -56,7 +56,7 @@ impl Layout {
             return Err(about(tags::SAMPLES_PER_PIXEL, "is 0"));
         }
         refuse_odd_pixels(directory)?;
-        let compression = Compression::from_code(directory.int(tags::COMPRESSION)?.unwrap_or(1))?;
+        let compression = compression(directory)?;
         let (sample_type, one_bit) = samples(directory)?;
         let layout = Self {
             width,
@@ -70,7 +70,7 @@ impl Layout {
             sample_type,
             one_bit,
             predictor: Predictor::from_code(directory.int(tags::PREDICTOR)?.unwrap_or(1))?,
-            order: directory.order,
+            order: if compression.is_lerc() { ByteOrder::NATIVE } else { directory.order },
         };
         layout.check()?;
         Ok(layout)
@@ -91,6 +91,9 @@ impl Layout {
         if self.one_bit && self.effective_predictor() != Predictor::None {
             return Err(Error::bad_input("predictor on samples of one bit"));
         }
+        if self.one_bit && self.compression.is_lerc() {
+            return Err(Error::bad_input("LERC on samples of one bit"));
+        }
         Ok(())
     }
 
@@ -110,7 +113,7 @@ impl Layout {
     /// The predictor that was really applied: uncompressed data has none, whatever the tag says.
     pub(super) fn effective_predictor(&self) -> Predictor {
         match self.compression {
-            Compression::None | Compression::PackBits => Predictor::None,
+            Compression::None | Compression::PackBits | Compression::Lerc(_) => Predictor::None,
             _ => self.predictor,
         }
     }
@@ -209,6 +212,13 @@ fn block_size(
         return Err(about(tags::ROWS_PER_STRIP, "is 0"));
     }
     Ok((width, rows.min(u64::from(height)) as u32))
+}
+
+/// LERC data may be packed once more, which its own tag tells.
+fn compression(directory: &Directory<'_>) -> Result<Compression> {
+    let code = directory.int(tags::COMPRESSION)?.unwrap_or(1);
+    let parameters = directory.ints(tags::LERC_PARAMETERS)?.unwrap_or_default();
+    Compression::from_code(code, parameters.get(1).copied().unwrap_or(0))
 }
 
 fn is_separate(directory: &Directory<'_>) -> Result<bool> {

@@ -11,6 +11,7 @@ mod georef;
 mod ifd;
 mod image;
 mod layout;
+mod lerc;
 mod mask;
 mod predictor;
 mod tags;
@@ -38,7 +39,7 @@ use mask::Mask;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "GeoTIFF",
     extensions: &["tif", "tiff", "gtiff", "btf", "tf8"],
-    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd",
+    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd, LERC",
     sniff: ifd::is_tiff,
     open,
 };
@@ -114,6 +115,12 @@ impl GridSource for GeoTiff {
 
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
         self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
+        let layouts = images.map(|image| &image.blocks.layout);
+        layouts.filter(|l| !l.is_read_by_rows()).map(Layout::decoded_bytes).max().unwrap_or(0)
     }
 
     /// Forgets the blocks that lie wholly inside `rect`.

@@ -42,4 +42,5 @@ tags! {
     GEO_ASCII_PARAMS = 34737, "GeoAsciiParams";
     GDAL_METADATA = 42112, "GDAL_METADATA";
     GDAL_NODATA = 42113, "GDAL_NODATA";
+    LERC_PARAMETERS = 50674, "LercParameters";
 }

@@ -1,0 +1,100 @@
+//! Plain decimal numbers, fast: those that one exact step converts, as nearly all of a grid do.
+
+/// Powers of ten that are exact in `f64`, by exponent.
+const POWERS: [f64; 20] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19,
+];
+/// Whole numbers up to this are exact in `f64`.
+const MOST_EXACT: u64 = 1 << 53;
+/// As many digits never overflow `u64`.
+const MOST_DIGITS: usize = POWERS.len() - 1;
+
+/// The number that `text` begins with, and its length, when it ends at white space within `text`,
+/// has no exponent and few enough digits; `None` for all else, numbers or not.
+///
+/// The digits without their point are a whole number that is exact in `f64`, and so is the power of
+/// ten it is divided by; the division rounds once, so the result is the nearest `f64` (Clinger
+/// 1990, "How to read floating point numbers accurately").
+pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
+    let negative = text.first() == Some(&b'-');
+    let mut mantissa = 0;
+    let mut end = usize::from(negative);
+    let whole = take_digits(text, &mut end, &mut mantissa);
+    let mut decimals = 0;
+    if text.get(end) == Some(&b'.') {
+        end += 1;
+        decimals = take_digits(text, &mut end, &mut mantissa);
+    }
+    let is_plain = (1..=MOST_DIGITS).contains(&(whole + decimals)) && mantissa <= MOST_EXACT;
+    if !is_plain || !text.get(end)?.is_ascii_whitespace() {
+        return None;
+    }
+    let whole = mantissa as f64;
+    let value = if decimals == 0 { whole } else { whole / POWERS[decimals] };
+    Some((if negative { -value } else { value }, end))
+}
+
+/// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
+#[inline(always)]
+fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
+    let start = *end;
+    while let Some(byte) = text.get(*end) {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        *value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
+        *end += 1;
+    }
+    *end - start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The number in front, and whether it has the very bits that the standard library gives it.
+    fn check(word: &str) -> Option<bool> {
+        let text = format!("{word} 7");
+        let (value, bytes) = leading(text.as_bytes())?;
+        assert_eq!(bytes, word.len(), "{word}");
+        Some(value.to_bits() == word.parse::<f64>().unwrap().to_bits())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #[test]
+        fn like_the_standard_library(word in "-?[0-9]{0,12}(\\.[0-9]{0,12})?") {
+            prop_assert!(check(&word) != Some(false), "{}", word);
+        }
+
+        #[test]
+        fn printed_floats_come_back(height in any::<f32>(), decimals in 0_usize..12) {
+            let word = format!("{height:.decimals$}");
+            prop_assert!(check(&word) != Some(false), "{}", word);
+        }
+    }
+
+    #[test]
+    fn common_numbers_take_the_fast_way() {
+        let words =
+            ["0", "-0", "12", "-9999", "123.456", "-0.25", ".5", "5.", "0.1", "2543.000000"];
+        for word in words.into_iter().chain(["9007199254740992", "-0.000000000000000001"]) {
+            assert_eq!(check(word), Some(true), "{word}");
+        }
+    }
+
+    #[test]
+    fn all_else_is_left_alone() {
+        let words =
+            ["", "-", ".", "-.", "+1", "1e3", "nan", "1,5", "1.2.3", "--1", "9007199254740993"];
+        for word in words.into_iter().chain(["00000000000000000001", "1x", "18446744073709551617"])
+        {
+            assert_eq!(check(word), None, "{word}");
+        }
+        assert_eq!(leading(b"123"), None, "it may go on");
+        assert_eq!(leading(b""), None);
+    }
+}

@@ -1,0 +1,4 @@
+//! Raw samples with an ESRI header.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| terrane_fuzz::read_pair("f.bil", "f.hdr", data));

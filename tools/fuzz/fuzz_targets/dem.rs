@@ -1,0 +1,4 @@
+//! USGS ASCII DEM.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| terrane_fuzz::read("f.dem", data));

@@ -1,0 +1,4 @@
+//! NumPy arrays.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| terrane_fuzz::read("f.npy", data));

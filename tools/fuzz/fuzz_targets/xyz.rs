@@ -1,0 +1,4 @@
+//! XYZ text separated by spaces.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| terrane_fuzz::read("f.xyz", data));
