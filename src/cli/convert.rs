@@ -14,8 +14,10 @@ const ENDINGS: &[&str] = &["tif", "tiff"];
 /// Copy a grid into an uncompressed tiled BigTIFF that is mapped into memory and read fast
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid file, or a synthetic terrain by name
-    input: String,
+    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
+    /// quotes are one mosaic
+    #[arg(required = true)]
+    input: Vec<String>,
     /// GeoTIFF to write
     output: PathBuf,
     /// Replace a file that exists
@@ -34,24 +36,24 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    check::input(&args.input)?;
-    args.grid.check(&args.input)?;
+    check::inputs(&args.input)?;
+    args.grid.check_all(&args.input)?;
     let job = ConvertJob {
         band: args.grid.band(),
         nodata: args.grid.nodata,
         bbox: args.bbox,
         overwrite: args.overwrite,
         resources: args.machine.resources(),
-        ..ConvertJob::new(&args.input, &args.output)
+        ..ConvertJob::new(args.input.clone(), &args.output)
     };
     copy(&job, &args.show, cancel)
 }
 
 /// Runs a checked copy and tells about it.
 pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Result<Outcome> {
-    check(&job.input, &job.output, job.overwrite)?;
+    check(job.input.names(), &job.output, job.overwrite)?;
     let made = convert::run(job, show.progress().as_ref(), cancel);
-    let report = made.map_err(|e| name_size(e, &job.input))?;
+    let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
     if show.json {
         say::json(&report)?;
     } else if !show.quiet {
@@ -72,9 +74,9 @@ fn name_size(error: Error, input: &str) -> Error {
         .remedy("choose a smaller size")
 }
 
-fn check(input: &str, output: &Path, overwrite: bool) -> Result<()> {
-    check::input(input)?;
+fn check(inputs: &[String], output: &Path, overwrite: bool) -> Result<()> {
+    check::inputs(inputs)?;
     check::ending(output, ENDINGS, "a grid store")?;
-    check::distinct(&[Path::new(input), output])?;
+    check::not_inputs(inputs, &[output])?;
     check::new_file(output, overwrite)
 }

@@ -11,13 +11,13 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::store::{DEFAULT_TILE, Heights, StoreWriter, TILE_SIDES};
-use crate::raster::{self, GridInfo, GridSource, OpenOptions};
+use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
 
 /// A grid-to-store job.
 #[derive(Clone, Debug)]
 pub struct ConvertJob {
-    /// File name, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
-    pub input: String,
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
     /// Store to write.
     pub output: PathBuf,
     /// Band to read, from 1.
@@ -36,7 +36,7 @@ pub struct ConvertJob {
 
 impl ConvertJob {
     /// The job with everything else at its default.
-    pub fn new(input: impl Into<String>, output: impl Into<PathBuf>) -> Self {
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
         Self {
             input: input.into(),
             output: output.into(),
@@ -79,7 +79,7 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
     let cache_bytes = Budget::divide(job)?.cache;
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
-    let source = raster::open(&job.input, &options)?;
+    let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }
 
@@ -105,7 +105,7 @@ pub fn copy(
     progress.end();
     let wall_seconds = start.elapsed().as_secs_f64();
     Ok(ConvertReport {
-        input: job.input.clone(),
+        input: job.input.to_string(),
         output: job.output.display().to_string(),
         width: info.width,
         height: info.height,
