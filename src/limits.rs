@@ -19,6 +19,10 @@ pub const MAX_DIRECTORIES: u64 = 65_536;
 pub const MAX_UNPACKED_BYTES: u64 = 16 << 30;
 /// Most entries of one TIFF directory.
 pub const MAX_IFD_ENTRIES: u64 = 4096;
+/// Most files of one mosaic, those of mosaics within it included.
+pub const MAX_MEMBERS: u64 = 1 << 18;
+/// Most bytes of a VRT, those of VRTs within it included.
+pub const MAX_VRT_BYTES: u64 = 256 << 20;
 /// Largest magnitude of a height: differences and slopes stay far from overflow in `f32`.
 pub const MAX_HEIGHT: f32 = 1e30;
 

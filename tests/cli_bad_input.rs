@@ -18,7 +18,10 @@ fn missing_and_broken_inputs() {
         place.fails(&["tin", input, "out.ply", "--max-error", "1"], code, words);
     };
     tin("nowhere.tif", 65, &["nowhere.tif", "no such file"]);
-    tin(".", 65, &["folder"]);
+    tin(".", 65, &["empty.tif"]);
+    std::fs::create_dir(place.path("bare")).unwrap();
+    tin("bare", 65, &["bare", "holds no grid"]);
+    tin("*.dem", 65, &["matches no file"]);
     tin("noise.tif", 65, &["noise.tif"]);
     tin("empty.tif", 65, &["empty.tif"]);
     tin("text.txt", 65, &["text.txt"]);

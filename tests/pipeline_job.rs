@@ -10,7 +10,7 @@ const TERRAIN: &str = "synth:rough,size=300,seed=7";
 
 fn job(input: &str, output: &Path, goal: Goal) -> TinJob {
     TinJob {
-        input: input.to_owned(),
+        input: input.into(),
         band: 1,
         nodata: None,
         output: output.to_path_buf(),
@@ -137,7 +137,7 @@ fn requests_without_sense_are_refused_and_nothing_is_written() {
     assert_eq!(refused(TinJob { resources: little, ..good.clone() }), ErrorKind::Resource);
     assert_eq!(refused(TinJob { input: "none.tif".into(), ..good.clone() }), ErrorKind::BadInput);
     let thin = "synth:rough,width=1,height=300".to_owned();
-    let kind = refused(TinJob { input: thin, ..good });
+    let kind = refused(TinJob { input: thin.into(), ..good });
     assert!(matches!(kind, ErrorKind::BadInput | ErrorKind::Usage));
 }
 

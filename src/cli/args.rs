@@ -34,6 +34,11 @@ impl Grid {
         OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes }
     }
 
+    /// As [`check`](Self::check), for each of `inputs`.
+    pub(super) fn check_all(&self, inputs: &[String]) -> Result<()> {
+        inputs.iter().try_for_each(|input| self.check(input))
+    }
+
     /// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
     pub(super) fn check(&self, input: &str) -> Result<()> {
         let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];

@@ -7,14 +7,18 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::surface::is_synthetic;
 use crate::raster;
 
-/// Fails when `input` is neither a file that is there nor the name of a synthetic terrain.
+/// As [`input`], for each of `inputs`.
+pub(super) fn inputs(inputs: &[String]) -> Result<()> {
+    inputs.iter().try_for_each(|name| input(name))
+}
+
+/// Fails when `input` is neither files that are there nor the name of a synthetic terrain.
 pub(super) fn input(input: &str) -> Result<()> {
     let path = Path::new(raster::file_name(input));
-    if is_synthetic(input) || path.is_file() {
+    if is_synthetic(input) || path.is_file() || raster::is_collection(input) {
         return Ok(());
     }
     let (what, remedy) = match path.try_exists() {
-        Ok(true) if path.is_dir() => ("is a folder", "name a file in it"),
         Ok(true) => ("is not a regular file", "name a file"),
         _ => (
             "no such file",
@@ -39,17 +43,31 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     Ok(())
 }
 
+/// Fails when one of `outputs` is one of the files that `inputs` stand for, or another output.
+pub(super) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
+    distinct(outputs)?;
+    let files = raster::files(inputs)?;
+    outputs.iter().try_for_each(|output| {
+        let is_it = |file: &String| is_same(Path::new(raster::file_name(file)), output);
+        if files.iter().any(is_it) { Err(taken(output)) } else { Ok(()) }
+    })
+}
+
 /// Fails when two of the files are one and the same: one would be replaced by the other. Outputs
 /// need not exist yet.
 pub(super) fn distinct(files: &[&Path]) -> Result<()> {
     for (i, &file) in files.iter().enumerate() {
         if files[..i].iter().any(|&other| is_same(file, other)) {
-            return Err(Error::usage("output is the input itself, or two outputs have this name")
-                .in_file(file)
-                .remedy("choose another name"));
+            return Err(taken(file));
         }
     }
     Ok(())
+}
+
+fn taken(file: &Path) -> Error {
+    Error::usage("output is the input itself, or two outputs have this name")
+        .in_file(file)
+        .remedy("choose another name")
 }
 
 /// Compares files by where they really are, links followed, and those that are not there yet by
@@ -91,7 +109,9 @@ mod tests {
         let name = |p: &Path| p.to_str().unwrap().to_owned();
         assert!(input(&name(&file)).is_ok() && input("synth:rough").is_ok());
         assert_eq!(input("nowhere.tif").unwrap_err().kind(), ErrorKind::BadInput);
-        assert!(input(&name(folder.path())).unwrap_err().to_string().contains("folder"));
+        assert!(input(&name(folder.path())).is_ok(), "a folder of grids");
+        assert!(not_inputs(&[name(folder.path())], &[&folder.path().join("./a.tif")]).is_err());
+        assert!(not_inputs(&[name(&file)], &[&folder.path().join("b.tif")]).is_ok());
         assert_eq!(new_file(&file, false).unwrap_err().kind(), ErrorKind::Usage);
         assert!(new_file(&file, true).is_ok());
         assert!(new_file(folder.path(), true).is_err());

@@ -1,6 +1,6 @@
 //! `terrane convert`: any grid becomes a clean file of any format that can be written.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::cli::{Outcome, args, check, parse, say, text};
 use crate::error::{Error, ErrorKind, Result};
@@ -16,8 +16,10 @@ use crate::raster::{SampleType, write};
 /// type does not hold is an error that names its place, unless --round allows the nearest value.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid file, or a synthetic terrain by name
-    input: String,
+    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
+    /// quotes are one mosaic
+    #[arg(required = true)]
+    input: Vec<String>,
     /// File to write
     output: PathBuf,
     /// Format to write [default: by the output's ending]
@@ -54,8 +56,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    check::input(&args.input)?;
-    args.grid.check(&args.input)?;
+    check::inputs(&args.input)?;
+    args.grid.check_all(&args.input)?;
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
@@ -67,7 +69,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         round: args.round,
         overwrite: args.overwrite,
         resources: args.machine.resources(),
-        ..ConvertJob::new(&args.input, &args.output)
+        ..ConvertJob::new(args.input.clone(), &args.output)
     };
     copy(&job, &args.show, cancel)
 }
@@ -76,7 +78,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Result<Outcome> {
     check(job)?;
     let made = convert::run(job, show.progress().as_ref(), cancel);
-    let report = made.map_err(|e| name_size(e, &job.input))?;
+    let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
     if show.json {
         say::json(&report)?;
     } else if !show.quiet {
@@ -100,9 +102,9 @@ fn name_size(error: Error, input: &str) -> Error {
 
 /// What can be known to be wrong before the input is opened.
 fn check(job: &ConvertJob) -> Result<()> {
-    check::input(&job.input)?;
+    check::inputs(job.input.names())?;
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
-    check::distinct(&[Path::new(&job.input), &job.output])?;
+    check::not_inputs(job.input.names(), &[&job.output])?;
     check::new_file(&job.output, job.overwrite)
 }

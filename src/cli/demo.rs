@@ -86,7 +86,7 @@ fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
 
 fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
     Ok(TinJob {
-        input: name_of(&files.grid)?,
+        input: name_of(&files.grid)?.into(),
         band: 1,
         nodata: None,
         output: files.mesh.clone(),
@@ -104,7 +104,7 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
 
 fn picture(files: &Files, resources: &Resources) -> ViewJob {
     ViewJob {
-        input: files.mesh.to_string_lossy().into_owned(),
+        input: files.mesh.to_string_lossy().into_owned().into(),
         band: 1,
         nodata: None,
         output: files.picture.clone(),

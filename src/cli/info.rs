@@ -9,14 +9,18 @@ use crate::output::MeshInfo;
 use crate::pipeline::surface::{self, GridStats, Surface};
 use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
-use crate::raster::{GridInfo, Note, notes, notes_on_heights};
+use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 
 /// Tell what grids and meshes are, what is odd about them, and what a TIN would take
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid and mesh files, or synthetic terrains by name
+    /// Grid and mesh files, or synthetic terrains by name; a folder, a list or a pattern in quotes is
+    /// one mosaic
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
+    /// Take all files together for one mosaic
+    #[arg(long)]
+    mosaic: bool,
     /// Read all samples: share of valid ones, lowest, highest and mean height
     #[arg(long)]
     stats: bool,
@@ -32,10 +36,11 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let mut failure = None;
-    for file in &args.files {
-        match describe(file, args, progress.as_ref(), cancel) {
+    let at_once = if args.mosaic { args.files.len() } else { 1 };
+    for files in args.files.chunks(at_once.max(1)) {
+        match describe(files, args, progress.as_ref(), cancel) {
             Ok(facts) if args.show.json => say::json_line(&facts)?,
-            Ok(facts) => say::result(&facts.text(file))?,
+            Ok(facts) => say::result(&facts.text(&told(files)))?,
             Err(error) => {
                 cancel.check()?;
                 if let Some(earlier) = failure.replace(error) {
@@ -55,14 +60,24 @@ enum Facts {
     Mesh(Box<MeshFacts>),
 }
 
-fn describe(file: &str, args: &Args, progress: &dyn Progress, cancel: &Cancel) -> Result<Facts> {
-    check::input(file)?;
-    args.grid.check(file)?;
+fn told(files: &[String]) -> String {
+    Inputs::from(files.to_vec()).to_string()
+}
+
+fn describe(
+    files: &[String],
+    args: &Args,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Facts> {
+    check::inputs(files)?;
+    args.grid.check_all(files)?;
     if args.stats {
-        args::only_grids("--stats", file)?;
+        files.iter().try_for_each(|file| args::only_grids("--stats", file))?;
     }
+    let file = &told(files);
     let resources: Resources = args.machine.resources();
-    match surface::open(file, &args.grid.open_options(&resources))? {
+    match surface::open(files, &args.grid.open_options(&resources))? {
         Surface::Grid(grid) => {
             let measure = || surface::grid_stats(grid.as_ref(), &resources, progress, cancel);
             let stats = args.stats.then(measure).transpose()?;

@@ -16,8 +16,10 @@ use crate::raster::undeclared_nodata;
 /// Simplify a grid into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7
-    input: String,
+    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
+    /// a folder, a list or a pattern in quotes are one mosaic
+    #[arg(required = true)]
+    input: Vec<String>,
     /// Mesh file to write
     output: PathBuf,
     #[command(flatten)]
@@ -134,14 +136,13 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<TinJob> {
-    check::input(&args.input)?;
-    args.grid.check(&args.input)?;
+    check::inputs(&args.input)?;
+    args.grid.check_all(&args.input)?;
     let format = output::by_path(&args.output, args.format.as_deref())?;
     let prj = output::prj_path(&args.output);
-    let files = [Path::new(&args.input), &args.output, &prj];
-    check::distinct(&files[..2])?;
+    check::not_inputs(&args.input, &[&args.output])?;
     if let Some(report) = &args.report {
-        check::distinct(&[&files[..], &[report]].concat())?;
+        check::not_inputs(&args.input, &[&args.output, &prj, report])?;
     }
     check::new_file(&args.output, args.overwrite)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
@@ -155,7 +156,7 @@ fn job(args: &Args) -> Result<TinJob> {
             .remedy("leave out --verify, or verify the mesh without --co SOLID_BASE"));
     }
     Ok(TinJob {
-        input: args.input.clone(),
+        input: args.input.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
         output: args.output.clone(),

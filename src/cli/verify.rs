@@ -15,8 +15,10 @@ use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 pub(super) struct Args {
     /// Mesh file
     mesh: PathBuf,
-    /// Grid file it was made from, or a synthetic terrain by name
-    raster: String,
+    /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
+    /// a pattern in quotes are one mosaic
+    #[arg(required = true)]
+    raster: Vec<String>,
     /// Largest vertical distance allowed [default: the one the mesh file states]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     max_error: Option<f64>,
@@ -36,16 +38,17 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::input(&args.mesh.to_string_lossy())?;
-    check::input(&args.raster)?;
-    check_kinds(&args.mesh, &args.raster)?;
-    args.grid.check(&args.raster)?;
+    check::inputs(&args.raster)?;
+    args.raster.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
+    args.grid.check_all(&args.raster)?;
     if let Some(report) = &args.report {
-        check::distinct(&[&args.mesh, Path::new(&args.raster), report])?;
+        check::distinct(&[&args.mesh, report])?;
+        check::not_inputs(&args.raster, &[report])?;
         check::new_file(report, args.overwrite)?;
     }
     let job = VerifyJob {
         mesh: args.mesh.clone(),
-        raster: args.raster.clone(),
+        raster: args.raster.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,

@@ -10,8 +10,10 @@ use crate::pipeline::view::{self, ViewJob, ViewReport};
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface)
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid or mesh file, or a synthetic terrain by name
-    input: String,
+    /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
+    /// pattern in quotes are one mosaic
+    #[arg(required = true)]
+    input: Vec<String>,
     /// Picture to write, ending in .png
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -47,13 +49,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    check::input(&args.input)?;
-    args.grid.check(&args.input)?;
+    check::inputs(&args.input)?;
+    args.grid.check_all(&args.input)?;
     check::ending(&args.output, &["png"], "a picture")?;
     check::new_file(&args.output, args.overwrite)?;
     view::check_width(args.width)?;
     let job = ViewJob {
-        input: args.input.clone(),
+        input: args.input.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
         output: args.output.clone(),

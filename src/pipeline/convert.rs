@@ -12,15 +12,15 @@ use serde::Serialize;
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::write::{self, GridFormat, GridSink, WriteOptions};
-use crate::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
+use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
 use bbox::{part, window};
 use task::{Pieces, Summary, Task};
 
 /// A grid-to-grid job.
 #[derive(Clone, Debug)]
 pub struct ConvertJob {
-    /// File name, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
-    pub input: String,
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
     /// File to write.
     pub output: PathBuf,
     /// Name of the format to write; by the output's ending when `None`.
@@ -48,7 +48,7 @@ pub struct ConvertJob {
 
 impl ConvertJob {
     /// The job with everything else at its default.
-    pub fn new(input: impl Into<String>, output: impl Into<PathBuf>) -> Self {
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
         Self {
             input: input.into(),
             output: output.into(),
@@ -111,7 +111,7 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
     let cache_bytes = Budget::divide(job, format)?.cache;
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
-    let source = raster::open(&job.input, &options)?;
+    let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }
 
@@ -173,7 +173,7 @@ fn copy_levels(
 fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport {
     let seen = |height: f64| (summary.valid > 0).then_some(height);
     ConvertReport {
-        input: job.input.clone(),
+        input: job.input.to_string(),
         output: job.output.display().to_string(),
         width: info.width,
         height: info.height,

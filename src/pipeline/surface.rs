@@ -21,12 +21,12 @@ pub enum Surface {
 }
 
 /// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
-/// first bytes. `input` may be a synthetic terrain by name.
-pub fn open(input: &str, options: &OpenOptions) -> Result<Surface> {
-    if !is_mesh(input)? {
-        return raster::open(input, options).map(Surface::Grid);
+/// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
+pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
+    match inputs {
+        [one] if is_mesh(one)? => output::open(Path::new(one)).map(Surface::Mesh),
+        _ => raster::open_all(inputs, options).map(Surface::Grid),
     }
-    output::open(Path::new(input)).map(Surface::Mesh)
 }
 
 /// True for the name of a synthetic terrain, which is no file.
@@ -36,7 +36,7 @@ pub fn is_synthetic(input: &str) -> bool {
 
 /// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
-    if is_synthetic(input) {
+    if is_synthetic(input) || raster::is_collection(input) {
         return Ok(false);
     }
     let path = Path::new(raster::file_name(input));

@@ -14,7 +14,7 @@ use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::surface::{self, Surface};
 use crate::pipeline::{Cancel, Progress, Resources};
-use crate::raster::OpenOptions;
+use crate::raster::{Inputs, OpenOptions};
 use crate::render::{
     Coverage, Field, Frame, Light, MAX_PICTURE_SIDE, Painter, Style, natural_exaggeration,
 };
@@ -22,8 +22,8 @@ use crate::render::{
 /// A picture to draw.
 #[derive(Clone, Debug)]
 pub struct ViewJob {
-    /// Grid or mesh file, or a synthetic terrain by name.
-    pub input: String,
+    /// Grid files or a mesh, or a synthetic terrain by name.
+    pub input: Inputs,
     /// Band of a grid, from 1.
     pub band: u32,
     /// Replaces a grid's nodata value.
@@ -86,7 +86,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
         nodata: job.nodata,
         cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
     };
-    let drawn = match surface::open(&job.input, &options)? {
+    let drawn = match surface::open(job.input.names(), &options)? {
         Surface::Grid(_) if job.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
@@ -105,7 +105,7 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
     if apart {
         let [west, south, east, north] = data;
         return Err(Error::usage("--bbox lies outside the data")
-            .in_file(Path::new(&job.input))
+            .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }
     let frame = Frame::fit(bounds, job.width, ground_scale(bounds, geographic));
@@ -166,7 +166,7 @@ fn paint(
     write_png(&mut file, &painter, &job.resources, progress, cancel)?;
     let (low, high) = extremes(&drawn.field);
     Ok(ViewReport {
-        input: job.input.clone(),
+        input: job.input.to_string(),
         output: job.output.display().to_string(),
         width: frame.width,
         height: frame.height,

@@ -9,6 +9,7 @@ mod dted;
 mod file;
 mod geotiff;
 mod hgt;
+mod mosaic;
 mod nodata;
 mod notes;
 mod npy;
@@ -33,6 +34,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, Rect};
+pub use mosaic::{Inputs, files, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
 use window::Window;
@@ -242,6 +244,7 @@ pub const FORMATS: &[RasterFormat] = &[
     npy::FORMAT,
     packed::GZIP,
     packed::ZIP,
+    mosaic::vrt::FORMAT,
 ];
 
 /// What the name of a synthetic terrain starts with.
@@ -264,6 +267,18 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
         return png::open(Path::new(path), Some(packing), options);
     }
     open_path(Path::new(input), options)
+}
+
+/// Opens `inputs` as one grid: a file or terrain as [`open`] does, and else all files that they stand
+/// for ([`files`]) on the lattice of the first one, later ones on top wherever they are valid.
+///
+/// # Errors
+/// Whatever [`open`] finds in a file, and two files that differ in what they must agree in.
+pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    match inputs {
+        [one] if !is_collection(one) => open(one, options),
+        _ => mosaic::open(inputs, options),
+    }
 }
 
 /// The name of the file that `input` stands for: without `terrarium:` and the like before it.

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::limits;
 use crate::raster::file::{self, RawFile};
+use crate::raster::mosaic::vrt;
 use crate::raster::spool::cannot_unpack;
 use crate::raster::{FORMATS, GridInfo, GridSource, OpenOptions, RasterFormat, open_path, world};
 
@@ -52,6 +53,11 @@ fn open(
     let inner = unpack(&file, folder.path()).map_err(|e| e.in_file(path))?;
     if is_packed(&inner)? {
         return Err(Error::unsupported("is packed twice").in_file(path));
+    }
+    if is_vrt(&inner)? {
+        return Err(Error::unsupported("holds a VRT, which names files beside it")
+            .in_file(path)
+            .remedy("unpack it"));
     }
     // The grid keeps its file open, so the folder and its names can go at once.
     let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
@@ -105,6 +111,11 @@ impl GridSource for Unpacked {
 fn is_packed(path: &Path) -> Result<bool> {
     let head = RawFile::open(path)?.head(4)?;
     Ok((GZIP.sniff)(&head) || (ZIP.sniff)(&head))
+}
+
+fn is_vrt(path: &Path) -> Result<bool> {
+    let head = super::head_of(path)?;
+    Ok(super::format_of(path, &head).is_some_and(|format| format.name == vrt::FORMAT.name))
 }
 
 fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
@@ -173,7 +184,8 @@ fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> R
 fn the_grid(names: &[String]) -> Result<&String> {
     let is_grid = |name: &&String| {
         let path = Path::new(name.as_str());
-        let is_own = |f: &&RasterFormat| f.name != GZIP.name && f.name != ZIP.name;
+        let other = [GZIP.name, ZIP.name, vrt::FORMAT.name];
+        let is_own = |f: &&RasterFormat| !other.contains(&f.name);
         let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
         let mut formats = FORMATS.iter().filter(is_own);
         !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::pipeline::Resources;
+use crate::raster::Inputs;
 
 /// What the mesh has to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +37,8 @@ impl Goal {
 /// A grid-to-TIN job.
 #[derive(Clone, Debug)]
 pub struct TinJob {
-    /// File name, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
-    pub input: String,
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
     /// How to open it.
     pub band: u32,
     /// Replaces the file's nodata value.

@@ -47,13 +47,15 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
         nodata: job.nodata,
         cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
     };
-    let source = raster::open(&job.input, &options)?;
+    let source = raster::open_all(job.input.names(), &options)?;
     let height_origin = match format.single_precision {
-        true => Some(height_origin(&*source).map_err(|error| in_input(error, &job.input))?),
+        true => {
+            Some(height_origin(&*source).map_err(|error| in_input(error, &job.input.to_string()))?)
+        }
         false => None,
     };
     let maker = Maker { job, source: &*source, format, height_origin, shares, progress, cancel };
-    let mut report = maker.make().map_err(|error| in_input(error, &job.input))?;
+    let mut report = maker.make().map_err(|error| in_input(error, &job.input.to_string()))?;
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.samples_per_second = report.samples as f64 / report.wall_seconds;
     Ok(report)
@@ -86,7 +88,8 @@ impl Maker<'_> {
         let layout = Layout::new(info.width, info.height, self.job.tile)?;
         self.check_output(info)?;
         let (tolerance, trials) = self.tolerance(layout)?;
-        let header = header(info, &self.job.input, tolerance, self.height_origin.unwrap_or(0.0));
+        let header =
+            header(info, &self.job.input.to_string(), tolerance, self.height_origin.unwrap_or(0.0));
         let options = SinkOptions {
             overwrite: self.job.overwrite,
             solid_base: self.job.solid_base,
@@ -220,7 +223,7 @@ impl Maker<'_> {
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         let measured = |value: f64| job.measure.then_some(value);
         TinReport {
-            input: job.input.clone(),
+            input: job.input.to_string(),
             output: job.output.display().to_string(),
             format: self.format.name.to_owned(),
             width: info.width,

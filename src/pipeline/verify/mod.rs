@@ -16,7 +16,7 @@ use std::time::Instant;
 use crate::error::{Error, ErrorKind, Result};
 use crate::output::{self, MeshInfo, MeshSource};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::{self, GridSource, OpenOptions};
+use crate::raster::{self, GridSource, Inputs, OpenOptions};
 use crate::verify::{Precision, Snapper};
 
 pub use report::{FaultReport, Place, VerifyReport};
@@ -29,8 +29,8 @@ const LEAST_MEMORY: u64 = 1 << 20;
 pub struct VerifyJob {
     /// Mesh file.
     pub mesh: PathBuf,
-    /// File name, or a synthetic terrain by name.
-    pub raster: String,
+    /// File names, or a synthetic terrain by name.
+    pub raster: Inputs,
     /// Band of the raster, from 1.
     pub band: u32,
     /// Replaces the raster's nodata value.
@@ -47,19 +47,19 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let mesh = output::open(&job.mesh)?;
     let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
     let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
-    let grid = raster::open(&job.raster, &options)?;
+    let grid = raster::open_all(job.raster.names(), &options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
-    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster)))?;
+    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
     let report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
         _ => e,
     })?;
     let mesh = job.mesh.display().to_string();
-    Ok(VerifyReport { mesh, raster: job.raster.clone(), ..report })
+    Ok(VerifyReport { mesh, raster: job.raster.to_string(), ..report })
 }
 
 /// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is

@@ -1,0 +1,147 @@
+//! Opening the files of a mosaic: once in parallel to learn what they are, then again whenever they
+//! are read and have been closed meanwhile.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::limits;
+use crate::raster::{self, GridInfo, OpenOptions, SYNTH_PREFIX, SampleType};
+
+use super::cache::{Grid, Open, Pool};
+use super::{Source, changed, vrt};
+
+/// What a mosaic and all mosaics within it share.
+pub(super) struct Family {
+    pub(super) pool: Pool,
+    /// Files and sources so far.
+    members: AtomicU64,
+    /// Bytes of VRTs read so far.
+    vrt_bytes: AtomicU64,
+}
+
+/// A file that can be opened at any time.
+pub(super) struct File {
+    pub(super) key: u64,
+    name: String,
+    band: u32,
+    nodata: Option<f64>,
+    facts: Facts,
+}
+
+/// What must stay as it was.
+#[derive(Clone, Copy, PartialEq)]
+struct Facts {
+    width: u32,
+    height: u32,
+    sample_type: SampleType,
+}
+
+impl Facts {
+    fn of(info: &GridInfo) -> Self {
+        Self { width: info.width, height: info.height, sample_type: info.sample_type }
+    }
+}
+
+/// Where in a nest of mosaics a file is looked for.
+#[derive(Clone)]
+pub(super) struct Nest {
+    pub(super) family: Arc<Family>,
+    /// The VRTs around, outermost first, by their real paths.
+    pub(super) around: Vec<PathBuf>,
+}
+
+/// A file as it was found.
+pub(super) struct Found {
+    pub(super) info: GridInfo,
+    pub(super) source: Source,
+}
+
+impl Family {
+    pub(super) fn new(files: usize, cache_bytes: usize) -> Arc<Self> {
+        let pool = Pool::new(files, cache_bytes);
+        Arc::new(Self { pool, members: AtomicU64::new(0), vrt_bytes: AtomicU64::new(0) })
+    }
+
+    /// Counts files in, all mosaics together.
+    pub(super) fn count_members(&self, more: u64) -> Result<()> {
+        let members = self.members.fetch_add(more, Ordering::Relaxed) + more;
+        limits::check("files of a mosaic", members, limits::MAX_MEMBERS)
+    }
+
+    /// Counts bytes of VRTs in, all mosaics together.
+    pub(super) fn count_vrt_bytes(&self, more: u64) -> Result<()> {
+        let bytes = self.vrt_bytes.fetch_add(more, Ordering::Relaxed).saturating_add(more);
+        limits::check("bytes of a VRT", bytes, limits::MAX_VRT_BYTES)
+    }
+
+    /// The open file.
+    pub(super) fn grid(&self, file: &File) -> Result<Grid> {
+        self.pool.get(file.key, || {
+            let (open, info) = open_file(&self.pool, &file.name, file.band, file.nodata)?;
+            if Facts::of(&info) != file.facts {
+                return Err(changed(&file.name));
+            }
+            Ok(open)
+        })
+    }
+}
+
+impl File {
+    /// As if the file declared `nodata`, whatever it does declare. One that is open as it is will
+    /// be opened anew.
+    pub(super) fn with_nodata(self, family: &Family, nodata: Option<f64>) -> Self {
+        Self { key: family.pool.new_key(), nodata, ..self }
+    }
+}
+
+/// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
+pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
+    if is_vrt(name)? {
+        let path = Path::new(name);
+        let share = nest.family.pool.share();
+        let options = OpenOptions { band, nodata, cache_bytes: share };
+        let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
+        return Ok(Found { info: grid.info().clone(), source: Source::Nested(grid) });
+    }
+    let pool = &nest.family.pool;
+    let (open, info) = open_file(pool, name, band, nodata)?;
+    let (key, facts) = (pool.new_key(), Facts::of(&info));
+    pool.offer(key, open);
+    let file = File { key, name: name.to_owned(), band, nodata, facts };
+    Ok(Found { info, source: Source::File(file) })
+}
+
+fn is_vrt(name: &str) -> Result<bool> {
+    if name.starts_with(SYNTH_PREFIX) || raster::file_name(name) != name {
+        return Ok(false);
+    }
+    let path = Path::new(name);
+    let head = raster::head_of(path)?;
+    Ok(raster::format_of(path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
+}
+
+/// Opens a file with its share of the memory, or with more where it cannot be read with that.
+fn open_file(pool: &Pool, name: &str, band: u32, nodata: Option<f64>) -> Result<(Open, GridInfo)> {
+    let with = |cache_bytes| {
+        let grid = raster::open(name, &OpenOptions { band, nodata, cache_bytes })?;
+        let info = grid.info().clone();
+        let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
+        Ok((Open { grid: grid.into(), bytes }, info))
+    };
+    let opened: Result<_> = with(pool.share()).or_else(|e: Error| match e.kind() {
+        ErrorKind::Resource => with(pool.most_bytes()),
+        _ => Err(e),
+    });
+    opened.map_err(|e| e.in_file(Path::new(raster::file_name(name))))
+}
+
+/// Bytes of all decoded blocks of a file.
+fn block_bytes(info: &GridInfo) -> u64 {
+    let blocks =
+        |size: u32, block: u32| u64::from(size.div_ceil(block.max(1))) * u64::from(block.max(1));
+    let samples =
+        blocks(info.width, info.block.0).saturating_mul(blocks(info.height, info.block.1));
+    samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
+}

@@ -1,0 +1,344 @@
+//! Inputs to files: a folder, a text list, a pattern with wildcards, or several of these and of
+//! files, in the order in which later ones lie on top.
+
+use std::fmt;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::limits;
+use crate::raster::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
+
+use super::glob;
+
+/// What names a text list of files, before its path.
+const LIST_PREFIX: char = '@';
+/// Endings that a text list may have without a prefix; grids of points have them too.
+const LIST_ENDINGS: [&str; 2] = ["txt", "csv"];
+/// Formats of one file in another.
+const PACKED_ENDINGS: [&str; 2] = ["gz", "zip"];
+/// Endings of formats that also lie beside grids without being one: lists, tables, mosaics of the
+/// folder's files.
+const AMBIGUOUS_ENDINGS: [&str; 3] = ["txt", "csv", "vrt"];
+/// Most bytes of a line of a list.
+const MOST_LINE: u64 = 4096;
+
+/// The names of one grid, as the user gave them: usually one file, else several that are one
+/// mosaic.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Inputs(Vec<String>);
+
+impl Inputs {
+    /// The names.
+    pub fn names(&self) -> &[String] {
+        &self.0
+    }
+}
+
+impl From<Vec<String>> for Inputs {
+    fn from(names: Vec<String>) -> Self {
+        Self(names)
+    }
+}
+
+impl From<String> for Inputs {
+    fn from(name: String) -> Self {
+        Self(vec![name])
+    }
+}
+
+impl From<&str> for Inputs {
+    fn from(name: &str) -> Self {
+        Self(vec![name.to_owned()])
+    }
+}
+
+impl From<&String> for Inputs {
+    fn from(name: &String) -> Self {
+        Self(vec![name.clone()])
+    }
+}
+
+/// The first name, and how many follow: "a.tif and 2 more".
+impl fmt::Display for Inputs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.as_slice() {
+            [] => write!(f, "nothing"),
+            [one] => write!(f, "{one}"),
+            [first, rest @ ..] => write!(f, "{first} and {} more", rest.len()),
+        }
+    }
+}
+
+/// What an input stands for.
+enum Kind<'a> {
+    File,
+    Folder,
+    List(&'a Path),
+    Pattern,
+}
+
+fn kind(input: &str) -> Kind<'_> {
+    if input.starts_with(SYNTH_PREFIX) {
+        return Kind::File;
+    }
+    let path = Path::new(file_name(input));
+    if path.is_dir() {
+        return Kind::Folder;
+    }
+    if path.exists() {
+        return if is_list(path) { Kind::List(path) } else { Kind::File };
+    }
+    match input.strip_prefix(LIST_PREFIX) {
+        Some(list) => Kind::List(Path::new(list)),
+        None if glob::is_pattern(input) => Kind::Pattern,
+        None => Kind::File,
+    }
+}
+
+/// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
+/// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
+/// file that is there, and else a grid of points; `@` before its name makes any file a list.
+pub fn is_collection(input: &str) -> bool {
+    !matches!(kind(input), Kind::File)
+}
+
+/// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+///
+/// # Errors
+/// A folder, list or pattern that yields no file or cannot be read; more than
+/// [`limits::MAX_MEMBERS`] files.
+pub fn files(inputs: &[String]) -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for input in inputs {
+        let path = Path::new(input);
+        match kind(input) {
+            Kind::File => files.push(input.clone()),
+            Kind::Folder => files.extend(names(path, folder(path)?, "holds no grid")?),
+            Kind::List(list) => files.extend(listed(list)?),
+            Kind::Pattern => {
+                files.extend(names(path, glob::expand(input)?, "matches no file")?);
+            }
+        }
+        limits::check("files of a mosaic", files.len() as u64, limits::MAX_MEMBERS)?;
+    }
+    Ok(files)
+}
+
+/// The names of what was found at `place`; none is an error that says `nothing`.
+fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>> {
+    if found.is_empty() {
+        return Err(Error::bad_input(nothing).in_file(place).remedy("check the name"));
+    }
+    found.into_iter().map(name).collect()
+}
+
+fn name(path: PathBuf) -> Result<String> {
+    path.into_os_string().into_string().map_err(|path| {
+        Error::bad_input("has a name that is not UTF-8")
+            .in_file(Path::new(&path))
+            .remedy("rename it")
+    })
+}
+
+/// The grids of a folder (not of those below it), by their endings, sorted by name.
+fn folder(folder: &Path) -> Result<Vec<PathBuf>> {
+    let fail = |e| Error::read(folder, e);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        if is_grid_name(&path) && path.is_file() {
+            found.push(path);
+            limits::check("files of a mosaic", found.len() as u64, limits::MAX_MEMBERS)
+                .map_err(|e| e.in_file(folder))?;
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// True for names that only grids have: not those of lists, of packed files of who knows what, of
+/// headers beside a grid, or hidden ones.
+fn is_grid_name(path: &Path) -> bool {
+    let ending = |path: &Path| {
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    };
+    let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let last = ending(path);
+    if hidden || AMBIGUOUS_ENDINGS.contains(&last.as_str()) || raw::is_header_name(path) {
+        return false;
+    }
+    if PACKED_ENDINGS.contains(&last.as_str()) {
+        return is_grid_name(&path.with_extension(""));
+    }
+    let known = |format: &RasterFormat| format.has_extension_of(path);
+    FORMATS.iter().any(known)
+}
+
+/// Whether a text file is a list: its first line names a file.
+fn is_list(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    LIST_ENDINGS.contains(&ending.as_str())
+        && first_line(path).is_some_and(|line| resolve(path, &line).is_file())
+}
+
+fn first_line(list: &Path) -> Option<String> {
+    let mut lines = BufReader::new(std::fs::File::open(list).ok()?).take(64 * MOST_LINE);
+    loop {
+        let line = next_line(&mut lines).ok()??;
+        if is_entry(&line) {
+            return Some(line);
+        }
+    }
+}
+
+/// The next line without white space around it; `None` after the last.
+fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<String>> {
+    let mut line = Vec::new();
+    let bytes = from.take(MOST_LINE).read_until(b'\n', &mut line)?;
+    let text = std::str::from_utf8(&line).map_err(|_| std::io::ErrorKind::InvalidData)?;
+    Ok((bytes > 0).then(|| text.trim().to_owned()))
+}
+
+fn is_entry(line: &str) -> bool {
+    !line.is_empty() && !line.starts_with('#')
+}
+
+/// The file that a line of a list names: in the list's folder, or else in the current one.
+fn resolve(list: &Path, line: &str) -> PathBuf {
+    let beside = list.parent().unwrap_or(Path::new("")).join(line);
+    if beside.exists() { beside } else { PathBuf::from(line) }
+}
+
+/// The files of a text list, one to a line.
+fn listed(list: &Path) -> Result<Vec<String>> {
+    let fail = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::InvalidData => {
+            Error::bad_input("is not a list of files: it is not text").in_file(list)
+        }
+        _ => Error::read(list, e),
+    };
+    let mut lines = BufReader::new(std::fs::File::open(list).map_err(fail)?);
+    let (mut files, mut number) = (Vec::new(), 0_u64);
+    while let Some(line) = next_line(&mut lines).map_err(fail)? {
+        number += 1;
+        if !is_entry(&line) {
+            continue;
+        }
+        let path = resolve(list, &line);
+        if !path.is_file() {
+            let line: String = line.chars().take(200).collect();
+            return Err(Error::bad_input(format!("names {line}, which is no file"))
+                .in_file(list)
+                .at(format_args!("line {number}"))
+                .remedy("names are taken from the list's folder, or else from the current one"));
+        }
+        files.push(name(path)?);
+        limits::check("files of a mosaic", files.len() as u64, limits::MAX_MEMBERS)
+            .map_err(|e| e.in_file(list))?;
+    }
+    if files.is_empty() {
+        return Err(Error::bad_input("names no file")
+            .in_file(list)
+            .remedy("name one on each line"));
+    }
+    Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Place(tempfile::TempDir);
+
+    impl Place {
+        fn new(names: &[&str]) -> Self {
+            let place = Self(tempfile::tempdir().unwrap());
+            names.iter().for_each(|name| place.write(name, "x"));
+            place
+        }
+
+        fn write(&self, name: &str, text: &str) {
+            std::fs::write(self.0.path().join(name), text).unwrap();
+        }
+
+        fn at(&self, name: &str) -> String {
+            self.0.path().join(name).display().to_string()
+        }
+
+        /// Names below the folder.
+        fn files(&self, inputs: &[&str]) -> Vec<String> {
+            let found = files(&inputs.iter().map(|i| (*i).to_owned()).collect::<Vec<_>>()).unwrap();
+            let start = format!("{}/", self.0.path().display());
+            found.iter().map(|name| name.strip_prefix(&start).unwrap_or(name).to_owned()).collect()
+        }
+
+        fn refused(&self, input: &str) -> String {
+            files(&[input.to_owned()]).unwrap_err().to_string()
+        }
+    }
+
+    #[test]
+    fn a_folder_gives_its_grids_by_name() {
+        let place = Place::new(&[
+            "b.TIF",
+            "a.hgt",
+            "c.hgt.zip",
+            "d.zip",
+            "readme.txt",
+            "all.vrt",
+            ".e.tif",
+            "f.tif.ovr",
+            "g.bil",
+            "g.hdr",
+            "g.prj",
+            "h.asc.gz",
+        ]);
+        std::fs::create_dir(place.0.path().join("sub.tif")).unwrap();
+        let folder = place.at("");
+        assert!(is_collection(&folder));
+        assert_eq!(place.files(&[&folder]), ["a.hgt", "b.TIF", "c.hgt.zip", "g.bil", "h.asc.gz"]);
+        let empty = Place::new(&["x.md"]);
+        assert!(empty.refused(&empty.at("")).contains("holds no grid"));
+    }
+
+    #[test]
+    fn a_list_is_told_from_points_by_what_it_names() {
+        let place = Place::new(&["a.tif", "b.tif"]);
+        place.write("list.txt", "\n# tiles\nb.tif\r\n  a.tif \n");
+        place.write("points.txt", "1 2 3\n2 2 4\n");
+        place.write("odd", "a.tif\n");
+        assert!(is_collection(&place.at("list.txt")) && !is_collection(&place.at("points.txt")));
+        assert_eq!(place.files(&[&place.at("list.txt")]), ["b.tif", "a.tif"]);
+        assert!(!is_collection(&place.at("odd")));
+        assert_eq!(place.files(&[&format!("@{}", place.at("odd"))]), ["a.tif"]);
+        place.write("list.txt", "a.tif\nnone.tif\n");
+        let told = place.refused(&place.at("list.txt"));
+        assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
+        assert!(place.refused("@nowhere").contains("cannot read"));
+        std::fs::write(place.0.path().join("raw"), [b'a', 0xff, 0xfe]).unwrap();
+        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not text"));
+    }
+
+    #[test]
+    fn several_inputs_keep_their_order() {
+        let place = Place::new(&["a.tif", "b.tif", "c.tif", "x[1].tif"]);
+        let (c, pattern) = (place.at("c.tif"), place.at("[ab].tif"));
+        assert_eq!(
+            place.files(&[&c, &pattern, "synth:rough"]),
+            ["c.tif", "a.tif", "b.tif", "synth:rough"]
+        );
+        assert!(
+            is_collection(&pattern) && !is_collection(&place.at("x[1].tif")),
+            "a file is a file"
+        );
+        assert!(place.refused(&place.at("z*.tif")).contains("matches no file"));
+    }
+
+    #[test]
+    fn inputs_are_told_in_short() {
+        assert_eq!(Inputs::from("a").to_string(), "a");
+        let three = Inputs::from(["a", "b", "c"].map(str::to_owned).to_vec());
+        assert_eq!(three.to_string(), "a and 2 more");
+    }
+}

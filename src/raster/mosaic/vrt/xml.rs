@@ -1,0 +1,268 @@
+//! XML as a VRT needs it, read as a stream: elements, attributes and text. No document type, no
+//! entity but the five of XML itself, and limits on depth and size.
+
+use std::io::BufRead;
+
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use crate::error::{Error, Result};
+use crate::limits;
+
+/// Deepest nesting of elements.
+const MOST_DEPTH: u32 = 32;
+/// Most elements kept of one branch.
+const MOST_NODES: u64 = 4096;
+
+/// A document being read.
+pub(super) struct Xml<R> {
+    reader: Reader<R>,
+    buffer: Vec<u8>,
+    depth: u32,
+}
+
+/// The start of an element.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Tag {
+    pub(super) name: String,
+    attributes: Vec<(String, String)>,
+}
+
+/// An element read whole.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Node {
+    pub(super) tag: Tag,
+    /// Its text, without white space around it.
+    pub(super) text: String,
+    pub(super) children: Vec<Node>,
+}
+
+/// What comes next inside an element.
+enum Next {
+    Start(Tag),
+    Text(String),
+    End,
+}
+
+impl Tag {
+    /// The attribute `name`, in any case.
+    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
+        let is_it = |(found, _): &&(String, String)| found.eq_ignore_ascii_case(name);
+        self.attributes.iter().find(is_it).map(|(_, value)| value.as_str())
+    }
+
+    /// True when the element is called `name`, in any case.
+    pub(super) fn is(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name)
+    }
+}
+
+impl Node {
+    /// The first child called `name`.
+    pub(super) fn child(&self, name: &str) -> Option<&Node> {
+        self.children.iter().find(|child| child.tag.is(name))
+    }
+}
+
+impl<R: BufRead> Xml<R> {
+    pub(super) fn new(from: R) -> Self {
+        let mut reader = Reader::from_reader(from);
+        reader.config_mut().expand_empty_elements = true;
+        Self { reader, buffer: Vec::new(), depth: 0 }
+    }
+
+    /// The outermost element.
+    pub(super) fn root(&mut self) -> Result<Tag> {
+        match self.next()? {
+            Next::Start(tag) => Ok(tag),
+            Next::Text(text) if text.trim().is_empty() => self.root(),
+            _ => Err(self.broken("has no element")),
+        }
+    }
+
+    /// The next child of the element at hand; `None` once that has ended.
+    pub(super) fn child(&mut self) -> Result<Option<Tag>> {
+        loop {
+            match self.next()? {
+                Next::Start(tag) => return Ok(Some(tag)),
+                Next::End => return Ok(None),
+                Next::Text(_) => {}
+            }
+        }
+    }
+
+    /// The rest of the element that began with `tag`.
+    pub(super) fn node(&mut self, tag: Tag) -> Result<Node> {
+        self.branch(tag, &mut 0)
+    }
+
+    fn branch(&mut self, tag: Tag, nodes: &mut u64) -> Result<Node> {
+        *nodes += 1;
+        limits::check("elements in one of a VRT", *nodes, MOST_NODES)?;
+        let mut node = Node { tag, ..Node::default() };
+        loop {
+            match self.next()? {
+                Next::Start(tag) => node.children.push(self.branch(tag, nodes)?),
+                Next::Text(text) => node.text += &text,
+                Next::End => break,
+            }
+            let bytes = node.text.len() as u64;
+            limits::check("bytes of a text in a VRT", bytes, limits::MAX_HEADER_BYTES)?;
+        }
+        node.text = node.text.trim().to_owned();
+        Ok(node)
+    }
+
+    /// Passes over the rest of the element at hand.
+    pub(super) fn skip(&mut self) -> Result<()> {
+        let mut open = 1;
+        while open > 0 {
+            match self.next()? {
+                Next::Start(_) => open += 1,
+                Next::End => open -= 1,
+                Next::Text(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the reader is.
+    pub(super) fn place(&self) -> String {
+        format!("byte {}", self.reader.buffer_position())
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        loop {
+            self.buffer.clear();
+            let event = self.reader.read_event_into(&mut self.buffer);
+            let event = match event {
+                Ok(event) => event,
+                Err(e) => return Err(not_xml(&e)),
+            };
+            limits::check(
+                "bytes of one part of a VRT",
+                event.len() as u64,
+                limits::MAX_HEADER_BYTES,
+            )?;
+            match event {
+                Event::Start(start) => {
+                    self.depth += 1;
+                    limits::check("depth of a VRT", self.depth.into(), MOST_DEPTH.into())?;
+                    return tag(&start).map(Next::Start);
+                }
+                Event::End(_) => {
+                    self.depth -= 1;
+                    return Ok(Next::End);
+                }
+                Event::Text(text) => {
+                    return Ok(Next::Text(text.decode().map_err(|e| not_xml(&e))?.into_owned()));
+                }
+                Event::CData(text) => {
+                    return Ok(Next::Text(text.decode().map_err(|e| not_xml(&e))?.into_owned()));
+                }
+                Event::GeneralRef(name) => {
+                    let c = name.resolve_char_ref().map_err(|e| not_xml(&e))?;
+                    let name = name.decode().map_err(|e| not_xml(&e))?;
+                    return reference(c, &name).map(Next::Text);
+                }
+                Event::DocType(_) => return Err(no_document_type()),
+                Event::Eof => return Err(Error::bad_input("ends in the middle of an element")),
+                Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
+            }
+        }
+    }
+
+    fn broken(&self, message: &str) -> Error {
+        Error::bad_input(message).at(self.place())
+    }
+}
+
+fn tag(start: &BytesStart<'_>) -> Result<Tag> {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).map_err(|e| not_xml(&e));
+    let mut attributes = Vec::new();
+    // Looking for repeated names would take the square of their number.
+    for attribute in start.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|e| not_xml(&e))?;
+        let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|e| not_xml(&e))?;
+        attributes.push((text(attribute.key.as_ref())?, value.into_owned()));
+        limits::check("attributes of an element", attributes.len() as u64, MOST_NODES)?;
+    }
+    Ok(Tag { name: text(start.name().as_ref())?, attributes })
+}
+
+/// The text of `&name;`.
+fn reference(c: Option<char>, name: &str) -> Result<String> {
+    let known = match name {
+        "lt" => Some('<'),
+        "gt" => Some('>'),
+        "amp" => Some('&'),
+        "apos" => Some('\''),
+        "quot" => Some('"'),
+        _ => None,
+    };
+    c.or(known).map(String::from).ok_or_else(|| {
+        let name: String = name.chars().take(40).collect();
+        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
+    })
+}
+
+fn not_xml(error: &dyn std::error::Error) -> Error {
+    Error::bad_input(format!("is not well-formed XML: {error}"))
+}
+
+fn no_document_type() -> Error {
+    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the VRT")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node(text: &str) -> Result<Node> {
+        let mut xml = Xml::new(text.as_bytes());
+        let tag = xml.root()?;
+        xml.node(tag)
+    }
+
+    fn refused(text: &str) -> String {
+        node(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn elements_attributes_and_text() {
+        let found = node(
+            "<?xml version=\"1.0\"?>\n<!-- c --><a X='1&amp;2'> t&lt;<![CDATA[&x]]>&#65;<b/>\n<c>d</c></a>",
+        )
+        .unwrap();
+        assert_eq!(found.tag.attribute("x"), Some("1&2"));
+        assert_eq!(found.text, "t<&xA");
+        assert_eq!(found.children.len(), 2);
+        assert_eq!(found.child("C").unwrap().text, "d");
+    }
+
+    #[test]
+    fn children_one_by_one() {
+        let mut xml = Xml::new("<a><b><c/>x</b>y<d/></a>".as_bytes());
+        xml.root().unwrap();
+        assert!(xml.child().unwrap().unwrap().is("b"));
+        xml.skip().unwrap();
+        assert!(xml.child().unwrap().unwrap().is("d"));
+        assert!(xml.child().unwrap().is_none(), "d ends");
+        assert!(xml.child().unwrap().is_none(), "a ends");
+    }
+
+    #[test]
+    fn what_is_refused() {
+        assert!(refused("<!DOCTYPE a [<!ENTITY x 'y'>]><a>&x;</a>").contains("document type"));
+        assert!(refused("<a>&x;</a>").contains("entity &x;"));
+        assert!(refused("<a b='&x;'/>").contains("well-formed"));
+        assert!(refused("<a><b></a>").contains("well-formed"));
+        assert!(refused("<a>").contains("middle") && refused("").contains("middle"));
+        assert!(refused("<a \u{0}=").contains("well-formed"));
+        assert!(refused(&"<a>".repeat(40)).contains("depth of a VRT"));
+        assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(5000))).contains("elements in one"));
+        assert!(refused("x").contains("element"));
+        assert!(refused("</a>").contains("well-formed"));
+    }
+}
