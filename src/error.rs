@@ -1,6 +1,6 @@
 //! The one error type: what kind of failure, in which file, at which place, and what to do about it.
 
-use std::fmt;
+use std::fmt::{self, Write};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -163,17 +163,31 @@ impl Error {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut line = OneLine(f);
         if let Some(path) = &self.path {
-            write!(f, "{}: ", path.display())?;
+            write!(line, "{}: ", path.display())?;
         }
         if let Some(place) = &self.place {
-            write!(f, "{place}: ")?;
+            write!(line, "{place}: ")?;
         }
-        write!(f, "{}", self.message)?;
+        write!(line, "{}", self.message)?;
         if let Some(remedy) = &self.remedy {
-            write!(f, "; {remedy}")?;
+            write!(line, "; {remedy}")?;
         }
         Ok(())
+    }
+}
+
+/// Passes text on with line breaks and other control characters escaped: words out of files, and
+/// names of files, may hold any.
+struct OneLine<'a, 'b>(&'a mut fmt::Formatter<'b>);
+
+impl fmt::Write for OneLine<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars().try_for_each(|c| match c.is_control() {
+            true => write!(self.0, "{}", c.escape_default()),
+            false => self.0.write_char(c),
+        })
     }
 }
 
@@ -188,6 +202,12 @@ mod tests {
             .at("block 3")
             .remedy("copy the file again");
         assert_eq!(error.to_string(), "a.tif: block 3: block is truncated; copy the file again");
+    }
+
+    #[test]
+    fn whatever_a_file_says_stays_on_one_line() {
+        let error = Error::unsupported("type \"\u{1b}[31m\n\"").in_file(Path::new("a\r\nb.npy"));
+        assert_eq!(error.to_string(), r#"a\r\nb.npy: type "\u{1b}[31m\n""#);
     }
 
     #[test]

@@ -11,8 +11,6 @@ use raster_support::{open_band, read_all, read_in_windows, same, write_anew};
 use terrane::geom::Rect;
 use terrane::raster::{GridSource, OpenOptions, open};
 
-/// Far below what any of the lying headers asks for.
-
 fn open_sample(folder: &Path, sample: &Sample) -> Box<dyn GridSource> {
     sample.write(folder);
     let name = sample.files[0].0;
@@ -324,4 +322,13 @@ fn a_band_that_is_not_there() {
     bil().write(folder.path());
     let error = open_band(&folder.path().join("a.bil"), 3).err().unwrap().to_string();
     assert!(error.contains("the file has 2 bands; give --band 1 to 2"), "{error}");
+}
+
+#[test]
+fn an_array_type_of_line_breaks_is_refused_on_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    write_anew(&path, &npy("'<\n4'", "False", i32::to_le_bytes, false));
+    let error = open_band(&path, 1).err().unwrap().to_string();
+    assert!(error.contains(r"type \n4 are not supported") && !error.contains('\n'), "{error}");
 }

@@ -43,19 +43,22 @@ impl Seed {
     }
 }
 
+/// Builds the undamaged files of a format.
+type Seeds = fn() -> Vec<Seed>;
+
 /// The formats, how their files are built, and how many mutations are done every day.
-const GROUPS: &[(&str, fn() -> Vec<Seed>, usize)] = &[
-    ("GeoTIFF", tiffs, 3000),
-    ("SRTM HGT", tiles, 40),
-    ("ESRI ASCII", texts, 3000),
-    ("raw with header", || built(&[".bil", ".flt", ".dat"]), 1500),
-    ("PNG", || built(&[".png"]), 1500),
-    ("DTED", || built(&[".dt0"]), 1500),
-    ("USGS DEM", || built(&[".dem"]), 1500),
-    ("XYZ", || built(&[".xyz", ".csv"]), 1500),
-    ("NumPy", || built(&[".npy"]), 1500),
-    ("gzip", || built(&[".gz"]), 1000),
-    ("zip", zips, 600),
+const GROUPS: &[(&str, Seeds, usize)] = &[
+    ("GeoTIFF", tiffs, 2000),
+    ("SRTM HGT", tiles, 20),
+    ("ESRI ASCII", texts, 2000),
+    ("raw with header", || built(&[".bil", ".flt", ".dat"]), 700),
+    ("PNG", || built(&[".png"]), 700),
+    ("DTED", || built(&[".dt0"]), 700),
+    ("USGS DEM", || built(&[".dem"]), 700),
+    ("XYZ", || built(&[".xyz", ".csv"]), 700),
+    ("NumPy", || built(&[".npy"]), 700),
+    ("gzip", || built(&[".gz"]), 500),
+    ("zip", zips, 300),
 ];
 
 /// The built files of these endings; of several that belong together each is damaged in turn.

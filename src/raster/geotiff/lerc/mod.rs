@@ -32,24 +32,63 @@ pub(super) struct Shape {
 /// What is wrong with a blob, for people.
 type Fault = String;
 
-/// Decodes a blob into `out`: samples in native order, pixel by pixel. Samples outside the mask are
-/// NaN, or 0 in integers.
-pub(super) fn decode(blob: &[u8], shape: Shape, out: &mut [u8]) -> Result<(), Fault> {
-    let mut bytes = checked(blob)?;
-    let header = Header::read(&mut bytes).ok_or_else(damaged)?;
-    header.check(shape)?;
-    let mask = read_mask(&mut bytes, shape, header.valid).ok_or_else(damaged)?;
-    let mut block = Block { shape, header, mask, highest: Vec::new(), out };
-    block.clear();
-    block.read(&mut bytes).ok_or_else(damaged)
+/// Decodes `data` into `out`: samples in native order, pixel by pixel. Samples outside the mask are
+/// NaN, or 0 in integers. There is one blob, or for pixels of several samples one for each of them.
+pub(super) fn decode(data: &[u8], shape: Shape, out: &mut [u8]) -> Result<(), Fault> {
+    let blob = Blob::read(data)?;
+    if blob.header.depth != 1 || shape.depth == 1 {
+        return blob.decode(shape, &mut None, out);
+    }
+    let size = shape.kind.bytes();
+    let mut band = vec![0; out.len() / shape.depth];
+    let (mut data, mut mask) = (data, None);
+    for sample in 0..shape.depth {
+        let blob = Blob::read(data)?;
+        blob.decode(Shape { depth: 1, ..shape }, &mut mask, &mut band)?;
+        for (to, from) in out.chunks_exact_mut(size * shape.depth).zip(band.chunks_exact(size)) {
+            to[sample * size..][..size].copy_from_slice(from);
+        }
+        data = blob.rest;
+    }
+    Ok(())
+}
+
+/// One bit for each pixel; `None` where all are valid.
+type Mask = Option<Vec<bool>>;
+
+/// A blob whose checksum is right.
+struct Blob<'a> {
+    header: Header,
+    body: Bytes<'a>,
+    /// What comes behind it.
+    rest: &'a [u8],
+}
+
+impl<'a> Blob<'a> {
+    fn read(data: &'a [u8]) -> Result<Self, Fault> {
+        let (mut body, rest) = checked(data)?;
+        let header = Header::read(&mut body).ok_or_else(damaged)?;
+        Ok(Self { header, body, rest })
+    }
+
+    /// Decodes it; `mask` is that of the blob before and becomes its own.
+    fn decode(&self, shape: Shape, mask: &mut Mask, out: &mut [u8]) -> Result<(), Fault> {
+        self.header.check(shape)?;
+        let mut bytes = Bytes(self.body.0);
+        *mask = read_mask(&mut bytes, shape, self.header.valid, mask.take()).ok_or_else(damaged)?;
+        let mut block = Block { shape, header: self.header, mask, highest: Vec::new(), out };
+        block.clear();
+        block.read(&mut bytes).ok_or_else(damaged)
+    }
 }
 
 fn damaged() -> Fault {
     "invalid LERC data".to_owned()
 }
 
-/// The blob behind its checksum, after which the version is known and all bytes are sound.
-fn checked(blob: &[u8]) -> Result<Bytes<'_>, Fault> {
+/// The first blob behind its checksum, after which the version is known and all bytes are sound, and
+/// what follows it.
+fn checked(blob: &[u8]) -> Result<(Bytes<'_>, &[u8]), Fault> {
     let mut bytes = Bytes(blob);
     if bytes.take(6) != Some(b"Lerc2 ") {
         return Err("not LERC 2 data".to_owned());
@@ -61,9 +100,10 @@ fn checked(blob: &[u8]) -> Result<Bytes<'_>, Fault> {
     let stated = bytes.array().map(u32::from_le_bytes).ok_or_else(damaged)?;
     let size = bytes.0.get(20..24).and_then(|size| size.try_into().ok()).map(i32::from_le_bytes);
     let size = size.and_then(|size| usize::try_from(size).ok()).ok_or_else(damaged)?;
-    let summed = size.checked_sub(14).and_then(|size| bytes.0.get(..size)).ok_or_else(damaged)?;
+    let parts = size.checked_sub(14).and_then(|size| bytes.0.split_at_checked(size));
+    let (summed, rest) = parts.ok_or_else(damaged)?;
     match fletcher32(summed) == stated {
-        true => Ok(Bytes(summed)),
+        true => Ok((Bytes(summed), rest)),
         false => Err("LERC data does not match its checksum".to_owned()),
     }
 }
@@ -169,14 +209,19 @@ fn value(bytes: &mut Bytes<'_>, kind: SampleType) -> Option<f64> {
     })
 }
 
-/// Which pixels are valid; `None` when all are, so that the mask is not stored.
-fn read_mask(bytes: &mut Bytes<'_>, shape: Shape, valid: i32) -> Option<Option<Vec<bool>>> {
+/// Which pixels are valid. A mask is not stored when all or none are, or when it is the same as
+/// `before`.
+fn read_mask(bytes: &mut Bytes<'_>, shape: Shape, valid: i32, before: Mask) -> Option<Mask> {
     let pixels = shape.width * shape.height;
     let stored = usize::try_from(bytes.i32()?).ok()?;
     let mut runs = Bytes(bytes.take(stored)?);
     if stored == 0 {
-        let all = valid as usize == pixels;
-        return if all { Some(None) } else { (valid == 0).then(|| Some(vec![false; pixels])) };
+        let same = |mask: &Vec<bool>| mask.iter().filter(|valid| **valid).count() == valid as usize;
+        return match valid as usize {
+            0 => Some(Some(vec![false; pixels])),
+            all if all == pixels => Some(None),
+            _ => before.filter(same).map(Some),
+        };
     }
     let mut bits = Vec::with_capacity(pixels.div_ceil(8));
     while bits.len() < pixels.div_ceil(8) {
@@ -199,7 +244,7 @@ fn read_mask(bytes: &mut Bytes<'_>, shape: Shape, valid: i32) -> Option<Option<V
 struct Block<'a> {
     shape: Shape,
     header: Header,
-    mask: Option<Vec<bool>>,
+    mask: &'a Mask,
     /// Highest value of each sample of a pixel, where there are several.
     highest: Vec<f64>,
     out: &'a mut [u8],

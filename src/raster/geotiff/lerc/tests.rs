@@ -60,7 +60,7 @@ fn every_kind_of_square() {
     assert_eq!(i16s(&decoded(&blob, shape).unwrap()), heights);
     for (wrong, words) in [
         (Shape { width: 9, height: 10, ..shape }, "10 x 9 pixels of 1 samples where 9 x 10"),
-        (Shape { depth: 2, ..shape }, "where 10 x 9 of 2"),
+        (Shape { depth: 2, ..shape }, "not LERC 2 data"),
         (Shape { kind: SampleType::U16, ..shape }, "another type than uint16"),
     ] {
         assert!(decoded(&blob, wrong).unwrap_err().contains(words));
@@ -97,6 +97,28 @@ fn samples_outside_the_mask_are_nan() {
     let valid: Vec<_> = (0..12).filter(|i| !out[*i].is_nan()).map(|i| (i, out[i])).collect();
     assert_eq!(valid, [(1, 1.5), (7, -2.5), (11, 7.25)]);
     assert!(decoded(&blob(shape, 4, [-2.5, 7.25], 0.0, &body), shape).is_err(), "miscounted");
+}
+
+#[test]
+fn a_blob_for_each_sample_of_a_pixel_shares_the_mask_before() {
+    let shape = shape(SampleType::F32, 4, 3);
+    let body = masked([0b0100_0001, 0b0001_0000], &[]);
+    let blobs = [
+        blob(shape, 3, [5.0, 5.0], 0.0, &body),
+        blob(shape, 3, [6.0, 6.0], 0.0, &[0; 4]),
+        blob(shape, 12, [7.0, 7.0], 0.0, &[0; 4]),
+    ];
+    let three = Shape { depth: 3, ..shape };
+    let out = decoded(&blobs.concat(), three).unwrap();
+    let out: Vec<f32> = out.as_chunks::<4>().0.iter().map(|b| f32::from_ne_bytes(*b)).collect();
+    for (pixel, samples) in out.chunks_exact(3).enumerate() {
+        let valid = [1, 7, 11].contains(&pixel);
+        assert!(samples[0] == 5.0 && samples[1] == 6.0 || !valid, "{samples:?}");
+        assert!(samples[0].is_nan() && samples[1].is_nan() || valid, "{samples:?}");
+        assert_eq!(samples[2], 7.0);
+    }
+    assert!(decoded(&blobs[..2].concat(), three).is_err(), "one is missing");
+    assert!(decoded(&blobs[1..].concat(), three).is_err(), "no mask before");
 }
 
 #[test]
