@@ -33,7 +33,8 @@ impl Misfit {
         let name = sample_type.name();
         let (at, message, remedy) = match (self, nodata) {
             (Self::Void(at), Some(value)) => {
-                let message = format!("a void, but the nodata value {value} is no {name}");
+                let message =
+                    format!("a void, but the nodata value {value} cannot be stored as {name}");
                 (at, message, CHOOSE_FOR_VOIDS)
             }
             (Self::Void(at), None) => {
