@@ -59,6 +59,7 @@ const GROUPS: &[(&str, Seeds, usize)] = &[
     ("NumPy", || built(&[".npy"]), 700),
     ("gzip", || built(&[".gz"]), 500),
     ("zip", zips, 300),
+    ("VRT", vrts, 500),
 ];
 
 /// The built files of these endings; of several that belong together each is damaged in turn.
@@ -133,6 +134,28 @@ fn tile() -> Vec<u8> {
 /// Only the length of a plain tile can be wrong.
 fn tiles() -> Vec<Seed> {
     vec![Seed::new("S02W010.hgt", tile())]
+}
+
+/// A virtual raster with a simple and a complex source, damaged itself; its file is sound.
+fn vrts() -> Vec<Seed> {
+    let source = |kind: &str, column: u32, more: &str| {
+        format!(
+            r#"<{kind}><SourceFilename relativeToVRT="1">v.tif</SourceFilename>
+            <SourceBand>1</SourceBand><SrcRect xOff="0" yOff="0" xSize="20" ySize="18"/>
+            <DstRect xOff="{column}" yOff="0" xSize="20" ySize="18"/>{more}</{kind}>"#
+        )
+    };
+    let simple = source("SimpleSource", 0, "");
+    let more = "<ScaleOffset>1</ScaleOffset><ScaleRatio>2</ScaleRatio><NODATA>7</NODATA>";
+    let complex = source("ComplexSource", 15, more);
+    let text = format!(
+        r#"<VRTDataset rasterXSize="35" rasterYSize="18"><SRS>EPSG:32631</SRS>
+        <GeoTransform>0, 1, 0, 18, 0, -1</GeoTransform><VRTRasterBand dataType="Float32" band="1">
+        <NoDataValue>-9999</NoDataValue>{simple}{complex}</VRTRasterBand></VRTDataset>"#
+    );
+    let grid = Spec::new(20, 18, 2, 16).build(ramp);
+    let files = vec![("m.vrt".to_owned(), text.into_bytes()), ("v.tif".to_owned(), grid)];
+    vec![Seed { files, damaged: 0, sound: true }]
 }
 
 /// Small archives, and one in eight of a whole tile.
@@ -284,4 +307,5 @@ damaged! {
     npy: "NumPy";
     gzip: "gzip";
     zip: "zip";
+    vrt: "VRT";
 }

@@ -28,6 +28,8 @@ pub(super) struct File {
     band: u32,
     nodata: Option<f64>,
     facts: Facts,
+    /// Bytes of its largest block that is decoded whole.
+    pub(super) block_bytes: u64,
 }
 
 /// What must stay as it was.
@@ -108,8 +110,9 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
     let pool = &nest.family.pool;
     let (open, info) = open_file(pool, name, band, nodata)?;
     let (key, facts) = (pool.new_key(), Facts::of(&info));
+    let block_bytes = open.grid.block_bytes();
     pool.offer(key, open);
-    let file = File { key, name: name.to_owned(), band, nodata, facts };
+    let file = File { key, name: name.to_owned(), band, nodata, facts, block_bytes };
     Ok(Found { info, source: Source::File(file) })
 }
 

@@ -176,6 +176,14 @@ impl GridSource for Mosaic {
         self.read(rect, out)
     }
 
+    fn block_bytes(&self) -> u64 {
+        let of = |part: &Part| match &part.source {
+            Source::Nested(grid) => grid.block_bytes(),
+            Source::File(file) => file.block_bytes,
+        };
+        self.parts.iter().map(of).max().unwrap_or(0)
+    }
+
     fn release(&self, rect: Rect) {
         for i in self.index.find(&rect) {
             let part = &self.parts[i as usize];
