@@ -21,7 +21,10 @@ import warnings
 import numpy as np
 import rasterio
 
-GRIDS = (".tif", ".tiff", ".hgt", ".hgt.zip", ".asc")
+GRIDS = (
+    *(".tif", ".tiff", ".hgt", ".hgt.zip", ".asc", ".flt", ".bil", ".bip", ".bsq"),
+    *(".dt0", ".dt1", ".dt2", ".dem", ".xyz"),
+)
 
 
 def grids(paths):

@@ -96,6 +96,7 @@ impl Header {
             citation: Some(self.datum.1.clone()),
             geographic: Some(true),
             vertical_unit: Some("metre".to_owned()),
+            vertical_unit_text: Some("m".to_owned()),
             ..Crs::default()
         };
         GridInfo {

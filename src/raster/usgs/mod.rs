@@ -60,6 +60,9 @@ fn info(header: &Header, options: &OpenOptions) -> GridInfo {
         citation: Some(header.system.clone()),
         geographic: Some(header.geographic),
         vertical_unit: Some(header.vertical_unit.to_owned()),
+        vertical_unit_text: Some(
+            if header.vertical_unit == "metre" { "m" } else { "ft" }.to_owned(),
+        ),
         ..Crs::default()
     };
     GridInfo {
