@@ -12,9 +12,12 @@ mod help;
 mod info;
 mod man;
 mod parse;
+mod plan;
 mod progress;
+mod run;
 mod say;
 mod signal;
+mod status;
 mod synth;
 mod text;
 mod tin;
@@ -49,6 +52,10 @@ enum Verb {
     View(view::Args),
     Convert(convert::Args),
     Synth(synth::Args),
+    Plan(plan::Args),
+    Run(run::Args),
+    Finish(run::FinishArgs),
+    Status(status::Args),
     Demo(demo::Args),
     Completions(complete::Args),
     Man(man::Args),
@@ -90,6 +97,10 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::View(args) => view::run(args, cancel),
         Verb::Convert(args) => convert::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
+        Verb::Plan(args) => plan::run(args, cancel),
+        Verb::Run(args) => run::run(args, cancel),
+        Verb::Finish(args) => run::finish(args, cancel),
+        Verb::Status(args) => status::run(args),
         Verb::Demo(args) => demo::run(args, cancel),
         Verb::Completions(args) => complete::run(args),
         Verb::Man(args) => man::run(args),

@@ -41,20 +41,31 @@ pub(super) struct Args {
     /// Check the written mesh against the grid afterwards
     #[arg(long, help_heading = "Output")]
     verify: bool,
-    /// Insert one global maximum at a time (the reference; slower, more vertices)
-    #[arg(long, help_heading = "Method")]
-    strict: bool,
-    /// Keep vertices that turned out to be redundant (faster, more vertices)
-    #[arg(long, help_heading = "Method")]
-    no_drop: bool,
-    /// Cells along the side of a tile, 16 to 8192
-    #[arg(long, value_name = "CELLS", default_value_t = 512, help_heading = "Method",
-          value_parser = tile_cells())]
-    tile: u32,
+    #[command(flatten)]
+    method: Method,
+    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
+    /// be removed when the mesh is there
+    #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]
+    workdir: Option<PathBuf>,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
+}
+
+/// How the mesh is made.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Method")]
+pub(super) struct Method {
+    /// Insert one global maximum at a time (the reference; slower, more vertices)
+    #[arg(long)]
+    pub(super) strict: bool,
+    /// Keep vertices that turned out to be redundant (faster, more vertices)
+    #[arg(long)]
+    pub(super) no_drop: bool,
+    /// Cells along the side of a tile, 16 to 8192
+    #[arg(long, value_name = "CELLS", default_value_t = 512, value_parser = tile_cells())]
+    pub(super) tile: u32,
 }
 
 fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
@@ -114,7 +125,10 @@ struct Report<'a> {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let progress = args.show.progress();
-    let made = tin::run(&job, progress.as_ref(), cancel)?;
+    let made = match &args.workdir {
+        None => tin::run(&job, progress.as_ref(), cancel)?,
+        Some(folder) => tin::run_in(folder, &job, progress.as_ref(), cancel)?,
+    };
     let checked = match args.verify {
         true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),
         false => None,
@@ -164,9 +178,9 @@ fn job(args: &Args) -> Result<TinJob> {
         overwrite: args.overwrite,
         solid_base,
         goal: args.goal.goal()?,
-        strict: args.strict,
-        drop: !args.no_drop,
-        tile: args.tile,
+        strict: args.method.strict,
+        drop: !args.method.no_drop,
+        tile: args.method.tile,
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),
     })
@@ -249,10 +263,14 @@ fn time(r: &TinReport) -> String {
     let rate = text::rate(r.samples_per_second, "samples");
     let threads =
         if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
-    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
-    let stages: Vec<String> = r.stages.iter().map(stage).collect();
     let total = text::seconds(r.wall_seconds);
-    format!("{total}, {rate}, {threads} (in threads: {})", stages.join(", "))
+    format!("{total}, {rate}, {threads} (in threads: {})", stages(&r.stages))
+}
+
+/// Stages with their times.
+pub(super) fn stages(stages: &[tin::StageReport]) -> String {
+    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
+    stages.iter().map(stage).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
 pub mod convert;
+mod disk;
 pub mod memory;
 pub mod surface;
 pub mod tin;

@@ -196,6 +196,12 @@ pub trait GridSource: Send + Sync {
         0
     }
 
+    /// The files it is made of, where these are not the ones it was opened by: those that a virtual
+    /// raster names.
+    fn members(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
     /// A hint that `rect` will not be read again soon: mapped pages or cached blocks may go.
     fn release(&self, _rect: Rect) {}
 }

@@ -5,14 +5,14 @@
 //! tile is final, vertices may be listed that no triangle uses, and listed twice. Triangles well
 //! inside a tile are kept apart, because seam patches rarely ask for them.
 
-use bytemuck::Zeroable;
+use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
 use super::layout::{Layout, TileId};
 use super::spill::{Extent, Spill};
 use super::zone::{Bounds, Zone};
 use crate::error::Result;
 use crate::geom::Rect;
-use crate::tin::{Local, Triangle};
+use crate::tin::{Local, Triangle, sort_by_position};
 
 /// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
 #[derive(Clone, Copy)]
@@ -177,6 +177,13 @@ impl Container {
         triangles
     }
 
+    /// Puts all in an order that does not tell who put it here and when.
+    pub(super) fn close(&mut self) {
+        self.settle(|_| true);
+        sort_by_position(&mut self.triangles);
+        sort_by_position(&mut self.inner);
+    }
+
     /// Bytes held.
     pub(super) fn bytes(&self) -> u64 {
         let triangles = self.triangles.capacity() + self.inner.capacity();
@@ -187,15 +194,50 @@ impl Container {
 
     /// Writes all to the spill file.
     pub(super) fn spill(&self, spill: &Spill) -> Result<Spilled> {
-        let extent = spill.write(&[
+        let extent = spill.write(&self.parts())?;
+        let (triangles, inner) = (self.triangles.len(), self.inner.len());
+        Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
+    }
+
+    /// All of a closed container as bytes.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let counts = [self.triangles.len(), self.inner.len(), self.vertices.len()];
+        let counts = counts.map(|count| count as u64);
+        let mut bytes = bytemuck::cast_slice(&counts).to_vec();
+        self.parts().into_iter().for_each(|part| bytes.extend_from_slice(part));
+        bytes
+    }
+
+    /// The closed container that gave `bytes`; `None` when none can have.
+    pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
+        let (counts, mut rest) = bytes.split_at_checked(size_of::<[u64; 3]>())?;
+        let [triangles, inner, vertices]: [u64; 3] = bytemuck::pod_read_unaligned(counts);
+        let container = Self {
+            triangles: take(&mut rest, triangles)?,
+            inner: take(&mut rest, inner)?,
+            vertices: take(&mut rest, vertices)?,
+            heights: take(&mut rest, vertices)?,
+            sorted: vertices as usize,
+        };
+        rest.is_empty().then_some(container)
+    }
+
+    fn parts(&self) -> [&[u8]; 4] {
+        [
             bytemuck::cast_slice(&self.triangles),
             bytemuck::cast_slice(&self.inner),
             bytemuck::cast_slice(&self.vertices),
             bytemuck::cast_slice(&self.heights),
-        ])?;
-        let (triangles, inner) = (self.triangles.len(), self.inner.len());
-        Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
+        ]
     }
+}
+
+/// Takes `count` items off the front of `bytes`, if there are as many.
+fn take<T: AnyBitPattern + NoUninit>(bytes: &mut &[u8], count: u64) -> Option<Vec<T>> {
+    let len = usize::try_from(count).ok()?.checked_mul(size_of::<T>())?;
+    let (items, rest) = bytes.split_at_checked(len)?;
+    *bytes = rest;
+    Some(bytemuck::allocation::pod_collect_to_vec(items))
 }
 
 /// A container in the spill file.
@@ -319,5 +361,33 @@ mod tests {
         assert_eq!(loaded.inner, container.inner);
         assert_eq!(loaded.vertices, container.vertices);
         assert_eq!((loaded.heights, loaded.sorted), (container.heights, 2));
+    }
+
+    #[test]
+    fn a_closed_container_comes_back_from_its_bytes_and_from_no_others() {
+        let at = |col| Local::new(col, 3);
+        let mut container = Container {
+            triangles: [7, 2].map(|col| triangle([(col, 0), (col + 1, 0), (0, 9)])).to_vec(),
+            inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
+            vertices: vec![at(4), at(1), at(4)],
+            heights: vec![0.5, 2.5, 0.5],
+            sorted: 0,
+        };
+        container.close();
+        assert_eq!(
+            (&container.vertices[..], &container.heights[..]),
+            (&[at(1), at(4)][..], &[2.5, 0.5][..])
+        );
+        assert!(container.triangles[0].corners < container.triangles[1].corners);
+        let mut bytes = container.to_bytes();
+        let back = Container::of_bytes(&bytes).unwrap();
+        assert_eq!((back.triangles, back.inner), (container.triangles, container.inner));
+        assert_eq!(
+            (back.vertices, back.heights, back.sorted),
+            (container.vertices, container.heights, 2)
+        );
+        assert!((0..bytes.len()).all(|len| Container::of_bytes(&bytes[..len]).is_none()));
+        bytes[7] = 0xff;
+        assert!(Container::of_bytes(&bytes).is_none());
     }
 }

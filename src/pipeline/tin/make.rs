@@ -19,8 +19,8 @@ use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
-use crate::pipeline::{Cancel, Progress, peak_memory};
-use crate::raster::{self, GridInfo, GridSource, OpenOptions};
+use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
+use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
 use crate::tin::Spec;
 
 /// Runs a job from file to file.
@@ -38,78 +38,101 @@ use crate::tin::Spec;
 pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    let format = output::by_path(&job.output, job.format.as_deref())?;
     refuse_existing(&job.output, job.overwrite)?;
-    let resources = &job.resources;
-    let shares = memory::divide(resources.memory, resources.threads, worker_bytes(job.tile))?;
-    let options = OpenOptions {
-        band: job.band,
-        nodata: job.nodata,
-        cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
-    };
-    let source = raster::open_all(job.input.names(), &options)?;
-    let height_origin = match format.single_precision {
-        true => {
-            Some(height_origin(&*source).map_err(|error| in_input(error, &job.input.to_string()))?)
-        }
-        false => None,
-    };
-    let maker = Maker { job, source: &*source, format, height_origin, shares, progress, cancel };
-    let mut report = maker.make().map_err(|error| in_input(error, &job.input.to_string()))?;
-    report.wall_seconds = started.elapsed().as_secs_f64();
-    report.samples_per_second = report.samples as f64 / report.wall_seconds;
+    let opened = Opened::new(job)?;
+    let report = Maker { job, opened: &opened, progress, cancel }.make();
+    let mut report = report.map_err(|error| in_input(error, &job.input))?;
+    report.took(started.elapsed());
     Ok(report)
 }
 
+/// What a job works with: its input, its format, and the shares of its memory.
+pub(super) struct Opened {
+    pub(super) source: Box<dyn GridSource>,
+    pub(super) format: &'static MeshFormat,
+    /// What heights are stored relative to, where the format stores them in f32.
+    pub(super) height_origin: Option<f64>,
+    pub(super) shares: Shares,
+}
+
+impl Opened {
+    /// Opens the input of `job` and divides its memory.
+    pub(super) fn new(job: &TinJob) -> Result<Self> {
+        let format = output::by_path(&job.output, job.format.as_deref())?;
+        let Resources { memory, threads, .. } = job.resources;
+        let shares = memory::divide(memory, threads, worker_bytes(job.tile))?;
+        let options = OpenOptions {
+            band: job.band,
+            nodata: job.nodata,
+            cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
+        };
+        let source = raster::open_all(job.input.names(), &options)?;
+        let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
+        let height_origin = format.single_precision.then(origin).transpose()?;
+        Ok(Self { source, format, height_origin, shares })
+    }
+}
+
 /// Errors about the content of the input name it.
-fn in_input(error: Error, input: &str) -> Error {
+pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
     use ErrorKind::{BadInput, Internal, Limit, Unsupported};
     match error.kind() {
-        BadInput | Internal | Limit | Unsupported => error.in_file(Path::new(input)),
+        BadInput | Internal | Limit | Unsupported => error.in_file(Path::new(&input.to_string())),
         _ => error,
     }
 }
 
 /// An opened job.
-struct Maker<'a> {
-    job: &'a TinJob,
-    source: &'a dyn GridSource,
-    format: &'static MeshFormat,
-    /// What heights are stored relative to, where the format stores them in f32.
-    height_origin: Option<f64>,
-    shares: Shares,
-    progress: &'a dyn Progress,
-    cancel: &'a Cancel,
+pub(super) struct Maker<'a> {
+    pub(super) job: &'a TinJob,
+    pub(super) opened: &'a Opened,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
 }
 
 impl Maker<'_> {
     fn make(&self) -> Result<TinReport> {
-        let info = self.source.info();
-        let layout = Layout::new(info.width, info.height, self.job.tile)?;
-        self.check_output(info)?;
-        let (tolerance, trials) = self.tolerance(layout)?;
-        let header =
-            header(info, &self.job.input.to_string(), tolerance, self.height_origin.unwrap_or(0.0));
+        self.check_output()?;
+        let (tolerance, trials) = self.tolerance()?;
+        self.complete(tolerance, trials, |sink, spec| self.run("triangulate", sink, spec))
+    }
+
+    /// Writes the mesh that `write` hands to the sink it is given, and reports on it.
+    pub(super) fn complete(
+        &self,
+        tolerance: f64,
+        trials: u32,
+        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<Outcome>,
+    ) -> Result<TinReport> {
+        let (job, info) = (self.job, self.opened.source.info());
+        let height = self.opened.height_origin.unwrap_or(0.0);
+        let header = header(info, &job.input.to_string(), tolerance, height);
         let options = SinkOptions {
-            overwrite: self.job.overwrite,
-            solid_base: self.job.solid_base,
-            temp_dir: self.job.resources.temp_dir.clone(),
+            overwrite: job.overwrite,
+            solid_base: job.solid_base,
+            temp_dir: job.resources.temp_dir.clone(),
         };
-        let sink = (self.format.create)(&self.job.output, &header, &options)?;
-        let spec = Spec { tolerance, measure: self.job.measure, ..self.spec() };
-        let outcome = self.run("triangulate", layout, sink, spec)?;
-        let prj = write_prj(&self.job.output, &info.crs, self.job.overwrite)?;
-        Ok(self.report(layout, tolerance, trials, outcome, prj))
+        let sink = (self.opened.format.create)(&job.output, &header, &options)?;
+        let outcome = write(sink, self.spec(tolerance))?;
+        let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
+        self.report(tolerance, trials, outcome, prj)
+    }
+
+    /// The tiling.
+    pub(super) fn layout(&self) -> Result<Layout> {
+        let info = self.opened.source.info();
+        Layout::new(info.width, info.height, self.job.tile)
     }
 
     /// Finds out before the work that the output can be created.
-    fn check_output(&self, info: &GridInfo) -> Result<()> {
+    pub(super) fn check_output(&self) -> Result<()> {
         drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
-        check_prj(&self.job.output, &info.crs, self.job.overwrite)
+        check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
     }
 
     /// The tolerance to run with, and how many trials it took to find it.
-    fn tolerance(&self, layout: Layout) -> Result<(f64, u32)> {
+    pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
+        let layout = self.layout()?;
         let most = Size { vertices: layout.samples(), triangles: 2 * layout.cells() };
         match self.job.goal {
             Goal::MaxError(tolerance) => {
@@ -119,11 +142,11 @@ impl Maker<'_> {
             Goal::MaxVertices(budget) if budget >= most.vertices => self.everything(most),
             Goal::MaxTriangles(budget) if budget >= most.triangles => self.everything(most),
             Goal::MaxVertices(budget) => {
-                self.format.check_capacity(budget, budget)?;
+                self.opened.format.check_capacity(budget, budget)?;
                 self.search(layout, budget, |size| size.vertices)
             }
             Goal::MaxTriangles(budget) => {
-                self.format.check_capacity(budget / 2, budget)?;
+                self.opened.format.check_capacity(budget / 2, budget)?;
                 self.search(layout, budget, |size| size.triangles)
             }
         }
@@ -131,19 +154,19 @@ impl Maker<'_> {
 
     /// A budget that every mesh of this grid fits: no error at all.
     fn everything(&self, most: Size) -> Result<(f64, u32)> {
-        self.format.check_capacity(most.vertices, most.triangles)?;
+        self.opened.format.check_capacity(most.vertices, most.triangles)?;
         Ok((0.0, 0))
     }
 
     /// Fails when the format will not hold the mesh. Sure when every sample fits; otherwise from
     /// an estimate, because hardly any mesh keeps all samples.
     fn check_capacity(&self, layout: Layout, most: Size, tolerance: f64) -> Result<()> {
-        if self.format.check_capacity(most.vertices, most.triangles).is_ok() {
+        if self.opened.format.check_capacity(most.vertices, most.triangles).is_ok() {
             return Ok(());
         }
-        let mut estimator = Estimator::new(self.source, layout, self.cancel);
-        let size = estimator.size(&Spec { tolerance, ..self.spec() })?;
-        self.format.check_capacity(size.vertices, size.triangles)
+        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
+        let size = estimator.size(&Spec { measure: false, ..self.spec(tolerance) })?;
+        self.opened.format.check_capacity(size.vertices, size.triangles)
     }
 
     fn search(
@@ -152,54 +175,52 @@ impl Maker<'_> {
         budget: u64,
         counted: impl Fn(Size) -> u64,
     ) -> Result<(f64, u32)> {
-        let spec = self.spec();
-        if budget >= layout.samples() / 2 && self.count(layout, 0.0, &counted)? <= budget {
+        let spec = Spec { measure: false, ..self.spec(0.0) };
+        if budget >= layout.samples() / 2 && self.count(0.0, &counted)? <= budget {
             return Ok((0.0, 1));
         }
-        let guess =
-            Estimator::new(self.source, layout, self.cancel).guess(&spec, budget, &counted)?;
-        search(budget, guess, |tolerance| self.count(layout, tolerance, &counted))
+        let guess = Estimator::new(&*self.opened.source, layout, self.cancel)
+            .guess(&spec, budget, &counted)?;
+        search(budget, guess, |tolerance| self.count(tolerance, &counted))
     }
 
     /// The size of the mesh at a tolerance, by making it and throwing it away.
-    fn count(&self, layout: Layout, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
+    fn count(&self, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
         let stage = format!("count at {tolerance:.4}");
-        let spec = Spec { tolerance, ..self.spec() };
-        let outcome = self.run(&stage, layout, Box::new(Counter), spec)?;
+        let spec = Spec { measure: false, ..self.spec(tolerance) };
+        let outcome = self.run(&stage, Box::new(Counter), spec)?;
         Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
     }
 
-    fn spec(&self) -> Spec {
+    pub(super) fn spec(&self, tolerance: f64) -> Spec {
         Spec {
-            tolerance: 0.0,
+            tolerance,
             strict: self.job.strict,
             drop: self.job.drop,
-            single_precision: self.height_origin,
-            measure: false,
+            single_precision: self.opened.height_origin,
+            measure: self.job.measure,
         }
     }
 
-    fn run(
-        &self,
-        stage: &str,
-        layout: Layout,
-        sink: Box<dyn MeshSink>,
-        spec: Spec,
-    ) -> Result<Outcome> {
-        let settings = Settings {
+    fn run(&self, stage: &str, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
+        self.progress.begin(stage, self.layout()?.samples());
+        let outcome = run_on(&*self.opened.source, sink, &self.settings(spec, &self.temp_dir()));
+        self.progress.end();
+        outcome
+    }
+
+    /// How to run the core.
+    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> Settings<'a> {
+        Settings {
             spec,
             tile: self.job.tile,
-            threads: self.shares.threads,
-            mesh_bytes: self.shares.mesh,
-            temp_dir: &self.temp_dir(),
+            threads: self.opened.shares.threads,
+            mesh_bytes: self.opened.shares.mesh,
+            temp_dir,
             order_seed: None,
             progress: self.progress,
             cancel: self.cancel,
-        };
-        self.progress.begin(stage, layout.samples());
-        let outcome = run_on(self.source, sink, &settings);
-        self.progress.end();
-        outcome
+        }
     }
 
     /// Where to spill: beside the output unless told otherwise.
@@ -213,19 +234,19 @@ impl Maker<'_> {
 
     fn report(
         &self,
-        layout: Layout,
         tolerance: f64,
         trials: u32,
         outcome: Outcome,
         prj: Option<PathBuf>,
-    ) -> TinReport {
-        let (job, info) = (self.job, self.source.info());
+    ) -> Result<TinReport> {
+        let layout = self.layout()?;
+        let (job, info) = (self.job, self.opened.source.info());
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         let measured = |value: f64| job.measure.then_some(value);
-        TinReport {
+        Ok(TinReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
-            format: self.format.name.to_owned(),
+            format: self.opened.format.name.to_owned(),
             width: info.width,
             height: info.height,
             crs: info.crs.label(),
@@ -246,7 +267,7 @@ impl Maker<'_> {
             prj: prj.map(|path| path.display().to_string()),
             tiles: layout.tiles(),
             tile_cells: job.tile,
-            threads: self.shares.threads,
+            threads: self.opened.shares.threads,
             memory_budget: job.resources.memory,
             peak_memory: peak_memory(),
             spilled_bytes: outcome.spilled_bytes,
@@ -254,7 +275,7 @@ impl Maker<'_> {
             stages: outcome.stages,
             wall_seconds: 0.0,
             samples_per_second: 0.0,
-        }
+        })
     }
 }
 

@@ -12,10 +12,13 @@ mod plan;
 mod report;
 mod run;
 mod schedule;
+mod scope;
 mod spill;
 mod store;
+mod tally;
 mod units;
 mod window;
+mod workdir;
 mod worker;
 mod writer;
 mod zone;
@@ -26,3 +29,6 @@ pub use make::run;
 pub use plan::{Plan, plan};
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
+pub use workdir::{
+    PlanJob, RunJob, RunReport, StatusReport, TaskReport, plan_work, run_in, run_plan, status_of,
+};

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Seconds and samples of one stage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageReport {
-    /// Name: "read", "tiles", "seams", "write".
+    /// Name: "read", "tiles", "seams", "write", "load".
     pub name: String,
     /// Seconds spent in it, summed over threads.
     pub thread_seconds: f64,
@@ -16,7 +16,7 @@ pub struct StageReport {
 }
 
 /// What a grid-to-TIN job did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct TinReport {
     pub input: String,
@@ -37,10 +37,10 @@ pub struct TinReport {
     /// Valid samples without any valid cell: they have no surface.
     pub isolated_samples: u64,
     /// Stored value that looks like an undeclared nodata value, and
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suspected_nodata: Option<f64>,
     /// how many samples have it.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suspected_samples: Option<u64>,
     pub vertices: u64,
     pub triangles: u64,
@@ -63,6 +63,14 @@ pub struct TinReport {
     pub stages: Vec<StageReport>,
 }
 
+impl TinReport {
+    /// Notes the time it all took.
+    pub(super) fn took(&mut self, time: Duration) {
+        self.wall_seconds = time.as_secs_f64();
+        self.samples_per_second = self.samples as f64 / self.wall_seconds;
+    }
+}
+
 /// A stage of the pipeline.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
@@ -70,17 +78,19 @@ pub(super) enum Stage {
     Tiles,
     Seams,
     Write,
+    /// From saved containers.
+    Load,
 }
 
 /// Time and samples by stage, of one worker or summed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clock {
-    spent: [Duration; 4],
-    samples: [u64; 4],
+    spent: [Duration; 5],
+    samples: [u64; 5],
 }
 
 impl Clock {
-    const NAMES: [&str; 4] = ["read", "tiles", "seams", "write"];
+    const NAMES: [&str; 5] = ["read", "tiles", "seams", "write", "load"];
 
     /// Adds the time since `started` and `samples` to a stage.
     pub(super) fn add(&mut self, stage: Stage, started: Instant, samples: u64) {
@@ -108,6 +118,7 @@ impl Clock {
             thread_seconds: self.spent[i].as_secs_f64(),
             samples: self.samples[i],
         };
-        (0..Self::NAMES.len()).map(stage).collect()
+        let is_used = |&i: &usize| i != Stage::Load as usize || self.samples[i] > 0;
+        (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
     }
 }

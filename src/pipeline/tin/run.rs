@@ -9,10 +9,13 @@ use crossbeam_channel::{Receiver, bounded};
 
 use super::layout::{Layout, TileId};
 use super::report::{Clock, Stage, StageReport};
-use super::schedule::Queue;
+use super::schedule::{Queue, lock};
+use super::scope::{Scope, Work};
 use super::store::Store;
-use super::worker::{Kernel, Outlet, Shared, Worker};
-use super::writer::{Part, Totals, Writer};
+use super::tally::Tally;
+use super::workdir::ObjectWriter;
+use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
+use super::writer::{Collect, Part, Saver, Totals, Writer};
 use crate::error::{Error, ErrorKind, Result};
 use crate::output::MeshSink;
 use crate::pipeline::{Cancel, Progress};
@@ -88,39 +91,111 @@ pub(super) fn run_with(
     settings: &Settings<'_>,
     kernel: Kernel,
 ) -> Result<Outcome> {
-    let info = source.info();
-    let layout = Layout::new(info.width, info.height, settings.tile)?;
-    let with_corners = sink.wants_corners();
-    let writer = Mutex::new(Writer::new(layout, sink));
-    let shared = Shared {
-        source,
-        settings,
-        kernel,
-        layout,
-        store: Store::new(layout, settings.mesh_bytes, settings.temp_dir),
-        queue: Queue::new(layout, settings.threads.max(1), settings.order_seed),
-        next_id: AtomicU64::new(0),
-        valid: AtomicU64::new(0),
-        isolated: AtomicU64::new(0),
-        suspects: Mutex::default(),
-        with_corners,
-    };
-    let clock = if settings.threads > 1 {
-        run_threads(&shared, &writer)
+    let work = Work { layout: layout(source, settings)?, scope: Scope::Whole };
+    let shared = Shared::new(source, settings, kernel, work, None, sink.wants_corners());
+    write_mesh(shared, sink)
+}
+
+/// Writes the mesh whose containers are in `stock`, all seams mended; `tally` is what their making
+/// counted.
+pub(super) fn write(
+    source: &dyn GridSource,
+    stock: &dyn Stock,
+    tally: Tally,
+    sink: Box<dyn MeshSink>,
+    settings: &Settings<'_>,
+) -> Result<Outcome> {
+    let work = Work { layout: layout(source, settings)?, scope: Scope::Write };
+    let shared =
+        Shared::new(source, settings, Kernel::GREEDY, work, Some(stock), sink.wants_corners());
+    lock(&shared.tally).add(tally);
+    write_mesh(shared, sink)
+}
+
+/// Carries out one unit of the work and puts the containers into `object`; tiles come from `stock`
+/// where the scope says so. Returns the object with what is left to do for it, the time spent, and
+/// the bytes that were spilled.
+pub(super) fn save(
+    source: &dyn GridSource,
+    scope: Scope,
+    stock: Option<&dyn Stock>,
+    object: ObjectWriter,
+    settings: &Settings<'_>,
+) -> Result<Saved> {
+    let work = Work { layout: layout(source, settings)?, scope };
+    let shared = Shared::new(source, settings, Kernel::GREEDY, work, stock, false);
+    let saver = Mutex::new(Saver::new(work, object));
+    let clock = drive(&shared, &saver);
+    shared.queue.into_result()?;
+    let saver = saver.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(Saved {
+        object: saver.into_object(),
+        tally: shared.tally.into_inner().unwrap_or_else(PoisonError::into_inner),
+        clock,
+        spilled_bytes: shared.store.spilled(),
+    })
+}
+
+/// What [`save`] did.
+pub(super) struct Saved {
+    pub(super) object: ObjectWriter,
+    pub(super) tally: Tally,
+    pub(super) clock: Clock,
+    pub(super) spilled_bytes: u64,
+}
+
+fn layout(source: &dyn GridSource, settings: &Settings<'_>) -> Result<Layout> {
+    Layout::new(source.info().width, source.info().height, settings.tile)
+}
+
+impl<'a> Shared<'a> {
+    fn new(
+        source: &'a dyn GridSource,
+        settings: &'a Settings<'a>,
+        kernel: Kernel,
+        work: Work,
+        stock: Option<&'a dyn Stock>,
+        with_corners: bool,
+    ) -> Self {
+        let layout = work.layout;
+        Self {
+            source,
+            settings,
+            kernel,
+            layout,
+            stock,
+            store: Store::new(layout, settings.mesh_bytes, settings.temp_dir),
+            queue: Queue::new(work, settings.threads.max(1), settings.order_seed),
+            next_id: AtomicU64::new(0),
+            tally: Mutex::default(),
+            with_corners,
+        }
+    }
+}
+
+/// Carries out all tasks; what they send goes to `collector`.
+fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
+    if shared.settings.threads > 1 {
+        run_threads(shared, collector)
     } else {
-        Worker::new(&shared, Outlet::Direct(&writer)).run()
-    };
+        Worker::new(shared, Outlet::Direct(collector)).run()
+    }
+}
+
+fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
+    let writer = Mutex::new(Writer::new(shared.layout, sink));
+    let clock = drive(&shared, &writer);
     conclude(shared, writer.into_inner().unwrap_or_else(PoisonError::into_inner), clock)
 }
 
 /// Parts that may wait for the writer, by worker.
 const WAITING_PARTS: usize = 4;
 
-fn run_threads<'a>(shared: &'a Shared<'a>, writer: &'a Mutex<Writer>) -> Clock {
+fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
     let threads = shared.settings.threads;
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
-        let writing = scope.spawn(move || write_parts(shared, writer, &receiver));
+        let writing = scope.spawn(move || write_parts(shared, collector, &receiver));
         let work = |outlet| move || Worker::new(shared, outlet).run();
         let others: Vec<_> =
             (1..threads).map(|_| scope.spawn(work(Outlet::Channel(sender.clone())))).collect();
@@ -139,8 +214,12 @@ fn run_threads<'a>(shared: &'a Shared<'a>, writer: &'a Mutex<Writer>) -> Clock {
 }
 
 /// The writer thread: writes parts until all workers have left or writing fails.
-fn write_parts(shared: &Shared<'_>, writer: &Mutex<Writer>, parts: &Receiver<(TileId, Part)>) {
-    let mut writer = super::schedule::lock(writer);
+fn write_parts(
+    shared: &Shared<'_>,
+    collector: &Mutex<dyn Collect + '_>,
+    parts: &Receiver<(TileId, Part)>,
+) {
+    let mut writer = lock(collector);
     for (tile, part) in parts {
         match writer.accept(tile, part) {
             Ok(written) => shared.store.account(written, 0),
@@ -151,7 +230,8 @@ fn write_parts(shared: &Shared<'_>, writer: &Mutex<Writer>, parts: &Receiver<(Ti
 
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
-    let (valid, isolated) = (shared.valid.into_inner(), shared.isolated.into_inner());
+    let Tally { valid, isolated, suspects } =
+        shared.tally.into_inner().unwrap_or_else(PoisonError::into_inner);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);
@@ -160,7 +240,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         triangles: totals.triangles,
         valid,
         isolated,
-        suspects: shared.suspects.into_inner().unwrap_or_else(PoisonError::into_inner),
+        suspects,
         max_error: f64::from(totals.max_error),
         square_sum: totals.square_sum,
         spilled_bytes: shared.store.spilled(),

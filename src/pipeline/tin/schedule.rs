@@ -10,7 +10,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-use super::layout::{Layout, Seam, TileId};
+use super::layout::{Seam, TileId};
+use super::scope::Work;
 use crate::error::{Error, ErrorKind, Result};
 
 /// What is done for a tile.
@@ -30,6 +31,8 @@ pub(super) enum Step {
     Number,
     /// Write the triangles kept with the tile.
     Emit,
+    /// Hand over all that is kept with the tile, for another run to go on with.
+    Save,
 }
 
 impl Step {
@@ -49,7 +52,7 @@ impl Step {
             Self::Tile => (0, 0),
             Self::Vertical => (0, 1),
             Self::Horizontal => (1, 1),
-            Self::Corner | Self::Gather | Self::Number => (1, 2),
+            Self::Corner | Self::Gather | Self::Number | Self::Save => (1, 2),
             Self::Emit => (2, 3),
         }
     }
@@ -79,39 +82,33 @@ impl Task {
         Self { tile, step }
     }
 
-    /// True when the layout has this seam (the last column has none on its right, and so on).
-    fn exists(self, layout: &Layout) -> bool {
-        let right = self.tile.col + 1 < layout.cols;
-        let below = self.tile.row + 1 < layout.rows;
-        match self.step {
-            Step::Vertical => right,
-            Step::Horizontal => below,
-            Step::Corner => right && below,
-            _ => true,
-        }
-    }
-
-    fn around(self, layout: &Layout, edges: Edges) -> impl Iterator<Item = Task> {
+    fn around(self, work: &Work, edges: Edges) -> impl Iterator<Item = Task> {
         edges.iter().filter_map(move |&(step, rows, cols)| {
-            let task = Task::at(step, layout.step(self.tile, rows, cols)?);
-            task.exists(layout).then_some(task)
+            let task = Task::at(step, work.layout.step(self.tile, rows, cols)?);
+            work.has(task).then_some(task)
         })
     }
 
     /// The tasks this one waits for.
-    fn inputs(self, layout: &Layout) -> Vec<Task> {
-        use Step::{Corner, Gather, Horizontal, Number, Tile, Vertical};
-        let single = layout.cols == 1;
+    fn inputs(self, work: &Work) -> Vec<Task> {
+        use Step::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
         let edges: Edges = match self.step {
             Tile => &[],
             Vertical => &[(Tile, 0, 0), (Tile, 0, 1)],
-            Horizontal if single => &[(Tile, 0, 0), (Tile, 1, 0)],
-            Horizontal => {
-                &[(Vertical, 0, -1), (Vertical, 0, 0), (Vertical, 1, -1), (Vertical, 1, 0)]
-            }
-            Corner => &[(Horizontal, 0, 0), (Horizontal, 0, 1)],
-            Gather => &[
+            Horizontal => &[
                 (Tile, 0, 0),
+                (Tile, 1, 0),
+                (Vertical, 0, -1),
+                (Vertical, 0, 0),
+                (Vertical, 1, -1),
+                (Vertical, 1, 0),
+            ],
+            Corner => &[(Horizontal, 0, 0), (Horizontal, 0, 1)],
+            Gather | Save => &[
+                (Tile, 0, 0),
+                (Tile, 0, -1),
+                (Tile, -1, 0),
+                (Tile, -1, -1),
                 (Vertical, 0, -1),
                 (Vertical, 0, 0),
                 (Horizontal, -1, 0),
@@ -121,25 +118,36 @@ impl Task {
                 (Corner, 0, -1),
                 (Corner, 0, 0),
             ],
-            Number => return self.number_inputs(layout),
-            Step::Emit => return vec![Task::at(Number, layout.furthest_vertex(self.tile))],
+            Number => return self.number_inputs(work),
+            Emit => return vec![Task::at(Number, work.layout.furthest_vertex(self.tile))],
         };
-        self.around(layout, edges).collect()
+        self.around(work, edges).collect()
     }
 
-    fn number_inputs(self, layout: &Layout) -> Vec<Task> {
-        let before = layout.index(self.tile).checked_sub(1).map(|i| layout.tile_at(i));
+    fn number_inputs(self, work: &Work) -> Vec<Task> {
+        let before = work.position(self.tile).checked_sub(1).map(|i| work.tile_at(i));
         let before = before.map(|tile| Task::at(Step::Number, tile));
         [Task::at(Step::Gather, self.tile)].into_iter().chain(before).collect()
     }
 
     /// The tasks that wait for this one: the inverse of [`inputs`](Self::inputs).
-    fn outputs(self, layout: &Layout) -> Vec<Task> {
-        use Step::{Corner, Gather, Horizontal, Number, Tile, Vertical};
-        let single = layout.cols == 1;
+    fn outputs(self, work: &Work) -> Vec<Task> {
+        use Step::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
         let edges: Edges = match self.step {
-            Tile if single => &[(Horizontal, -1, 0), (Horizontal, 0, 0), (Gather, 0, 0)],
-            Tile => &[(Vertical, 0, -1), (Vertical, 0, 0), (Gather, 0, 0)],
+            Tile => &[
+                (Vertical, 0, -1),
+                (Vertical, 0, 0),
+                (Horizontal, -1, 0),
+                (Horizontal, 0, 0),
+                (Gather, 0, 0),
+                (Gather, 0, 1),
+                (Gather, 1, 0),
+                (Gather, 1, 1),
+                (Save, 0, 0),
+                (Save, 0, 1),
+                (Save, 1, 0),
+                (Save, 1, 1),
+            ],
             Vertical => &[
                 (Horizontal, -1, 0),
                 (Horizontal, -1, 1),
@@ -147,39 +155,55 @@ impl Task {
                 (Horizontal, 0, 1),
                 (Gather, 0, 0),
                 (Gather, 0, 1),
+                (Save, 0, 0),
+                (Save, 0, 1),
             ],
-            Horizontal => &[(Corner, 0, -1), (Corner, 0, 0), (Gather, 0, 0), (Gather, 1, 0)],
-            Corner => &[(Gather, 0, 0), (Gather, 0, 1), (Gather, 1, 0), (Gather, 1, 1)],
+            Horizontal => &[
+                (Corner, 0, -1),
+                (Corner, 0, 0),
+                (Gather, 0, 0),
+                (Gather, 1, 0),
+                (Save, 0, 0),
+                (Save, 1, 0),
+            ],
+            Corner => &[
+                (Gather, 0, 0),
+                (Gather, 0, 1),
+                (Gather, 1, 0),
+                (Gather, 1, 1),
+                (Save, 0, 0),
+                (Save, 0, 1),
+                (Save, 1, 0),
+                (Save, 1, 1),
+            ],
             Gather => &[(Number, 0, 0)],
-            Number => return self.number_outputs(layout),
-            Step::Emit => &[],
+            Number => return self.number_outputs(work),
+            Emit | Save => &[],
         };
-        self.around(layout, edges).collect()
+        self.around(work, edges).collect()
     }
 
-    fn number_outputs(self, layout: &Layout) -> Vec<Task> {
-        let next = layout.index(self.tile) + 1;
-        let next = (next < layout.tiles()).then(|| Task::at(Step::Number, layout.tile_at(next)));
-        let near = [(Step::Emit, -1, -1), (Step::Emit, -1, 0), (Step::Emit, 0, -1)];
+    fn number_outputs(self, work: &Work) -> Vec<Task> {
+        let next = work.position(self.tile) + 1;
+        let next = (next < work.tiles()).then(|| Task::at(Step::Number, work.tile_at(next)));
+        let near = [(-1, -1), (-1, 0), (0, -1), (0, 0)];
         let emits = near
             .into_iter()
-            .chain([(Step::Emit, 0, 0)])
-            .filter_map(|(step, rows, cols)| {
-                Some(Task::at(step, layout.step(self.tile, rows, cols)?))
-            })
-            .filter(|task| layout.furthest_vertex(task.tile) == self.tile);
+            .filter_map(|(rows, cols)| work.layout.step(self.tile, rows, cols))
+            .filter(|&tile| work.layout.furthest_vertex(tile) == self.tile)
+            .map(|tile| Task::at(Step::Emit, tile));
         next.into_iter().chain(emits).collect()
     }
 }
 
 /// Locks a mutex; a poisoned one is used on, because a panic stops the job anyway.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The queue of ready tasks, shared by all workers.
 pub(super) struct Queue {
-    layout: Layout,
+    work: Work,
     threads: u64,
     order_seed: Option<u64>,
     state: Mutex<State>,
@@ -194,7 +218,7 @@ struct State {
     begun: u64,
     /// Tiles in `ready`.
     tiles_ready: u64,
-    emitted: u64,
+    finished: u64,
     running: u64,
     failure: Option<Error>,
 }
@@ -202,16 +226,16 @@ struct State {
 impl Queue {
     /// A queue for `threads` workers. With `order_seed`, ready tasks are taken in an order drawn
     /// from it (to test that results do not depend on the order).
-    pub(super) fn new(layout: Layout, threads: usize, order_seed: Option<u64>) -> Self {
+    pub(super) fn new(work: Work, threads: usize, order_seed: Option<u64>) -> Self {
         let (state, wake) = (Mutex::default(), Condvar::new());
-        Self { layout, threads: threads as u64, order_seed, state, wake }
+        Self { work, threads: threads as u64, order_seed, state, wake }
     }
 
     /// The next task; waits for one to become ready. `None` when all is done or a task failed.
     pub(super) fn next(&self) -> Option<Task> {
         let mut state = lock(&self.state);
         loop {
-            if state.failure.is_some() || state.emitted == self.layout.tiles() {
+            if state.failure.is_some() || state.finished == self.work.tiles() {
                 return None;
             }
             self.begin_tiles(&mut state);
@@ -232,10 +256,10 @@ impl Queue {
     pub(super) fn done(&self, task: Task) {
         let mut state = lock(&self.state);
         state.running -= 1;
-        state.emitted += u64::from(task.step == Step::Emit);
-        for output in task.outputs(&self.layout) {
+        state.finished += u64::from(matches!(task.step, Step::Emit | Step::Save));
+        for output in task.outputs(&self.work) {
             let left =
-                state.waiting.entry(output).or_insert_with(|| output.inputs(&self.layout).len());
+                state.waiting.entry(output).or_insert_with(|| output.inputs(&self.work).len());
             *left -= 1;
             if *left == 0 {
                 state.waiting.remove(&output);
@@ -261,29 +285,30 @@ impl Queue {
     /// Adds tiles to the ready tasks: one for each worker, and none too far ahead of the writer.
     fn begin_tiles(&self, state: &mut State) {
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
-        let end = self.layout.tiles().min(state.emitted + self.window());
+        let end = self.work.tiles().min(state.finished + self.window());
         while state.begun < end && state.tiles_ready < most {
-            let task = Task::at(Step::Tile, self.layout.tile_at(state.begun));
+            let task = Task::at(Step::Tile, self.work.tile_at(state.begun));
             state.ready.push(Reverse((self.key(task), task)));
             state.begun += 1;
             state.tiles_ready += 1;
         }
     }
 
-    /// Most tiles begun but not emitted. A tile can be emitted once the tiles up to two rows and
+    /// Most tiles begun but not finished. A tile can be finished once the tiles up to two rows and
     /// three columns further are done, so fewer than that would be a deadlock.
     fn window(&self) -> u64 {
-        let cols = u64::from(self.layout.cols);
+        let cols = u64::from(self.work.layout.cols);
         2 * cols + 4 + cols.max(4 * self.threads)
     }
 
     /// Lower goes first: the position of the last tile the task waits for, then the step.
     fn key(&self, task: Task) -> u64 {
         let (rows, cols) = task.step.lag();
-        let last = self.layout.index(self.layout.clamp(task.tile, rows, cols));
+        let layout = &self.work.layout;
+        let last = layout.index(layout.clamp(task.tile, rows, cols));
         match self.order_seed {
             None => last * 8 + task.step as u64,
-            Some(seed) => mix(seed ^ mix(self.layout.index(task.tile) * 8 + task.step as u64)),
+            Some(seed) => mix(seed ^ mix(layout.index(task.tile) * 8 + task.step as u64)),
         }
     }
 }
@@ -300,7 +325,10 @@ mod tests {
     use super::*;
     use std::collections::{BTreeSet, HashSet};
 
-    const STEPS: [Step; 7] = [
+    use crate::pipeline::tin::layout::Layout;
+    use crate::pipeline::tin::scope::Scope;
+
+    const STEPS: [Step; 8] = [
         Step::Tile,
         Step::Vertical,
         Step::Horizontal,
@@ -308,29 +336,39 @@ mod tests {
         Step::Gather,
         Step::Number,
         Step::Emit,
+        Step::Save,
     ];
 
-    fn layouts() -> impl Iterator<Item = Layout> {
-        [(1, 1), (1, 2), (2, 1), (1, 7), (7, 1), (2, 2), (3, 5), (5, 3)]
-            .into_iter()
-            .map(|(cols, rows)| Layout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap())
+    /// Every scope of layouts of several shapes.
+    fn works() -> Vec<Work> {
+        let shapes = [(1, 1), (1, 2), (2, 1), (1, 7), (7, 1), (2, 2), (3, 5), (5, 3)];
+        let layouts =
+            shapes.map(|(cols, rows)| Layout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap());
+        let scopes = |layout: Layout| {
+            let strips =
+                (0..layout.rows).map(move |row| Scope::Strip { first: row / 2, end: row + 1 });
+            let seams = (0..layout.rows - 1).map(|above| Scope::Seam { above });
+            let scopes = [Scope::Whole, Scope::Write].into_iter().chain(strips).chain(seams);
+            scopes.map(move |scope| Work { layout, scope }).collect::<Vec<_>>()
+        };
+        layouts.into_iter().flat_map(scopes).collect()
     }
 
-    fn all_tasks(layout: &Layout) -> Vec<Task> {
-        let tiles = (0..layout.tiles()).map(|i| layout.tile_at(i));
+    fn all_tasks(work: &Work) -> Vec<Task> {
+        let tiles = (0..work.layout.tiles()).map(|i| work.layout.tile_at(i));
         let tasks = tiles.flat_map(|tile| STEPS.map(|step| Task { tile, step }));
-        tasks.filter(|task| task.exists(layout)).collect()
+        tasks.filter(|task| work.has(*task)).collect()
     }
 
     #[test]
     fn outputs_are_the_inverse_of_inputs() {
-        for layout in layouts() {
-            let tasks = all_tasks(&layout);
+        for work in works() {
+            let tasks = all_tasks(&work);
             let mut forward = BTreeSet::new();
             let mut backward = BTreeSet::new();
             for &task in &tasks {
-                forward.extend(task.outputs(&layout).into_iter().map(|out| (task, out)));
-                backward.extend(task.inputs(&layout).into_iter().map(|input| (input, task)));
+                forward.extend(task.outputs(&work).into_iter().map(|out| (task, out)));
+                backward.extend(task.inputs(&work).into_iter().map(|input| (input, task)));
             }
             assert_eq!(forward, backward);
         }
@@ -338,17 +376,17 @@ mod tests {
 
     #[test]
     fn every_task_runs_once_after_its_inputs_in_any_order() {
-        for layout in layouts() {
+        for work in works() {
             for seed in [None, Some(1), Some(2), Some(3)] {
-                let queue = Queue::new(layout, 1, seed);
+                let queue = Queue::new(work, 1, seed);
                 let mut seen = HashSet::new();
                 while let Some(task) = queue.next() {
-                    assert!(task.inputs(&layout).iter().all(|input| seen.contains(input)));
+                    assert!(task.inputs(&work).iter().all(|input| seen.contains(input)));
                     assert!(seen.insert(task));
                     queue.done(task);
                 }
                 queue.into_result().unwrap();
-                assert_eq!(seen.len(), all_tasks(&layout).len());
+                assert_eq!(seen.len(), all_tasks(&work).len());
             }
         }
     }
@@ -365,8 +403,8 @@ mod tests {
     /// Tasks whose rectangles share a cell must be ordered by the graph.
     #[test]
     fn overlapping_tasks_never_run_at_the_same_time() {
-        for layout in layouts() {
-            let tasks = all_tasks(&layout);
+        for work in works() {
+            let tasks = all_tasks(&work);
             let before = |a: Task, b: Task| {
                 let mut open = vec![a];
                 let mut seen = HashSet::new();
@@ -374,13 +412,14 @@ mod tests {
                     if task == b {
                         return true;
                     }
-                    open.extend(task.outputs(&layout).into_iter().filter(|t| seen.insert(*t)));
+                    open.extend(task.outputs(&work).into_iter().filter(|t| seen.insert(*t)));
                 }
                 false
             };
             for (i, &a) in tasks.iter().enumerate() {
                 for &b in &tasks[i + 1..] {
-                    let (Some(ra), Some(rb)) = (touched(&layout, a), touched(&layout, b)) else {
+                    let (Some(ra), Some(rb)) = (touched(&work.layout, a), touched(&work.layout, b))
+                    else {
                         continue;
                     };
                     let shared = ra.intersect(&rb);
@@ -394,7 +433,8 @@ mod tests {
 
     #[test]
     fn the_first_failure_stops_the_queue() {
-        let queue = Queue::new(Layout::new(33, 33, 16).unwrap(), 1, None);
+        let layout = Layout::new(33, 33, 16).unwrap();
+        let queue = Queue::new(Work { layout, scope: Scope::Whole }, 1, None);
         assert!(queue.next().is_some());
         queue.fail(Error::usage("first"));
         queue.fail(Error::usage("second"));

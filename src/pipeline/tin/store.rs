@@ -119,6 +119,11 @@ impl Store {
         Ok(())
     }
 
+    /// Forgets a tile whose container has been taken.
+    pub(super) fn discard(&self, tile: TileId) {
+        lock(&self.slots).remove(&tile);
+    }
+
     /// Counts bytes that wait elsewhere (in the writer's queue) against the same limit.
     pub(super) fn account(&self, before: u64, after: u64) {
         if after >= before {

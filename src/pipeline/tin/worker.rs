@@ -14,8 +14,10 @@ use super::report::{Clock, Stage};
 use super::run::Settings;
 use super::schedule::{Queue, Step, Task, lock};
 use super::store::Store;
+use super::tally::Tally;
 use super::window::Window;
-use super::writer::{Part, Writer};
+use super::workdir::Record;
+use super::writer::{Collect, Part};
 use super::zone::{Frontier, Zone, rect_around};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
@@ -42,22 +44,27 @@ pub(super) struct Shared<'a> {
     pub(super) settings: &'a Settings<'a>,
     pub(super) kernel: Kernel,
     pub(super) layout: Layout,
+    /// Where tiles come from that are not triangulated.
+    pub(super) stock: Option<&'a dyn Stock>,
     pub(super) store: Store,
     pub(super) queue: Queue,
     /// Id of the next vertex to be numbered.
     pub(super) next_id: AtomicU64,
-    pub(super) valid: AtomicU64,
-    pub(super) isolated: AtomicU64,
-    /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
-    pub(super) suspects: Mutex<Option<(f64, u64)>>,
+    pub(super) tally: Mutex<Tally>,
     /// The sink wants triangles by position.
     pub(super) with_corners: bool,
+}
+
+/// Where saved containers come from.
+pub(super) trait Stock: Sync {
+    /// The container of `tile`.
+    fn load(&self, tile: TileId) -> Result<Container>;
 }
 
 /// Where finished parts go.
 pub(super) enum Outlet<'a> {
     /// A single worker writes by itself.
-    Direct(&'a Mutex<Writer>),
+    Direct(&'a Mutex<dyn Collect + 'a>),
     /// Several workers feed a writer thread.
     Channel(Sender<(TileId, Part)>),
 }
@@ -107,13 +114,17 @@ impl<'a> Worker<'a> {
 
     fn perform(&mut self, task: Task) -> Result<()> {
         match task.step {
-            Step::Tile => self.triangulate(task.tile),
+            Step::Tile => match self.job.stock {
+                None => self.triangulate(task.tile),
+                Some(stock) => self.load(stock, task.tile),
+            },
             Step::Vertical => self.mend(Seam::Vertical, task.tile),
             Step::Horizontal => self.mend(Seam::Horizontal, task.tile),
             Step::Corner => self.mend(Seam::Corner, task.tile),
             Step::Gather => self.gather(task.tile),
             Step::Number => self.number(task.tile),
             Step::Emit => self.emit(task.tile),
+            Step::Save => self.save(task.tile),
         }
     }
 
@@ -121,13 +132,13 @@ impl<'a> Worker<'a> {
         let layout = &self.job.layout;
         let rect = layout.rect(tile);
         self.read(layout.apron(tile))?;
-        self.job.suspect(self.window.suspects(layout.owned(tile), self.job.source.info()));
+        let suspects = self.window.suspects(layout.owned(tile), self.job.source.info());
         let started = Instant::now();
         let input = tile_input(layout, tile, self.window.heights());
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
-        self.job.valid.fetch_add(*valid, Ordering::Relaxed);
-        self.job.isolated.fetch_add(*isolated, Ordering::Relaxed);
+        let tally = Tally { valid: *valid, isolated: *isolated, suspects };
+        lock(&self.job.tally).add(tally);
         self.job.insert(Piece { rect, triangles, vertices, heights })?;
         let samples = layout.owned(tile).len() as u64;
         self.clock.add(Stage::Tiles, started, samples);
@@ -135,6 +146,17 @@ impl<'a> Worker<'a> {
         if layout.cols == 1 {
             self.job.source.release(layout.middle(tile));
         }
+        Ok(())
+    }
+
+    /// Brings a tile that another run has made.
+    fn load(&mut self, stock: &dyn Stock, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let saved = stock.load(tile)?;
+        self.job.store.with(tile, |kept| *kept = saved)?;
+        let samples = self.job.layout.owned(tile).len() as u64;
+        self.clock.add(Stage::Load, started, samples);
+        self.job.settings.progress.advance(samples);
         Ok(())
     }
 
@@ -298,6 +320,18 @@ impl<'a> Worker<'a> {
         self.send(tile, Part::Triangles(faces))
     }
 
+    /// Hands over all that is kept with a tile, for another run.
+    fn save(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let mut kept = self.job.store.with(tile, std::mem::take)?;
+        self.job.store.discard(tile);
+        kept.close();
+        let record = Record::of(&kept);
+        self.job.source.release(self.job.layout.rect(tile));
+        self.clock.add(Stage::Write, started, self.job.layout.owned(tile).len() as u64);
+        self.send(tile, Part::Saved(record))
+    }
+
     fn read(&mut self, rect: Rect) -> Result<()> {
         let started = Instant::now();
         self.window.read(self.job.source, rect)?;
@@ -322,17 +356,6 @@ impl<'a> Worker<'a> {
 }
 
 impl Shared<'_> {
-    /// Notes what a tile found; only the lowest value counts.
-    fn suspect(&self, found: Option<(f64, u64)>) {
-        let Some((value, count)) = found else { return };
-        let mut known = lock(&self.suspects);
-        *known = match *known {
-            Some((lowest, _)) if lowest < value => *known,
-            Some((lowest, so_far)) if lowest == value => Some((value, so_far + count)),
-            _ => Some((value, count)),
-        };
-    }
-
     /// Hands a piece of the mesh to the containers it belongs to.
     fn insert(&self, piece: Piece<'_>) -> Result<()> {
         self.layout.owners(piece.rect).try_for_each(|tile| {

@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::layout::{Layout, TileId};
-use crate::error::Result;
+use super::scope::Work;
+use super::workdir::{ObjectWriter, Record};
+use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
 use crate::output::{MeshBatch, MeshSink};
 
@@ -28,6 +30,8 @@ pub(super) enum Part {
     Vertices(Vec<Point3>),
     /// The triangles kept with it.
     Triangles(Faces),
+    /// All that is kept with it, for another run.
+    Saved(Record),
 }
 
 impl Part {
@@ -36,9 +40,53 @@ impl Part {
         let bytes = match self {
             Self::Vertices(points) => size_of_val(&points[..]),
             Self::Triangles(faces) => size_of_val(&faces.ids[..]) + size_of_val(&faces.corners[..]),
+            Self::Saved(record) => record.len() as usize,
         };
         bytes as u64
     }
+}
+
+/// Where finished parts of tiles go, in whatever order they come.
+pub(super) trait Collect: Send {
+    /// Takes a part and writes all that is now in order; returns the bytes that left.
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64>;
+}
+
+/// Puts what is kept with each tile into an object, tile by tile.
+pub(super) struct Saver {
+    work: Work,
+    object: ObjectWriter,
+    waiting: BTreeMap<u64, Record>,
+    next: u64,
+}
+
+impl Saver {
+    pub(super) fn new(work: Work, object: ObjectWriter) -> Self {
+        Self { work, object, waiting: BTreeMap::new(), next: 0 }
+    }
+
+    /// The object, when all has come.
+    pub(super) fn into_object(self) -> ObjectWriter {
+        self.object
+    }
+}
+
+impl Collect for Saver {
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
+        let Part::Saved(record) = part else { return Err(misplaced()) };
+        self.waiting.insert(self.work.position(tile), record);
+        let mut bytes = 0;
+        while let Some(record) = self.waiting.remove(&self.next) {
+            self.object.push(&record)?;
+            self.next += 1;
+            bytes += record.len();
+        }
+        Ok(bytes)
+    }
+}
+
+fn misplaced() -> Error {
+    Error::new(ErrorKind::Internal, "a part of a tile went to the wrong place")
 }
 
 /// What has been written.
@@ -76,23 +124,6 @@ impl Writer {
             totals: Totals::default(),
             spent: Duration::ZERO,
         }
-    }
-
-    /// Takes a part and writes all that is now in order; returns the bytes that left.
-    pub(super) fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
-        let started = Instant::now();
-        let index = self.layout.index(tile);
-        match part {
-            Part::Vertices(points) => drop(self.vertices.insert(index, points)),
-            Part::Triangles(faces) => drop(self.triangles.insert(index, faces)),
-        }
-        let mut bytes = 0;
-        while let Some(part) = self.next_part() {
-            bytes += part.bytes();
-            self.write(part)?;
-        }
-        self.spent += started.elapsed();
-        Ok(bytes)
     }
 
     /// What has been written so far, and the time that took.
@@ -135,6 +166,26 @@ impl Writer {
                 totals.square_sum += square_sum;
                 self.sink.push(MeshBatch { vertices: &[], triangles: &ids, corners: &corners })
             }
+            Part::Saved(_) => Err(misplaced()),
         }
+    }
+}
+
+impl Collect for Writer {
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
+        let started = Instant::now();
+        let index = self.layout.index(tile);
+        match part {
+            Part::Vertices(points) => drop(self.vertices.insert(index, points)),
+            Part::Triangles(faces) => drop(self.triangles.insert(index, faces)),
+            Part::Saved(_) => return Err(misplaced()),
+        }
+        let mut bytes = 0;
+        while let Some(part) = self.next_part() {
+            bytes += part.bytes();
+            self.write(part)?;
+        }
+        self.spent += started.elapsed();
+        Ok(bytes)
     }
 }

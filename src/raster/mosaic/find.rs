@@ -91,6 +91,11 @@ impl Family {
 }
 
 impl File {
+    /// The file's name, as it is opened by.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
     /// As if the file declared `nodata`, whatever it does declare. One that is open as it is will
     /// be opened anew.
     pub(super) fn with_nodata(self, family: &Family, nodata: Option<f64>) -> Self {
@@ -105,7 +110,8 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
         let share = nest.family.pool.share();
         let options = OpenOptions { band, nodata, cache_bytes: share };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
-        return Ok(Found { info: grid.info().clone(), source: Source::Nested(grid) });
+        let info = grid.info().clone();
+        return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
     }
     let pool = &nest.family.pool;
     let (open, info) = open_file(pool, name, band, nodata)?;

@@ -26,43 +26,73 @@ const MOST_LINE: u64 = 4096;
 /// The names of one grid, as the user gave them: usually one file, else several that are one
 /// mosaic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Inputs(Vec<String>);
+pub struct Inputs {
+    names: Vec<String>,
+    label: Option<String>,
+}
 
 impl Inputs {
     /// The names.
     pub fn names(&self) -> &[String] {
-        &self.0
+        &self.names
     }
+
+    /// The files that the names stand for, by absolute paths, still called what the user called them.
+    ///
+    /// # Errors
+    /// As [`files`], and paths that cannot be made absolute.
+    pub fn resolve(&self) -> Result<Self> {
+        let names = files(&self.names)?.iter().map(|name| absolute(name)).collect::<Result<_>>()?;
+        Ok(Self::labelled(names, self.to_string()))
+    }
+
+    /// Names that are shown to people as `label`.
+    pub fn labelled(names: Vec<String>, label: String) -> Self {
+        Self { names, label: Some(label) }
+    }
+}
+
+/// `input` with an absolute path in it, where it is a file.
+fn absolute(input: &str) -> Result<String> {
+    if input.starts_with(SYNTH_PREFIX) {
+        return Ok(input.to_owned());
+    }
+    let path = file_name(input);
+    let absolute = std::path::absolute(path).map_err(|e| Error::read(Path::new(path), e))?;
+    Ok(input[..input.len() - path.len()].to_owned() + &name(absolute)?)
 }
 
 impl From<Vec<String>> for Inputs {
     fn from(names: Vec<String>) -> Self {
-        Self(names)
+        Self { names, label: None }
     }
 }
 
 impl From<String> for Inputs {
     fn from(name: String) -> Self {
-        Self(vec![name])
+        Self::from(vec![name])
     }
 }
 
 impl From<&str> for Inputs {
     fn from(name: &str) -> Self {
-        Self(vec![name.to_owned()])
+        Self::from(vec![name.to_owned()])
     }
 }
 
 impl From<&String> for Inputs {
     fn from(name: &String) -> Self {
-        Self(vec![name.clone()])
+        Self::from(vec![name.clone()])
     }
 }
 
 /// The first name, and how many follow: "a.tif and 2 more".
 impl fmt::Display for Inputs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.as_slice() {
+        if let Some(label) = &self.label {
+            return f.write_str(label);
+        }
+        match self.names.as_slice() {
             [] => write!(f, "nothing"),
             [one] => write!(f, "{one}"),
             [first, rest @ ..] => write!(f, "{first} and {} more", rest.len()),

@@ -13,6 +13,7 @@ mod plain;
 mod recode;
 pub(super) mod vrt;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
@@ -56,7 +57,7 @@ enum Source {
     /// A file, opened when needed.
     File(File),
     /// A mosaic in the mosaic. It holds no file itself.
-    Nested(Grid),
+    Nested { grid: Grid, path: PathBuf },
 }
 
 /// Heights that a grid can be asked for.
@@ -148,7 +149,7 @@ impl Mosaic {
     fn read_from<H: Sample>(&self, part: &Part, rect: Rect, out: &mut [H]) -> Result<()> {
         let there = part.in_source(rect);
         match &part.source {
-            Source::Nested(grid) => H::read(grid.as_ref(), there, out),
+            Source::Nested { grid, .. } => H::read(grid.as_ref(), there, out),
             Source::File(file) => H::read(self.family.grid(file)?.as_ref(), there, out),
         }
     }
@@ -178,10 +179,21 @@ impl GridSource for Mosaic {
 
     fn block_bytes(&self) -> u64 {
         let of = |part: &Part| match &part.source {
-            Source::Nested(grid) => grid.block_bytes(),
+            Source::Nested { grid, .. } => grid.block_bytes(),
             Source::File(file) => file.block_bytes,
         };
         self.parts.iter().map(of).max().unwrap_or(0)
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        let of = |part: &Part| match &part.source {
+            Source::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
+            Source::File(file) => vec![file.name().into()],
+        };
+        let mut members: Vec<PathBuf> = self.parts.iter().flat_map(of).collect();
+        members.sort();
+        members.dedup();
+        members
     }
 
     fn release(&self, rect: Rect) {
@@ -189,7 +201,7 @@ impl GridSource for Mosaic {
             let part = &self.parts[i as usize];
             let there = part.in_source(part.rect.intersect(&rect));
             match &part.source {
-                Source::Nested(grid) => grid.release(there),
+                Source::Nested { grid, .. } => grid.release(there),
                 Source::File(file) => {
                     self.family.pool.peek(file.key).into_iter().for_each(|g| g.release(there));
                 }

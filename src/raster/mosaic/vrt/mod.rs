@@ -167,7 +167,7 @@ impl Canvas<'_> {
         let source = match (found.source, nodata) {
             (samples, _) if is_same(found.info.nodata, nodata) => samples,
             (Samples::File(file), _) => Samples::File(file.with_nodata(&self.nest.family, nodata)),
-            (Samples::Nested(_), _) => find(&name, source.band, nodata, self.nest)?.source,
+            (Samples::Nested { .. }, _) => find(&name, source.band, nodata, self.nest)?.source,
         };
         Ok(Some(Part { source, rect, from, transparent, recode }))
     }

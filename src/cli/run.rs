@@ -1,0 +1,115 @@
+//! `terrane run` and `terrane finish`: the work of a plan is done, all of it or one task.
+
+use std::path::PathBuf;
+
+use crate::cli::{Outcome, args, check, say, text, tin};
+use crate::error::Result;
+use crate::pipeline::Cancel;
+use crate::pipeline::tin::{RunJob, RunReport, run_plan};
+
+/// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
+/// then the mesh is written. Killed, it goes on where it was when it is run again
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Folder of the plan
+    folder: PathBuf,
+    /// Only this task, such as strip-0, seam-0 or finish; many may be done at the same time, on any
+    /// machine that sees the folder and the input
+    #[arg(long, value_name = "ID")]
+    task: Option<String>,
+    /// Mesh file to write [default: in the folder]
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    how: How,
+}
+
+/// Write the mesh of a plan whose other tasks are all done
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct FinishArgs {
+    /// Folder of the plan
+    folder: PathBuf,
+    /// Mesh file to write [default: in the folder]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Clone, Debug, clap::Args)]
+struct How {
+    /// Replace a mesh that exists
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    work(&args.folder, args.task.clone(), args.output.clone(), &args.how, cancel)
+}
+
+pub(super) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
+    let task = Some("finish".to_owned());
+    work(&args.folder, task, args.output.clone(), &args.how, cancel)
+}
+
+fn work(
+    folder: &std::path::Path,
+    task: Option<String>,
+    output: Option<PathBuf>,
+    how: &How,
+    cancel: &Cancel,
+) -> Result<Outcome> {
+    if let Some(output) = &output {
+        // Whether it exists is asked later: it may be the mesh of this very plan.
+        check::new_file(output, true)?;
+    }
+    let job = RunJob {
+        folder: folder.to_path_buf(),
+        task,
+        output,
+        overwrite: how.overwrite,
+        solid_base: None,
+        resources: how.machine.resources(),
+    };
+    let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
+    if how.show.json {
+        say::json(&report)?;
+    } else if !how.show.quiet {
+        say::result(&summary(&report))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+fn summary(r: &RunReport) -> String {
+    let found = match r.found {
+        0 => "none".to_owned(),
+        found => format!(
+            "{} of {}, {} checked",
+            text::count(found),
+            text::count(r.tasks),
+            text::bytes(r.found_bytes)
+        ),
+    };
+    let mut rows = vec![("found done", found)];
+    if !r.damaged.is_empty() {
+        rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
+    }
+    if !r.made.is_empty() {
+        let made = text::count(r.made.len() as u64);
+        let (samples, bytes) = (text::count(r.made_samples), text::bytes(r.made_bytes));
+        rows.push(("made", format!("{made} tasks, {samples} samples, {bytes}")));
+        rows.push(("in threads", tin::stages(&r.stages)));
+    }
+    rows.push(("time", text::seconds(r.wall_seconds)));
+    if let Some(peak) = r.peak_memory {
+        rows.push(("memory", format!("{} at the peak", text::bytes(peak))));
+    }
+    let tasks = format!("{}\n{}", r.folder, text::table(&rows));
+    match &r.mesh {
+        Some(mesh) => format!("{tasks}\n{}", tin::summary(mesh)),
+        None => tasks,
+    }
+}

@@ -1,0 +1,97 @@
+//! Which part of the work one run does: all of it, or a unit that other runs go on from.
+
+use super::layout::{Layout, TileId};
+use super::schedule::{Step, Task};
+
+/// The part of the work one run does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scope {
+    /// From heights to the written mesh.
+    Whole,
+    /// Tiles of the rows `first .. end`, and the seams between them, to saved containers.
+    Strip { first: u32, end: u32 },
+    /// The seams below the row of tiles `above`, from saved containers of it and the next to saved
+    /// ones.
+    Seam { above: u32 },
+    /// From saved containers, all seams mended, to the written mesh.
+    Write,
+}
+
+/// A part of the work on a layout.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Work {
+    pub(super) layout: Layout,
+    pub(super) scope: Scope,
+}
+
+impl Work {
+    /// True when `task` is one of this part: of its rows, of its steps, and with a seam the layout
+    /// has (the last column has none on its right, and so on).
+    pub(super) fn has(&self, Task { tile, step }: Task) -> bool {
+        let right = tile.col + 1 < self.layout.cols;
+        let below = self.has_row(tile.row + 1);
+        self.has_row(tile.row)
+            && self.has_step(step)
+            && match step {
+                Step::Vertical => right,
+                Step::Horizontal => below,
+                Step::Corner => right && below,
+                _ => true,
+            }
+    }
+
+    fn has_row(&self, row: u32) -> bool {
+        let [first, end] = self.rows();
+        (first..end).contains(&row)
+    }
+
+    fn has_step(&self, step: Step) -> bool {
+        use Scope::{Seam, Strip, Whole, Write};
+        match step {
+            Step::Tile => true,
+            Step::Vertical => matches!(self.scope, Whole | Strip { .. }),
+            Step::Horizontal | Step::Corner => self.scope != Write,
+            Step::Gather | Step::Number | Step::Emit => matches!(self.scope, Whole | Write),
+            Step::Save => matches!(self.scope, Strip { .. } | Seam { .. }),
+        }
+    }
+
+    /// True when tiles come from saved containers, not from heights.
+    pub(super) fn loads(&self) -> bool {
+        matches!(self.scope, Scope::Seam { .. } | Scope::Write)
+    }
+
+    /// The first row of tiles, and the one after the last.
+    fn rows(&self) -> [u32; 2] {
+        match self.scope {
+            Scope::Whole | Scope::Write => [0, self.layout.rows],
+            Scope::Strip { first, end } => [first, end],
+            Scope::Seam { above } => [above, above + 2],
+        }
+    }
+
+    /// Number of tiles.
+    pub(super) fn tiles(&self) -> u64 {
+        let [first, end] = self.rows();
+        u64::from(self.layout.cols) * u64::from(end - first)
+    }
+
+    /// Number of samples its tiles own.
+    pub(super) fn samples(&self) -> u64 {
+        let [first, end] = self.rows();
+        let corner = |row| TileId::new(row, self.layout.cols - 1);
+        let [top, bottom] = [self.layout.owned(corner(first)), self.layout.owned(corner(end - 1))];
+        u64::from(bottom.end_col()) * u64::from(bottom.end_row() - top.row)
+    }
+
+    /// Position of `tile` among those of this part, row by row.
+    pub(super) fn position(&self, tile: TileId) -> u64 {
+        self.layout.index(tile) - self.layout.index(TileId::new(self.rows()[0], 0))
+    }
+
+    /// The tile at a position.
+    pub(super) fn tile_at(&self, position: u64) -> TileId {
+        let tile = self.layout.tile_at(position);
+        TileId::new(tile.row + self.rows()[0], tile.col)
+    }
+}

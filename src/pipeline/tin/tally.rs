@@ -1,0 +1,43 @@
+//! What triangulation counts on its way.
+
+use serde::{Deserialize, Serialize};
+
+/// Counts of samples. Adding is commutative, so the order of work leaves no trace.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tally {
+    /// Valid samples.
+    pub(super) valid: u64,
+    /// Valid samples without a valid cell.
+    pub(super) isolated: u64,
+    /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
+    pub(super) suspects: Option<(f64, u64)>,
+}
+
+impl Tally {
+    /// Adds another tally; of two suspected values the lower one counts.
+    pub(super) fn add(&mut self, other: Tally) {
+        self.valid += other.valid;
+        self.isolated += other.isolated;
+        self.suspects = match (self.suspects, other.suspects) {
+            (Some((a, few)), Some((b, more))) if a == b => Some((a, few + more)),
+            (Some(a), Some(b)) => Some(if a.0 < b.0 { a } else { b }),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lowest_suspect_counts() {
+        let mut all = Tally::default();
+        for suspects in
+            [Some((-99.0, 5)), None, Some((-9999.0, 2)), Some((-9999.0, 1)), Some((-99.0, 7))]
+        {
+            all.add(Tally { valid: 10, isolated: 1, suspects });
+        }
+        assert_eq!(all, Tally { valid: 50, isolated: 5, suspects: Some((-9999.0, 3)) });
+    }
+}

@@ -1,0 +1,325 @@
+//! The plan on paper: what is made from what, and by which tasks. It never changes once written.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::digest::Digest;
+use super::files::{self, InputFile};
+use super::tasks::{Strips, TaskId, before};
+use crate::error::{Error, Result};
+use crate::geom::Affine;
+use crate::pipeline::Resources;
+use crate::pipeline::tin::estimate::Size;
+use crate::pipeline::tin::job::{Goal, TinJob};
+use crate::pipeline::tin::layout::Layout;
+use crate::pipeline::tin::make::Opened;
+use crate::raster::{self, GridInfo, Inputs, SYNTH_PREFIX};
+use crate::tin::{Local, Triangle};
+
+/// Changed whenever the same plan would give other bytes.
+const REVISION: u32 = 1;
+/// Most bytes of a plan file: the names of a million files fit.
+const MOST_BYTES: u64 = 1 << 30;
+/// Bytes of a vertex and of a triangle in a mesh file, about.
+const MESH_BYTES: [u64; 2] = [24, 13];
+
+/// The plan with its digest, as it is on disk.
+#[derive(Serialize, Deserialize)]
+struct Sealed {
+    plan_id: Digest,
+    plan: Manifest,
+}
+
+/// A plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Manifest {
+    /// Version of the program that made it.
+    terrane: String,
+    revision: u32,
+    pub(super) method: Method,
+    grid: Grid,
+    files: Vec<InputFile>,
+    pub(super) tasks: Vec<Needs>,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Method {
+    /// Names of files, or of a synthetic terrain.
+    input: Vec<String>,
+    /// What the user called them.
+    pub(super) label: String,
+    band: u32,
+    /// As text, because it may be NaN.
+    nodata: Option<String>,
+    pub(super) format: String,
+    pub(super) max_error: f64,
+    strict: bool,
+    drop: bool,
+    pub(super) tile: u32,
+    strip_rows: u32,
+    pub(super) height_origin: Option<f64>,
+}
+
+/// What was found in the input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Grid {
+    width: u32,
+    height: u32,
+    transform: [f64; 6],
+    crs: String,
+}
+
+/// A task and what it needs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Needs {
+    pub(super) id: String,
+    after: Vec<String>,
+    pub(super) samples: u64,
+    /// Least bytes of memory.
+    pub(super) memory: u64,
+    /// Bytes of its result, about.
+    pub(super) disk: u64,
+}
+
+impl Manifest {
+    /// The plan for an opened job whose mesh will be of about `size`; `strip_rows` rows of tiles make
+    /// a strip.
+    pub(super) fn new(
+        job: &TinJob,
+        opened: &Opened,
+        size: Size,
+        memory: u64,
+        strip_rows: Option<u32>,
+    ) -> Result<Self> {
+        let Goal::MaxError(max_error) = job.goal else { return Err(budget()) };
+        let info = opened.source.info();
+        let layout = Layout::new(info.width, info.height, job.tile)?;
+        let strips = Strips::new(layout, strip_rows);
+        let method = Method {
+            input: job.input.names().to_vec(),
+            label: job.input.to_string(),
+            band: job.band,
+            nodata: job.nodata.map(|nodata| nodata.to_string()),
+            format: opened.format.name.to_owned(),
+            max_error,
+            strict: job.strict,
+            drop: job.drop,
+            tile: job.tile,
+            strip_rows: strips.rows(),
+            height_origin: opened.height_origin,
+        };
+        Ok(Self {
+            terrane: env!("CARGO_PKG_VERSION").to_owned(),
+            revision: REVISION,
+            method,
+            grid: Grid::of(info),
+            files: files::look_at(&all_files(job.input.names(), opened))?,
+            tasks: needs(&strips, layout.samples(), size, memory),
+        })
+    }
+
+    /// Reads the plan at `path`; returns it with its digest.
+    pub(super) fn read(path: &Path) -> Result<(Self, Digest)> {
+        let fail = |e| Error::read(path, e);
+        let meta = std::fs::metadata(path).map_err(fail)?;
+        crate::limits::check("bytes of a plan", meta.len(), MOST_BYTES)
+            .map_err(|e| e.in_file(path))?;
+        let text = std::fs::read(path).map_err(fail)?;
+        let Sealed { plan_id, plan } =
+            serde_json::from_slice(&text).map_err(|e| damaged(path, &e.to_string()))?;
+        if plan.id() != plan_id {
+            return Err(damaged(path, "its digest does not match"));
+        }
+        plan.check_version(path)?;
+        Ok((plan, plan_id))
+    }
+
+    /// The plan as the text of a file.
+    pub(super) fn to_text(&self) -> Result<Vec<u8>> {
+        let sealed = Sealed { plan_id: self.id(), plan: self.clone() };
+        serde_json::to_vec_pretty(&sealed).map_err(|e| {
+            Error::new(crate::ErrorKind::Internal, format!("cannot write down the plan: {e}"))
+        })
+    }
+
+    /// The digest that stands for the plan.
+    pub(super) fn id(&self) -> Digest {
+        Digest::of(&serde_json::to_vec(self).unwrap_or_default())
+    }
+
+    fn check_version(&self, path: &Path) -> Result<()> {
+        let (theirs, ours) =
+            ((&*self.terrane, self.revision), (env!("CARGO_PKG_VERSION"), REVISION));
+        if theirs == ours {
+            return Ok(());
+        }
+        let name = |(version, revision)| format!("terrane {version} (revision {revision})");
+        Err(Error::bad_input(format!("was made by {}, this is {}", name(theirs), name(ours)))
+            .in_file(path)
+            .remedy("use the same version, or plan anew in another folder"))
+    }
+
+    /// Fails when a file is not what it was.
+    pub(super) fn check_files(&self, by_content: bool) -> Result<()> {
+        files::check(&self.files, by_content)
+    }
+
+    /// Fails when the opened input is another grid.
+    pub(super) fn check_grid(&self, info: &GridInfo) -> Result<()> {
+        let here = Grid::of(info);
+        if here == self.grid {
+            return Ok(());
+        }
+        let how = difference(&self.grid, &here).unwrap_or_default();
+        Err(Error::bad_input(format!("is not the grid the plan was made for: {how}"))
+            .in_file(Path::new(&self.method.label))
+            .remedy("put it back, or plan anew in another folder"))
+    }
+
+    /// The first thing in which `other` asks for something else, as a line for people.
+    pub(super) fn difference(&self, other: &Self) -> Option<String> {
+        difference(self, other)
+    }
+
+    /// The job that writes the mesh to `output`.
+    pub(super) fn job(&self, output: PathBuf, overwrite: bool, resources: Resources) -> TinJob {
+        let method = self.method.clone();
+        TinJob {
+            input: Inputs::labelled(method.input, method.label),
+            band: method.band,
+            nodata: method.nodata.and_then(|nodata| nodata.parse().ok()),
+            output,
+            format: Some(method.format),
+            overwrite,
+            solid_base: None,
+            goal: Goal::MaxError(method.max_error),
+            strict: method.strict,
+            drop: method.drop,
+            tile: method.tile,
+            measure: true,
+            resources,
+        }
+    }
+
+    /// How the grid is cut.
+    pub(super) fn strips(&self) -> Result<Strips> {
+        let layout = Layout::new(self.grid.width, self.grid.height, self.method.tile)?;
+        Ok(Strips::new(layout, Some(self.method.strip_rows)))
+    }
+
+    /// Number of samples.
+    pub(super) fn samples(&self) -> u64 {
+        u64::from(self.grid.width) * u64::from(self.grid.height)
+    }
+}
+
+impl Grid {
+    fn of(info: &GridInfo) -> Self {
+        let Affine { x0, a, b, y0, d, e } = info.transform;
+        let transform = [x0, a, b, y0, d, e];
+        Self { width: info.width, height: info.height, transform, crs: info.crs.label() }
+    }
+}
+
+fn budget() -> Error {
+    Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
+        .remedy("pass --max-error")
+}
+
+fn damaged(path: &Path, how: &str) -> Error {
+    Error::bad_input(format!("is no plan as terrane writes it: {how}"))
+        .in_file(path)
+        .remedy("plan anew in another folder")
+}
+
+/// The files behind `names` with all that is read beside them.
+fn all_files(names: &[String], opened: &Opened) -> Vec<PathBuf> {
+    let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
+    let named = names.iter().filter(is_file).map(|name| PathBuf::from(raster::file_name(name)));
+    let members = opened.source.members();
+    let members = members.iter().filter_map(|path| path.to_str().map(raster::file_name));
+    let is_file = |name: &&str| !name.starts_with(SYNTH_PREFIX);
+    let all = named.chain(members.filter(is_file).map(PathBuf::from));
+    let mut all: Vec<PathBuf> = all.flat_map(|path| files::with_companions(&path)).collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// Tasks with what they need, from the size of the whole mesh.
+fn needs(strips: &Strips, samples: u64, size: Size, memory: u64) -> Vec<Needs> {
+    let kept = size.triangles * size_of::<Triangle>() as u64
+        + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
+    let mesh = size.vertices * MESH_BYTES[0] + size.triangles * MESH_BYTES[1];
+    let need = |task: TaskId| {
+        let own = strips.work(task).samples();
+        let disk = match task {
+            TaskId::Finish => mesh,
+            _ => (kept as f64 * own as f64 / samples as f64) as u64,
+        };
+        let after = match task {
+            TaskId::Finish => strips.tasks().filter(|other| *other != task).collect(),
+            _ => before(task),
+        };
+        let after = after.iter().map(TaskId::to_string).collect();
+        Needs { id: task.to_string(), after, samples: own, memory, disk }
+    };
+    strips.tasks().map(need).collect()
+}
+
+/// The first value in which two things differ, by its name in both.
+fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
+    let [there, here] = [there, here].map(|thing| serde_json::to_value(thing).unwrap_or_default());
+    first_difference("", &there, &here)
+}
+
+fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
+    if there == here {
+        return None;
+    }
+    let within = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    if let (Value::Object(a), Value::Object(b)) = (there, here) {
+        let inner = |(key, value): (&String, &Value)| {
+            first_difference(&within(key), value, b.get(key).unwrap_or(&Value::Null))
+        };
+        return a.iter().find_map(inner);
+    }
+    if let (Value::Array(a), Value::Array(b)) = (there, here)
+        && a.len() == b.len()
+    {
+        let mut pairs = a.iter().zip(b).enumerate();
+        return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
+    }
+    let short = |value: &Value| match value {
+        Value::Array(items) => format!("{} of them", items.len()),
+        other => other.to_string(),
+    };
+    Some(format!("{name} is {} there and {} here", short(there), short(here)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_difference_is_named() {
+        let of = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        let tell = |a: &str, b: &str| difference(&of(a), &of(b)).unwrap_or_default();
+        assert_eq!(
+            tell(r#"{"a":{"b":1,"c":2}}"#, r#"{"a":{"b":1,"c":3}}"#),
+            "a.c is 2 there and 3 here"
+        );
+        assert_eq!(
+            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
+            "f is 2 of them there and 1 of them here"
+        );
+        assert_eq!(
+            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x","z"]}"#),
+            r#"f.1 is "y" there and "z" here"#
+        );
+        assert_eq!(tell("[1]", "[1]"), "");
+    }
+}

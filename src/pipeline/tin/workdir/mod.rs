@@ -1,0 +1,137 @@
+//! Work in units that many machines can share and that survive being killed: a plan in a folder, an
+//! object by task, and the mesh at the end.
+
+mod digest;
+mod files;
+mod folder;
+mod manifest;
+mod object;
+mod report;
+mod run;
+mod shelf;
+mod tasks;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+pub(super) use object::{ObjectWriter, Record};
+pub use report::{RunReport, StatusReport, TaskReport};
+pub use run::{RunJob, run_plan};
+
+use super::estimate::Estimator;
+use super::job::TinJob;
+use super::make::{Maker, Opened, in_input};
+use super::report::TinReport;
+use super::worker::worker_bytes;
+use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::{Cancel, Progress, memory};
+use crate::tin::Spec;
+use folder::{Folder, Look};
+use manifest::Manifest;
+use tasks::TaskId;
+
+/// A plan to make.
+#[derive(Clone, Debug)]
+pub struct PlanJob {
+    /// The mesh to make; its output gives the format and is not written.
+    pub tin: TinJob,
+    /// The folder for the plan: a new or empty one, or one with the same plan.
+    pub folder: PathBuf,
+    /// Rows of tiles that make a task; as many as make a fair one when `None`.
+    pub strip_rows: Option<u32>,
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need. A few tiles are
+/// read to tell the size of the result.
+///
+/// # Errors
+/// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
+/// another plan or other files.
+pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
+    job.tin.goal.check()?;
+    let tin = TinJob { input: job.tin.input.resolve()?, ..job.tin.clone() };
+    let opened = Opened::new(&tin)?;
+    let maker = Maker { job: &tin, opened: &opened, progress, cancel };
+    let in_input = |error| in_input(error, &tin.input);
+    let (tolerance, _) = maker.tolerance().map_err(in_input)?;
+    let layout = maker.layout().map_err(in_input)?;
+    let spec = Spec { measure: false, ..maker.spec(tolerance) };
+    let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
+    let least = memory::least(1, worker_bytes(tin.tile), opened.source.block_bytes());
+    let manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
+    Folder::create(&job.folder, manifest).map(|folder| status(&folder))
+}
+
+/// How far the work in the folder `path` has come; objects are looked at, not read through.
+pub fn status_of(path: &Path) -> Result<StatusReport> {
+    Folder::open(path).map(|folder| status(&folder))
+}
+
+fn status(folder: &Folder) -> StatusReport {
+    let survey = folder.survey(Look::Quick);
+    let finished = folder.finished().filter(|finished| finished.path.exists());
+    let is_done = |task: TaskId| match task {
+        TaskId::Finish => finished.is_some(),
+        _ => survey.done.contains_key(&task),
+    };
+    let tasks = || folder.strips.tasks().zip(&folder.plan.tasks);
+    let report = |(task, needs): (TaskId, &manifest::Needs)| TaskReport {
+        id: needs.id.clone(),
+        after: tasks::before(task).iter().map(TaskId::to_string).collect(),
+        samples: needs.samples,
+    };
+    let left = |(task, _): &(TaskId, &manifest::Needs)| !is_done(*task);
+    let is_object = |(task, _): &(TaskId, &manifest::Needs)| *task != TaskId::Finish;
+    let method = &folder.plan.method;
+    StatusReport {
+        folder: folder.path.display().to_string(),
+        plan_id: folder.id.to_string(),
+        input: method.label.clone(),
+        format: method.format.clone(),
+        max_error: method.max_error,
+        samples: folder.plan.samples(),
+        tile_cells: method.tile,
+        to_do: tasks().filter(left).map(report).collect(),
+        done: tasks().filter(|task| !left(task)).count() as u64,
+        damaged: survey.damaged.iter().map(TaskId::to_string).collect(),
+        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
+        disk_needed: tasks().filter(left).filter(is_object).map(|(_, needs)| needs.disk).sum(),
+        mesh_bytes: folder.plan.tasks.last().map_or(0, |needs| needs.disk),
+        least_memory: folder.plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
+        output: finished.map(|finished| finished.path.display().to_string()),
+    }
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
+/// started again.
+///
+/// # Errors
+/// Those of [`plan_work`] and [`run_plan`].
+pub fn run_in(
+    folder: &Path,
+    job: &TinJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TinReport> {
+    let plan = PlanJob { tin: job.clone(), folder: folder.to_path_buf(), strip_rows: None };
+    plan_work(&plan, progress, cancel)?;
+    let run = RunJob {
+        folder: folder.to_path_buf(),
+        task: None,
+        output: Some(job.output.clone()),
+        overwrite: job.overwrite,
+        solid_base: job.solid_base,
+        resources: job.resources.clone(),
+    };
+    run_plan(&run, progress, cancel).and_then(whole)
+}
+
+/// The report on the mesh, with the time and work of the whole run.
+fn whole(run: RunReport) -> Result<TinReport> {
+    let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
+    let mut mesh = run.mesh.ok_or_else(lost)?;
+    mesh.took(Duration::from_secs_f64(run.wall_seconds));
+    mesh.spilled_bytes += run.spilled_bytes;
+    mesh.stages.extend(run.stages);
+    Ok(mesh)
+}

@@ -1,0 +1,72 @@
+//! What was planned, what is done, and what a run did.
+
+use serde::Serialize;
+
+use crate::pipeline::tin::report::{StageReport, TinReport};
+
+/// A plan, or how far the work on it has come.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct StatusReport {
+    pub folder: String,
+    pub plan_id: String,
+    pub input: String,
+    pub format: String,
+    pub max_error: f64,
+    pub samples: u64,
+    pub tile_cells: u32,
+    /// Tasks that are not done, in an order in which they can be; the last one is "finish".
+    pub to_do: Vec<TaskReport>,
+    /// Tasks that are done.
+    pub done: u64,
+    /// Tasks whose results are damaged; they are among those not done.
+    pub damaged: Vec<String>,
+    /// Bytes of all results so far.
+    pub object_bytes: u64,
+    /// Bytes on disk that the rest needs, about; the mesh is not counted.
+    pub disk_needed: u64,
+    /// Bytes of the mesh, about.
+    pub mesh_bytes: u64,
+    /// Least bytes of memory for a task.
+    pub least_memory: u64,
+    /// Where the mesh is, once it is written.
+    pub output: Option<String>,
+}
+
+/// A task that is not done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TaskReport {
+    /// Its name.
+    pub id: String,
+    /// The tasks it waits for; "finish" waits for all others and names none.
+    pub after: Vec<String>,
+    /// Samples it works on.
+    pub samples: u64,
+}
+
+/// What a run did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct RunReport {
+    pub folder: String,
+    pub plan_id: String,
+    /// Tasks of the plan.
+    pub tasks: u64,
+    /// Tasks that were done before, and
+    pub found: u64,
+    /// the bytes of their results, all read and found sound.
+    pub found_bytes: u64,
+    /// Tasks that were done before and whose results were damaged.
+    pub damaged: Vec<String>,
+    /// Tasks done by this run.
+    pub made: Vec<String>,
+    pub made_bytes: u64,
+    pub made_samples: u64,
+    pub spilled_bytes: u64,
+    pub peak_memory: Option<u64>,
+    pub wall_seconds: f64,
+    /// Time by stage, without that of writing the mesh.
+    pub stages: Vec<StageReport>,
+    /// The mesh, if this run came to it; its time is that of writing it.
+    pub mesh: Option<TinReport>,
+}
