@@ -8,6 +8,7 @@ mod check;
 mod complete;
 mod convert;
 mod demo;
+mod heap;
 mod help;
 mod info;
 mod man;
@@ -70,6 +71,7 @@ enum Outcome {
 
 /// Runs the command line and returns the process exit code.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    heap::give_back();
     let args: Vec<OsString> = args.into_iter().collect();
     let matches = help::command().try_get_matches_from(&args);
     let parsed = matches.and_then(|found| Cli::from_arg_matches(&found));

@@ -130,6 +130,15 @@ pub struct TileMesh {
     pub valid: u64,
 }
 
+impl TileMesh {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let triangles = self.triangles.capacity() * size_of::<Triangle>();
+        let vertices = self.vertices.capacity() * size_of::<Local>();
+        (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
+    }
+}
+
 /// A seam patch to mend. Positions are relative to the first sample of a rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchInput<'a> {

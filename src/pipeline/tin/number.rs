@@ -172,6 +172,13 @@ impl Lookup {
         )
     }
 
+    /// Bytes that [`faces`](Self::faces) takes for so many triangles: themselves, a sorted copy, and
+    /// what becomes of them.
+    pub(super) fn bytes(triangles: usize, with_corners: bool) -> u64 {
+        let corners = if with_corners { size_of::<[Point3; 3]>() } else { 0 };
+        (triangles * (2 * size_of::<Triangle>() + size_of::<[u64; 3]>() + corners)) as u64
+    }
+
     /// The tile among the four that owns `at` (relative to the first), and its rank there.
     fn find(&self, at: Local) -> Option<(usize, usize)> {
         let right = usize::from(at.col() >= self.owned.0);

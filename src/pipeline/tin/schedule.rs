@@ -46,7 +46,7 @@ impl Step {
         }
     }
 
-    /// How many rows and columns after its own tile the last tile lies that it waits for.
+    /// How many rows and columns (at most [`MOST_LAG`]) after its own tile the last tile lies that it waits for.
     fn lag(self) -> (u32, u32) {
         match self {
             Self::Tile => (0, 0),
@@ -57,6 +57,8 @@ impl Step {
         }
     }
 }
+
+const MOST_LAG: u32 = 3;
 
 /// One unit of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -305,7 +307,10 @@ impl Queue {
     fn key(&self, task: Task) -> u64 {
         let (rows, cols) = task.step.lag();
         let layout = &self.work.layout;
-        let last = layout.index(layout.clamp(task.tile, rows, cols));
+        // As if the sweep went on beyond the last row and column, so that what waits for tiles that
+        // are not there still keeps its distance.
+        let cols = u64::from(task.tile.col + cols);
+        let last = u64::from(task.tile.row + rows) * u64::from(layout.cols + MOST_LAG) + cols;
         match self.order_seed {
             None => last * 8 + task.step as u64,
             Some(seed) => mix(seed ^ mix(layout.index(task.tile) * 8 + task.step as u64)),

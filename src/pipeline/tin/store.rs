@@ -124,6 +124,17 @@ impl Store {
         lock(&self.slots).remove(&tile);
     }
 
+    /// Makes room for `bytes` that a worker needs for a while, and counts them until the result is
+    /// dropped.
+    pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<Reserved<'_>> {
+        self.account(0, bytes);
+        let reserved = Reserved { store: self, bytes };
+        if self.held.load(Ordering::Relaxed) > self.limit {
+            self.relieve(tile)?;
+        }
+        Ok(reserved)
+    }
+
     /// Counts bytes that wait elsewhere (in the writer's queue) against the same limit.
     pub(super) fn account(&self, before: u64, after: u64) {
         if after >= before {
@@ -211,6 +222,18 @@ impl Store {
         const TAIL: u32 = 4;
         let cols = self.layout.cols;
         (tile.col + TAIL + cols - now.col) % cols
+    }
+}
+
+/// Bytes in use by a worker.
+pub(super) struct Reserved<'a> {
+    store: &'a Store,
+    bytes: u64,
+}
+
+impl Drop for Reserved<'_> {
+    fn drop(&mut self) {
+        self.store.account(self.bytes, 0);
     }
 }
 

@@ -139,6 +139,7 @@ impl<'a> Worker<'a> {
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         let tally = Tally { valid: *valid, isolated: *isolated, suspects };
         lock(&self.job.tally).add(tally);
+        let _room = self.job.store.reserve(mesh.bytes(), tile)?;
         self.job.insert(Piece { rect, triangles, vertices, heights })?;
         let samples = layout.owned(tile).len() as u64;
         self.clock.add(Stage::Tiles, started, samples);
@@ -308,6 +309,7 @@ impl<'a> Worker<'a> {
             job.store.with_ids(near, fill)?;
         }
         let triangles = job.store.with(tile, Container::take_triangles)?;
+        let _room = job.store.reserve(Lookup::bytes(triangles.len(), job.with_corners), tile)?;
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
         let faces =
@@ -325,6 +327,7 @@ impl<'a> Worker<'a> {
         let started = Instant::now();
         let mut kept = self.job.store.with(tile, std::mem::take)?;
         self.job.store.discard(tile);
+        let _room = self.job.store.reserve(2 * kept.bytes(), tile)?;
         kept.close();
         let record = Record::of(&kept);
         self.job.source.release(self.job.layout.rect(tile));

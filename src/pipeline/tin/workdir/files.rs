@@ -99,7 +99,7 @@ fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
     }
     let mut pieces = vec![0; (PIECES * PIECE) as usize];
     for (i, piece) in (0..).zip(pieces.chunks_exact_mut(PIECE as usize)) {
-        file.seek(SeekFrom::Start((bytes - PIECE) / (PIECES - 1) * i))?;
+        file.seek(SeekFrom::Start((bytes - PIECE) * i / (PIECES - 1)))?;
         file.read_exact(piece)?;
     }
     Ok(Digest::of(&pieces))
