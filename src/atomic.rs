@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::fault::{self, Point};
 
 /// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
 const TEMP_PREFIX: &str = ".terrane-";
@@ -32,7 +33,8 @@ impl AtomicFile {
         let target = resolve(path)?;
         let folder = parent(&target);
         remove_leftovers(folder);
-        let temp = temporary(folder).map_err(|e| Error::write(path, plain(e)))?;
+        let temp = fault::point(Point::Create).and_then(|()| temporary(folder));
+        let temp = temp.map_err(|e| Error::write(path, plain(e)))?;
         Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
     }
 
@@ -50,8 +52,9 @@ impl AtomicFile {
     pub fn commit(self) -> Result<u64> {
         let Self { temp, path, target, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
-        temp.as_file().sync_all().map_err(fail)?;
+        fault::point(Point::Sync).and_then(|()| temp.as_file().sync_all()).map_err(fail)?;
         let bytes = temp.as_file().metadata().map_err(fail)?.len();
+        fault::point(Point::Rename).map_err(fail)?;
         let persisted =
             if overwrite { temp.persist(&target) } else { temp.persist_noclobber(&target) };
         persisted.map_err(|e| fail(e.error))?;
@@ -63,6 +66,7 @@ impl AtomicFile {
 // Straight to the file: the wrapper would add the temporary name to every error.
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        fault::point(Point::Write)?;
         self.temp.as_file_mut().write(bytes)
     }
 

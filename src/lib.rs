@@ -8,6 +8,7 @@
 pub mod atomic;
 pub mod cli;
 pub mod error;
+mod fault;
 pub mod geom;
 pub mod limits;
 pub mod output;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic::plain;
 use crate::error::{Error, Result};
+use crate::fault::{self, Point};
 
 /// Bytes gathered before they go to the file: enough to make the cost of a call vanish.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -99,7 +100,8 @@ impl Out {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.file.write_all(&self.buffer).map_err(|e| Error::write(&self.path, e))?;
+        let written = fault::point(Point::Write).and_then(|()| self.file.write_all(&self.buffer));
+        written.map_err(|e| Error::write(&self.path, e))?;
         self.buffer.clear();
         Ok(())
     }

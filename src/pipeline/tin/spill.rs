@@ -8,6 +8,7 @@ use std::sync::Mutex;
 
 use super::schedule::lock;
 use crate::error::{Error, ErrorKind, Result};
+use crate::fault::{self, Point};
 
 /// A run of bytes in the spill file.
 #[derive(Debug)]
@@ -108,6 +109,7 @@ impl Inner {
     }
 
     fn write_at(&mut self, folder: &Path, offset: u64, parts: &[&[u8]]) -> io::Result<()> {
+        fault::point(Point::Write)?;
         let mut file = match self.file.take() {
             Some(file) => file,
             None => tempfile::tempfile_in(folder)?,
@@ -119,6 +121,7 @@ impl Inner {
     }
 
     fn read_at(&mut self, offset: u64, parts: &mut [&mut [u8]]) -> io::Result<()> {
+        fault::point(Point::Read)?;
         let file = self.file.as_mut().ok_or(io::ErrorKind::NotFound)?;
         file.seek(SeekFrom::Start(offset))?;
         parts.iter_mut().try_for_each(|part| file.read_exact(part))

@@ -20,6 +20,7 @@ use super::workdir::Record;
 use super::writer::{Collect, Part};
 use super::zone::{Frontier, Zone, rect_around};
 use crate::error::{Error, ErrorKind, Result};
+use crate::fault::{self, Point};
 use crate::geom::Rect;
 use crate::raster::GridSource;
 use crate::tin::{
@@ -108,7 +109,10 @@ impl<'a> Worker<'a> {
 
     /// Carries out `task`; a panic becomes an error that names the tile.
     fn attempt(&mut self, task: Task) -> Result<()> {
-        let outcome = catch_unwind(AssertUnwindSafe(|| self.perform(task)));
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            fault::point(Point::Panic).map_err(|e| Error::io(ErrorKind::Io, "work", e))?;
+            self.perform(task)
+        }));
         outcome.unwrap_or_else(|panic| Err(panicked(&*panic))).map_err(|error| error.at(task))
     }
 

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
-//! | `finished.json` | where the mesh was written, and its digest |
+//! | `finished.json` | where the mesh is written, and its digest once it is there |
 //! | `lock` | held by whoever works in the folder |
 
 use std::collections::BTreeMap;
@@ -62,12 +62,18 @@ pub(super) enum Look {
     Whole,
 }
 
-/// A finished mesh.
+/// A mesh that is being written, to a name that was free or may be replaced, or is finished.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Finished {
+pub(super) struct Mesh {
     pub(super) plan_id: Digest,
     /// Absolute.
     pub(super) path: PathBuf,
+    pub(super) finished: Option<Finished>,
+}
+
+/// A finished mesh.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Finished {
     pub(super) digest: Digest,
     pub(super) report: TinReport,
 }
@@ -196,17 +202,18 @@ impl Folder {
             .remedy(format!("run it first: --task {task}"))
     }
 
-    /// The mesh that was finished last, if it is from this plan.
-    pub(super) fn finished(&self) -> Option<Finished> {
+    /// The mesh that was written last, if it is from this plan.
+    pub(super) fn mesh(&self) -> Option<Mesh> {
         let text = std::fs::read(self.path.join(FINISHED)).ok()?;
-        serde_json::from_slice(&text).ok().filter(|f: &Finished| f.plan_id == self.id)
+        serde_json::from_slice(&text).ok().filter(|mesh: &Mesh| mesh.plan_id == self.id)
     }
 
-    /// Notes a finished mesh.
-    pub(super) fn note_finished(&self, finished: &Finished) -> Result<()> {
+    /// Notes a mesh.
+    pub(super) fn note_mesh(&self, path: &Path, finished: Option<Finished>) -> Result<()> {
+        let mesh = Mesh { plan_id: self.id, path: path.to_path_buf(), finished };
         let path = self.path.join(FINISHED);
         let mut file = AtomicFile::create(&path, true)?;
-        let written = serde_json::to_writer_pretty(&mut file, finished).map_err(io::Error::from);
+        let written = serde_json::to_writer_pretty(&mut file, &mesh).map_err(io::Error::from);
         written.map_err(|e| Error::write(&path, e))?;
         file.commit().map(drop)
     }

@@ -69,9 +69,9 @@ pub fn status_of(path: &Path) -> Result<StatusReport> {
 
 fn status(folder: &Folder) -> StatusReport {
     let survey = folder.survey(Look::Quick);
-    let finished = folder.finished().filter(|finished| finished.path.exists());
+    let mesh = folder.mesh().filter(|mesh| mesh.finished.is_some() && mesh.path.exists());
     let is_done = |task: TaskId| match task {
-        TaskId::Finish => finished.is_some(),
+        TaskId::Finish => mesh.is_some(),
         _ => survey.done.contains_key(&task),
     };
     let tasks = || folder.strips.tasks().zip(&folder.plan.tasks);
@@ -98,7 +98,7 @@ fn status(folder: &Folder) -> StatusReport {
         disk_needed: tasks().filter(left).filter(is_object).map(|(_, needs)| needs.disk).sum(),
         mesh_bytes: folder.plan.tasks.last().map_or(0, |needs| needs.disk),
         least_memory: folder.plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
-        output: finished.map(|finished| finished.path.display().to_string()),
+        output: mesh.map(|mesh| mesh.path.display().to_string()),
     }
 }
 

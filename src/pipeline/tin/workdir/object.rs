@@ -22,6 +22,7 @@ use bytemuck::{Pod, Zeroable};
 use super::digest::Digest;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
+use crate::fault::{self, Point};
 use crate::pipeline::tin::container::Container;
 use crate::pipeline::tin::schedule::lock;
 use crate::pipeline::tin::tally::Tally;
@@ -191,6 +192,7 @@ impl Object {
 }
 
 fn read_at(file: &mut File, out: &mut [u8], offset: u64) -> io::Result<()> {
+    fault::point(Point::Read)?;
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(out)
 }

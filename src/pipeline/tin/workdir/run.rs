@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::digest::Digest;
-use super::folder::{Done, Finished, Folder, Look, Survey};
+use super::folder::{Done, Finished, Folder, Look, Mesh, Survey};
 use super::report::RunReport;
 use super::shelf::Shelf;
 use super::tasks::TaskId;
@@ -124,7 +124,7 @@ impl<'a> Run<'a> {
     fn all(mut self) -> Result<RunReport> {
         let finished = self.finished()?;
         if finished.is_none() {
-            refuse_existing(&self.tin.output, self.tin.overwrite)?;
+            self.claim_output()?;
         }
         self.progress.begin("check what is done", self.folder.plan.tasks.len() as u64);
         let mut survey = self.folder.survey(Look::Whole);
@@ -168,7 +168,7 @@ impl<'a> Run<'a> {
             self.report.mesh = Some(finished.report);
             return Ok(self.conclude());
         }
-        refuse_existing(&self.tin.output, self.tin.overwrite)?;
+        self.claim_output()?;
         let survey = self.folder.survey(Look::Quick);
         if let Some(missing) = self.folder.strips.tasks().find(|task| is_missing(*task, &survey)) {
             return Err(self.folder.not_done(missing));
@@ -237,6 +237,8 @@ impl<'a> Run<'a> {
         let started = Instant::now();
         let maker = self.maker();
         maker.check_output()?;
+        let path = absolute(&self.tin.output)?;
+        self.folder.note_mesh(&path, None)?;
         let mut tally = Tally::default();
         survey.done.values().for_each(|done| tally.add(done.tally));
         let shelf = Shelf::of_all(&self.folder, survey);
@@ -250,19 +252,30 @@ impl<'a> Run<'a> {
             .map_err(|error| in_input(error, &self.tin.input))?;
         self.progress.end();
         report.took(started.elapsed());
-        let (path, digest) = (absolute(&self.tin.output)?, digest_of(&self.tin.output)?);
-        let plan_id = self.folder.id;
-        self.folder.note_finished(&Finished { plan_id, path, digest, report: report.clone() })?;
+        let finished = Finished { digest: digest_of(&path)?, report: report.clone() };
+        self.folder.note_mesh(&path, Some(finished))?;
         Ok(report)
     }
 
     /// The mesh, if it is written already and as it was.
     fn finished(&self) -> Result<Option<Finished>> {
-        let Some(finished) = self.folder.finished() else { return Ok(None) };
-        let is_there = finished.path == absolute(&self.tin.output)?
-            && finished.path.exists()
-            && digest_of(&finished.path)? == finished.digest;
-        Ok(is_there.then_some(finished))
+        let Some(mesh) = self.mesh_there()? else { return Ok(None) };
+        let Some(finished) = mesh.finished else { return Ok(None) };
+        let is_it = mesh.path.exists() && digest_of(&mesh.path)? == finished.digest;
+        Ok(is_it.then_some(finished))
+    }
+
+    /// The note on a mesh where this run's belongs.
+    fn mesh_there(&self) -> Result<Option<Mesh>> {
+        let path = absolute(&self.tin.output)?;
+        Ok(self.folder.mesh().filter(|mesh| mesh.path == path))
+    }
+
+    /// Fails when something is where the mesh belongs, unless a run that did not come to its end was
+    /// writing there.
+    fn claim_output(&mut self) -> Result<()> {
+        self.tin.overwrite |= self.mesh_there()?.is_some_and(|mesh| mesh.finished.is_none());
+        refuse_existing(&self.tin.output, self.tin.overwrite)
     }
 
     fn maker(&self) -> Maker<'_> {
