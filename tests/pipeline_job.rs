@@ -16,6 +16,7 @@ fn job(input: &str, output: &Path, goal: Goal) -> TinJob {
         output: output.to_path_buf(),
         format: None,
         overwrite: false,
+        split: None,
         solid_base: None,
         goal,
         strict: false,

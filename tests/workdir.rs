@@ -23,6 +23,7 @@ fn tin(input: &str, output: &Path) -> TinJob {
         output: output.to_path_buf(),
         format: None,
         overwrite: false,
+        split: None,
         solid_base: None,
         goal: Goal::MaxError(8.0),
         strict: false,
@@ -45,6 +46,7 @@ fn work(folder: &Path, task: Option<&str>, threads: usize) -> Result<RunReport> 
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
+        split: None,
         solid_base: None,
         resources: resources(threads),
     };

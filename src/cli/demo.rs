@@ -92,6 +92,7 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
         output: files.mesh.clone(),
         format: None,
         overwrite: true,
+        split: None,
         solid_base: None,
         goal: Goal::MaxError(TOLERANCE),
         strict: false,

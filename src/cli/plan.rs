@@ -72,6 +72,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         output: args.folder.join("mesh"),
         format: Some(format.name.to_owned()),
         overwrite: false,
+        split: None,
         solid_base: None,
         goal: Goal::MaxError(args.max_error),
         strict: args.method.strict,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, say, text, tin};
+use crate::cli::{Outcome, args, say, text, tin};
 use crate::error::Result;
 use crate::pipeline::Cancel;
 use crate::pipeline::tin::{RunJob, RunReport, run_plan};
@@ -41,6 +41,8 @@ struct How {
     #[arg(long, help_heading = "Output")]
     overwrite: bool,
     #[command(flatten)]
+    split: tin::Split,
+    #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
@@ -64,13 +66,14 @@ fn work(
 ) -> Result<Outcome> {
     if let Some(output) = &output {
         // Whether it exists is asked later: it may be the mesh of this very plan.
-        check::new_file(output, true)?;
+        how.split.check_output(output, true)?;
     }
     let job = RunJob {
         folder: folder.to_path_buf(),
         task,
         output,
         overwrite: how.overwrite,
+        split: how.split.tiles,
         solid_base: None,
         resources: how.machine.resources(),
     };

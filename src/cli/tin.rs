@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, refuse_existing};
 use crate::cli::{Outcome, args, check, parse, say, text, verify};
 use crate::error::{Error, Result};
 use crate::output;
@@ -42,6 +42,8 @@ pub(super) struct Args {
     #[arg(long, help_heading = "Output")]
     verify: bool,
     #[command(flatten)]
+    split: Split,
+    #[command(flatten)]
     method: Method,
     /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
     /// be removed when the mesh is there
@@ -51,6 +53,24 @@ pub(super) struct Args {
     machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
+}
+
+/// One file or many.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Split {
+    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    #[arg(long = "split", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = "Output")]
+    pub(super) tiles: Option<u32>,
+}
+
+impl Split {
+    /// Fails when `output` cannot become what is asked for.
+    pub(super) fn check_output(&self, output: &Path, overwrite: bool) -> Result<()> {
+        match self.tiles {
+            Some(_) => refuse_existing(output, overwrite),
+            None => check::new_file(output, overwrite),
+        }
+    }
 }
 
 /// How the mesh is made.
@@ -152,13 +172,14 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<TinJob> {
     check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
-    let format = output::by_path(&args.output, args.format.as_deref())?;
+    let usual = args.split.tiles.map(|_| "PLY");
+    let format = output::by_path(&args.output, args.format.as_deref().or(usual))?;
     let prj = output::prj_path(&args.output);
     check::not_inputs(&args.input, &[&args.output])?;
     if let Some(report) = &args.report {
         check::not_inputs(&args.input, &[&args.output, &prj, report])?;
     }
-    check::new_file(&args.output, args.overwrite)?;
+    args.split.check_output(&args.output, args.overwrite)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
     let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
     if solid_base.is_some() && format.name != "STL" {
@@ -176,6 +197,7 @@ fn job(args: &Args) -> Result<TinJob> {
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
+        split: args.split.tiles,
         solid_base,
         goal: args.goal.goal()?,
         strict: args.method.strict,

@@ -13,6 +13,7 @@ mod ply_header;
 mod sidecar;
 mod sink;
 mod solid;
+pub mod split;
 mod stl;
 mod text;
 
@@ -49,8 +50,11 @@ pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
     Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
 }
 
-/// Opens a mesh file of any known format.
+/// Opens a mesh file of any known format, or a folder of meshes that are one.
 pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
+    if path.is_dir() {
+        return split::open(path);
+    }
     let format = identify(path)?.ok_or_else(|| {
         Error::bad_input("not a mesh of a known format")
             .in_file(path)

@@ -36,10 +36,13 @@ pub fn is_synthetic(input: &str) -> bool {
 
 /// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
+    let path = Path::new(raster::file_name(input));
+    if output::split::is_split(path) {
+        return Ok(true);
+    }
     if is_synthetic(input) || raster::is_collection(input) {
         return Ok(false);
     }
-    let path = Path::new(raster::file_name(input));
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| {
         endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))

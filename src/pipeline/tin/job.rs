@@ -49,6 +49,8 @@ pub struct TinJob {
     pub format: Option<String>,
     /// Replace an existing output.
     pub overwrite: bool,
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
     /// STL: close the surface down to this height.
     pub solid_base: Option<f64>,
     /// What to reach.

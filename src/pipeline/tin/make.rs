@@ -12,9 +12,10 @@ use super::report::TinReport;
 use super::run::{Outcome, Settings, run_on};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
-use crate::atomic::{AtomicFile, refuse_existing};
+use crate::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
+use crate::output::split::{self, Blocks};
 use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
@@ -112,10 +113,28 @@ impl Maker<'_> {
             solid_base: job.solid_base,
             temp_dir: job.resources.temp_dir.clone(),
         };
-        let sink = (self.opened.format.create)(&job.output, &header, &options)?;
+        let sink = match self.blocks()? {
+            None => (self.opened.format.create)(&job.output, &header, &options)?,
+            Some(blocks) => {
+                split::create(&job.output, self.opened.format, &header, &options, blocks)?
+            }
+        };
         let outcome = write(sink, self.spec(tolerance))?;
-        let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
+        let prj = match job.split {
+            None => write_prj(&job.output, &info.crs, job.overwrite)?,
+            Some(_) => None,
+        };
         self.report(tolerance, trials, outcome, prj)
+    }
+
+    /// How the mesh is divided among files, if it is.
+    fn blocks(&self) -> Result<Option<Blocks>> {
+        let Some(tiles) = self.job.split else { return Ok(None) };
+        let info = self.opened.source.info();
+        let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
+        let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
+        let samples = [info.width, info.height];
+        Ok(Some(Blocks { cells, samples, to_world: info.transform }))
     }
 
     /// The tiling.
@@ -126,6 +145,10 @@ impl Maker<'_> {
 
     /// Finds out before the work that the output can be created.
     pub(super) fn check_output(&self) -> Result<()> {
+        if self.job.split.is_some() {
+            let Self { job, .. } = self;
+            return AtomicFolder::create(&job.output, job.overwrite, split::is_split).map(drop);
+        }
         drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
         check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
     }

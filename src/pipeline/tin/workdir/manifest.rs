@@ -194,6 +194,7 @@ impl Manifest {
             output,
             format: Some(method.format),
             overwrite,
+            split: None,
             solid_base: None,
             goal: Goal::MaxError(method.max_error),
             strict: method.strict,

@@ -120,6 +120,7 @@ pub fn run_in(
         task: None,
         output: Some(job.output.clone()),
         overwrite: job.overwrite,
+        split: job.split,
         solid_base: job.solid_base,
         resources: job.resources.clone(),
     };

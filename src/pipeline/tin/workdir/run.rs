@@ -11,6 +11,7 @@ use super::shelf::Shelf;
 use super::tasks::TaskId;
 use crate::atomic::refuse_existing;
 use crate::error::{Error, ErrorKind, Result};
+use crate::output;
 use crate::pipeline::tin::job::TinJob;
 use crate::pipeline::tin::make::{Maker, Opened, in_input};
 use crate::pipeline::tin::report::{Clock, TinReport};
@@ -30,6 +31,8 @@ pub struct RunJob {
     pub output: Option<PathBuf>,
     /// Replace an existing mesh.
     pub overwrite: bool,
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
     /// STL: close the surface down to this height.
     pub solid_base: Option<f64>,
     /// What the work may use.
@@ -102,11 +105,13 @@ impl<'a> Run<'a> {
     ) -> Result<Self> {
         let lock = folder.lock(alone)?;
         folder.plan.check_files(alone)?;
-        let output = job.output.clone().unwrap_or_else(|| default_output(&folder));
+        let ending = if job.split.is_some() { "blocks" } else { ending(&folder) };
+        let default = || folder.path.join("mesh").with_extension(ending);
+        let output = job.output.clone().unwrap_or_else(default);
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
         let mut tin = folder.plan.job(output, job.overwrite, resources);
-        tin.solid_base = job.solid_base;
+        (tin.solid_base, tin.split) = (job.solid_base, job.split);
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = folder.plan.method.height_origin;
         folder.plan.check_grid(opened.source.info())?;
@@ -293,10 +298,10 @@ fn is_missing(task: TaskId, survey: &Survey) -> bool {
     task != TaskId::Finish && !survey.done.contains_key(&task)
 }
 
-fn default_output(folder: &Folder) -> PathBuf {
-    let format = crate::output::by_path(Path::new(""), Some(&folder.plan.method.format));
-    let ending = format.map_or("mesh", |format| format.extensions[0]);
-    folder.path.join("mesh").with_extension(ending)
+/// The usual ending of mesh files of the plan's format.
+fn ending(folder: &Folder) -> &'static str {
+    let format = output::by_path(Path::new(""), Some(&folder.plan.method.format));
+    format.map_or("mesh", |format| format.extensions[0])
 }
 
 fn absolute(path: &Path) -> Result<PathBuf> {
@@ -310,9 +315,13 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
+/// Of a mesh, in one file or in many.
 fn digest_of(path: &Path) -> Result<Digest> {
     let mut hasher = blake3::Hasher::new();
-    let file = File::open(path).and_then(|file| hasher.update_reader(file).map(drop));
-    file.map_err(|e| Error::read(path, e))?;
+    let files = if path.is_dir() { output::split::files(path)? } else { vec![path.to_path_buf()] };
+    for path in files {
+        let file = File::open(&path).and_then(|file| hasher.update_reader(file).map(drop));
+        file.map_err(|e| Error::read(&path, e))?;
+    }
     Ok(Digest(*hasher.finalize().as_bytes()))
 }

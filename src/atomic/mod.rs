@@ -1,6 +1,8 @@
 //! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. A
 //! link is written through: its target is replaced, the link stays.
 
+mod folder;
+
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -9,6 +11,8 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::fault::{self, Point};
+
+pub use folder::AtomicFolder;
 
 /// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
 const TEMP_PREFIX: &str = ".terrane-";
@@ -167,7 +171,7 @@ fn sync_folder(folder: &Path) {
     }
 }
 
-/// Removes temporary files that nobody has locked any more: their run was killed. Best effort:
+/// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
 /// failures are not the user's problem.
 fn remove_leftovers(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
@@ -175,7 +179,9 @@ fn remove_leftovers(folder: &Path) {
         let name = entry.file_name();
         let is_ours = name.to_str().is_some_and(is_temporary);
         if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
-            let _ = std::fs::remove_file(entry.path());
+            let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+            let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
+            let _ = remove(&entry.path());
         }
     }
 }

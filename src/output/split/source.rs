@@ -1,0 +1,146 @@
+//! A folder of meshes read as one mesh of single triangles: three vertices each, found to be the same
+//! by their positions.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::index::Index;
+use crate::error::{Error, Result};
+use crate::geom::Point3;
+use crate::output::{self, MeshInfo, MeshSource};
+
+/// Blocks whose triangles are held at once.
+const MOST_HELD: usize = 4;
+/// Triangles of a block read at a time.
+const BATCH: usize = 1 << 14;
+
+/// Three corners each.
+type Triangles = Arc<Vec<[Point3; 3]>>;
+
+/// A folder of meshes.
+struct SplitSource {
+    info: MeshInfo,
+    parts: Vec<Part>,
+    /// The blocks read last, by their place in `parts`; the latest last.
+    held: Mutex<Vec<(usize, Triangles)>>,
+}
+
+struct Part {
+    path: PathBuf,
+    /// Its first triangle among those of all blocks, and
+    first: u64,
+    /// how many there are.
+    triangles: u64,
+}
+
+/// Opens the folder `path`.
+pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let index = Index::read(path)?;
+    let mut parts = Vec::new();
+    let mut first = 0;
+    let mut info: Option<MeshInfo> = None;
+    for block in &index.blocks {
+        let path = path.join(&block.file);
+        let found = output::open(&path)?.info().clone();
+        if found.triangles != block.triangles {
+            return Err(Error::bad_input(format!(
+                "has {} triangles, its index says {}",
+                found.triangles, block.triangles
+            ))
+            .in_file(&path)
+            .remedy("make the folder again"));
+        }
+        parts.push(Part { path, first, triangles: found.triangles });
+        first += found.triangles;
+        info.get_or_insert(found);
+    }
+    let info = info.ok_or_else(|| {
+        Error::bad_input("its index names no mesh").in_file(path).remedy("make the folder again")
+    })?;
+    let mut details = info.details.clone();
+    details.push(("blocks".to_owned(), index.blocks.len().to_string()));
+    let comments = index.comments.iter().map(|comment| ("comment".to_owned(), comment.clone()));
+    details.extend(comments.filter(|comment| !info.details.contains(comment)));
+    let info = MeshInfo { vertices: 3 * first, triangles: first, indexed: false, details, ..info };
+    Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
+}
+
+impl SplitSource {
+    /// Calls `each` with the corners of `count` triangles from `first` on.
+    fn visit(&self, first: u64, count: u64, mut each: impl FnMut(&[Point3; 3])) -> Result<()> {
+        let mut part = self.parts.partition_point(|part| part.first <= first).saturating_sub(1);
+        let (mut at, end) = (first, first + count);
+        while at < end {
+            let Part { first, triangles, .. } = self.parts[part];
+            let last = end.min(first + triangles);
+            if at < last {
+                let held = self.part(part)?;
+                held[(at - first) as usize..(last - first) as usize].iter().for_each(&mut each);
+            }
+            (at, part) = (at.max(last), part + 1);
+        }
+        Ok(())
+    }
+
+    fn part(&self, part: usize) -> Result<Triangles> {
+        let lock = || self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, triangles)) = lock().iter().find(|(held, _)| *held == part) {
+            return Ok(Arc::clone(triangles));
+        }
+        let triangles = Arc::new(self.parts[part].read()?);
+        let mut held = lock();
+        if held.len() >= MOST_HELD {
+            held.remove(0);
+        }
+        held.push((part, Arc::clone(&triangles)));
+        Ok(triangles)
+    }
+}
+
+impl Part {
+    fn read(&self) -> Result<Vec<[Point3; 3]>> {
+        let mesh = output::open(&self.path)?;
+        let info = mesh.info();
+        let changed = || Error::bad_input("changed while it was read").in_file(&self.path);
+        if info.triangles != self.triangles {
+            return Err(changed());
+        }
+        let mut vertices = vec![[0.0; 3]; info.vertices as usize];
+        mesh.read_vertices(0, &mut vertices)?;
+        let mut all = Vec::with_capacity(info.triangles as usize);
+        let mut ids = vec![[0; 3]; BATCH];
+        while (all.len() as u64) < info.triangles {
+            let count = BATCH.min((info.triangles - all.len() as u64) as usize);
+            mesh.read_triangles(all.len() as u64, &mut ids[..count])?;
+            for ids in &ids[..count] {
+                let corner = |id: u64| vertices.get(id as usize).copied().ok_or_else(changed);
+                all.push([corner(ids[0])?, corner(ids[1])?, corner(ids[2])?]);
+            }
+        }
+        Ok(all)
+    }
+}
+
+impl MeshSource for SplitSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        let (start, end) = (first / 3, (first + out.len() as u64).div_ceil(3));
+        let mut skip = (first % 3) as usize;
+        let mut left = out.iter_mut();
+        self.visit(start, end - start, |corners| {
+            for (corner, out) in corners[std::mem::take(&mut skip)..].iter().zip(&mut left) {
+                *out = *corner;
+            }
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        for (triangle, out) in (first..).zip(out) {
+            *out = [0, 1, 2].map(|corner| 3 * triangle + corner);
+        }
+        Ok(())
+    }
+}

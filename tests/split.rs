@@ -1,0 +1,113 @@
+//! A mesh in many files is the mesh in one file: the same triangles, and a promise that can be proved.
+
+mod cli_support;
+
+use std::collections::HashSet;
+
+use cli_support::Place;
+use serde_json::Value;
+use terrane::output;
+
+const TERRAIN: &str = "synth:coast,width=700,height=420,seed=4";
+
+/// All triangles by the bits of their corners, beginning with the smallest; no two are the same.
+fn triangles(place: &Place, name: &str) -> HashSet<[[u64; 3]; 3]> {
+    let mesh = output::open(&place.path(name)).unwrap();
+    let info = mesh.info();
+    let mut positions = vec![[0.0; 3]; info.vertices as usize];
+    mesh.read_vertices(0, &mut positions).unwrap();
+    let mut ids = vec![[0; 3]; info.triangles as usize];
+    mesh.read_triangles(0, &mut ids).unwrap();
+    let triangle = |ids: &[u64; 3]| {
+        let mut corners = ids.map(|id| positions[id as usize].map(f64::to_bits));
+        let first = (0..3).min_by_key(|&i| corners[i]).unwrap();
+        corners.rotate_left(first);
+        corners
+    };
+    let all: HashSet<_> = ids.iter().map(triangle).collect();
+    assert_eq!(all.len() as u64, info.triangles, "{name} has a triangle twice");
+    all
+}
+
+fn tin(place: &Place, output: &str, more: &[&str]) {
+    let args = ["tin", TERRAIN, output, "--max-error", "2", "--tile", "32", "-q"];
+    place.ok(&[&args[..], more].concat());
+}
+
+#[test]
+fn the_blocks_are_the_whole_in_every_format() {
+    for format in output::FORMATS {
+        let place = Place::new();
+        let whole = format!("whole.{}", format.extensions[0]);
+        tin(&place, &whole, &[]);
+        for split in ["1", "3", "100"] {
+            tin(&place, split, &["--split", split, "-f", format.name]);
+            let expected = triangles(&place, &whole);
+            assert!(triangles(&place, split) == expected, "{} by {split}", format.name);
+            place.ok(&["verify", split, TERRAIN, "--max-error", "2"]);
+        }
+        let broken = place.run(&["verify", "3", TERRAIN, "--max-error", "0.5"]);
+        assert_eq!(broken.code, 1, "{}: {}", format.name, broken.err);
+    }
+}
+
+#[test]
+fn a_block_that_is_lost_or_changed_is_found() {
+    let place = Place::new();
+    tin(&place, "out", &["--split", "4"]);
+    let index = place.path("out/index.geojson");
+    let text = std::fs::read_to_string(&index).unwrap();
+    let parsed: Value = serde_json::from_str(&text).unwrap();
+    let features = parsed["features"].as_array().unwrap();
+    assert!(features.len() > 8, "{}", features.len());
+    // Without one block there is a hole.
+    let mut fewer = parsed.clone();
+    fewer["features"].as_array_mut().unwrap().remove(7);
+    std::fs::write(&index, fewer.to_string()).unwrap();
+    assert_eq!(place.run(&["verify", "out", TERRAIN]).code, 1);
+    std::fs::write(&index, &text).unwrap();
+    place.ok(&["verify", "out", TERRAIN]);
+    // One block of another mesh does not fit.
+    tin(&place, "other", &["--split", "4", "--no-drop"]);
+    let name = features[7]["properties"]["file"].as_str().unwrap();
+    std::fs::copy(place.path("other").join(name), place.path("out").join(name)).unwrap();
+    assert_ne!(place.run(&["verify", "out", TERRAIN]).code, 0);
+    std::fs::remove_file(place.path("out").join(name)).unwrap();
+    place.fails(&["verify", "out", TERRAIN], 65, &[name]);
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_memory_or_tasks() {
+    let place = Place::new();
+    tin(&place, "a", &["--split", "3", "--threads", "1"]);
+    tin(&place, "b", &["--split", "3", "--threads", "3", "--memory", "40M"]);
+    place.ok(&["plan", "tin", TERRAIN, "-o", "work", "--max-error", "2", "--tile", "32", "-q"]);
+    place.ok(&["run", "work", "-o", "c", "--split", "3", "-q"]);
+    place.ok(&["run", "work", "-o", "c", "--split", "3", "-q"]);
+    let read = |folder: &str| {
+        let entries = std::fs::read_dir(place.path(folder)).unwrap().flatten();
+        let mut files: Vec<_> = entries
+            .map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap()))
+            .collect();
+        files.sort();
+        files
+    };
+    let expected = read("a");
+    assert!(expected.len() > 20);
+    assert!(read("b") == expected && read("c") == expected);
+}
+
+#[test]
+fn folders_of_others_are_never_replaced() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("out")).unwrap();
+    place.write("out/precious", "x");
+    let args = ["tin", TERRAIN, "out", "--max-error", "2", "--split", "2"];
+    place.fails(&args, 2, &["out"]);
+    place.fails(&[&args[..], &["--overwrite"]].concat(), 2, &["not made by terrane"]);
+    std::fs::remove_file(place.path("out/precious")).unwrap();
+    std::fs::remove_dir(place.path("out")).unwrap();
+    tin(&place, "out", &["--split", "2"]);
+    tin(&place, "out", &["--split", "7", "--overwrite"]);
+    assert_eq!(place.files(), ["out"]);
+}
