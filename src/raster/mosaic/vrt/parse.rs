@@ -423,6 +423,12 @@ mod tests {
     }
 
     #[test]
+    fn offsets_are_rounded_to_the_nearest_sample() {
+        assert_eq!(whole([4.9999, -6.0001, 19.9999, 10.0001]).unwrap(), [5, -6, 20, 10]);
+        assert!(whole([4.99, 0.0, 1.0, 1.0]).is_err());
+    }
+
+    #[test]
     fn damage_is_an_error() {
         let good = text(SOURCE);
         for (from, to, said) in [
