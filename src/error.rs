@@ -103,7 +103,12 @@ impl Error {
             | io::ErrorKind::IsADirectory => ErrorKind::BadInput,
             _ => ErrorKind::Io,
         };
-        Self::io(kind, "read", source).in_file(path)
+        let is_denied = source.kind() == io::ErrorKind::PermissionDenied;
+        let error = Self::io(kind, "read", source).in_file(path);
+        match is_denied {
+            true => error.remedy("change its permissions, or copy it to where you may read it"),
+            false => error,
+        }
     }
 
     /// Failure to create or write an output file.
@@ -115,10 +120,20 @@ impl Error {
             | io::ErrorKind::ReadOnlyFilesystem => ErrorKind::CannotWrite,
             _ => ErrorKind::Io,
         };
-        let is_full =
-            matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
+        let remedy = match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                Some("free some space, or choose another place")
+            }
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                Some("choose a folder that you may write to")
+            }
+            _ => None,
+        };
         let error = Self::io(kind, "write", source).in_file(path);
-        if is_full { error.remedy("free some space, or choose another place") } else { error }
+        match remedy {
+            Some(remedy) => error.remedy(remedy),
+            None => error,
+        }
     }
 
     /// Attaches the file, unless one is attached already.
@@ -208,6 +223,20 @@ mod tests {
     fn whatever_a_file_says_stays_on_one_line() {
         let error = Error::unsupported("type \"\u{1b}[31m\n\"").in_file(Path::new("a\r\nb.npy"));
         assert_eq!(error.to_string(), r#"a\r\nb.npy: type "\u{1b}[31m\n""#);
+    }
+
+    #[test]
+    fn refusals_of_the_system_come_with_a_remedy() {
+        use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem, StorageFull};
+        for (kind, code) in [(PermissionDenied, 73), (ReadOnlyFilesystem, 73), (StorageFull, 74)] {
+            let error = Error::write(Path::new("a"), kind.into());
+            assert!(
+                error.kind().exit_code() == code && error.to_string().contains("; "),
+                "{error}"
+            );
+        }
+        let error = Error::read(Path::new("a"), PermissionDenied.into());
+        assert!(error.kind().exit_code() == 65 && error.to_string().contains("; "), "{error}");
     }
 
     #[test]

@@ -153,14 +153,12 @@ fn options_that_cannot_act_are_refused_by_name() {
         place.fails(&[args, &["--band", "1"]].concat(), 2, &["synth:rough", "--band"]);
         place.fails(&[args, &["--nodata", "-1"]].concat(), 2, &["synth:rough", "--nodata"]);
     }
-    for args in [
-        &["info", "good.asc"][..],
-        &["view", "good.asc", "-o", "out.png"],
-        &["convert", "good.asc", "out.tif"],
-        &["synth", "rough,size=20", "out.tif"],
-    ] {
-        place.fails(&[args, &["--temp-dir", "."]].concat(), 2, &["--temp-dir"]);
+    for option in [["--threads", "1"], ["--memory", "1G"], ["--temp-dir", "."]] {
+        place.ok(&["info", "good.asc", option[0], option[1]]);
+        place.fails(&["info", "m.ply", option[0], option[1]], 2, &["m.ply", option[0], "mesh"]);
     }
+    place.fails(&[&view[..], &["--temp-dir", "."]].concat(), 2, &["m.ply", "--temp-dir", "mesh"]);
+    place.fails(&["synth", "rough,size=20", "out.tif", "--temp-dir", "."], 2, &["--temp-dir"]);
 }
 
 #[test]

@@ -115,6 +115,7 @@ fn raw_headers_that_lie() {
     check("TOTALROWBYTES 36", "TOTALROWBYTES 9e18", "not a whole number");
     check("LAYOUT BIL", "LAYOUT TILED", "layout TILED is not supported");
     check("BYTEORDER M", "BYTEORDER VAX", "byte order VAX is not supported");
+    check("BYTEORDER M", "", "header lacks BYTEORDER, and programs disagree");
     check("SIGNEDINT", "COMPLEX", "pixel type COMPLEX is not supported");
     check("XDIM 10", "XDIM -10", "cell size or position");
     check("XDIM 10", "XDIM ten", "\"ten\", not a number");

@@ -362,3 +362,34 @@ fn very_many_blocks() {
     bytes.drain(8..12);
     assert!(open_band(&folder.raw(&bytes), 1).is_err());
 }
+
+/// A LERC TIFF of 4 x 3 samples in big-endian order, as GDAL writes it: -30, -23, -16, ...
+const BIG_ENDIAN_LERC: &str = "4d4d002a00000008000d01000003000000010004000001010003000000010003000001020003000000010010000001030003000000018847000001060003000000010001000001110004000000010000012401150003000000010001000001160003000000010003000001170004000000010000006301\
+1c00030000000100010000015300030000000100020000a480000200000072000000b2c5f2000400000002000000aa0000000000000004000000003c4744414c4d657461646174613e0a20203c4974656d206e616d653d22434f4d5052455353494f4e5f5245564552534942494c4954592220646f6d61696e3d22494d414745\
+5f535452554354555245223e4c4f53534c4553533c2f4974656d3e0a3c2f4744414c4d657461646174613e0a004c657263322004000000d5521c350300000004000000010000000c000000080000006300000002000000000000000000e03f000000000001bdc0000000000080c74000000000ffe2002f01ffe2ffe9fff0fff7\
+fffe0005000c0013001a00210028002f";
+
+#[test]
+fn lerc_in_big_endian_files_holds_swapped_samples() {
+    let mut bytes: Vec<u8> = (0..BIG_ENDIAN_LERC.len() / 2)
+        .map(|i| u8::from_str_radix(&BIG_ENDIAN_LERC[2 * i..2 * i + 2], 16).unwrap())
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("l.tif");
+    std::fs::write(&path, &bytes).unwrap();
+    let heights = read_all(open_band(&path, 1).unwrap().as_ref()).unwrap();
+    let expected: Vec<f64> = (0..12).map(|i| f64::from(i * 7 - 30)).collect();
+    assert_eq!(heights, expected);
+    // As 32-bit floats: bits per sample, and the sample format.
+    let tag = |bytes: &[u8], tag: u16| {
+        let entries = (10..).step_by(12).take(13);
+        entries.clone().find(|at| bytes[*at..*at + 2] == tag.to_be_bytes()).unwrap() + 8
+    };
+    for (number, value) in [(258, 32), (339, 3)] {
+        let at = tag(&bytes, number);
+        bytes[at + 1] = value;
+    }
+    std::fs::write(&path, &bytes).unwrap();
+    let told = open_band(&path, 1).err().unwrap().to_string();
+    assert!(told.contains("LERC of big-endian floats is not supported"), "{told}");
+}

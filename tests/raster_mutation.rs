@@ -276,6 +276,8 @@ fn write_seeds() {
         let bytes = match &seed.files[1..] {
             [] if PAIRS.contains(&ending) => [&[0], &grid[..]].concat(),
             [] => grid.clone(),
+            // The text comes first, whichever of the two is opened.
+            [(_, beside)] if ending == "vrt" => [grid, &[0][..], beside].concat(),
             [(_, text)] if PAIRS.contains(&ending) => [text, &[0][..], grid].concat(),
             _ => continue,
         };

@@ -454,3 +454,34 @@ fn options_that_cannot_act_are_refused() {
     refused(&grid, &starved, ErrorKind::Resource, &["--memory"]);
     assert_eq!(names(folder.path()), Vec::<String>::new());
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_found_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = "synth:rough,size=4000000";
+    for asked in ["GTiff", "COG COMPRESS=NONE", "COG"] {
+        let path = folder.path().join("a.tif");
+        let error = terrane::pipeline::convert::run(
+            &ConvertJob { input: input.into(), ..job(&path, asked) },
+            &Silent,
+            &Cancel::default(),
+        );
+        let told = error.unwrap_err().to_string();
+        assert!(told.contains("making room for") && told.contains("free some space"), "{told}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{asked}");
+    }
+}
+
+#[test]
+fn spools_of_a_cog_go_where_the_user_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut job = job(&folder.path().join("a.tif"), "COG");
+    job.input = "synth:rough,size=65".into();
+    job.resources.temp_dir = Some(folder.path().join("lost"));
+    let error = terrane::pipeline::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
+    assert_eq!(error.path(), job.resources.temp_dir.as_deref());
+    job.resources.temp_dir = Some(folder.path().into());
+    terrane::pipeline::convert::run(&job, &Silent, &Cancel::default()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

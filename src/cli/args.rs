@@ -31,7 +31,8 @@ impl Grid {
     /// Options for opening the grid within `resources`.
     pub(super) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
-        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes }
+        let temp_dir = resources.temp_dir.clone();
+        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, temp_dir }
     }
 
     /// As [`check`](Self::check), for each of `inputs`.
@@ -99,7 +100,8 @@ impl Machine {
 pub(super) struct SpillingMachine {
     #[command(flatten)]
     machine: Machine,
-    /// Folder for temporary files [default: the output's, or the system's where there is none]
+    /// Folder for temporary files [default: the output's, or the system's where there is none and
+    /// for inputs that must be unpacked]
     #[arg(long, value_name = "DIR")]
     temp_dir: Option<PathBuf>,
 }
@@ -108,6 +110,24 @@ impl SpillingMachine {
     /// The resources asked for.
     pub(super) fn resources(&self) -> Resources {
         Resources { temp_dir: self.temp_dir.clone(), ..self.machine.resources() }
+    }
+
+    /// For a verb that needs none of it for meshes: fails when any was given and `input` is one.
+    pub(super) fn check(&self, input: &str) -> Result<()> {
+        let options = [
+            ("--threads", self.machine.threads.is_some()),
+            ("--memory", self.machine.memory.is_some()),
+        ];
+        match options.into_iter().find(|(_, given)| *given) {
+            Some((option, _)) => only_grids(option, input),
+            None => self.check_temp_dir(input),
+        }
+    }
+
+    /// For a verb that spills nothing itself: fails when the folder was given and `input` is a mesh,
+    /// which is never unpacked.
+    pub(super) fn check_temp_dir(&self, input: &str) -> Result<()> {
+        if self.temp_dir.is_some() { only_grids("--temp-dir", input) } else { Ok(()) }
     }
 }
 

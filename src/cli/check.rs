@@ -1,5 +1,6 @@
 //! What can be known to be wrong before any work: inputs that are missing, outputs that are taken.
 
+use std::io;
 use std::path::Path;
 
 use crate::atomic;
@@ -18,14 +19,19 @@ pub(super) fn input(input: &str) -> Result<()> {
     if is_synthetic(input) || path.is_file() || raster::is_collection(input) {
         return Ok(());
     }
-    let (what, remedy) = match path.try_exists() {
-        Ok(true) => ("is not a regular file", "name a file"),
-        _ => (
-            "no such file",
-            "check the name, or use a synthetic terrain such as synth:rough,size=2049",
-        ),
-    };
-    Err(Error::bad_input(what).in_file(path).remedy(remedy))
+    Err(match std::fs::metadata(path) {
+        Ok(_) => Error::bad_input("is not a regular file").in_file(path).remedy("name a file"),
+        Err(e) if is_nowhere(e.kind()) => Error::bad_input("no such file")
+            .in_file(path)
+            .remedy("check the name, or use a synthetic terrain such as synth:rough,size=2049"),
+        Err(e) => Error::read(path, e),
+    })
+}
+
+/// True where a name leads to nothing; other failures, such as a folder that may not be entered, do
+/// not tell.
+fn is_nowhere(kind: io::ErrorKind) -> bool {
+    matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
 /// Fails when `path` cannot become a new file: it exists, or its folder does not.
@@ -108,7 +114,12 @@ mod tests {
         std::fs::write(&file, b"x").unwrap();
         let name = |p: &Path| p.to_str().unwrap().to_owned();
         assert!(input(&name(&file)).is_ok() && input("synth:rough").is_ok());
-        assert_eq!(input("nowhere.tif").unwrap_err().kind(), ErrorKind::BadInput);
+        for nowhere in ["nowhere.tif".to_owned(), name(&file) + "/b.tif"] {
+            let told = input(&nowhere).unwrap_err().to_string();
+            assert!(told.contains("no such file"), "{told}");
+        }
+        let told = input(&"n".repeat(300)).unwrap_err().to_string();
+        assert!(told.contains("cannot read"), "a name that no file can have: {told}");
         assert!(input(&name(folder.path())).is_ok(), "a folder of grids");
         assert!(not_inputs(&[name(folder.path())], &[&folder.path().join("./a.tif")]).is_err());
         assert!(not_inputs(&[name(&file)], &[&folder.path().join("b.tif")]).is_ok());

@@ -50,7 +50,7 @@ pub(super) struct Args {
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }

@@ -27,7 +27,7 @@ pub(super) struct Args {
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
@@ -72,6 +72,7 @@ fn describe(
 ) -> Result<Facts> {
     check::inputs(files)?;
     args.grid.check_all(files)?;
+    files.iter().try_for_each(|file| args.machine.check(file))?;
     if args.stats {
         files.iter().try_for_each(|file| args::only_grids("--stats", file))?;
     }

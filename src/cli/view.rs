@@ -43,7 +43,7 @@ pub(super) struct Args {
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
-    machine: args::Machine,
+    machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
 }
@@ -51,6 +51,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
+    args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
     check::ending(&args.output, &["png"], "a picture")?;
     check::new_file(&args.output, args.overwrite)?;
     view::check_width(args.width)?;

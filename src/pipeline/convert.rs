@@ -72,6 +72,7 @@ impl ConvertJob {
             sample_type: self.sample_type,
             nodata: self.out_nodata,
             round: self.round,
+            temp_dir: self.resources.temp_dir.clone(),
         }
     }
 }
@@ -110,7 +111,8 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     format.check(&job.creation)?;
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
     let cache_bytes = Budget::divide(job, format)?.cache;
-    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
+    let temp_dir = job.resources.temp_dir.clone();
+    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, temp_dir };
     let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }

@@ -43,7 +43,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let header = Header::read(&file)?;
-    let spool = Columns { file: &file, header: &header }.spool(path)?;
+    let spool = Columns { file: &file, header: &header }
+        .spool(Spool::new(path, options.temp_dir.as_deref())?)?;
     let info = header.info(options);
     let layout = Layout::columns(header.height, SampleType::I16.bytes());
     Strided::new(spool, info, layout)
@@ -195,11 +196,10 @@ struct Columns<'a> {
 
 impl Columns<'_> {
     /// Verifies and decodes all columns, missing ones as voids, into columns from north to south.
-    fn spool(&self, path: &Path) -> Result<RawFile> {
+    fn spool(&self, mut spool: Spool) -> Result<RawFile> {
         let count = self.count()?;
         let bytes = self.record_bytes();
         let column_bytes = u64::from(self.header.height) * 2;
-        let mut spool = Spool::new(path)?;
         spool.fill(
             &VOID.to_ne_bytes(),
             u64::from(self.header.width) * u64::from(self.header.height),

@@ -14,6 +14,7 @@ mod nodata;
 mod notes;
 mod npy;
 mod packed;
+mod pam;
 mod png;
 mod prj;
 mod raw;
@@ -26,6 +27,7 @@ mod usgs;
 mod window;
 mod world;
 pub mod write;
+mod xml;
 mod xyz;
 
 use std::fs::File;
@@ -215,11 +217,13 @@ pub struct OpenOptions {
     pub nodata: Option<f64>,
     /// Bytes the decoded-block cache may hold.
     pub cache_bytes: usize,
+    /// Folder for what has to be unpacked first; the system's when `None`.
+    pub temp_dir: Option<PathBuf>,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20 }
+        Self { band: 1, nodata: None, cache_bytes: 256 << 20, temp_dir: None }
     }
 }
 
@@ -270,7 +274,8 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
         return synth::open(input);
     }
     if let Some((packing, path)) = png::Packing::stated(input) {
-        return png::open(Path::new(path), Some(packing), options);
+        let path = Path::new(path);
+        return open_as(path, &png::FORMAT, options, |o| png::open(path, Some(packing), o));
     }
     open_path(Path::new(input), options)
 }
@@ -296,8 +301,18 @@ pub fn file_name(input: &str) -> &str {
 fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let head = head_of(path)?;
     let format = format_of(path, &head).ok_or_else(|| unknown_format(path))?;
+    open_as(path, format, options, |options| (format.open)(path, options))
+}
+
+/// Opens a file of `format` by `open`, with what lies beside it.
+fn open_as(
+    path: &Path,
+    format: &RasterFormat,
+    options: &OpenOptions,
+    open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
+) -> Result<Box<dyn GridSource>> {
     refuse_mask(path, format)?;
-    (format.open)(path, options)
+    pam::open(path, format, options, open)
 }
 
 /// The mask file beside `path`, if there is one: its name with ".msk" behind, as GDAL has it.

@@ -14,7 +14,9 @@ use crate::limits;
 use crate::raster::file::{self, RawFile};
 use crate::raster::mosaic::vrt;
 use crate::raster::spool::cannot_unpack;
-use crate::raster::{FORMATS, GridInfo, GridSource, OpenOptions, RasterFormat, open_path, world};
+use crate::raster::{
+    FORMATS, GridInfo, GridSource, OpenOptions, RasterFormat, mask_beside, open_path, pam, world,
+};
 
 /// Registry entry of gzip.
 pub(super) const GZIP: RasterFormat = RasterFormat {
@@ -49,7 +51,9 @@ fn open(
     options: &OpenOptions,
 ) -> Result<Box<dyn GridSource>> {
     let file = RawFile::open(path)?;
-    let folder = tempfile::Builder::new().prefix("terrane-").tempdir().map_err(cannot_unpack)?;
+    let folder = options.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = tempfile::Builder::new().prefix("terrane-").tempdir_in(folder);
+    let folder = folder.map_err(cannot_unpack)?;
     let inner = unpack(&file, folder.path()).map_err(|e| e.in_file(path))?;
     if is_packed(&inner)? {
         return Err(Error::unsupported("is packed twice").in_file(path));
@@ -145,7 +149,24 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
         let bytes = file.head(limits::MAX_HEADER_BYTES)?;
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
     }
+    // By the name of the packed file, which GDAL goes by, or by that of the grid in it.
+    let beside = [pam::name(packed), pam::name(&unpacked)];
+    if let Some(sidecar) = beside.iter().find(|sidecar| sidecar.is_file()) {
+        copy_file(sidecar, &pam::name(target))?;
+    }
+    if let Some(mask) = mask_beside(&unpacked).or_else(|| mask_beside(packed)) {
+        let mut name = target.as_os_str().to_owned();
+        name.push(".msk");
+        copy_file(&mask, Path::new(&name))?;
+    }
     Ok(())
+}
+
+fn copy_file(from: &Path, to: &Path) -> Result<()> {
+    let file = RawFile::open(from)?;
+    limits::check("bytes of a sidecar", file.len(), limits::MAX_UNPACKED_BYTES)
+        .map_err(|e| e.in_file(from))?;
+    copy(&mut file.reader(), file.len(), to, "sidecar").map(drop)
 }
 
 fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
@@ -155,10 +176,13 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let grid = the_grid(&names)?;
     let stem = stem(grid);
     let target = folder.join(base(grid));
-    let sidecars =
-        names.iter().filter(|name| *name != grid && is_sidecar(name, stem)).take(SIDECARS.len());
+    let large = [".aux.xml", ".msk", ".MSK"].map(|ending| format!("{grid}{ending}"));
+    let is_large = |name: &String| name == grid || large.contains(name);
+    let sidecars = names.iter().filter(|name| !is_large(name) && is_sidecar(name, stem));
+    let sidecars = sidecars.take(SIDECARS.len()).chain(names.iter().filter(|n| large.contains(n)));
     for name in sidecars.chain([grid]) {
-        let most = if name == grid { limits::MAX_UNPACKED_BYTES } else { limits::MAX_HEADER_BYTES };
+        let most =
+            if is_large(name) { limits::MAX_UNPACKED_BYTES } else { limits::MAX_HEADER_BYTES };
         extract(&mut archive, name, most, &folder.join(base(name)))?;
     }
     Ok(target)

@@ -110,7 +110,7 @@ fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) 
     limits::check("height", u64::from(height), limits::MAX_SIDE)?;
     let content = Content::of(&picture, path, stated, options)?;
     check_size(&picture, file.len())?;
-    let spool = spool_rows(&mut picture, &content, path)?;
+    let spool = spool_rows(&mut picture, &content, Spool::new(path, options.temp_dir.as_deref())?)?;
     let info = describe(path, (width, height), &content, &picture)?;
     let layout = Layout::rows(width, info.sample_type.bytes());
     Strided::new(spool, info, layout)
@@ -212,8 +212,7 @@ fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     Ok(())
 }
 
-fn spool_rows(picture: &mut Picture<'_>, content: &Content, path: &Path) -> Result<RawFile> {
-    let mut spool = Spool::new(path)?;
+fn spool_rows(picture: &mut Picture<'_>, content: &Content, mut spool: Spool) -> Result<RawFile> {
     let mut samples = Vec::new();
     if picture.info().interlaced {
         let mut all = vec![0; picture.output_buffer_size().unwrap_or(0)];

@@ -49,6 +49,24 @@ pub(super) fn from_text(text: &str) -> Crs {
     }
 }
 
+/// From well-known text, or from a name such as "EPSG:4326"; unknown where the text is empty.
+pub(super) fn of_srs(text: &str) -> Crs {
+    let text = text.trim();
+    let code = text.split_once(':').filter(|(name, _)| name.eq_ignore_ascii_case("EPSG"));
+    match code.and_then(|(_, code)| code.trim().parse().ok()) {
+        Some(code) => of_code(code),
+        None if text.is_empty() => Crs::default(),
+        None => from_text(text),
+    }
+}
+
+/// The system of a code, with what is known of it.
+fn of_code(code: u32) -> Crs {
+    let known = u16::try_from(code).ok().and_then(crs_definitions::from_code);
+    let crs = known.map_or_else(Crs::default, |system| from_text(system.wkt));
+    Crs { epsg: Some(code), ..crs }
+}
+
 /// The EPSG code of the system itself: the last `AUTHORITY["EPSG","n"]` or `ID["EPSG",n]`, one
 /// bracket deep.
 fn outermost_code(text: &str) -> Option<u32> {

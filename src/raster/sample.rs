@@ -316,6 +316,8 @@ mod tests {
         let half = f16::from_f32(-9999.0).to_ne_bytes();
         assert_eq!(voids(SampleType::F16, -9999.0, &half), [true]);
         assert_eq!(voids(SampleType::F64, 1e300, &1e300_f64.to_ne_bytes()), [true]);
+        let near = (-9999.0001_f64).to_ne_bytes();
+        assert_eq!(voids(SampleType::F64, -9999.0, &near), [false], "as near as only f32 is");
     }
 
     #[test]

@@ -19,9 +19,10 @@ pub(super) struct Spool {
 }
 
 impl Spool {
-    /// An empty one; `path` is the input it is made from.
-    pub(super) fn new(path: &Path) -> Result<Self> {
-        let file = tempfile::tempfile().map_err(cannot_unpack)?;
+    /// An empty one in `folder`, or else in the system's; `path` is the input it is made from.
+    pub(super) fn new(path: &Path, folder: Option<&Path>) -> Result<Self> {
+        let file = tempfile::tempfile_in(folder.map_or_else(std::env::temp_dir, Path::to_path_buf));
+        let file = file.map_err(cannot_unpack)?;
         Ok(Self { out: BufWriter::new(file), path: path.to_path_buf(), written: 0 })
     }
 
@@ -61,8 +62,8 @@ impl Spool {
 
 /// Failure to keep unpacked samples.
 pub(super) fn cannot_unpack(source: io::Error) -> Error {
-    Error::io(ErrorKind::Io, "unpack into the temporary folder", source)
-        .remedy("set TMPDIR to a folder with room")
+    Error::io(ErrorKind::Io, "unpack into the temporary folder", crate::atomic::plain(source))
+        .remedy("choose a folder with room with --temp-dir, or set TMPDIR")
 }
 
 #[cfg(test)]
@@ -71,7 +72,7 @@ mod tests {
 
     #[test]
     fn filled_and_replaced() {
-        let mut spool = Spool::new(Path::new("t")).unwrap();
+        let mut spool = Spool::new(Path::new("t"), None).unwrap();
         spool.fill(&[7, 8, 9], 30_000).unwrap();
         spool.replace(3, &[1, 2, 3]).unwrap();
         spool.write(&[4]).unwrap();

@@ -188,7 +188,7 @@ mod tests {
     use std::path::Path;
 
     fn grid(bytes: &[u8], width: u32, height: u32, layout: Layout) -> Result<Strided> {
-        let mut spool = Spool::new(Path::new("t.raw")).unwrap();
+        let mut spool = Spool::new(Path::new("t.raw"), None).unwrap();
         spool.write(bytes).unwrap();
         let info = GridInfo::plain("test", width, height, SampleType::U16);
         Strided::new(spool.finish().unwrap(), info, layout)

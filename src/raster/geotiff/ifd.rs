@@ -339,6 +339,18 @@ mod tests {
     }
 
     #[test]
+    fn offsets_beyond_four_gibibytes_are_kept() {
+        let head = b"II+\0\x08\0\0\0\x10\0\0\0\0\0\0\0\x01\0\0\0\0\0\0\0";
+        let entry = b"\x11\x01\x10\0\x01\0\0\0\0\0\0\0\x07\0\0\0\x01\0\0\0";
+        let file = file_of(&[&head[..], entry, &[0; 8]].concat());
+        let directory = Directory::read(&file).unwrap();
+        let offsets = directory.ints(tags::STRIP_OFFSETS).unwrap();
+        assert_eq!(offsets, Some(vec![0x1_0000_0007]));
+        let array = directory.int_array(tags::STRIP_OFFSETS).unwrap().unwrap();
+        assert_eq!(array.get(&file, 0).unwrap(), 0x1_0000_0007);
+    }
+
+    #[test]
     fn counts_that_lie_are_refused() {
         // One LONG8-sized claim of 2^31 values in a file of 26 bytes.
         let lie = b"II*\0\x08\0\0\0\x01\0\x11\x01\x04\0\0\0\0\x80\x07\0\0\0\0\0\0\0";

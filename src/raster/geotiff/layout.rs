@@ -70,7 +70,7 @@ impl Layout {
             sample_type,
             one_bit,
             predictor: Predictor::from_code(directory.int(tags::PREDICTOR)?.unwrap_or(1))?,
-            order: if compression.is_lerc() { ByteOrder::NATIVE } else { directory.order },
+            order: directory.order,
         };
         layout.check()?;
         Ok(layout)
@@ -93,6 +93,13 @@ impl Layout {
         }
         if self.one_bit && self.compression.is_lerc() {
             return Err(Error::bad_input("LERC on samples of one bit"));
+        }
+        // The one library that writes LERC in TIFFs swaps the bytes of samples first. Whole numbers
+        // come back; floats were judged, rounded and masked by what their swapped bytes mean.
+        if float && self.compression.is_lerc() && self.order != ByteOrder::NATIVE {
+            let order = self.order.name();
+            return Err(Error::unsupported(format!("LERC of {order} floats is not supported"))
+                .remedy("write the file again from its source with -co ENDIANNESS=LITTLE"));
         }
         Ok(())
     }

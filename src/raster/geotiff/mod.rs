@@ -26,6 +26,7 @@ use crate::raster::file::RawFile;
 use crate::raster::sample::{Height, ToHeight};
 use crate::raster::{
     GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
+    world,
 };
 
 use geokeys::GeoKeys;
@@ -43,6 +44,9 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     sniff: ifd::is_tiff,
     open,
 };
+
+/// Endings of the world file that places a TIFF which does not say where it lies itself.
+const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 
 /// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
 /// beside it.
@@ -72,7 +76,7 @@ impl GeoTiff {
         check_band(options.band, layout.bands)?;
         let (band, cache_bytes) = (options.band - 1, options.cache_bytes);
         check_cache(&layout, cache_bytes)?;
-        let mut info = describe(&directory, &layout, options)?;
+        let mut info = describe(path, &directory, &layout, options)?;
         let image = Image::new(&file, &directory, layout, band, 0)?;
         let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
         let masks = mask::find(mask::Grid { file, directory, layout, band, cache_bytes })?;
@@ -141,7 +145,12 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
 }
 
 /// Everything the directory says of the grid.
-fn describe(directory: &Directory<'_>, layout: &Layout, options: &OpenOptions) -> Result<GridInfo> {
+fn describe(
+    path: &Path,
+    directory: &Directory<'_>,
+    layout: &Layout,
+    options: &OpenOptions,
+) -> Result<GridInfo> {
     let keys = GeoKeys::read(directory)?;
     let pixel_is_point = keys.pixel_is_point();
     let georeference = georef::read(directory, pixel_is_point)?;
@@ -152,7 +161,7 @@ fn describe(directory: &Directory<'_>, layout: &Layout, options: &OpenOptions) -
     };
     let transform = match georeference {
         Georeference::Affine(map) => Some(map),
-        _ => None,
+        _ => world::beside(path, &WORLD_ENDINGS)?,
     };
     Ok(GridInfo {
         width: layout.width,
@@ -169,7 +178,7 @@ fn describe(directory: &Directory<'_>, layout: &Layout, options: &OpenOptions) -
         bands: layout.bands,
         band: options.band,
         format: FORMAT.name,
-        details: details(directory, layout, &items, georeference),
+        details: details(directory, layout, &items, georeference, transform.is_some()),
     })
 }
 
@@ -188,6 +197,7 @@ fn details(
     layout: &Layout,
     items: &gdal::BandItems,
     georeference: Georeference,
+    is_placed: bool,
 ) -> Vec<(String, String)> {
     let kind = if directory.big { "BigTIFF" } else { "classic TIFF" };
     let mut details = vec![("container".to_owned(), kind.to_owned())];
@@ -195,7 +205,7 @@ fn details(
     if let Some(description) = &items.description {
         details.push(("band description".to_owned(), description.clone()));
     }
-    if georeference == Georeference::ControlPoints {
+    if georeference == Georeference::ControlPoints && !is_placed {
         let ignored = "control points only, not used".to_owned();
         details.push(("georeference".to_owned(), ignored));
     }

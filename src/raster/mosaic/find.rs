@@ -19,6 +19,8 @@ pub(super) struct Family {
     members: AtomicU64,
     /// Bytes of VRTs read so far.
     vrt_bytes: AtomicU64,
+    /// Folder for what has to be unpacked first.
+    temp_dir: Option<PathBuf>,
 }
 
 /// A file that can be opened at any time.
@@ -61,9 +63,13 @@ pub(super) struct Found {
 }
 
 impl Family {
-    pub(super) fn new(files: usize, cache_bytes: usize) -> Arc<Self> {
-        let pool = Pool::new(files, cache_bytes);
-        Arc::new(Self { pool, members: AtomicU64::new(0), vrt_bytes: AtomicU64::new(0) })
+    pub(super) fn new(files: usize, options: &OpenOptions) -> Arc<Self> {
+        Arc::new(Self {
+            pool: Pool::new(files, options.cache_bytes),
+            members: AtomicU64::new(0),
+            vrt_bytes: AtomicU64::new(0),
+            temp_dir: options.temp_dir.clone(),
+        })
     }
 
     /// Counts files in, all mosaics together.
@@ -81,7 +87,7 @@ impl Family {
     /// The open file.
     pub(super) fn grid(&self, file: &File) -> Result<Grid> {
         self.pool.get(file.key, || {
-            let (open, info) = open_file(&self.pool, &file.name, file.band, file.nodata)?;
+            let (open, info) = open_file(self, &file.name, file.band, file.nodata)?;
             if Facts::of(&info) != file.facts {
                 return Err(changed(&file.name));
             }
@@ -108,13 +114,13 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
     if is_vrt(name)? {
         let path = Path::new(name);
         let share = nest.family.pool.share();
-        let options = OpenOptions { band, nodata, cache_bytes: share };
+        let options = OpenOptions { band, nodata, cache_bytes: share, temp_dir: None };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
         return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
     }
     let pool = &nest.family.pool;
-    let (open, info) = open_file(pool, name, band, nodata)?;
+    let (open, info) = open_file(&nest.family, name, band, nodata)?;
     let (key, facts) = (pool.new_key(), Facts::of(&info));
     let block_bytes = open.grid.block_bytes();
     pool.offer(key, open);
@@ -132,9 +138,16 @@ fn is_vrt(name: &str) -> Result<bool> {
 }
 
 /// Opens a file with its share of the memory, or with more where it cannot be read with that.
-fn open_file(pool: &Pool, name: &str, band: u32, nodata: Option<f64>) -> Result<(Open, GridInfo)> {
+fn open_file(
+    family: &Family,
+    name: &str,
+    band: u32,
+    nodata: Option<f64>,
+) -> Result<(Open, GridInfo)> {
+    let pool = &family.pool;
     let with = |cache_bytes| {
-        let grid = raster::open(name, &OpenOptions { band, nodata, cache_bytes })?;
+        let temp_dir = family.temp_dir.clone();
+        let grid = raster::open(name, &OpenOptions { band, nodata, cache_bytes, temp_dir })?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
         Ok((Open { grid: grid.into(), bytes }, info))

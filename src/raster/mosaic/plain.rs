@@ -46,7 +46,7 @@ pub(crate) fn open(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn G
 }
 
 fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
-    let family = Family::new(names.len(), options.cache_bytes);
+    let family = Family::new(names.len(), options);
     family.count_members(names.len() as u64)?;
     let nest = Nest { family, around: Vec::new() };
     let look = |name: &str| find(name, options.band, options.nodata, &nest);

@@ -51,13 +51,14 @@ pub(super) fn read(text: &str, ending: &str) -> Result<Header> {
         None => 1,
     };
     let nodata = values.number(&["nodata", "nodata_value"])?;
+    let sample_type = sample_type(&values, ending, nodata)?;
     Ok(Header {
         kind: "ESRI",
         width,
         height,
         bands,
-        sample_type: sample_type(&values, ending, nodata)?,
-        big_endian: big_endian(&values)?,
+        sample_type,
+        big_endian: big_endian(&values, sample_type)?,
         interleave: interleave(&values, ending)?,
         skip: values.whole("skipbytes")?.unwrap_or(0),
         band_row_bytes: values.whole("bandrowbytes")?,
@@ -79,8 +80,17 @@ fn interleave(values: &Values<'_>, ending: &str) -> Result<Interleave> {
     }
 }
 
-fn big_endian(values: &Values<'_>) -> Result<bool> {
-    let Some((_, order)) = values.get(&["byteorder"]) else { return Ok(false) };
+/// Esri's programs take the order of their machine where none is stated, GDAL takes big-endian.
+fn big_endian(values: &Values<'_>, sample_type: SampleType) -> Result<bool> {
+    let Some((_, order)) = values.get(&["byteorder"]) else {
+        return match sample_type.bytes() {
+            1 => Ok(false),
+            _ => {
+                Err(Error::bad_input("header lacks BYTEORDER, and programs disagree on what then")
+                    .remedy("add a line BYTEORDER I (little-endian, usual) or BYTEORDER M"))
+            }
+        };
+    };
     match order.to_ascii_uppercase().as_str() {
         "I" | "L" | "LSBFIRST" | "LITTLE_ENDIAN" | "INTEL" => Ok(false),
         "M" | "B" | "MSBFIRST" | "BIG_ENDIAN" | "MOTOROLA" => Ok(true),

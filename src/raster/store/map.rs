@@ -63,11 +63,23 @@ impl Deref for Map {
 /// takes about twice as long (measured on ext4), and a disk that others fill meanwhile is an error
 /// of the write that meets it.
 pub(super) fn set_length(file: &File, length: u64) -> io::Result<()> {
-    #[cfg(target_os = "linux")]
-    if free_space(file)? < length {
-        return Err(io::Error::from_raw_os_error(libc::ENOSPC));
-    }
+    check_room(file, length)?;
     file.set_len(length)
+}
+
+/// Fails when the disk that `file` is on is known to have no room for `bytes` more.
+#[cfg(target_os = "linux")]
+pub(super) fn check_room(file: &File, bytes: u64) -> io::Result<()> {
+    match free_space(file)? {
+        free if free < bytes => Err(io::Error::from_raw_os_error(libc::ENOSPC)),
+        _ => Ok(()),
+    }
+}
+
+/// Where the system is not asked, the write that meets a full disk tells.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn check_room(_file: &File, _bytes: u64) -> io::Result<()> {
+    Ok(())
 }
 
 /// Bytes that may still be written to the disk that `file` is on.

@@ -14,7 +14,7 @@ use super::tags::Front;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
-use crate::raster::{GridInfo, mask_beside};
+use crate::raster::{GridInfo, mask_beside, pam};
 
 /// Heights handed to a [`StoreWriter`]; voids are NaN.
 #[derive(Clone, Copy, Debug)]
@@ -40,17 +40,17 @@ pub struct StoreWriter {
 impl StoreWriter {
     /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one
     /// of [`TILE_SIDES`](super::TILE_SIDES)), after making sure that the disk has room for it. Size, transform,
-    /// CRS, sample type, nodata, scale and offset are taken from `info`. Fails where a mask of an
-    /// earlier file lies beside `path`: it would void samples of the store.
+    /// CRS, sample type, nodata, scale and offset are taken from `info`. Fails where a mask or an
+    /// .aux.xml of an earlier file lies beside `path`: it would change what is read of the store.
     pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
-        refuse_old_mask(path)?;
+        refuse_old_sidecars(path)?;
         let header = Header::new(info, side).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, overwrite)?;
         let (layout, front) = (header.layout, header.front());
         let length = layout.tile_bytes().checked_mul(layout.tiles());
         let length = length.and_then(|tiles| tiles.checked_add(front.data));
         let length = length.ok_or_else(|| Error::usage("the store is too large").in_file(path))?;
-        map::set_length(file.file(), length).map_err(|e| no_room(path, length, e))?;
+        set_length(path, file.file(), length)?;
         Ok(Self { file, layout, front, codec: Codec::new(info), written: AtomicU64::new(0) })
     }
 
@@ -139,7 +139,9 @@ impl StoreWriter {
     }
 }
 
-pub(in crate::raster) fn refuse_old_mask(path: &Path) -> Result<()> {
+/// Fails when a file beside `path` would be read with a new one there.
+pub(in crate::raster) fn refuse_old_sidecars(path: &Path) -> Result<()> {
+    pam::refuse_old(path)?;
     let Some(mask) = mask_beside(path) else { return Ok(()) };
     let message = "is the mask of an earlier file and would void samples of the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
@@ -151,6 +153,16 @@ pub(in crate::raster) fn refuse_old_mask(path: &Path) -> Result<()> {
 struct Place {
     byte: u64,
     rows: u32,
+}
+
+/// Gives `file`, which `path` is told for, its length, if the disk has room for it.
+pub(in crate::raster) fn set_length(path: &Path, file: &File, length: u64) -> Result<()> {
+    map::set_length(file, length).map_err(|e| no_room(path, length, e))
+}
+
+/// Fails when the disk that `file`, which `path` is told for, is on has no room for `bytes` more.
+pub(in crate::raster) fn check_room(path: &Path, file: &File, bytes: u64) -> Result<()> {
+    map::check_room(file, bytes).map_err(|e| no_room(path, bytes, e))
 }
 
 fn no_room(path: &Path, length: u64, error: io::Error) -> Error {

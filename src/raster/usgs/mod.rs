@@ -49,7 +49,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let header = Header::read(&file)?;
-    let spool = spool(&file, &header, path)?;
+    let spool = Spool::new(path, options.temp_dir.as_deref())?;
+    let spool = unpack(&file, &header, spool)?;
     let layout = Layout::columns(header.height, header.sample_type().bytes());
     Strided::new(spool, info(&header, options), layout)
 }
@@ -82,8 +83,7 @@ fn info(header: &Header, options: &OpenOptions) -> GridInfo {
 }
 
 /// Decodes every profile into a column from north to south.
-fn spool(file: &RawFile, header: &Header, path: &Path) -> Result<RawFile> {
-    let mut spool = Spool::new(path)?;
+fn unpack(file: &RawFile, header: &Header, mut spool: Spool) -> Result<RawFile> {
     let mut fields = Fields::new(file, header.data);
     let mut column = Vec::new();
     for i in 0..header.width {

@@ -6,6 +6,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::sync::Mutex;
 
+use super::compress::Compression;
 use super::creation::Accepts::{Whole, Words};
 use super::directory::{Directory, Form, Places};
 use super::level::{self, Level, Resampling};
@@ -19,6 +20,7 @@ use crate::raster::store::Heights;
 use crate::raster::store::header::{facts, number, tag};
 use crate::raster::store::sample::{Codec, Height, Rounding};
 use crate::raster::store::tags::Values;
+use crate::raster::store::writer::check_room;
 use crate::raster::{GridInfo, GridSource};
 
 /// The registry entry.
@@ -95,12 +97,17 @@ impl CogSink {
         };
         image.check()?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
-        let path = target.path();
-        let mut layers = vec![Layer { image, blocks: spool(path)?, heights: None }];
-        for size in below(&creation, &image)? {
-            let heights = Some(Level::new(path, size, order.info.exact_in_f32())?);
-            let image = Image { width: size.0, height: size.1, ..image };
-            layers.push(Layer { image, blocks: spool(path)?, heights });
+        let (path, folder) = (target.path(), order.options.temp_dir.as_deref());
+        let sizes = below(&creation, &image)?;
+        let below: Vec<Image> =
+            sizes.iter().map(|&(width, height)| Image { width, height, ..image }).collect();
+        check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
+        let spool = || Packed::spool(path, folder).map(Mutex::new);
+        let mut layers = vec![Layer { image, blocks: spool()?, heights: None }];
+        for image in below {
+            let size = (image.width, image.height);
+            let heights = Some(Level::new(path, folder, size, order.info.exact_in_f32())?);
+            layers.push(Layer { image, blocks: spool()?, heights });
         }
         let (codec, how) = (order.codec(&info), resampling(&creation));
         Ok(Self { target, info, creation, layers, current: 0, codec, how })
@@ -130,8 +137,16 @@ impl CogSink {
     }
 }
 
-fn spool(path: &std::path::Path) -> Result<Mutex<Packed>> {
-    Packed::spool(path).map(Mutex::new)
+/// Bytes that are known to be needed beside the output, whatever compression makes of its blocks:
+/// uncompressed ones are there twice in the end, the second time as the spool, which may be
+/// `elsewhere`. The heights of overviews find their room by themselves.
+fn room(image: &Image, below: &[Image], elsewhere: bool) -> u64 {
+    if image.coding.compression != Compression::None {
+        return 0;
+    }
+    let plain =
+        below.iter().chain([image]).fold(0_u64, |sum, i| sum.saturating_add(i.plain_bytes()));
+    if elsewhere { plain } else { plain.saturating_mul(2) }
 }
 
 /// Sizes of the overviews.

@@ -215,6 +215,16 @@ mod tests {
     }
 
     #[test]
+    fn blocks_beyond_four_gibibytes_keep_their_offsets() {
+        let directory = Directory::new(Vec::new(), [324, 325], 2);
+        let mut out = Vec::new();
+        let data = u64::from(u32::MAX) - 1;
+        directory.write(&mut out, Form::Big, Places { at: 16, next: 0, data }, &[9, 9]).unwrap();
+        let offsets: Vec<u8> = [data, data + 9].iter().flat_map(|at| at.to_le_bytes()).collect();
+        assert!(out.windows(16).any(|bytes| bytes == offsets), "{out:?}");
+    }
+
+    #[test]
     fn a_directory_to_the_byte() {
         let directory = Directory::new(vec![(256, Values::Long(vec![7]))], [273, 279], 2);
         let mut out = Vec::new();

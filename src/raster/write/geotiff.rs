@@ -17,6 +17,7 @@ use crate::raster::GridInfo;
 use crate::raster::store::Heights;
 use crate::raster::store::header::facts;
 use crate::raster::store::sample::Codec;
+use crate::raster::store::writer::check_room;
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -76,6 +77,7 @@ impl GeoTiffSink {
         };
         let form = tiff::form(&order.creation, exact, plain)?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        check_room(target.path(), target.file(), exact.unwrap_or(0))?;
         let blocks = Packed::new(Stream::of(&target, front(&directory, form))?);
         let codec = order.codec(&info);
         Ok(Self { target, info, image, codec, directory, form, blocks: Mutex::new(blocks) })

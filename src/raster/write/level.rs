@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::raster::file::RawFile;
 use crate::raster::store::sample::Height;
-use crate::raster::store::writer::write_all_at;
+use crate::raster::store::writer::{set_length, write_all_at};
 use crate::raster::strided::{Layout, Strided};
 use crate::raster::{GridInfo, GridSource, SampleType};
 
@@ -38,13 +38,20 @@ pub(super) struct Level {
 }
 
 impl Level {
-    /// An empty level of `width` x `height` heights in `f32` or `f64`, beside the output at `path`.
-    pub(super) fn new(path: &Path, (width, height): (u32, u32), single: bool) -> Result<Self> {
+    /// An empty level of `width` x `height` heights in `f32` or `f64`, in `folder` or else beside the
+    /// output at `path`, after making sure that there is room for it.
+    pub(super) fn new(
+        path: &Path,
+        folder: Option<&Path>,
+        (width, height): (u32, u32),
+        single: bool,
+    ) -> Result<Self> {
         let kind = if single { SampleType::F32 } else { SampleType::F64 };
         let info = GridInfo::plain("overview", width, height, kind);
         let bytes = u64::from(width) * u64::from(height) * kind.bytes() as u64;
-        let file = unnamed(path)?;
-        file.set_len(bytes).map_err(|e| Error::write(path, e))?;
+        let file = unnamed(path, folder)?;
+        let path = folder.unwrap_or(path);
+        set_length(path, &file, bytes)?;
         Ok(Self { file, info, path: path.to_path_buf() })
     }
 
@@ -134,7 +141,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tif");
         for single in [true, false] {
-            let level = Level::new(&path, (3, 2), single).unwrap();
+            let level = Level::new(&path, None, (3, 2), single).unwrap();
             level
                 .put(Rect::new(4, 0, 2, 3), &[5.0, 7.0, 5.0, 7.0, 9.0, 9.0], Resampling::Average)
                 .unwrap();

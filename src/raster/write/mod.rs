@@ -20,14 +20,14 @@ mod store;
 mod target;
 mod tiff;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use creation::{Accepts, Creation, CreationOption};
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::raster::store::Heights;
-use crate::raster::store::writer::refuse_old_mask;
+use crate::raster::store::writer::refuse_old_sidecars;
 use crate::raster::{GridInfo, GridSource, SampleType};
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
@@ -65,6 +65,8 @@ pub struct WriteOptions {
     pub nodata: Option<f64>,
     /// Store the nearest value where the type does not hold a height exactly, instead of failing.
     pub round: bool,
+    /// Folder for temporary files; the output's when `None`.
+    pub temp_dir: Option<PathBuf>,
 }
 
 /// What a format is asked to write.
@@ -133,7 +135,7 @@ impl GridFormat {
         options: &WriteOptions,
     ) -> Result<Box<dyn GridSink>> {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
-        refuse_old_mask(path)?;
+        refuse_old_sidecars(path)?;
         (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
     }
 

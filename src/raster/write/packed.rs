@@ -42,12 +42,12 @@ impl Stream {
     }
 }
 
-/// An unnamed file in the folder of `path`, which goes with the process.
-pub(super) fn unnamed(path: &Path) -> Result<File> {
+/// An unnamed file in `folder`, or else in that of `path`, which goes with the process.
+pub(super) fn unnamed(path: &Path, folder: Option<&Path>) -> Result<File> {
     let target = atomic::resolve(path)?;
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    tempfile::tempfile_in(folder.unwrap_or(Path::new(".")))
-        .map_err(|e| Error::write(path, atomic::plain(e)))
+    let beside = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+    tempfile::tempfile_in(folder.or(beside).unwrap_or(Path::new(".")))
+        .map_err(|e| Error::write(folder.unwrap_or(path), atomic::plain(e)))
 }
 
 /// Blocks one after the other.
@@ -65,9 +65,9 @@ impl Packed {
         Self { stream, sizes: Vec::new(), bytes: 0 }
     }
 
-    /// In an unnamed file beside `path`.
-    pub(super) fn spool(path: &Path) -> Result<Self> {
-        Ok(Self::new(Stream::new(unnamed(path)?, path)))
+    /// In an unnamed file in `folder`, or else beside `path`.
+    pub(super) fn spool(path: &Path, folder: Option<&Path>) -> Result<Self> {
+        Ok(Self::new(Stream::new(unnamed(path, folder)?, folder.unwrap_or(path))))
     }
 
     /// Appends a block (of less than 4 GiB, as `limits` has it).

@@ -3,8 +3,8 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::PathBuf;
-use std::sync::Mutex;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
@@ -57,7 +57,9 @@ struct PngSink {
     alpha: bool,
     round: bool,
     sidecars: Sidecars,
-    picture: Mutex<StreamWriter<'static, File>>,
+    picture: Mutex<StreamWriter<'static, Told>>,
+    /// Why the file could not be written, once that is so.
+    cause: Cause,
     notes: Vec<String>,
 }
 
@@ -79,11 +81,13 @@ impl PngSink {
             Some(word) => word == "YES",
             None => order.info.nodata.is_some(),
         };
-        let picture = Mutex::new(start(&target, order.info, alpha)?);
+        let cause = Cause::default();
+        let picture = Mutex::new(start(&target, order.info, alpha, &cause)?);
         let (info, notes) = (order.info.clone(), notes(order, packing));
         let info = GridInfo { scale: packing.scale, offset: packing.offset, nodata: None, ..info };
         let info = GridInfo { sample_type: SampleType::U32, ..info };
-        Ok(Self { target, info, packing, alpha, round: options.round, sidecars, picture, notes })
+        let round = options.round;
+        Ok(Self { target, info, packing, alpha, round, sidecars, picture, cause, notes })
     }
 
     fn write_rows<H: Height>(&self, rect: Rect, heights: &[H], out: &mut Vec<u8>) -> Result<()> {
@@ -165,20 +169,59 @@ fn notes(order: &Order<'_>, packing: &Packing) -> Vec<String> {
     notes
 }
 
-fn start(target: &AtomicFile, info: &GridInfo, alpha: bool) -> Result<StreamWriter<'static, File>> {
+fn start(
+    target: &AtomicFile,
+    info: &GridInfo,
+    alpha: bool,
+    cause: &Cause,
+) -> Result<StreamWriter<'static, Told>> {
     let path = target.path();
     let file = target.file().try_clone().map_err(|e| Error::write(path, e))?;
-    let mut encoder = Encoder::new(file, info.width, info.height);
+    let told = Told { file, cause: cause.clone() };
+    let mut encoder = Encoder::new(told, info.width, info.height);
     encoder.set_color(if alpha { ColorType::Rgba } else { ColorType::Rgb });
     encoder.set_depth(BitDepth::Eight);
     let started = encoder.write_header().and_then(|writer| writer.into_stream_writer());
-    started.map_err(|e| failed(path.to_path_buf(), e))
+    started.map_err(|e| failed(path, cause, e))
 }
 
-fn failed(path: PathBuf, error: EncodingError) -> Error {
-    match error {
-        EncodingError::IoError(e) => Error::write(&path, e),
-        other => Error::new(ErrorKind::CannotWrite, other.to_string()).in_file(&path),
+/// The first error of a file.
+type Cause = Arc<Mutex<Option<io::Error>>>;
+
+/// A file that remembers why it could not be written: of that the encoder keeps the words alone.
+struct Told {
+    file: File,
+    cause: Cause,
+}
+
+impl Told {
+    fn told<T>(&self, done: io::Result<T>) -> io::Result<T> {
+        done.map_err(|error| {
+            let kind = error.kind();
+            if kind != io::ErrorKind::Interrupted {
+                lock(&self.cause).get_or_insert(error);
+            }
+            kind.into()
+        })
+    }
+}
+
+impl Write for Told {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let done = self.file.write(bytes);
+        self.told(done)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let done = self.file.flush();
+        self.told(done)
+    }
+}
+
+fn failed(path: &Path, cause: &Cause, error: impl Into<EncodingError>) -> Error {
+    match (lock(cause).take(), error.into()) {
+        (Some(e), _) | (None, EncodingError::IoError(e)) => Error::write(path, e),
+        (None, other) => Error::new(ErrorKind::CannotWrite, other.to_string()).in_file(path),
     }
 }
 
@@ -212,7 +255,8 @@ impl GridSink for PngSink {
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
-        lock(&self.picture).write_all(bytes).map_err(|e| Error::write(self.target.path(), e))
+        let written = lock(&self.picture).write_all(bytes);
+        written.map_err(|e| failed(self.target.path(), &self.cause, e))
     }
 
     fn notes(&self) -> Vec<String> {
@@ -220,10 +264,27 @@ impl GridSink for PngSink {
     }
 
     fn finish(self: Box<Self>) -> Result<u64> {
-        let Self { mut target, sidecars, picture, .. } = *self;
-        unlocked(picture).finish().map_err(|e| failed(target.path().to_path_buf(), e))?;
+        let Self { mut target, sidecars, picture, cause, .. } = *self;
+        unlocked(picture).finish().map_err(|e| failed(target.path(), &cause, e))?;
         check_end(&mut target).map_err(|e| Error::write(target.path(), e))?;
         sidecars.commit()?;
         target.commit()
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_with_its_remedy() {
+        let cause = Cause::default();
+        let file = File::options().write(true).open("/dev/full").unwrap();
+        let mut encoder = Encoder::new(Told { file, cause: cause.clone() }, 64, 64);
+        encoder.set_depth(BitDepth::Eight);
+        let error = encoder.write_header().err().expect("no room for a header");
+        let error = failed(Path::new("a.png"), &cause, error);
+        assert_eq!(error.kind(), ErrorKind::Io);
+        assert!(error.to_string().contains("; free some space"), "{error}");
     }
 }

@@ -42,7 +42,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
     let file = RawFile::open(path)?;
     let survey = Survey::of(&file)?;
     let grid = survey.grid(file.len())?;
-    let spool = grid.spool(&file, path)?;
+    let spool = grid.spool(&file, Spool::new(path, options.temp_dir.as_deref())?)?;
     let order = if grid.by_column { "by column" } else { "by row" };
     let info = GridInfo {
         transform: grid.transform(),
@@ -243,7 +243,7 @@ impl Grid {
     }
 
     /// The second pass: lines of heights, void where there is no point.
-    fn spool(&self, file: &RawFile, path: &Path) -> Result<RawFile> {
+    fn spool(&self, file: &RawFile, spool: Spool) -> Result<RawFile> {
         let mut points = Points::new(file)?;
         let (inner, outer) = if self.by_column {
             (self.y.count, self.x.count)
@@ -251,7 +251,7 @@ impl Grid {
             (self.x.count, self.y.count)
         };
         let mut lines = Lines {
-            spool: Spool::new(path)?,
+            spool,
             line: Vec::new(),
             length: inner as usize,
             number: 0,

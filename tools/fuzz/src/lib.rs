@@ -24,6 +24,14 @@ pub fn read_pair(name: &str, beside: &str, data: &[u8]) {
     }
 }
 
+/// Reads the text before the first zero byte of `data` as the file `name`, with what follows that
+/// byte as the file `beside` it, which the text may name.
+pub fn read_mosaic(name: &str, beside: &str, data: &[u8]) {
+    let end = data.iter().position(|byte| *byte == 0).unwrap_or(data.len());
+    let (text, grid) = (&data[..end], data.get(end + 1..).unwrap_or_default());
+    read_files(&[(name, text), (beside, grid)]);
+}
+
 /// Reads `data` as a tile: its length is nearly all that can be wrong, so shorter data is filled up
 /// unless it begins with a zero byte.
 pub fn read_tile(name: &str, data: &[u8]) {

@@ -6,7 +6,6 @@
 
 mod parse;
 mod path;
-mod xml;
 
 use std::io::BufReader;
 use std::path::Path;
@@ -47,7 +46,7 @@ fn is_vrt(head: &[u8]) -> bool {
 
 fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let vrt = read(path, options, None)?;
-    let family = Family::new(vrt.band.sources.len(), options.cache_bytes);
+    let family = Family::new(vrt.band.sources.len(), options);
     let nest = Nest { family, around: Vec::new() };
     nest.family.count_vrt_bytes(length(path)?)?;
     Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
@@ -116,7 +115,11 @@ fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
         transform: transform.unwrap_or(Affine::LATTICE),
         georeferenced: transform.is_some(),
         pixel_is_point: vrt.is_point,
-        crs: Crs { vertical_unit, vertical_unit_text, ..crs(vrt.srs.as_deref()) },
+        crs: Crs {
+            vertical_unit,
+            vertical_unit_text,
+            ..vrt.srs.as_deref().map(prj::of_srs).unwrap_or_default()
+        },
         nodata: options.nodata.or(band.nodata),
         scale: band.scale,
         offset: band.offset,
@@ -125,23 +128,6 @@ fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
         band: options.band,
         ..GridInfo::plain(FORMAT.name, *width, *height, band.kind)
     })
-}
-
-/// Of well-known text, or of "EPSG:4326".
-fn crs(text: Option<&str>) -> Crs {
-    let Some(text) = text else { return Crs::default() };
-    let code = text.split_once(':').filter(|(name, _)| name.eq_ignore_ascii_case("EPSG"));
-    match code.and_then(|(_, code)| code.trim().parse().ok()) {
-        Some(code) => crs_of_code(code),
-        None => prj::from_text(text),
-    }
-}
-
-/// The system of a code, with what is known of it.
-fn crs_of_code(code: u32) -> Crs {
-    let known = u16::try_from(code).ok().and_then(crs_definitions::from_code);
-    let crs = known.map_or_else(Crs::default, |system| prj::from_text(system.wkt));
-    Crs { epsg: Some(code), ..crs }
 }
 
 fn is_same(a: Option<f64>, b: Option<f64>) -> bool {

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::limits;
 use crate::raster::{SampleType, some_band};
 
-use super::xml::{Node, Tag, Xml};
+use crate::raster::xml::{Node, Tag, Xml, geotransform, parsed, short};
 
 /// A VRT.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -195,10 +195,10 @@ impl Band {
                     let sources = band.sources.len() as u64;
                     limits::check("sources of a VRT", sources, limits::MAX_MEMBERS)?;
                 }
-                "nodatavalue" => band.nodata = Some(number(&xml.node(tag)?)?),
+                "nodatavalue" => band.nodata = Some(xml.node(tag)?.number()?),
                 "hidenodatavalue" => hides_nodata = is_true(&xml.node(tag)?.text),
-                "scale" => band.scale = finite(&xml.node(tag)?)?,
-                "offset" => band.offset = finite(&xml.node(tag)?)?,
+                "scale" => band.scale = xml.node(tag)?.finite()?,
+                "offset" => band.offset = xml.node(tag)?.finite()?,
                 "unittype" => band.unit = Some(xml.node(tag)?.text).filter(|t| !t.is_empty()),
                 _ => xml.skip()?,
             }
@@ -227,7 +227,7 @@ impl Source {
         if let Some(name) = change {
             return Err(refused(name));
         }
-        let number = |name: &str, default: f64| node.child(name).map_or(Ok(default), finite);
+        let number = |name: &str, default: f64| node.child(name).map_or(Ok(default), Node::finite);
         let file = node.child("SourceFilename");
         let Some(file) = file.filter(|file| !file.text.is_empty()) else {
             return Err(Error::bad_input("a source names no file"));
@@ -242,7 +242,7 @@ impl Source {
             band: band.parse().map_err(|_| refused(&format!("SourceBand {}", short(band))))?,
             from: from.map(whole).transpose()?,
             to: to.map(whole).transpose()?,
-            nodata: node.child("NODATA").filter(|_| is_complex).map(self::number).transpose()?,
+            nodata: node.child("NODATA").filter(|_| is_complex).map(Node::number).transpose()?,
             ratio: if is_complex { number("ScaleRatio", 1.0)? } else { 1.0 },
             shift: if is_complex { number("ScaleOffset", 0.0)? } else { 0.0 },
             use_mask: is_complex && node.child("UseMaskBand").is_some_and(|n| is_true(&n.text)),
@@ -304,14 +304,6 @@ fn side(root: &Tag, name: &str) -> Result<u32> {
     Ok(size as u32)
 }
 
-fn geotransform(text: &str) -> Result<[f64; 6]> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(parsed).collect();
-    let numbers = numbers.and_then(|numbers| <[f64; 6]>::try_from(numbers).ok());
-    numbers.ok_or_else(|| {
-        Error::bad_input(format!("GeoTransform is not six numbers: {:?}", short(text)))
-    })
-}
-
 fn sample_type(name: &str) -> Result<SampleType> {
     Ok(match name {
         "Byte" | "UInt8" => SampleType::U8,
@@ -327,25 +319,6 @@ fn sample_type(name: &str) -> Result<SampleType> {
     })
 }
 
-fn parsed(text: &str) -> Option<f64> {
-    text.trim().parse().ok()
-}
-
-/// A number, which may be NaN.
-fn number(node: &Node) -> Result<f64> {
-    parsed(&node.text).ok_or_else(|| {
-        Error::bad_input(format!("{} is not a number: {:?}", node.tag.name, short(&node.text)))
-    })
-}
-
-fn finite(node: &Node) -> Result<f64> {
-    let number = number(node)?;
-    if number.is_finite() {
-        return Ok(number);
-    }
-    Err(Error::bad_input(format!("{} is not finite: {}", node.tag.name, number)))
-}
-
 fn is_true(text: &str) -> bool {
     ["1", "true", "yes", "on"].iter().any(|word| text.trim().eq_ignore_ascii_case(word))
 }
@@ -353,11 +326,6 @@ fn is_true(text: &str) -> bool {
 fn refused(what: &str) -> Error {
     Error::unsupported(format!("a VRT with {what} is not supported"))
         .remedy("make it a file: gdal_translate IN.vrt OUT.tif")
-}
-
-/// Enough of a hostile text to recognise it by.
-fn short(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 #[cfg(test)]
@@ -452,6 +420,12 @@ mod tests {
         let mask = "<MaskBand><VRTRasterBand dataType=\"Byte\"><SimpleSource><SourceBand>mask,1\
                     </SourceBand></SimpleSource></VRTRasterBand></MaskBand><Metadata>";
         assert!(parse(text(SOURCE).replace("<Metadata>", mask).as_bytes(), 2).is_ok());
+    }
+
+    #[test]
+    fn offsets_are_rounded_to_the_nearest_sample() {
+        assert_eq!(whole([4.9999, -6.0001, 19.9999, 10.0001]).unwrap(), [5, -6, 20, 10]);
+        assert!(whole([4.99, 0.0, 1.0, 1.0]).is_err());
     }
 
     #[test]

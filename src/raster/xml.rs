@@ -1,5 +1,5 @@
-//! XML as a VRT needs it, read as a stream: elements, attributes and text. No document type, no
-//! entity but the five of XML itself, and limits on depth and size.
+//! XML as VRTs and sidecars need it, read as a stream: elements, attributes and text. No document
+//! type, no entity but the five of XML itself, and limits on depth and size.
 
 use std::io::BufRead;
 
@@ -63,6 +63,41 @@ impl Node {
     pub(super) fn child(&self, name: &str) -> Option<&Node> {
         self.children.iter().find(|child| child.tag.is(name))
     }
+
+    /// Its text as a number, which may be NaN.
+    pub(super) fn number(&self) -> Result<f64> {
+        parsed(&self.text).ok_or_else(|| {
+            let (name, text) = (&self.tag.name, short(&self.text));
+            Error::bad_input(format!("{name} is not a number: {text:?}"))
+        })
+    }
+
+    /// Its text as a number that is neither NaN nor infinite.
+    pub(super) fn finite(&self) -> Result<f64> {
+        let number = self.number()?;
+        if number.is_finite() {
+            return Ok(number);
+        }
+        Err(Error::bad_input(format!("{} is not finite: {number}", self.tag.name)))
+    }
+}
+
+/// GDAL's six coefficients, separated by commas.
+pub(super) fn geotransform(text: &str) -> Result<[f64; 6]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(parsed).collect();
+    let numbers = numbers.and_then(|numbers| <[f64; 6]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| {
+        Error::bad_input(format!("GeoTransform is not six numbers: {:?}", short(text)))
+    })
+}
+
+pub(super) fn parsed(text: &str) -> Option<f64> {
+    text.trim().parse().ok()
+}
+
+/// Enough of a hostile text to recognise it by.
+pub(super) fn short(text: &str) -> String {
+    text.chars().take(40).collect()
 }
 
 impl<R: BufRead> Xml<R> {
@@ -99,7 +134,7 @@ impl<R: BufRead> Xml<R> {
 
     fn branch(&mut self, tag: Tag, nodes: &mut u64) -> Result<Node> {
         *nodes += 1;
-        limits::check("elements in one of a VRT", *nodes, MOST_NODES)?;
+        limits::check("elements in one of XML", *nodes, MOST_NODES)?;
         let mut node = Node { tag, ..Node::default() };
         loop {
             match self.next()? {
@@ -108,7 +143,7 @@ impl<R: BufRead> Xml<R> {
                 Next::End => break,
             }
             let bytes = node.text.len() as u64;
-            limits::check("bytes of a text in a VRT", bytes, limits::MAX_HEADER_BYTES)?;
+            limits::check("bytes of a text in XML", bytes, limits::MAX_HEADER_BYTES)?;
         }
         node.text = node.text.trim().to_owned();
         Ok(node)
@@ -141,14 +176,14 @@ impl<R: BufRead> Xml<R> {
                 Err(e) => return Err(not_xml(&e)),
             };
             limits::check(
-                "bytes of one part of a VRT",
+                "bytes of one part of XML",
                 event.len() as u64,
                 limits::MAX_HEADER_BYTES,
             )?;
             match event {
                 Event::Start(start) => {
                     self.depth += 1;
-                    limits::check("depth of a VRT", self.depth.into(), MOST_DEPTH.into())?;
+                    limits::check("depth of XML", self.depth.into(), MOST_DEPTH.into())?;
                     return tag(&start).map(Next::Start);
                 }
                 Event::End(_) => {
@@ -212,7 +247,7 @@ fn not_xml(error: &dyn std::error::Error) -> Error {
 }
 
 fn no_document_type() -> Error {
-    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the VRT")
+    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the file")
 }
 
 #[cfg(test)]
@@ -260,7 +295,7 @@ mod tests {
         assert!(refused("<a><b></a>").contains("well-formed"));
         assert!(refused("<a>").contains("middle") && refused("").contains("middle"));
         assert!(refused("<a \u{0}=").contains("well-formed"));
-        assert!(refused(&"<a>".repeat(40)).contains("depth of a VRT"));
+        assert!(refused(&"<a>".repeat(40)).contains("depth of XML"));
         assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(5000))).contains("elements in one"));
         assert!(refused("x").contains("element"));
         assert!(refused("</a>").contains("well-formed"));
