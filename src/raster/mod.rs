@@ -5,6 +5,7 @@
 
 mod asc;
 mod cache;
+mod decimal;
 mod dted;
 mod file;
 mod geotiff;
