@@ -31,7 +31,8 @@ impl Grid {
     /// Options for opening the grid within `resources`.
     pub(super) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
-        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes }
+        let threads = resources.threads;
+        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, threads }
     }
 
     /// As [`check`](Self::check), for each of `inputs`.

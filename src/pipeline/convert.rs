@@ -109,8 +109,8 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let cache_bytes = Budget::divide(job, format)?.cache;
-    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
+    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads };
     let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }

@@ -31,6 +31,7 @@ mod xyz;
 
 use std::fs::File;
 use std::io::Read;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
@@ -210,11 +211,15 @@ pub struct OpenOptions {
     pub nodata: Option<f64>,
     /// Bytes the decoded-block cache may hold.
     pub cache_bytes: usize,
+    /// Threads that open the files of a mosaic; within a pool of rayon's it is that pool's.
+    pub threads: usize,
 }
 
 impl Default for OpenOptions {
+    /// The first band, on all cores.
     fn default() -> Self {
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20 }
+        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads }
     }
 }
 

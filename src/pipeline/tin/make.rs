@@ -46,6 +46,7 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
         band: job.band,
         nodata: job.nodata,
         cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
+        threads: shares.threads,
     };
     let source = raster::open_all(job.input.names(), &options)?;
     let height_origin = match format.single_precision {

@@ -46,7 +46,8 @@ pub struct VerifyJob {
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = output::open(&job.mesh)?;
     let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
-    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes };
+    let threads = job.resources.threads;
+    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads };
     let grid = raster::open_all(job.raster.names(), &options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
