@@ -10,13 +10,17 @@ system; each thread of GDAL has a dataset of its own, and its samples stay in th
 terrane hands out float32 heights with voids marked. The best of the rounds counts. Prints a table in
 Markdown: millions of samples a second, and for text megabytes.
 
-Needs cargo, numpy and rasterio; about 600 MB in DIR (default: a temporary folder).
+With --cpu it is seconds of the processor that count, of one thread, with the start of the process in
+terrane's: for a machine that has other work to do.
+
+Needs cargo, numpy and rasterio; about 900 MB in DIR (default: a temporary folder).
 """
 
 import argparse
 import json
 import os
 import platform
+import resource
 import subprocess
 import sys
 import tempfile
@@ -35,12 +39,15 @@ FILES = [
     ("float32 deflate, predictor 3", FLOAT, dict(compress="deflate", predictor=3)),
     ("float32 zstd, predictor 3", FLOAT, dict(compress="zstd", predictor=3)),
     ("float32 LZW, predictor 3", FLOAT, dict(compress="lzw", predictor=3)),
+    ("float32 LZW, predictor 2", FLOAT, dict(compress="lzw", predictor=2)),
+    ("float32 LZW", FLOAT, dict(compress="lzw")),
     ("int16 LZW, predictor 2", INTEGER, dict(compress="lzw", predictor=2)),
     ("int16 deflate, predictor 2", INTEGER, dict(compress="deflate", predictor=2)),
     ("float32 none", FLOAT, dict()),
 ]
 # Name, terrain, how a number is written.
-TEXTS = [("text, 2 decimals", FLOAT, "%.2f"), ("text, whole numbers", INTEGER, "%d")]
+TEXTS = [("text, 2 decimals", FLOAT, "%.2f"), ("text, 6 decimals", FLOAT, "%.6f"),
+         ("text, whole numbers", INTEGER, "%d")]
 
 
 def executable(kind, name):
@@ -79,6 +86,12 @@ def write_text(path, samples, number):
         np.savetxt(out, samples, fmt=number)
 
 
+def write_points(path, samples):
+    rows, columns = np.indices(samples.shape)
+    points = [5e5 + 30 * columns.ravel(), 4.75e6 - 30 * rows.ravel(), samples.ravel()]
+    np.savetxt(path, np.column_stack(points), fmt=["%.1f", "%.1f", "%.3f"])
+
+
 def windows(dataset, width, height):
     for row in range(0, dataset.height, height):
         for column in range(0, dataset.width, width):
@@ -107,10 +120,26 @@ def read_terrane(bench, path, threads, width, height):
     return float(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
-def race(bench, path, threads, shape, rounds):
+def cpu_seconds(who, work):
+    """Seconds of the processor that `work` takes in this process or in its children."""
+    def spent():
+        usage = resource.getrusage(who)
+        return usage.ru_utime + usage.ru_stime
+
+    start = spent()
+    work()
+    return spent() - start
+
+
+def race(bench, path, threads, shape, rounds, cpu):
     """Best seconds of terrane and of GDAL."""
-    pairs = [(read_terrane(bench, path, threads, *shape), read_gdal(path, threads, *shape))
-             for _ in range(rounds)]
+    ours = lambda: read_terrane(bench, path, threads, *shape)
+    theirs = lambda: read_gdal(path, threads, *shape)
+    if cpu:
+        pairs = [(cpu_seconds(resource.RUSAGE_CHILDREN, ours),
+                  cpu_seconds(resource.RUSAGE_SELF, theirs)) for _ in range(rounds)]
+    else:
+        pairs = [(ours(), theirs()) for _ in range(rounds)]
     return [min(times) for times in zip(*pairs)]
 
 
@@ -121,10 +150,13 @@ def prepare(terrane, folder, side):
         path = os.path.join(folder, f"{number}.tif")
         write_tiff(path, grids[kind], options)
         yield name, path, (TILE, TILE), side * side, "M samples/s"
-    for name, kind, number in TEXTS:
-        path = os.path.join(folder, f"{kind}.asc")
+    for index, (name, kind, number) in enumerate(TEXTS):
+        path = os.path.join(folder, f"{index}.asc")
         write_text(path, grids[kind][: side // 2, : side // 2], number)
         yield name, path, (side // 2, TILE), os.path.getsize(path), "MB/s"
+    path = os.path.join(folder, "points.xyz")
+    write_points(path, grids[FLOAT][: side // 4, : side // 4])
+    yield "points (xyz), 3 decimals", path, (side // 4, TILE), os.path.getsize(path), "MB/s"
 
 
 def main():
@@ -132,6 +164,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--side", type=int, default=4096)
     parser.add_argument("--folder")
+    parser.add_argument("--cpu", action="store_true")
     options = parser.parse_args()
     terrane, bench = executable("bin", "terrane"), executable("bench", "raster_read")
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
@@ -140,14 +173,16 @@ def main():
         print(f"machine: {platform.machine()}, {os.cpu_count()} cores; load average "
               f"{os.getloadavg()[0]:.1f} at the start  ")
         print(f"peers: rasterio {rasterio.__version__}, GDAL {rasterio.__gdal_version__}  ")
-        print(f"job: {options.side} x {options.side} samples, best of {options.rounds}\n")
-        print("| file | unit | terrane, 1 thread | GDAL, 1 thread | times | terrane, 2 threads "
-              "| GDAL, 2 threads | times |")
-        print("|---|---|---:|---:|---:|---:|---:|---:|")
+        clock = "seconds of the processor" if options.cpu else "seconds of the clock"
+        print(f"job: {options.side} x {options.side} samples, best of {options.rounds}, {clock}\n")
+        crews = {1: "1 thread"} if options.cpu else {1: "1 thread", 2: "2 threads"}
+        heads = [f"terrane, {crew} | GDAL, {crew} | times" for crew in crews.values()]
+        print(f"| file | unit | {' | '.join(heads)} |")
+        print(f"|---|---|{'---:|' * 3 * len(crews)}")
         for name, path, shape, units, unit in files:
             cells = []
-            for threads in (1, 2):
-                ours, theirs = race(bench, path, threads, shape, options.rounds)
+            for threads in crews:
+                ours, theirs = race(bench, path, threads, shape, options.rounds, options.cpu)
                 cells += [f"{units / ours / 1e6:.0f}", f"{units / theirs / 1e6:.0f}",
                           f"{theirs / ours:.2f}"]
             print(f"| {name} | {unit} | {' | '.join(cells)} |", flush=True)

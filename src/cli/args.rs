@@ -31,8 +31,8 @@ impl Grid {
     /// Options for opening the grid within `resources`.
     pub(super) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
-        let temp_dir = resources.temp_dir.clone();
-        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, temp_dir }
+        let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
+        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, threads, temp_dir }
     }
 
     /// As [`check`](Self::check), for each of `inputs`.

@@ -110,9 +110,10 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let cache_bytes = Budget::divide(job, format)?.cache;
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
     let temp_dir = job.resources.temp_dir.clone();
-    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, temp_dir };
+    let options =
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
     let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }

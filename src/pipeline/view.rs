@@ -85,6 +85,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
         band: job.band,
         nodata: job.nodata,
         cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
+        threads: job.resources.threads,
         temp_dir: job.resources.temp_dir.clone(),
     };
     let drawn = match surface::open(job.input.names(), &options)? {

@@ -5,6 +5,7 @@
 
 mod asc;
 mod cache;
+mod decimal;
 mod dted;
 mod file;
 mod geotiff;
@@ -32,6 +33,7 @@ mod xyz;
 
 use std::fs::File;
 use std::io::Read;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
@@ -217,13 +219,17 @@ pub struct OpenOptions {
     pub nodata: Option<f64>,
     /// Bytes the decoded-block cache may hold.
     pub cache_bytes: usize,
+    /// Threads that open the files of a mosaic; within a pool of rayon's it is that pool's.
+    pub threads: usize,
     /// Folder for what has to be unpacked first; the system's when `None`.
     pub temp_dir: Option<PathBuf>,
 }
 
 impl Default for OpenOptions {
+    /// The first band, on all cores.
     fn default() -> Self {
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20, temp_dir: None }
+        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads, temp_dir: None }
     }
 }
 

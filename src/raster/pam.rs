@@ -300,6 +300,10 @@ impl GridSource for Amended {
         self.grid.block_bytes()
     }
 
+    fn members(&self) -> Vec<PathBuf> {
+        self.grid.members()
+    }
+
     fn release(&self, rect: Rect) {
         self.grid.release(rect);
     }

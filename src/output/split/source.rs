@@ -41,7 +41,8 @@ pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
-        let found = output::open(&path)?.info().clone();
+        let found = output::open(&path).map_err(|e| e.remedy("make the folder again"))?;
+        let found = found.info().clone();
         if found.triangles != block.triangles {
             return Err(Error::bad_input(format!(
                 "has {} triangles, its index says {}",

@@ -66,6 +66,7 @@ impl Opened {
             band: job.band,
             nodata: job.nodata,
             cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
+            threads: shares.threads,
             temp_dir: job.resources.temp_dir.clone(),
         };
         let source = raster::open_all(job.input.names(), &options)?;

@@ -46,8 +46,10 @@ pub struct VerifyJob {
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = output::open(&job.mesh)?;
     let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
-    let temp_dir = job.resources.temp_dir.clone();
-    let options = OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, temp_dir };
+    let Resources { threads, ref temp_dir, .. } = job.resources;
+    let temp_dir = temp_dir.clone();
+    let options =
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
     let grid = raster::open_all(job.raster.names(), &options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),

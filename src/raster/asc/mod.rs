@@ -1,7 +1,6 @@
 //! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
 //! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
 
-mod decimal;
 mod header;
 mod tokens;
 
@@ -93,16 +92,19 @@ impl AscGrid {
     /// Parses block `block` into stored samples.
     fn parse(&self, block: u32) -> Result<Vec<u8>> {
         let rect = self.block_rect(block);
-        let mut out = Vec::with_capacity(rect.len() * self.info.sample_type.bytes());
+        let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
         let mut tokens = Tokens::new(&self.file, self.starts[block as usize], 1);
-        for _ in 0..rect.len() {
-            match tokens.value() {
-                Ok(Some(value)) => push(&mut out, value, self.info.sample_type),
-                Err(error) if error.kind() != ErrorKind::BadInput => return Err(error),
-                _ => return Err(self.changed(rect)),
-            }
+        // The scan has made sure that whole numbers fit.
+        let found = match self.info.sample_type {
+            SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
+            SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
+            _ => fill(&mut tokens, &mut out, |value| (value as f32).to_ne_bytes()),
+        };
+        match found {
+            Ok(true) => Ok(out),
+            Err(error) if error.kind() != ErrorKind::BadInput => Err(error),
+            _ => Err(self.changed(rect)),
         }
-        Ok(out)
     }
 
     /// The opening pass has seen a number for each sample.
@@ -139,13 +141,21 @@ impl GridSource for AscGrid {
     }
 }
 
-/// Appends `value` as a stored sample; the scan has made sure that whole numbers fit.
-fn push(out: &mut Vec<u8>, value: f64, kind: SampleType) {
-    match kind {
-        SampleType::I16 => out.extend_from_slice(&(value as i16).to_ne_bytes()),
-        SampleType::I32 => out.extend_from_slice(&(value as i32).to_ne_bytes()),
-        _ => out.extend_from_slice(&(value as f32).to_ne_bytes()),
-    }
+/// Fills `out` with samples that `stored` makes of the next words; false when there are too few.
+fn fill<const N: usize>(
+    tokens: &mut Tokens<'_>,
+    out: &mut [u8],
+    stored: impl Fn(f64) -> [u8; N],
+) -> Result<bool> {
+    let samples = out.as_chunks_mut().0;
+    let count = samples.len() as u64;
+    let mut samples = samples.iter_mut();
+    let found = tokens.values(count, |value| {
+        if let Some(sample) = samples.next() {
+            *sample = stored(value);
+        }
+    })?;
+    Ok(found == count)
 }
 
 /// Each value takes a byte and a separator, so a file can be too short for its header.
@@ -211,9 +221,10 @@ impl Scan {
         let mut starts = Vec::new();
         for first in (0..values).step_by((u64::from(header.width) * rows) as usize) {
             starts.push(tokens.offset());
-            for i in first..values.min(first + u64::from(header.width) * rows) {
-                let value = tokens.value()?;
-                range.add(value.ok_or_else(|| truncated(i, values).at(tokens.place()))?);
+            let count = (values - first).min(u64::from(header.width) * rows);
+            let found = tokens.values(count, |value| range.add(value))?;
+            if found < count {
+                return Err(truncated(first + found, values).at(tokens.place()));
             }
         }
         if tokens.next()?.is_some() {

@@ -1,7 +1,7 @@
 //! Words of a text file, one after the other, in bounded memory, each with its place.
 
-use super::decimal;
 use crate::error::{Error, Result};
+use crate::raster::decimal;
 use crate::raster::file::RawFile;
 
 /// Bytes read at a time.
@@ -17,18 +17,27 @@ pub(super) struct Tokens<'a> {
     next: usize,
     /// Offset in the file of the end of `buffer`.
     end: u64,
-    line: u64,
+    /// Where it started: offset and line.
+    start: (u64, u64),
 }
 
 impl<'a> Tokens<'a> {
     /// Words from `offset` on; `line` is the number of the line it lies in.
     pub(super) fn new(file: &'a RawFile, offset: u64, line: u64) -> Self {
-        Self { file, buffer: Vec::new(), next: 0, end: offset, line }
+        Self { file, buffer: Vec::new(), next: 0, end: offset, start: (offset, line) }
     }
 
-    /// Number of the line of the last word, from 1.
+    /// Number of the line of the last word, from 1. Reads what came before once more: lines are
+    /// asked for rarely, and not counting them makes the words come faster.
     pub(super) fn line(&self) -> u64 {
-        self.line
+        let (mut at, mut line) = self.start;
+        while at < self.offset() {
+            let bytes = (self.offset() - at).min(CHUNK as u64);
+            let Ok(text) = self.file.read_vec(at, bytes) else { break };
+            line += text.iter().filter(|byte| **byte == b'\n').count() as u64;
+            at += bytes;
+        }
+        line
     }
 
     /// The next word and its offset in the file; `None` at the end.
@@ -56,15 +65,47 @@ impl<'a> Tokens<'a> {
         Ok(Some((offset, &self.buffer[start..start + bytes])))
     }
 
+    /// Hands the next `count` words as numbers to `each`; returns how many there were if the file
+    /// ends before.
+    pub(super) fn values(&mut self, count: u64, mut each: impl FnMut(f64)) -> Result<u64> {
+        let mut done = 0;
+        loop {
+            done += self.plain_values(count - done, &mut each);
+            if done == count {
+                return Ok(done);
+            }
+            let Some(value) = self.value()? else { return Ok(done) };
+            each(value);
+            done += 1;
+        }
+    }
+
+    /// The same up to the first word that is no plain decimal or may go on behind the buffer.
+    #[inline(always)]
+    fn plain_values(&mut self, count: u64, each: &mut impl FnMut(f64)) -> u64 {
+        let (text, mut at) = (self.buffer.as_slice(), self.next);
+        let is_space = |at: usize| text.get(at).is_some_and(u8::is_ascii_whitespace);
+        for done in 0..count {
+            while is_space(at) {
+                at += 1;
+            }
+            match decimal::leading(&text[at..]) {
+                Some((value, bytes)) if is_space(at + bytes) => {
+                    each(value);
+                    at += bytes;
+                }
+                _ => {
+                    self.next = at;
+                    return done;
+                }
+            }
+        }
+        self.next = at;
+        count
+    }
+
     /// The next word as a number; `None` at the end.
-    pub(super) fn value(&mut self) -> Result<Option<f64>> {
-        if !self.skip_space()? {
-            return Ok(None);
-        }
-        if let Some((value, bytes)) = decimal::leading(&self.buffer[self.next..]) {
-            self.next += bytes;
-            return Ok(Some(value));
-        }
+    fn value(&mut self) -> Result<Option<f64>> {
         let Some((_, word)) = self.next()? else { return Ok(None) };
         let value = number(word).ok_or_else(|| no_number(word));
         value.map(Some).map_err(|e| e.at(self.place()))
@@ -77,7 +118,7 @@ impl<'a> Tokens<'a> {
 
     /// "line 7".
     pub(super) fn place(&self) -> String {
-        format!("line {}", self.line)
+        format!("line {}", self.line())
     }
 
     /// Moves to the next word; false at the end of the file.
@@ -87,7 +128,6 @@ impl<'a> Tokens<'a> {
                 if !byte.is_ascii_whitespace() {
                     return Ok(true);
                 }
-                self.line += u64::from(*byte == b'\n');
                 self.next += 1;
             }
             if !self.refill()? {
@@ -171,12 +211,19 @@ mod tests {
         file.write_all(text.as_bytes()).unwrap();
         let file = RawFile::of(file, Path::new("t.asc")).unwrap();
         let mut tokens = Tokens::new(&file, 0, 1);
-        for i in 0..40_000 {
-            let value = tokens.value().unwrap().unwrap();
-            let expected = number(words[i % words.len()].as_bytes()).unwrap();
-            assert_eq!((value.to_bits(), tokens.line()), (expected.to_bits(), i as u64 + 1));
+        let mut values = Vec::new();
+        // Of any number at a time.
+        for count in (0..).take_while(|count| count * (count + 1) / 2 < 40_000) {
+            assert_eq!(tokens.line(), values.len().max(1) as u64);
+            assert_eq!(tokens.values(count, |value| values.push(value)).unwrap(), count);
         }
-        assert!(tokens.value().unwrap().is_none());
+        let left = 40_000 - values.len() as u64;
+        assert_eq!(tokens.values(50_000, |value| values.push(value)).unwrap(), left);
+        assert_eq!(values.len(), 40_000);
+        for (i, value) in values.iter().enumerate() {
+            let expected = number(words[i % words.len()].as_bytes()).unwrap();
+            assert_eq!(value.to_bits(), expected.to_bits(), "{i}");
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod ifd;
 mod image;
 mod layout;
 mod lerc;
+mod lzw;
 mod mask;
 mod predictor;
 mod tags;

@@ -109,12 +109,26 @@ impl File {
     }
 }
 
+/// Does `work` on a pool of `threads` threads; within another pool, as a mosaic in a mosaic is, on
+/// that one.
+pub(super) fn on_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    pool.map_err(no_threads)?.install(work)
+}
+
 /// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
 pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
     if is_vrt(name)? {
         let path = Path::new(name);
         let share = nest.family.pool.share();
-        let options = OpenOptions { band, nodata, cache_bytes: share, temp_dir: None };
+        let options = OpenOptions { band, nodata, cache_bytes: share, threads: 1, temp_dir: None };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
         return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
@@ -147,7 +161,8 @@ fn open_file(
     let pool = &family.pool;
     let with = |cache_bytes| {
         let temp_dir = family.temp_dir.clone();
-        let grid = raster::open(name, &OpenOptions { band, nodata, cache_bytes, temp_dir })?;
+        let options = OpenOptions { band, nodata, cache_bytes, threads: 1, temp_dir };
+        let grid = raster::open(name, &options)?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
         Ok((Open { grid: grid.into(), bytes }, info))
@@ -166,4 +181,19 @@ fn block_bytes(info: &GridInfo) -> u64 {
     let samples =
         blocks(info.width, info.block.0).saturating_mul(blocks(info.height, info.block.1));
     samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_has_the_threads_it_was_given() {
+        for threads in [1, 3] {
+            let seen = on_threads(threads, || Ok(rayon::current_num_threads())).unwrap();
+            assert_eq!(seen, threads);
+        }
+        let within = || on_threads(7, || Ok(rayon::current_num_threads()));
+        assert_eq!(on_threads(2, within).unwrap(), 2);
+    }
 }

@@ -9,7 +9,7 @@ use crate::geom::Rect;
 use crate::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
 
 use super::agree::{self, Named};
-use super::find::{Family, Found, Nest, find};
+use super::find::{Family, Found, Nest, find, on_threads};
 use super::layout::{Layout, Shape, lay_out};
 use super::recode::{Recode, void_range, wider};
 use super::{Mosaic, Part, Source, in_order, members};
@@ -56,13 +56,14 @@ fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
         return Err(agree::nowhere(&names[0]));
     }
     let reference = Named { name: &names[0], info: &info };
-    let rest = names[1..].par_iter().map(|name| {
+    let member = |name: &String| {
         let found = look(name)?;
         agree::check(reference, Named { name, info: &found.info })?;
         Ok(Member::of(found))
-    });
+    };
+    let rest = || in_order(names[1..].par_iter().map(member).collect());
     let mut members = vec![Member::of(first)];
-    members.extend(in_order(rest.collect())?);
+    members.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
     let unit = unit(names, &members)?;
     let layout = laid_out(names, &members)?;
     let info = describe(info, &members, &layout, unit);

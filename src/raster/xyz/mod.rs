@@ -212,7 +212,9 @@ impl Axis {
     /// The index of `position`; `None` when it lies off the grid.
     fn index(&self, position: f64) -> Option<u32> {
         let at = (position - self.low) / self.step;
-        ((at - at.round()).abs() <= SLACK).then_some((at.round() as u32).min(self.count - 1))
+        // At most half a cell below the lowest, so rounded by dropping what is behind the point.
+        let index = (at + 0.5) as u32;
+        ((at - f64::from(index)).abs() <= SLACK).then_some(index.min(self.count - 1))
     }
 }
 

@@ -3,10 +3,13 @@
 use std::io::{BufRead, BufReader, Read};
 
 use crate::error::{Error, Result};
+use crate::raster::decimal;
 use crate::raster::file::{self, RawFile};
 
 /// Most bytes of a line.
 const MOST_LINE: u64 = 4096;
+/// Most spaces in a row of a plain line.
+const MOST_SPACES: usize = 64;
 
 /// Names of the columns x, y and z in headings, in lower case.
 const NAMES: [&[&str]; 3] = [
@@ -48,6 +51,9 @@ impl<'a> Points<'a> {
 
     /// The next point.
     pub(super) fn next(&mut self) -> Result<Option<[f64; 3]>> {
+        if let Some(point) = self.next_plain() {
+            return Ok(Some(point));
+        }
         if self.next_line()?.is_none() {
             return Ok(None);
         }
@@ -56,6 +62,15 @@ impl<'a> Points<'a> {
         let point = point(text, separator, self.columns).map_err(|e| e.at(self.place()))?;
         self.separator = Some(separator);
         Ok(Some(point))
+    }
+
+    /// The next point if its line is plain and wholly in the buffer, as nearly all are.
+    fn next_plain(&mut self) -> Option<[f64; 3]> {
+        let separator = self.separator.filter(|_| self.columns == [0, 1, 2])?;
+        let (point, bytes) = plain_point(self.lines.buffer(), separator)?;
+        self.lines.consume(bytes);
+        self.line += 1;
+        Some(point)
     }
 
     /// "line 7".
@@ -127,12 +142,48 @@ impl Separator {
         words.map(|word| word.trim().trim_matches('"'))
     }
 
+    /// Its length where `text` begins with it, with spaces behind.
+    fn leading(self, text: &[u8]) -> Option<usize> {
+        let own = match self {
+            Self::Space => return Some(spaces(text)).filter(|bytes| *bytes > 0),
+            Self::Comma => b',',
+            Self::Semicolon => b';',
+        };
+        let (first, rest) = text.split_first()?;
+        (*first == own).then(|| 1 + spaces(rest))
+    }
+
     /// A number; where the comma is no separator it may be the decimal point.
     fn number(self, word: &str) -> Option<f64> {
         word.parse().ok().or_else(|| {
             let comma = self != Self::Comma && word.matches(',').count() == 1;
             if comma { word.replace(',', ".").parse().ok() } else { None }
         })
+    }
+}
+
+/// Spaces in front.
+fn spaces(text: &[u8]) -> usize {
+    text.iter().take(MOST_SPACES).take_while(|byte| matches!(byte, b' ' | b'\t')).count()
+}
+
+/// The point of the line that `text` begins with and the line's bytes, when it is three plain
+/// decimals and all there; `None` for all else, points or not.
+fn plain_point(text: &[u8], separator: Separator) -> Option<([f64; 3], usize)> {
+    let mut point = [0.0; 3];
+    let mut at = spaces(text);
+    for (i, value) in point.iter_mut().enumerate() {
+        if i > 0 {
+            at += separator.leading(&text[at..])?;
+        }
+        let (number, bytes) = decimal::leading(&text[at..])?;
+        *value = number;
+        at += bytes;
+    }
+    match text[at..] {
+        [b'\n', ..] => Some((point, at + 1)),
+        [b'\r', b'\n', ..] => Some((point, at + 2)),
+        _ => None,
     }
 }
 
@@ -178,6 +229,42 @@ fn point(line: &str, separator: Separator, columns: [usize; 3]) -> Result<[f64; 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+        #[test]
+        fn plain_lines_give_what_any_line_gives(
+            line in "[ \t]{0,2}-?[0-9]{0,3}(\\.[0-9]{0,3})?[,; ][ \t]{0,2}-?[0-9]{1,9}[,; ]{1,2}[-0-9e.]{1,9}[ ,]?\r?",
+        ) {
+            for separator in [Separator::Space, Separator::Comma, Separator::Semicolon] {
+                let text = format!("{line}\n1");
+                if let Some((plain, bytes)) = plain_point(text.as_bytes(), separator) {
+                    prop_assert_eq!(bytes, line.len() + 1);
+                    let any = point(line.trim(), separator, [0, 1, 2]).unwrap();
+                    prop_assert_eq!(plain.map(f64::to_bits), any.map(f64::to_bits));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn common_lines_are_plain() {
+        use Separator::{Comma, Semicolon, Space};
+        for (line, separator) in [
+            ("500000.5 4750000.0 -12.25\n", Space),
+            ("  1\t2  3\r\n", Space),
+            ("1,2,3\n", Comma),
+            ("1, 2, 3\r\n", Comma),
+            ("1;2;3\n", Semicolon),
+        ] {
+            let (_, bytes) = plain_point(line.as_bytes(), separator).unwrap();
+            assert_eq!(bytes, line.len(), "{line:?}");
+        }
+        for line in ["1 2 3", "1 2\n", "1 2 3 4\n", "1 2 nan\n", "1 2 1e3\n", "# 1 2 3\n", ""] {
+            assert_eq!(plain_point(line.as_bytes(), Space), None, "{line:?}");
+        }
+    }
 
     fn point_of(line: &str) -> Option<[f64; 3]> {
         point(line, Separator::of(line), [0, 1, 2]).ok()

@@ -18,7 +18,7 @@ use crate::limits;
 use crate::raster::file::RawFile;
 use crate::raster::{GridInfo, GridSource, OpenOptions, RasterFormat, prj, unit_and_text};
 
-use super::find::{Family, Nest, find};
+use super::find::{Family, Nest, find, on_threads};
 use super::recode::{Recode, holds, void_range};
 use super::{Mosaic, Part, Source as Samples, in_order};
 use parse::{Source, Vrt};
@@ -77,14 +77,16 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     nest.family.count_members(vrt.band.sources.len() as u64)?;
     let mut info = describe(&vrt, options)?;
     let canvas = Canvas { path, info: &info, nest: &nest };
-    let parts = vrt.band.sources.par_iter().map(|source| {
+    let part = |source: &Source| {
         canvas.part(source).map_err(|e| match e.path() {
             // About the file, not about what the VRT says of it.
             Some(_) => e,
             None => e.at(&source.place),
         })
-    });
-    let parts: Vec<Part> = in_order(parts.collect())?.into_iter().flatten().collect();
+    };
+    let parts = || in_order(vrt.band.sources.par_iter().map(part).collect());
+    let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
+    let parts: Vec<Part> = parts.into_iter().flatten().collect();
     info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
     Ok(Mosaic::new(info, parts, nest.family))
 }
