@@ -268,7 +268,9 @@ mod tests {
     use crate::geom::{Affine, Crs, Rect};
     use crate::output::MeshBatch;
     use crate::pipeline::Silent;
+    use crate::pipeline::tin::container::Container;
     use crate::raster::{GridInfo, SampleType};
+    use crate::tin::{Local, Triangle};
     use crate::tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
 
     /// A saddle with a fault in it, if wanted.
@@ -333,8 +335,8 @@ mod tests {
         }
     }
 
-    fn run(source: &Saddle, threads: usize, kernel: Kernel) -> Result<Outcome> {
-        let settings = Settings {
+    fn settings(cancel: &Cancel, threads: usize) -> Settings<'_> {
+        Settings {
             spec: Spec {
                 tolerance: 5.0,
                 strict: false,
@@ -348,9 +350,13 @@ mod tests {
             temp_dir: Path::new("."),
             order_seed: None,
             progress: &Silent,
-            cancel: &Cancel::default(),
-        };
-        run_with(source, Box::new(Drain), &settings, kernel)
+            cancel,
+        }
+    }
+
+    fn run(source: &Saddle, threads: usize, kernel: Kernel) -> Result<Outcome> {
+        let cancel = Cancel::default();
+        run_with(source, Box::new(Drain), &settings(&cancel, threads), kernel)
     }
 
     fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
@@ -374,6 +380,53 @@ mod tests {
             let error = run(&source, threads, kernel).unwrap_err().to_string();
             assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");
         }
+    }
+
+    /// Two triangles for every tile of a flat land.
+    struct Flat(Layout);
+
+    impl Stock for Flat {
+        fn load(&self, tile: TileId) -> Result<Container> {
+            let (rect, owned) = (self.0.rect(tile), self.0.owned(tile));
+            let (right, below) = (rect.width - 1, rect.height - 1);
+            let corners = [(0, 0), (right, 0), (0, below), (right, below)];
+            let at = corners.map(|(col, row)| Local::new(col, row));
+            let triangle = |corners| Triangle { corners, max_error: 0.0, square_sum: 0.0 };
+            let mut kept = Container::default();
+            kept.triangles = vec![triangle([at[0], at[3], at[2]]), triangle([at[0], at[1], at[3]])];
+            let is_own = |at: &Local| at.col() < owned.width && at.row() < owned.height;
+            kept.vertices = at.into_iter().filter(is_own).collect();
+            kept.heights = vec![0.0; kept.vertices.len()];
+            kept.close();
+            Ok(kept)
+        }
+    }
+
+    fn write_flat(side: u32, tile: u32) -> Outcome {
+        let source = Saddle::new(side);
+        let cancel = Cancel::default();
+        let settings = Settings { tile, ..settings(&cancel, 2) };
+        let layout = layout(&source, &settings).unwrap();
+        let tally = Tally { valid: layout.samples(), ..Tally::default() };
+        write(&source, &Flat(layout), tally, Box::new(Drain), &settings).unwrap()
+    }
+
+    #[test]
+    fn saved_tiles_are_numbered_and_written() {
+        let outcome = write_flat(16 * 37 + 1, 16);
+        assert_eq!((outcome.vertices, outcome.triangles), (38 * 38, 2 * 37 * 37));
+    }
+
+    /// The step that no machine can share, at 640 billion samples:
+    /// `cargo test --release --lib full_scale -- --ignored --nocapture`.
+    #[test]
+    #[ignore = "takes minutes"]
+    fn ids_at_full_scale() {
+        let started = std::time::Instant::now();
+        let outcome = write_flat(800_001, 512);
+        assert_eq!((outcome.vertices, outcome.triangles), (1564 * 1564, 2 * 1563 * 1563));
+        let peak = crate::pipeline::peak_memory().unwrap_or_default() >> 20;
+        println!("{} tiles in {:.1} s, {peak} MiB", 1563 * 1563, started.elapsed().as_secs_f64());
     }
 
     #[test]

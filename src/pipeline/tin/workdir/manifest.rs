@@ -305,6 +305,45 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
 mod tests {
     use super::*;
 
+    fn plan() -> Manifest {
+        let plan = serde_json::json!({
+            "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
+            "method": {
+                "input": ["synth:rough"], "label": "synth:rough", "band": 1, "nodata": "NaN",
+                "format": "PLY", "max_error": 0.1, "strict": false, "drop": true, "tile": 512,
+                "strip_rows": 2, "height_origin": null,
+            },
+            "grid": {
+                "width": 9000, "height": 9000, "crs": "none",
+                "transform": [0.1, 1e-300, 0.0, -7e22, 0.0, -1.0],
+            },
+            "files": [], "tasks": [],
+        });
+        serde_json::from_value(plan).unwrap()
+    }
+
+    #[test]
+    fn a_plan_comes_back_from_its_file_and_another_version_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        let read = |plan: &Manifest| {
+            std::fs::write(&path, plan.to_text().unwrap()).unwrap();
+            Manifest::read(&path)
+        };
+        let plan = plan();
+        let (back, id) = read(&plan).unwrap();
+        assert_eq!((&back, id), (&plan, plan.id()));
+        let job = back.job(PathBuf::new(), false, Resources::default());
+        assert!(job.nodata.is_some_and(f64::is_nan));
+        for other in [
+            Manifest { terrane: "0.0.0".into(), ..plan.clone() },
+            Manifest { revision: REVISION + 1, ..plan.clone() },
+        ] {
+            let refused = read(&other).unwrap_err().to_string();
+            assert!(refused.contains("was made by terrane"), "{refused}");
+        }
+    }
+
     #[test]
     fn the_first_difference_is_named() {
         let of = |text: &str| serde_json::from_str::<Value>(text).unwrap();
