@@ -1,0 +1,84 @@
+"""Whatever is killed, the bytes are the same and nothing is done twice that was done."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import time
+
+import psutil
+import pytest
+from conftest import Processes, Work, stand_in, until
+
+
+def workers(driver: int) -> list[psutil.Process]:
+    """The worker processes of a driver that is its own cluster."""
+    children = psutil.Process(driver).children()
+    alive = [child for child in children if child.status() != psutil.STATUS_ZOMBIE]
+    return [child for child in alive if "spawn_main" in " ".join(child.cmdline())]
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_workers_are_killed(large: Work, processes: Processes, seed: int) -> None:
+    chance = random.Random(seed)
+    driver = processes.driver(large.folder, "--workers", 3)
+    for _ in range(5):
+        until(large.runs)
+        time.sleep(chance.uniform(0, 1))
+        chance.choice(workers(driver.pid)).kill()
+    assert driver.poll() is None, "the work was too short to kill anybody"
+    out, err = driver.communicate(timeout=120)
+    assert driver.returncode == 0, err
+    report = json.loads(out)
+    assert (report["skipped"], report["done"]) == (0, large.tasks) and large.is_right()
+
+
+@pytest.mark.slow
+def test_driver_and_scheduler_are_killed(large: Work, processes: Processes) -> None:
+    address, scheduler = processes.cluster(3)
+    driver = processes.driver(large.folder, "--scheduler", address)
+    large.wait_for(10)
+    driver.kill()
+    scheduler.kill()
+    until(lambda: not large.runs())
+    done = len(list((large.folder / "objects").glob("*.object")))
+    address, _ = processes.cluster(3)
+    out, err = processes.driver(large.folder, "--scheduler", address).communicate(timeout=120)
+    report = json.loads(out)
+    assert report["skipped"] == done >= 10, err
+    assert report["done"] == large.tasks - done and large.is_right()
+
+
+@pytest.mark.slow
+def test_the_driver_is_killed_and_the_cluster_lives(large: Work, processes: Processes) -> None:
+    address, _ = processes.cluster(3)
+    driver = processes.driver(large.folder, "--scheduler", address, "--batch-seconds", 1000)
+    large.wait_for(5)
+    driver.send_signal(signal.SIGKILL)
+    until(lambda: not large.runs())
+    out, err = processes.driver(large.folder, "--scheduler", address).communicate(timeout=120)
+    report = json.loads(out)
+    assert 5 <= report["skipped"] < large.tasks - 1, err
+    assert report["skipped"] + report["done"] == large.tasks and large.is_right()
+
+
+@pytest.mark.slow
+def test_the_scheduler_is_killed_and_the_driver_says_so(large: Work, processes: Processes) -> None:
+    address, scheduler = processes.cluster(2)
+    driver = processes.driver(large.folder, "--scheduler", address)
+    large.wait_for(5)
+    scheduler.kill()
+    _, err = driver.communicate(timeout=90)
+    assert driver.returncode == 75 and "the cluster is gone" in err and "Traceback" not in err
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_its_worker_stops_the_job(large: Work, processes: Processes) -> None:
+    """As one that runs out of memory may."""
+    script = 'test "$task" = strip-9 && kill -9 $PPID'
+    program = stand_in(large.folder / "stand-in", script)
+    how = ["--workers", 2, "--terrane", program, "--retries", 1]
+    driver = processes.driver(large.folder, *how)
+    _, err = driver.communicate(timeout=120)
+    assert driver.returncode == 75 and "strip-9: its worker died, again and again" in err
