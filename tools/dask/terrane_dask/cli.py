@@ -10,9 +10,9 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from distributed import Client
 
@@ -107,7 +107,7 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def at_least(least: int) -> Any:
+def at_least(least: int) -> Callable[[str], int]:
     """A parser of whole numbers that are not smaller."""
 
     def number(text: str) -> int:

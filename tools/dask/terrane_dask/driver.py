@@ -1,4 +1,4 @@
-"""Submits batches of tasks to a Dask cluster, takes their results, and tries again what was lost."""
+"""Submits batches of tasks to a Dask cluster, takes their results, tries again what was lost."""
 
 from __future__ import annotations
 

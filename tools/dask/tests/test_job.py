@@ -24,7 +24,9 @@ def test_the_mesh_is_that_of_one_run_and_what_is_done_is_skipped(
     assert (report["skipped"], report["done"]) == (1, small.tasks - 2)
     assert status(small.folder)["output"] is None
     address, _ = processes.cluster(2)
-    report = json.loads(processes.driver(small.folder, "--scheduler", address).communicate(timeout=60)[0])
+    report = json.loads(
+        processes.driver(small.folder, "--scheduler", address).communicate(timeout=60)[0]
+    )
     assert (report["skipped"], report["done"]) == (small.tasks - 1, 1)
     assert report["mesh"] == str(small.mesh) and small.is_right()
     other = small.folder.parent / "other.ply"

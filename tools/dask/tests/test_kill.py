@@ -19,11 +19,11 @@ def workers(driver: int) -> list[psutil.Process]:
     return [child for child in alive if "spawn_main" in " ".join(child.cmdline())]
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_workers_are_killed(large: Work, processes: Processes, seed: int) -> None:
-    chance = random.Random(seed)
+@pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_workers_are_killed(large: Work, processes: Processes, kills: int) -> None:
+    chance = random.Random(kills)
     driver = processes.driver(large.folder, "--workers", 3)
-    for _ in range(5):
+    for _ in range(kills):
         until(large.runs)
         time.sleep(chance.uniform(0, 1))
         chance.choice(workers(driver.pid)).kill()
@@ -32,6 +32,29 @@ def test_workers_are_killed(large: Work, processes: Processes, seed: int) -> Non
     assert driver.returncode == 0, err
     report = json.loads(out)
     assert (report["skipped"], report["done"]) == (0, large.tasks) and large.is_right()
+
+
+def test_programs_end_with_their_worker_and_with_their_job(
+    small: Work, processes: Processes
+) -> None:
+    program = stand_in(small.folder / "stand-in", 'test "$task" = strip-4 && exec sleep 1234')
+    driver = processes.driver(small.folder, "--workers", 2, "--terrane", program)
+
+    def sleepers() -> list[psutil.Process]:
+        family = psutil.Process(driver.pid).children(recursive=True)
+        return [process for process in family if process.name() == "sleep"]
+
+    until(sleepers)
+    first = sleepers()[0]
+    worker = first.parent()
+    assert worker
+    worker.kill()
+    until(lambda: not first.is_running())
+    until(sleepers)
+    second = sleepers()[0]
+    driver.terminate()
+    driver.communicate(timeout=60)
+    until(lambda: not second.is_running())
 
 
 @pytest.mark.slow
