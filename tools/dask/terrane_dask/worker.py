@@ -5,6 +5,7 @@ The functions travel to the workers by value, so that these need Dask and the pr
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -85,13 +86,14 @@ def _call(command: list[str]) -> tuple[int, str, str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    while True:
-        try:
+    while _is_wanted():
+        with contextlib.suppress(subprocess.TimeoutExpired):
             out, err = process.communicate(timeout=1)
             return process.returncode, out, err
-        except subprocess.TimeoutExpired:
-            if not _is_wanted():
-                process.terminate()
+    # Once only: asked a second time the program leaves at once, without tidying up.
+    process.terminate()
+    out, err = process.communicate()
+    return process.returncode, out, err
 
 
 def _is_wanted() -> bool:
