@@ -112,7 +112,9 @@ def test_what_fails_again_and_again_stops_the_job(small: Work) -> None:
         assert stop.value.code == 75 and driver.report.retried == 1
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_an_interrupted_job_leaves_nothing_running(
     large: Work, processes: Processes, how: signal.Signals
 ) -> None:

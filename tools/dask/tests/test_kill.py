@@ -6,6 +6,7 @@ import json
 import os
 import random
 import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -30,18 +31,18 @@ def sleepers() -> list[psutil.Process]:
 
 
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
-def test_workers_are_killed(large: Work, processes: Processes, kills: int) -> None:
-    chance = random.Random(kills)
-    driver = processes.driver(large.folder, "--workers", 3)
+def test_workers_are_killed(tmp_path: Path, processes: Processes, kills: int) -> None:
+    work, chance = Work(tmp_path, 1500 + 1500 * kills, 0.15), random.Random(kills)
+    driver = processes.driver(work.folder, "--workers", 3)
     for _ in range(kills):
-        until(large.runs)
+        until(work.runs)
         time.sleep(chance.uniform(0, 1))
         chance.choice(workers(driver.pid)).kill()
     assert driver.poll() is None, "the work was too short to kill anybody"
     out, err = driver.communicate(timeout=120)
     assert driver.returncode == 0, err
     report = json.loads(out)
-    assert (report["skipped"], report["done"]) == (0, large.tasks) and large.is_right()
+    assert (report["skipped"], report["done"]) == (0, work.tasks) and work.is_right()
 
 
 def test_programs_end_with_their_worker_and_with_their_job(
