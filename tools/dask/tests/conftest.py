@@ -17,6 +17,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 BUILDS = [ROOT / "target" / build / "terrane" for build in ("release", "debug")]
+# Makes this package one that cannot be imported.
+HIDE = "import sys; sys.modules['terrane_dask'] = None"
 TERRANE = os.environ.get("TERRANE") or next(
     (str(path) for path in BUILDS if path.exists()), shutil.which("terrane")
 )
@@ -25,7 +27,8 @@ TERRANE = os.environ.get("TERRANE") or next(
 def terrane(*arguments: object) -> str:
     """What the program prints; fails with its message."""
     assert TERRANE, "set TERRANE to the program"
-    done = subprocess.run([TERRANE, *map(str, arguments)], capture_output=True, text=True)
+    command = [TERRANE, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -111,15 +114,15 @@ class Processes:
         scheduler = self.quiet("dask_scheduler", "--port", 0, *how)
         until(file.exists)
         few = ["--nworkers", workers, "--nthreads", 1, "--memory-limit", 0, "--death-timeout", 20]
-        self.quiet("dask_worker", *few, *how)
+        # Spawned processes begin anew and have to be told, too.
+        self.quiet("dask_worker", *few, *how, "--preload", HIDE)
         return str(json.loads(file.read_text())["address"]), scheduler
 
     def quiet(self, cli: str, *arguments: object) -> subprocess.Popen[str]:
         """A part of a cluster, where this package cannot be imported."""
         main = f"from distributed.cli.{cli} import main; main()"
         code = f"import sys, os; sys.stdout = sys.stderr = open(os.devnull, 'w'); {main}"
-        hide = "import sys; sys.modules['terrane_dask'] = None; "
-        return self.python("-c", hide + code, *arguments, cwd=self.folder)
+        return self.python("-c", f"{HIDE}; {code}", *arguments, cwd=self.folder)
 
     def stop(self) -> None:
         """Kills all that is left, with its children."""

@@ -35,14 +35,6 @@ def test_the_mesh_is_that_of_one_run_and_what_is_done_is_skipped(
     assert small.is_right(other)
 
 
-def test_workers_need_not_have_the_package(small: Work, processes: Processes) -> None:
-    address, _ = processes.cluster(2)
-    driver = processes.driver(small.folder, "--scheduler", address)
-    out, err = driver.communicate(timeout=60)
-    assert driver.returncode == 0, err
-    assert json.loads(out)["done"] == small.tasks and small.is_right()
-
-
 def test_bad_input_stops_the_job_with_the_message(tmp_path: Path, processes: Processes) -> None:
     grid, folder = tmp_path / "grid.asc", tmp_path / "work"
     head = "ncols 600\nnrows 600\nxllcorner 0\nyllcorner 0\ncellsize 1\n"
