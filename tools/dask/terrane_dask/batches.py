@@ -1,0 +1,103 @@
+"""Which tasks go together in a batch, and when they may."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter, defaultdict
+from collections.abc import Container, Iterable
+from dataclasses import dataclass
+
+FINISH = "finish"
+# What the past weighs beside the next measured time: terrain changes along a plan.
+MEMORY = 0.98
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task of a plan: its name, those it waits for, the samples it works on."""
+
+    id: str
+    after: tuple[str, ...]
+    samples: int
+
+
+class Queue:
+    """The tasks that are not done, in the order of the plan. The task `finish` waits for all."""
+
+    def __init__(self, tasks: Iterable[Task], batch_seconds: float) -> None:
+        self.left = {task.id: task for task in tasks}
+        self.tries: Counter[str] = Counter()
+        self._batch_seconds = batch_seconds
+        self._samples = self._seconds = 0.0
+        self._rank = {id: rank for rank, id in enumerate(self.left)}
+        self._followers: dict[str, list[Task]] = defaultdict(list)
+        # Neither ready, nor given out, nor done.
+        self._waiting = set(self.left)
+        self._ready: list[tuple[int, Task]] = []
+        self._ready_samples = 0
+        for task in self.left.values():
+            for before in task.after:
+                self._followers[before].append(task)
+        self._release(list(self.left.values()))
+
+    def has_ready(self) -> bool:
+        """True when a task can be done now."""
+        return bool(self._ready)
+
+    def has_batch(self) -> bool:
+        """True when a whole batch is known to be ready."""
+        return self._batch_seconds <= self._estimate(self._ready_samples) < math.inf
+
+    def take(self, workers: int) -> list[Task]:
+        """The next batch, in an order in which its tasks can be done; one task at least. Less than
+        a whole batch when there is not as much for each of the `workers`; one task as long as no
+        time was measured. What failed before goes alone, so that it takes nothing else with it."""
+        seconds = min(self._batch_seconds, self._estimate(self._ready_samples) / workers)
+        batch: dict[str, Task] = {}
+        while self._ready and (not batch or seconds > 0 and not self.tries[self._ready[0][1].id]):
+            task = heapq.heappop(self._ready)[1]
+            self._ready_samples -= task.samples
+            joined = [task]
+            while joined and (not batch or seconds > 0):
+                task = joined.pop()
+                batch[task.id] = task
+                seconds -= math.inf if self.tries[task.id] else self._estimate(task.samples)
+                joined += [next for next in self._followers[task.id] if self._may_join(next, batch)]
+            self._waiting.difference_update(batch)
+        return list(batch.values())
+
+    def done(self, task: Task, seconds: float | None) -> None:
+        """Notes that `task` is done, and the time it took unless it was done before."""
+        self.left.pop(task.id, None)
+        if seconds is not None:
+            self._samples = self._samples * MEMORY + task.samples
+            self._seconds = self._seconds * MEMORY + seconds
+        self._release(self._followers[task.id])
+        if len(self.left) == 1:
+            self._release(list(self.left.values()))
+
+    def give_back(self, task: Task) -> None:
+        """Takes back a task that was given out and is not done."""
+        self._waiting.add(task.id)
+        self._release([task])
+
+    def _release(self, tasks: list[Task]) -> None:
+        for task in tasks:
+            if task.id in self._waiting and self._is_free(task, ()):
+                self._waiting.remove(task.id)
+                heapq.heappush(self._ready, (self._rank[task.id], task))
+                self._ready_samples += task.samples
+
+    def _may_join(self, task: Task, batch: Container[str]) -> bool:
+        waits = task.id in self._waiting and task.id not in batch
+        return waits and not self.tries[task.id] and self._is_free(task, batch)
+
+    def _is_free(self, task: Task, batch: Container[str]) -> bool:
+        if task.id == FINISH:
+            return len(self.left) == 1
+        return all(before not in self.left or before in batch for before in task.after)
+
+    def _estimate(self, samples: int) -> float:
+        """Seconds; infinite when nothing was measured yet."""
+        return samples * self._seconds / self._samples if self._samples else math.inf

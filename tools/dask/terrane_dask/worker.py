@@ -1,0 +1,104 @@
+"""What a Dask worker does: it calls the program for each task of a batch.
+
+The functions travel to the workers by value, so that these need Dask and the program only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from typing import TypedDict
+
+from distributed import get_worker
+
+# Becomes the program, which Linux then asks to stop (signal 15) when the thread that started it
+# ends, as it does when the worker is killed. Not a preexec_fn: those may lock up in a process that
+# has threads.
+LEASH = """
+import ctypes, os, sys
+ctypes.CDLL(None).prctl(1, 15, 0, 0, 0)
+if os.getppid() == int(sys.argv[1]):
+    os.execv(sys.argv[2], sys.argv[2:])
+"""
+# Exit code for a task whose batch nobody wants any more, as of an interrupted program.
+INTERRUPTED = 130
+
+
+class Result(TypedDict):
+    """How a task went: the exit code of the program; its seconds by its own clock, and with its
+    start and end; whether it made the task or found it done; its message if it failed."""
+
+    id: str
+    code: int
+    work_seconds: float
+    seconds: float
+    made: bool
+    message: str
+
+
+def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[Result]:
+    """Waits for `delay` seconds, then calls `command` with the arguments of each task, of which the
+    first is its name; stops after the first task that fails."""
+    time.sleep(delay)
+    program = shutil.which(command[0])
+    if program is None:
+        raise FileNotFoundError(f"there is no program {command[0]} on {socket.gethostname()}")
+    results: list[Result] = []
+    for task in tasks:
+        results.append(_run_task([program, *command[1:], "--task", *task], task[0]))
+        if results[-1]["code"] != 0:
+            break
+    return results
+
+
+def _run_task(command: list[str], task: str) -> Result:
+    started = time.monotonic()
+    code, out, err = _call(command)
+    seconds = time.monotonic() - started
+    report = json.loads(out) if code == 0 else {}
+    lines = err.strip().splitlines() or [f"{task}: the program ended with code {code}"]
+    return Result(
+        id=task,
+        code=code,
+        work_seconds=report.get("wall_seconds", 0.0),
+        seconds=seconds,
+        made=task in report.get("made", ()),
+        message="" if code == 0 else lines[-1][-1000:],
+    )
+
+
+def _call(command: list[str]) -> tuple[int, str, str]:
+    """Exit code, output and messages of a program, which is stopped when it is not wanted."""
+    if not _is_wanted():
+        return INTERRUPTED, "", ""
+    if sys.platform == "linux":
+        command = [sys.executable, "-I", "-S", "-c", LEASH, str(os.getpid()), *command]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while _is_wanted():
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            out, err = process.communicate(timeout=1)
+            return process.returncode, out, err
+    # Once only: asked a second time the program leaves at once, without tidying up.
+    process.terminate()
+    out, err = process.communicate()
+    return process.returncode, out, err
+
+
+def _is_wanted() -> bool:
+    """False when this batch was cancelled: by the driver, or by the scheduler when the driver is
+    gone."""
+    worker = get_worker()
+    task = worker.state.tasks.get(worker.get_current_task())
+    return task is not None and task.state == "executing"

@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Submits what is to do of a terrane plan to Slurm, as three jobs that wait for each other: an array
+# of the strips, an array of the seams, and the mesh.
+#
+#     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane run...]
+#
+# TERRANE is the program [terrane], ELEMENTS the most elements of an array [1000], BATCH the fewest
+# tasks of an element [1], OUTPUT the mesh file [in the folder]. Prints the numbers of the jobs.
+set -euo pipefail
+
+if (($# == 0)) || [[ $1 == -* ]]; then
+  sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0" >&2
+  exit 2
+fi
+workdir=$(realpath "$1")
+shift
+options=()
+while (($#)) && [[ $1 != -- ]]; do
+  options+=("$1")
+  shift
+done
+(($# == 0)) || shift
+terrane=${TERRANE:-terrane}
+[[ $terrane != */* ]] || terrane=$(realpath "$terrane")
+export TERRANE=$terrane
+array=$(dirname "$(realpath "$0")")/terrane-array.sh
+# One folder for each submission: jobs of an earlier one may still read their lists.
+lists=$workdir/slurm/$(date +%Y%m%d-%H%M%S)-$$
+mkdir -p "$lists"
+
+after=()
+# submit KIND COUNT [OPTION OF terrane run...]: an array for the list of that kind, after the last.
+submit() {
+  local kind=$1 count=$2 tasks elements job
+  shift 2
+  tasks=$(wc -l <"$lists/$kind")
+  ((tasks > 0)) || return 0
+  elements=$(((tasks + count - 1) / count))
+  job=$(sbatch --parsable --array="0-$((elements - 1))" --output="$lists/$kind-%a.log" "${after[@]}" \
+    "${options[@]}" "$array" "$workdir" "$lists/$kind" "$count" "$@")
+  after=(--dependency="afterok:${job%%;*}" --kill-on-invalid-dep=yes)
+  echo "$kind: job ${job%%;*}, $tasks tasks in $elements elements"
+}
+
+# Tasks of an element, so that the array is not longer than Slurm allows.
+share() {
+  local tasks=$(wc -l <"$lists/$1") least=${BATCH:-1} most=${ELEMENTS:-1000}
+  local count=$(((tasks + most - 1) / most))
+  echo $((count > least ? count : least))
+}
+
+"$terrane" status "$workdir" --json >"$lists/status.json"
+for kind in strip seam finish; do
+  # Names stand in "id", those of others they wait for elsewhere.
+  { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"
+done
+if ! [[ -s $lists/strip || -s $lists/seam || -s $lists/finish ]]; then
+  rm -r "$lists"
+  echo "nothing is left to do"
+  exit
+fi
+submit strip "$(share strip)" "$@"
+submit seam "$(share seam)" "$@"
+submit finish 1 ${OUTPUT:+--output "$(realpath "$OUTPUT")"} "$@"
