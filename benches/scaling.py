@@ -90,7 +90,7 @@ def table(rows):
         own = [r for r in large if r["threads"] == threads]
         a, b = fit(own)
         worst = max(abs(a * r["samples"] + b * r["vertices"] - r["seconds"]) / r["seconds"] for r in own)
-        yield (f"{threads} threads, from 4096^2 on: {a * 1e9:.2f} ns a sample +"
+        yield (f"{threads} thread{'s' * (threads > 1)}, from 4096^2 on: {a * 1e9:.2f} ns a sample +"
                f" {b * 1e9:.0f} ns a vertex; off by {100 * worst:.0f} % at most.")
     yield from efficiency(rows)
 
