@@ -128,10 +128,11 @@ def plot(rows, path):
         series.setdefault((r["threads"], r["tile"], r["max_error"]), []).append(r)
     for i, ((threads, tile, error), own) in enumerate(sorted(series.items())):
         colour = COLOURS[i % len(COLOURS)]
+        dashes = "" if threads == 1 else ' stroke-dasharray="5 3"'
         points = " ".join(f"{x(r['samples']):.1f},{y(r['seconds']):.1f}" for r in own)
         dots = "".join(f'<circle cx="{x(r["samples"]):.1f}" cy="{y(r["seconds"]):.1f}" r="3"/>' for r in own)
         label = f"{threads} thr, tile {tile}, {error}"
-        parts.append(f'<g stroke="{colour}" fill="{colour}"><polyline points="{points}" fill="none"/>{dots}</g>'
+        parts.append(f'<g stroke="{colour}" fill="{colour}"><polyline points="{points}" fill="none"{dashes}/>{dots}</g>'
                      f'<text x="{width - 180}" y="{40 + 16 * i}" fill="{colour}">{label}</text>')
     parts.append(f'<text x="{(left + width - 190) / 2}" y="{height - 15}" text-anchor="middle">samples</text>'
                  f'<text x="16" y="{height / 2}" transform="rotate(-90 16 {height / 2})" '
