@@ -100,6 +100,34 @@ fn read(place: &Place, folder: &str) -> Vec<(OsString, Vec<u8>)> {
 }
 
 #[test]
+fn another_or_a_damaged_folder_is_not_taken_for_the_finished_one() {
+    let place = Place::new();
+    tin(&place, "three", &["--split", "3"]);
+    tin(&place, "four", &["--split", "4"]);
+    place.ok(&["plan", "tin", TERRAIN, "-o", "work", "--max-error", "2", "--tile", "32", "-q"]);
+    let args = |split| ["run", "work", "-o", "out", "-q", "--split", split];
+    place.ok(&args("3"));
+    place.fails(&args("4"), 2, &["out", "exists already"]);
+    place.ok(&[&args("4")[..], &["--overwrite"]].concat());
+    assert!(read(&place, "out") == read(&place, "four"));
+    std::fs::remove_file(place.path("out/block-0000-0001.ply")).unwrap();
+    place.fails(&args("4"), 2, &["out", "exists already"]);
+    place.ok(&[&args("4")[..], &["--overwrite"]].concat());
+    assert!(read(&place, "out") == read(&place, "four"));
+}
+
+#[test]
+fn another_bottom_is_not_taken_for_the_finished_one() {
+    let place = Place::new();
+    let solid = |base: &str| {
+        let base = format!("SOLID_BASE={base}");
+        tin(&place, "a.stl", &["--workdir", "work", "--overwrite", "--co", &base]);
+        std::fs::read(place.path("a.stl")).unwrap()
+    };
+    assert!(solid("-500") != solid("-600"));
+}
+
+#[test]
 fn blocks_of_a_solid_are_solids() {
     let place = Place::new();
     tin(&place, "out", &["--split", "4", "-f", "STL", "--co", "SOLID_BASE=-500"]);
