@@ -54,12 +54,17 @@ impl AtomicFolder {
         let Self { temp, path, target, _lock } = self;
         let fail = |e| Error::write(&path, e);
         sync_folder(temp.path());
+        fault::point(Point::Rename).map_err(fail)?;
+        if exchange(temp.path(), &target) {
+            // The old one goes with the temporary name it has now.
+            sync_folder(parent(&target));
+            return Ok(());
+        }
         let replaced = target.exists().then(|| temp.path().with_extension("old.tmp"));
         if let Some(old) = &replaced {
             std::fs::rename(&target, old).map_err(fail)?;
         }
-        let renamed =
-            fault::point(Point::Rename).and_then(|()| std::fs::rename(temp.path(), &target));
+        let renamed = std::fs::rename(temp.path(), &target);
         if let (Err(_), Some(old)) = (&renamed, &replaced) {
             let _back = std::fs::rename(old, &target);
         }
@@ -68,6 +73,19 @@ impl AtomicFolder {
         sync_folder(parent(&target));
         replaced.map_or(Ok(()), std::fs::remove_dir_all).map_err(fail)
     }
+}
+
+/// Lets two names change places at one moment, where the system can; false where it cannot, or where
+/// one of them is not there.
+#[cfg(target_os = "linux")]
+fn exchange(a: &Path, b: &Path) -> bool {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn exchange(_a: &Path, _b: &Path) -> bool {
+    false
 }
 
 /// A temporary folder in `folder`, locked where folders can be.
@@ -112,6 +130,27 @@ mod tests {
         make("two", true, |_| true).unwrap();
         assert_eq!(std::fs::read(path.join("a")).unwrap(), b"two");
         drop(AtomicFolder::create(&place.path().join("other"), false, |_| false).unwrap());
+        assert_eq!(names(place.path()), ["out"]);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn there_is_always_a_folder_while_one_is_replaced() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("out");
+        std::fs::create_dir(&path).unwrap();
+        let done = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let gone = scope.spawn(|| {
+                let is_done = || done.load(std::sync::atomic::Ordering::Relaxed);
+                std::iter::repeat_with(|| !is_done()).take_while(|go| *go).any(|_| !path.exists())
+            });
+            for _ in 0..1000 {
+                AtomicFolder::create(&path, true, |_| true).unwrap().commit().unwrap();
+            }
+            done.store(true, std::sync::atomic::Ordering::Relaxed);
+            assert!(!gone.join().unwrap());
+        });
         assert_eq!(names(place.path()), ["out"]);
     }
 

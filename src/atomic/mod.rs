@@ -181,8 +181,12 @@ fn remove_leftovers(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
-        let is_ours = name.to_str().is_some_and(is_temporary);
-        if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
+        if !name.to_str().is_some_and(is_temporary) {
+            continue;
+        }
+        // Locked until it is gone: its maker may be about to lock it.
+        let Ok(file) = File::open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
             let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
             let _ = remove(&entry.path());
