@@ -46,7 +46,7 @@ fn a_large_block_takes_little_beyond_the_budget() {
     let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
     let [peak, vertices] = ["peak_memory", "vertices"].map(|key| report[key].as_f64().unwrap());
     let own = (peak - vertices * 8.0) / f64::from(1 << 20);
-    assert!(own < 44.0, "{own} MiB without the ids of {vertices} vertices");
+    assert!(own < 54.0, "{own} MiB without the ids of {vertices} vertices");
 }
 
 #[test]

@@ -171,6 +171,9 @@ fn truncated_and_lost_objects_are_done_again() {
     assert_eq!(status.to_do.len(), objects.len() + 1);
     assert_eq!(work(&folder, None, 2).unwrap().made.len(), objects.len());
     assert!(remove_mesh(&folder) == expected);
+    std::fs::remove_dir_all(folder.join("objects")).unwrap();
+    assert_eq!(work(&folder, None, 2).unwrap().made.len(), objects.len());
+    assert!(remove_mesh(&folder) == expected);
 }
 
 #[test]
@@ -322,6 +325,27 @@ fn neither_input_nor_plan_is_ever_the_output() {
         }
         assert!(std::fs::read(&output).unwrap() == before);
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_cannot_be_noted_is_refused_before_the_work() {
+    use std::os::unix::ffi::OsStrExt;
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path().join("work");
+    plan(&folder, TERRAIN, 4).unwrap();
+    let job = RunJob {
+        folder: folder.clone(),
+        task: None,
+        output: Some(temp.path().join(std::ffi::OsStr::from_bytes(b"\xff.ply"))),
+        overwrite: false,
+        split: None,
+        solid_base: None,
+        resources: resources(1),
+    };
+    let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
+    assert_eq!(refused.kind(), ErrorKind::Usage, "{refused}");
+    assert!(objects(&folder).is_empty());
 }
 
 #[test]

@@ -135,6 +135,9 @@ impl Folder {
     /// alone does. Where the file system has no locks nothing is locked; results would not be harmed
     /// by two who do the same.
     pub(super) fn lock(&self, alone: bool) -> Result<File> {
+        // Results may be thrown away, all at once too.
+        let objects = self.path.join(OBJECTS);
+        std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
         let path = self.path.join(LOCK);
         let file = File::options().create(true).append(true).open(&path);
         let file = file.map_err(|e| Error::write(&path, e))?;

@@ -289,6 +289,11 @@ impl<'a> Run<'a> {
     fn mesh(&self) -> Result<Mesh> {
         let TinJob { output, split, solid_base, .. } = &self.tin;
         let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
+        if path.to_str().is_none() {
+            return Err(Error::usage("has a name that is not UTF-8, which cannot be noted")
+                .in_file(&path)
+                .remedy("choose another name"));
+        }
         let (split, solid_base) = (*split, *solid_base);
         Ok(Mesh { plan_id: self.folder.id, path, split, solid_base, finished: None })
     }
