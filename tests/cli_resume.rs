@@ -154,6 +154,34 @@ fn every_failing_call_leaves_a_run_that_goes_on() {
     assert_eq!(strangers(&place), Vec::<String>::new());
 }
 
+#[test]
+fn the_same_command_goes_on_whatever_failed() {
+    let args = ["tin", PLAN[2], "out.ply", "--max-error", "4", "--tile", "64", "-q"];
+    let args = [&args[..], &["--workdir", "work"]].concat();
+    let place = Place::new();
+    for point in ["create", "sync", "rename"] {
+        for count in 1.. {
+            let mut command = place.command(&args);
+            command.env("TERRANE_FAULT", format!("{point}:{count}"));
+            if Ran::from(command.output().unwrap()).code == 0 {
+                assert!(count > 4, "{point} fails {count} times only");
+                break;
+            }
+            place.ok(&args);
+            place.ok(&args);
+            place.ok(&["verify", "out.ply", PLAN[2], "--max-error", "4"]);
+            std::fs::remove_dir_all(place.path("work")).unwrap();
+            std::fs::remove_file(place.path("out.ply")).unwrap();
+        }
+        std::fs::remove_dir_all(place.path("work")).unwrap();
+        std::fs::remove_file(place.path("out.ply")).unwrap();
+    }
+    place.write("out.ply", "mine");
+    place.fails(&args, 2, &["out.ply", "exists already"]);
+    place.fails(&args, 2, &["out.ply", "exists already"]);
+    assert_eq!(std::fs::read(place.path("out.ply")).unwrap(), b"mine");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_that_runs_out_leaves_a_run_that_goes_on() {
@@ -195,4 +223,13 @@ fn a_second_run_is_refused_while_one_is_at_work() {
     std::io::Read::read_to_string(&mut messages, &mut String::new()).unwrap();
     assert!(child.wait().unwrap().success());
     resume(&place, &expected);
+}
+
+#[test]
+fn options_of_the_mesh_are_for_the_last_task() {
+    let (place, _) = planned();
+    for more in [["-o", "a.ply"], ["--split", "3"]] {
+        place.fails(&[&["run", "work", "--task", "strip-0"], &more[..]].concat(), 2, &["finish"]);
+    }
+    place.fails(&["run", "work", "--task", "seam-4294967295"], 2, &["no task seam-4294967295"]);
 }

@@ -3,6 +3,7 @@
 mod cli_support;
 
 use std::collections::HashSet;
+use std::ffi::OsString;
 
 use cli_support::Place;
 use serde_json::Value;
@@ -84,17 +85,76 @@ fn bytes_do_not_depend_on_threads_memory_or_tasks() {
     place.ok(&["plan", "tin", TERRAIN, "-o", "work", "--max-error", "2", "--tile", "32", "-q"]);
     place.ok(&["run", "work", "-o", "c", "--split", "3", "-q"]);
     place.ok(&["run", "work", "-o", "c", "--split", "3", "-q"]);
-    let read = |folder: &str| {
-        let entries = std::fs::read_dir(place.path(folder)).unwrap().flatten();
-        let mut files: Vec<_> = entries
-            .map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap()))
-            .collect();
-        files.sort();
-        files
-    };
-    let expected = read("a");
+    let expected = read(&place, "a");
     assert!(expected.len() > 20);
-    assert!(read("b") == expected && read("c") == expected);
+    assert!(read(&place, "b") == expected && read(&place, "c") == expected);
+}
+
+/// All files of a folder, by name.
+fn read(place: &Place, folder: &str) -> Vec<(OsString, Vec<u8>)> {
+    let entries = std::fs::read_dir(place.path(folder)).unwrap().flatten();
+    let mut files: Vec<_> =
+        entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap())).collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn another_or_a_damaged_folder_is_not_taken_for_the_finished_one() {
+    let place = Place::new();
+    tin(&place, "three", &["--split", "3"]);
+    tin(&place, "four", &["--split", "4"]);
+    place.ok(&["plan", "tin", TERRAIN, "-o", "work", "--max-error", "2", "--tile", "32", "-q"]);
+    let args = |split| ["run", "work", "-o", "out", "-q", "--split", split];
+    place.ok(&args("3"));
+    place.fails(&args("4"), 2, &["out", "exists already"]);
+    place.ok(&[&args("4")[..], &["--overwrite"]].concat());
+    assert!(read(&place, "out") == read(&place, "four"));
+    std::fs::remove_file(place.path("out/block-0000-0001.ply")).unwrap();
+    place.fails(&args("4"), 2, &["out", "exists already"]);
+    place.ok(&[&args("4")[..], &["--overwrite"]].concat());
+    assert!(read(&place, "out") == read(&place, "four"));
+}
+
+#[test]
+fn another_bottom_is_not_taken_for_the_finished_one() {
+    let place = Place::new();
+    let solid = |base: &str| {
+        let base = format!("SOLID_BASE={base}");
+        tin(&place, "a.stl", &["--workdir", "work", "--overwrite", "--co", &base]);
+        std::fs::read(place.path("a.stl")).unwrap()
+    };
+    assert!(solid("-500") != solid("-600"));
+}
+
+#[test]
+fn blocks_of_a_solid_are_solids() {
+    let place = Place::new();
+    tin(&place, "out", &["--split", "4", "-f", "STL", "--co", "SOLID_BASE=-500"]);
+    place.ok(&["info", "out"]);
+    place.ok(&["view", "out", "-o", "out.png", "-q"]);
+}
+
+#[test]
+fn a_folder_is_replaced_whole_or_not_at_all() {
+    let place = Place::new();
+    let more = |split| ["--split", split, "--overwrite"];
+    tin(&place, "new", &more("7"));
+    let (new, mut count) = (read(&place, "new"), 0);
+    loop {
+        tin(&place, "out", &more("6"));
+        let old = read(&place, "out");
+        count += 1;
+        let args = ["tin", TERRAIN, "out", "--max-error", "2", "--tile", "32", "-q"];
+        let mut command = place.command(&[&args[..], &more("7")].concat());
+        let output = command.env("TERRANE_FAULT", format!("rename:{count}")).output().unwrap();
+        if output.status.success() {
+            break;
+        }
+        assert!(read(&place, "out") == old, "rename:{count}");
+    }
+    assert!(count > 8 && read(&place, "out") == new);
+    assert_eq!(place.files(), ["new", "out"]);
 }
 
 #[test]
@@ -110,4 +170,22 @@ fn folders_of_others_are_never_replaced() {
     tin(&place, "out", &["--split", "2"]);
     tin(&place, "out", &["--split", "7", "--overwrite"]);
     assert_eq!(place.files(), ["out"]);
+    place.write("out/precious", "x");
+    place.fails(&[&args[..], &["--overwrite"]].concat(), 2, &["other files"]);
+    assert_eq!(std::fs::read(place.path("out/precious")).unwrap(), b"x");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_index_that_names_folders_is_refused() {
+    let place = Place::new();
+    tin(&place, "out", &["--split", "100"]);
+    let index = place.path("out/index.geojson");
+    let text = std::fs::read_to_string(&index).unwrap();
+    let mut parsed: Value = serde_json::from_str(&text).unwrap();
+    let features = parsed["features"].as_array_mut().unwrap();
+    features[0]["properties"]["file"] = "again".into();
+    std::fs::write(&index, parsed.to_string()).unwrap();
+    std::os::unix::fs::symlink(".", place.path("out/again")).unwrap();
+    place.fails(&["info", "out"], 65, &["out/again", "not a plain file"]);
 }

@@ -171,6 +171,9 @@ fn truncated_and_lost_objects_are_done_again() {
     assert_eq!(status.to_do.len(), objects.len() + 1);
     assert_eq!(work(&folder, None, 2).unwrap().made.len(), objects.len());
     assert!(remove_mesh(&folder) == expected);
+    std::fs::remove_dir_all(folder.join("objects")).unwrap();
+    assert_eq!(work(&folder, None, 2).unwrap().made.len(), objects.len());
+    assert!(remove_mesh(&folder) == expected);
 }
 
 #[test]
@@ -255,6 +258,126 @@ fn an_input_that_changed_is_refused() {
         work(&folder, None, 1).unwrap().made.is_empty(),
         "what was there before is taken again"
     );
+}
+
+/// A plan for a grid in a file, done.
+fn done_from_file(temp: &Path) -> (PathBuf, TinJob) {
+    let grid = temp.join("grid.asc");
+    let mut text = "ncols 40\nnrows 40\nxllcorner 0\nyllcorner 0\ncellsize 1\n".to_owned();
+    (0..1600).for_each(|i| text += &format!("{} ", i * i % 17));
+    std::fs::write(&grid, text).unwrap();
+    let mut job = tin(grid.to_str().unwrap(), &temp.join("a.ply"));
+    (job.tile, job.goal) = (16, Goal::MaxError(1.0));
+    let folder = temp.join("work");
+    run_in(&folder, &job, &Silent, &Cancel::default()).unwrap();
+    (folder, job)
+}
+
+#[test]
+fn a_file_that_came_to_lie_beside_the_input_is_refused() {
+    let temp = tempfile::tempdir().unwrap();
+    let (folder, job) = done_from_file(temp.path());
+    let sidecar = temp.path().join("grid.asc.aux.xml");
+    let text = "<PAMDataset><PAMRasterBand band='1'><NoDataValue>4</NoDataValue></PAMRasterBand>\
+                </PAMDataset>";
+    std::fs::write(&sidecar, text).unwrap();
+    for task in [None, Some("strip-0"), Some("finish")] {
+        let refused = work(&folder, task, 1).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::BadInput);
+        assert!(refused.to_string().contains("grid.asc.aux.xml: is read with"), "{refused}");
+    }
+    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_err());
+    std::fs::remove_file(sidecar).unwrap();
+    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_ok());
+}
+
+#[test]
+fn the_same_bytes_at_another_time_are_the_same_input() {
+    let temp = tempfile::tempdir().unwrap();
+    let (folder, job) = done_from_file(temp.path());
+    let grid = std::fs::File::options().append(true).open(temp.path().join("grid.asc")).unwrap();
+    grid.set_modified(std::time::UNIX_EPOCH).unwrap();
+    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_ok());
+    assert!(work(&folder, Some("strip-0"), 1).unwrap().made.is_empty());
+}
+
+#[test]
+fn neither_input_nor_plan_is_ever_the_output() {
+    let temp = tempfile::tempdir().unwrap();
+    let (folder, _) = done_from_file(temp.path());
+    let object = objects(&folder).remove(0);
+    for output in
+        [temp.path().join("grid.asc"), folder.join("plan.json"), folder.join("lock"), object]
+    {
+        let before = std::fs::read(&output).unwrap();
+        for task in [None, Some("finish".to_owned())] {
+            let job = RunJob {
+                folder: folder.clone(),
+                task,
+                output: Some(output.clone()),
+                overwrite: true,
+                split: None,
+                solid_base: None,
+                resources: resources(1),
+            };
+            let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
+            assert_eq!(refused.kind(), ErrorKind::Usage, "{refused}");
+        }
+        assert!(std::fs::read(&output).unwrap() == before);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_cannot_be_noted_is_refused_before_the_work() {
+    use std::os::unix::ffi::OsStrExt;
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path().join("work");
+    plan(&folder, TERRAIN, 4).unwrap();
+    let job = RunJob {
+        folder: folder.clone(),
+        task: None,
+        output: Some(temp.path().join(std::ffi::OsStr::from_bytes(b"\xff.ply"))),
+        overwrite: false,
+        split: None,
+        solid_base: None,
+        resources: resources(1),
+    };
+    let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
+    assert_eq!(refused.kind(), ErrorKind::Usage, "{refused}");
+    assert!(objects(&folder).is_empty());
+}
+
+#[test]
+fn looking_through_what_is_done_can_be_stopped() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = done(temp.path());
+    let cancel = Cancel::default();
+    cancel.cancel();
+    let job = RunJob {
+        folder: folder.clone(),
+        task: None,
+        output: None,
+        overwrite: false,
+        split: None,
+        solid_base: None,
+        resources: resources(1),
+    };
+    assert_eq!(run_plan(&job, &Silent, &cancel).unwrap_err().kind(), ErrorKind::Interrupted);
+    assert!(work(&folder, None, 1).unwrap().damaged.is_empty());
+}
+
+#[test]
+fn formats_with_a_limit_may_be_many_files() {
+    let temp = tempfile::tempdir().unwrap();
+    let plan = |name: &str, split| {
+        let mut tin = tin("synth:rough,size=80001", Path::new("mesh.glb"));
+        (tin.split, tin.goal) = (split, Goal::MaxError(0.01));
+        let job = PlanJob { tin, folder: temp.path().join(name), strip_rows: None };
+        plan_work(&job, &Silent, &Cancel::default())
+    };
+    assert_eq!(plan("one", None).unwrap_err().kind(), ErrorKind::CannotWrite);
+    assert!(plan("many", Some(8)).is_ok());
 }
 
 #[test]

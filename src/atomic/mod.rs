@@ -172,13 +172,21 @@ fn sync_folder(folder: &Path) {
 }
 
 /// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
-/// failures are not the user's problem.
+/// failures are not the user's problem. A folder in the making has no leftovers, and may have so many
+/// files that to look at all of them for each new one would take ever longer.
 fn remove_leftovers(folder: &Path) {
+    if folder.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
+        return;
+    }
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
-        let is_ours = name.to_str().is_some_and(is_temporary);
-        if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
+        if !name.to_str().is_some_and(is_temporary) {
+            continue;
+        }
+        // Locked until it is gone: its maker may be about to lock it.
+        let Ok(file) = File::open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
             let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
             let _ = remove(&entry.path());
@@ -187,7 +195,7 @@ fn remove_leftovers(folder: &Path) {
 }
 
 /// True for a name that [`temporary`] gives.
-fn is_temporary(name: &str) -> bool {
+pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
 }
 

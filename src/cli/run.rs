@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::{Outcome, args, say, text, tin};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::tin::{RunJob, RunReport, run_plan};
 
@@ -64,6 +64,12 @@ fn work(
     how: &How,
     cancel: &Cancel,
 ) -> Result<Outcome> {
+    let is_part = task.as_deref().is_some_and(|task| task != "finish");
+    if is_part && (output.is_some() || how.overwrite || how.split.tiles.is_some()) {
+        return Err(Error::usage("only the last task writes a mesh").remedy(
+            "leave out --output, --overwrite and --split, or pass them to terrane finish",
+        ));
+    }
     if let Some(output) = &output {
         // Whether it exists is asked later: it may be the mesh of this very plan.
         how.split.check_output(output, true)?;

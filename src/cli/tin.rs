@@ -179,7 +179,9 @@ fn job(args: &Args) -> Result<TinJob> {
     if let Some(report) = &args.report {
         check::not_inputs(&args.input, &[&args.output, &prj, report])?;
     }
-    args.split.check_output(&args.output, args.overwrite)?;
+    // An output that exists may be the mesh of an earlier run there.
+    let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
+    args.split.check_output(&args.output, args.overwrite || goes_on)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
     let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
     if solid_base.is_some() && format.name != "STL" {

@@ -52,9 +52,11 @@ pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
 
 /// Opens a mesh file of any known format, or a folder of meshes that are one.
 pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
-    if path.is_dir() {
-        return split::open(path);
-    }
+    if path.is_dir() { split::open(path) } else { open_file(path) }
+}
+
+/// Opens a mesh file of any known format.
+fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
     let format = identify(path)?.ok_or_else(|| {
         Error::bad_input("not a mesh of a known format")
             .in_file(path)

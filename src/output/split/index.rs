@@ -1,8 +1,10 @@
 //! The index of a folder of meshes: GeoJSON that any GIS shows, and that a reader needs.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read};
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::atomic::AtomicFile;
@@ -42,12 +44,12 @@ impl Index {
     }
 
     /// Writes the index into `folder`; returns its size.
-    pub(super) fn write(&self, folder: &Path) -> Result<u64> {
+    pub(super) fn write(self, folder: &Path) -> Result<u64> {
         let path = folder.join(NAME);
-        let mut file = AtomicFile::create(&path, false)?;
-        let text = self.to_json().to_string();
-        file.write_all(text.as_bytes()).map_err(|e| Error::write(&path, e))?;
-        file.commit()
+        let fail = |e| Error::write(&path, e);
+        let mut file = BufWriter::new(AtomicFile::create(&path, false)?);
+        serde_json::to_writer(&mut file, &Collection::from(self)).map_err(|e| fail(e.into()))?;
+        file.into_inner().map_err(|e| fail(e.into_error()))?.commit()
     }
 
     /// Reads the index of `folder`.
@@ -57,70 +59,97 @@ impl Index {
         let bytes = std::fs::metadata(&path).map_err(fail)?.len();
         limits::check("bytes of an index", bytes, limits::MAX_VRT_BYTES)
             .map_err(|e| e.in_file(&path))?;
-        let text = std::fs::read(&path).map_err(fail)?;
-        let value = serde_json::from_slice(&text).ok();
-        value.as_ref().and_then(Self::of_json).ok_or_else(|| {
+        let file = BufReader::new(File::open(&path).map_err(fail)?);
+        let read: Option<Collection> = match serde_json::from_reader(file.take(bytes)) {
+            Err(error) if error.is_io() => return Err(fail(error.into())),
+            read => read.ok(),
+        };
+        read.and_then(Collection::index).ok_or_else(|| {
             Error::bad_input("is not the index of a mesh in blocks")
                 .in_file(&path)
                 .remedy("make the folder again with terrane")
         })
     }
+}
 
-    fn to_json(&self) -> Value {
-        let feature = |block: &Block| {
-            json!({
-                "type": "Feature",
-                "properties": {
-                    "file": block.file,
-                    "vertices": block.vertices,
-                    "triangles": block.triangles,
-                    "bytes": block.bytes,
-                },
-                "geometry": { "type": "Polygon", "coordinates": [block.ring] },
-            })
+/// The index as it is in the file; keys are in the order of the alphabet.
+#[derive(Serialize, Deserialize)]
+struct Collection {
+    comments: Vec<String>,
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    crs: Option<Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    epsg: Option<u32>,
+    features: Vec<Feature>,
+    format: String,
+    name: String,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Feature {
+    geometry: Polygon,
+    properties: Properties,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Polygon {
+    coordinates: [[[f64; 2]; 5]; 1],
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Properties {
+    bytes: u64,
+    file: String,
+    triangles: u64,
+    vertices: u64,
+}
+
+impl From<Index> for Collection {
+    fn from(index: Index) -> Self {
+        let feature = |block: Block| {
+            let Block { file, vertices, triangles, bytes, ring } = block;
+            Feature {
+                geometry: Polygon { coordinates: [ring], kind: "Polygon" },
+                properties: Properties { bytes, file, triangles, vertices },
+                kind: "Feature",
+            }
         };
-        let features: Vec<Value> = self.blocks.iter().map(feature).collect();
-        let mut index = json!({
-            "type": "FeatureCollection",
-            "name": MARK,
-            "format": self.format,
-            "comments": self.comments,
-            "features": features,
-        });
-        if let Some(epsg) = self.epsg {
+        let crs = |epsg| {
             let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
-            index["crs"] = json!({ "type": "name", "properties": { "name": name } });
-            index["epsg"] = json!(epsg);
+            json!({ "type": "name", "properties": { "name": name } })
+        };
+        Self {
+            comments: index.comments,
+            crs: index.epsg.map(crs),
+            epsg: index.epsg,
+            features: index.blocks.into_iter().map(feature).collect(),
+            format: index.format,
+            name: MARK.to_owned(),
+            kind: "FeatureCollection",
         }
-        index
     }
+}
 
-    fn of_json(index: &Value) -> Option<Self> {
-        if index["name"].as_str() != Some(MARK) {
+impl Collection {
+    /// The index, if it is one and names nothing outside its folder.
+    fn index(self) -> Option<Index> {
+        let block = |feature: Feature| {
+            let Properties { bytes, file, triangles, vertices } = feature.properties;
+            let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
+            let [ring] = feature.geometry.coordinates;
+            is_name.then_some(Block { file, vertices, triangles, bytes, ring })
+        };
+        if self.name != MARK {
             return None;
         }
-        let comments = index["comments"].as_array()?.iter();
-        let block = |feature: &Value| {
-            let of = &feature["properties"];
-            let ring =
-                serde_json::from_value(feature["geometry"]["coordinates"][0].clone()).ok()?;
-            let file = of["file"].as_str()?.to_owned();
-            // A name, not a way out of the folder.
-            let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
-            is_name.then_some(Block {
-                file,
-                vertices: of["vertices"].as_u64()?,
-                triangles: of["triangles"].as_u64()?,
-                bytes: of["bytes"].as_u64()?,
-                ring,
-            })
-        };
-        Some(Self {
-            format: index["format"].as_str()?.to_owned(),
-            epsg: index["epsg"].as_u64().and_then(|code| u32::try_from(code).ok()),
-            comments: comments.map(|c| c.as_str().map(str::to_owned)).collect::<Option<_>>()?,
-            blocks: index["features"].as_array()?.iter().map(block).collect::<Option<_>>()?,
-        })
+        let blocks = self.features.into_iter().map(block).collect::<Option<_>>()?;
+        Some(Index { format: self.format, epsg: self.epsg, comments: self.comments, blocks })
     }
 }
 
@@ -139,11 +168,17 @@ mod tests {
             comments: vec!["max error 5".into()],
             blocks: vec![block],
         };
-        assert_eq!(Index::of_json(&index.to_json()).as_ref(), Some(&index));
+        let text = |index: &Index| serde_json::to_string(&Collection::from(index.clone())).unwrap();
+        let read = |text: &str| serde_json::from_str::<Collection>(text).ok()?.index();
+        assert_eq!(read(&text(&index)).as_ref(), Some(&index));
+        let same = serde_json::from_str::<Value>(&text(&index)).unwrap().to_string();
+        assert_eq!(text(&index), same, "keys in order");
         for name in ["../a.ply", "/etc/passwd", "b/a.ply", "..", ""] {
             index.blocks[0].file = name.into();
-            assert_eq!(Index::of_json(&index.to_json()), None, "{name}");
+            assert_eq!(read(&text(&index)), None, "{name}");
         }
-        assert_eq!(Index::of_json(&json!({ "type": "FeatureCollection" })), None);
+        index.blocks.clear();
+        assert_eq!(read(&text(&index)).as_ref(), Some(&index));
+        assert_eq!(read(&text(&index).replace(MARK, "mesh")), None);
     }
 }

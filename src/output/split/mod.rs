@@ -8,13 +8,15 @@ mod buckets;
 mod index;
 mod source;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use crate::atomic::AtomicFolder;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Affine, Point3};
-use crate::output::{MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, write_prj};
+use crate::output::{
+    self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, prj_path, write_prj,
+};
 use buckets::{Buckets, Record};
 use index::{Block, Index};
 
@@ -38,6 +40,12 @@ impl Blocks {
     /// Columns and rows of blocks.
     fn count(&self) -> [u32; 2] {
         self.samples.map(|samples| (samples - 1).div_ceil(self.cells).max(1))
+    }
+
+    /// The share of the grid's cells that the largest block has.
+    pub fn largest_share(&self) -> f64 {
+        let share = |samples: u32| f64::from(self.cells.min(samples - 1)) / f64::from(samples - 1);
+        self.samples.map(share).iter().product()
     }
 
     /// Column and row of the block that a triangle belongs to.
@@ -67,6 +75,18 @@ pub fn is_split(path: &Path) -> bool {
     path.is_dir() && Index::read(path).is_ok()
 }
 
+/// True for such a folder with nothing else in it, so that nothing of the user's goes with it.
+pub fn is_replaceable(path: &Path) -> bool {
+    let (Ok(files), Ok(mut entries)) = (files(path), std::fs::read_dir(path)) else { return false };
+    let own: HashSet<PathBuf> =
+        files.iter().cloned().chain(files.iter().skip(1).map(|mesh| prj_path(mesh))).collect();
+    entries.all(|entry| {
+        entry.is_ok_and(|entry| {
+            own.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
+        })
+    })
+}
+
 /// Starts a folder of meshes in `format` at `path`. Triangles must come in the order of the blocks'
 /// rows.
 pub fn create(
@@ -76,7 +96,7 @@ pub fn create(
     options: &SinkOptions,
     blocks: Blocks,
 ) -> Result<Box<dyn MeshSink>> {
-    let folder = AtomicFolder::create(path, options.overwrite, is_split)?;
+    let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
     let beside = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     let spool = options.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
     let buckets = Buckets::new(spool, blocks.count()[0])?;
@@ -129,8 +149,12 @@ impl Split {
         let ring = self.blocks.ring([col, row]);
         let mut piece = Piece::new((self.format.create)(&path, &self.header, &self.options)?);
         self.buckets.read(col, |records| piece.push(records))?;
-        let (vertices, triangles) = (piece.ids.len() as u64, piece.triangles);
+        let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
         let bytes = piece.sink.finish()?;
+        if self.options.solid_base.is_some() {
+            // With walls and a bottom.
+            triangles = output::open_file(&path)?.info().triangles;
+        }
         write_prj(&path, &self.header.crs, false)?;
         self.bytes += bytes;
         self.index.blocks.push(Block { file: name, vertices, triangles, bytes, ring });
@@ -168,17 +192,42 @@ impl MeshSink for Split {
     }
 }
 
+/// Ids of a page.
+const PAGE: u64 = 512;
+
+/// Ids in the whole mesh to ids in one block. Those of a tile follow each other, so pages are full:
+/// about 8 bytes for a vertex.
+#[derive(Default)]
+struct Ids {
+    /// Each id and 1, or 0 where there is none.
+    pages: HashMap<u64, Box<[u64; PAGE as usize]>>,
+    count: u64,
+}
+
+impl Ids {
+    /// The block's id for `id`, and whether it is a new one.
+    fn of(&mut self, id: u64) -> (u64, bool) {
+        let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
+        let found = &mut page[(id % PAGE) as usize];
+        let is_new = *found == 0;
+        if is_new {
+            self.count += 1;
+            *found = self.count;
+        }
+        (*found - 1, is_new)
+    }
+}
+
 /// One block's mesh in the making.
 struct Piece {
     sink: Box<dyn MeshSink>,
-    /// Ids in the whole mesh to ids in this one.
-    ids: HashMap<u64, u64>,
+    ids: Ids,
     triangles: u64,
 }
 
 impl Piece {
     fn new(sink: Box<dyn MeshSink>) -> Self {
-        Self { sink, ids: HashMap::new(), triangles: 0 }
+        Self { sink, ids: Ids::default(), triangles: 0 }
     }
 
     fn push(&mut self, records: &[Record]) -> Result<()> {
@@ -188,11 +237,11 @@ impl Piece {
                 .iter()
                 .map(|record| {
                     [0, 1, 2].map(|corner| {
-                        let next = self.ids.len() as u64;
-                        *self.ids.entry(record.ids[corner]).or_insert_with(|| {
+                        let (id, is_new) = self.ids.of(record.ids[corner]);
+                        if is_new {
                             vertices.push(record.corners[corner]);
-                            next
-                        })
+                        }
+                        id
                     })
                 })
                 .collect();

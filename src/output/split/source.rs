@@ -9,20 +9,17 @@ use crate::error::{Error, Result};
 use crate::geom::Point3;
 use crate::output::{self, MeshInfo, MeshSource};
 
-/// Blocks whose triangles are held at once.
+/// Blocks whose vertices are held at once.
 const MOST_HELD: usize = 4;
 /// Triangles of a block read at a time.
-const BATCH: usize = 1 << 14;
-
-/// Three corners each.
-type Triangles = Arc<Vec<[Point3; 3]>>;
+const BATCH: usize = 1 << 12;
 
 /// A folder of meshes.
 struct SplitSource {
     info: MeshInfo,
     parts: Vec<Part>,
     /// The blocks read last, by their place in `parts`; the latest last.
-    held: Mutex<Vec<(usize, Triangles)>>,
+    held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
 }
 
 struct Part {
@@ -41,7 +38,8 @@ pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
-        let found = output::open(&path).map_err(|e| e.remedy("make the folder again"))?;
+        // Not another folder: one that is in itself would never end.
+        let found = output::open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
         let found = found.info().clone();
         if found.triangles != block.triangles {
             return Err(Error::bad_input(format!(
@@ -75,51 +73,77 @@ impl SplitSource {
             let Part { first, triangles, .. } = self.parts[part];
             let last = end.min(first + triangles);
             if at < last {
-                let held = self.part(part)?;
-                held[(at - first) as usize..(last - first) as usize].iter().for_each(&mut each);
+                self.part(part)?.visit(at - first, last - first, &mut each)?;
             }
             (at, part) = (at.max(last), part + 1);
         }
         Ok(())
     }
 
-    fn part(&self, part: usize) -> Result<Triangles> {
-        let lock = || self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, triangles)) = lock().iter().find(|(held, _)| *held == part) {
-            return Ok(Arc::clone(triangles));
+    fn part(&self, part: usize) -> Result<Arc<OpenPart>> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
+            return Ok(Arc::clone(open));
         }
-        let triangles = Arc::new(self.parts[part].read()?);
-        let mut held = lock();
         if held.len() >= MOST_HELD {
             held.remove(0);
         }
-        held.push((part, Arc::clone(&triangles)));
-        Ok(triangles)
+        let open = Arc::new(self.parts[part].open()?);
+        held.push((part, Arc::clone(&open)));
+        Ok(open)
     }
 }
 
 impl Part {
-    fn read(&self) -> Result<Vec<[Point3; 3]>> {
-        let mesh = output::open(&self.path)?;
+    fn open(&self) -> Result<OpenPart> {
+        let mesh = output::open_file(&self.path)?;
         let info = mesh.info();
-        let changed = || Error::bad_input("changed while it was read").in_file(&self.path);
         if info.triangles != self.triangles {
-            return Err(changed());
+            return Err(changed(&self.path));
         }
-        let mut vertices = vec![[0.0; 3]; info.vertices as usize];
+        let count = if info.indexed { info.vertices } else { 0 };
+        let mut vertices = vec![[0.0; 3]; count as usize];
         mesh.read_vertices(0, &mut vertices)?;
-        let mut all = Vec::with_capacity(info.triangles as usize);
-        let mut ids = vec![[0; 3]; BATCH];
-        while (all.len() as u64) < info.triangles {
-            let count = BATCH.min((info.triangles - all.len() as u64) as usize);
-            mesh.read_triangles(all.len() as u64, &mut ids[..count])?;
-            for ids in &ids[..count] {
-                let corner = |id: u64| vertices.get(id as usize).copied().ok_or_else(changed);
-                all.push([corner(ids[0])?, corner(ids[1])?, corner(ids[2])?]);
-            }
-        }
-        Ok(all)
+        Ok(OpenPart { mesh, vertices, path: self.path.clone() })
     }
+}
+
+/// A block that is being read.
+struct OpenPart {
+    mesh: Box<dyn MeshSource>,
+    /// Empty where every triangle has its own.
+    vertices: Vec<Point3>,
+    path: PathBuf,
+}
+
+impl OpenPart {
+    /// Calls `each` with the corners of the triangles `first .. end`.
+    fn visit(&self, first: u64, end: u64, each: &mut impl FnMut(&[Point3; 3])) -> Result<()> {
+        let mut corners = vec![[[0.0; 3]; 3]; BATCH.min((end - first) as usize)];
+        for at in (first..end).step_by(BATCH) {
+            let corners = &mut corners[..BATCH.min((end - at) as usize)];
+            self.read(at, corners)?;
+            corners.iter().for_each(&mut *each);
+        }
+        Ok(())
+    }
+
+    fn read(&self, first: u64, out: &mut [[Point3; 3]]) -> Result<()> {
+        if !self.mesh.info().indexed {
+            return self.mesh.read_vertices(3 * first, out.as_flattened_mut());
+        }
+        let mut ids = vec![[0; 3]; out.len()];
+        self.mesh.read_triangles(first, &mut ids)?;
+        let vertex = |id: &u64| self.vertices.get(*id as usize).copied();
+        for (out, id) in out.as_flattened_mut().iter_mut().zip(ids.as_flattened()) {
+            *out = vertex(id).ok_or_else(|| changed(&self.path))?;
+        }
+        Ok(())
+    }
+}
+
+fn changed(path: &Path) -> Error {
+    Error::bad_input("changed while it was read").in_file(path)
 }
 
 impl MeshSource for SplitSource {

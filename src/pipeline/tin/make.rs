@@ -149,7 +149,8 @@ impl Maker<'_> {
     pub(super) fn check_output(&self) -> Result<()> {
         if self.job.split.is_some() {
             let Self { job, .. } = self;
-            return AtomicFolder::create(&job.output, job.overwrite, split::is_split).map(drop);
+            return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
+                .map(drop);
         }
         drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
         check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
@@ -167,11 +168,11 @@ impl Maker<'_> {
             Goal::MaxVertices(budget) if budget >= most.vertices => self.everything(most),
             Goal::MaxTriangles(budget) if budget >= most.triangles => self.everything(most),
             Goal::MaxVertices(budget) => {
-                self.opened.format.check_capacity(budget, budget)?;
+                self.check_size(Size { vertices: budget, triangles: budget })?;
                 self.search(layout, budget, |size| size.vertices)
             }
             Goal::MaxTriangles(budget) => {
-                self.opened.format.check_capacity(budget / 2, budget)?;
+                self.check_size(Size { vertices: budget / 2, triangles: budget })?;
                 self.search(layout, budget, |size| size.triangles)
             }
         }
@@ -179,19 +180,27 @@ impl Maker<'_> {
 
     /// A budget that every mesh of this grid fits: no error at all.
     fn everything(&self, most: Size) -> Result<(f64, u32)> {
-        self.opened.format.check_capacity(most.vertices, most.triangles)?;
+        self.check_size(most)?;
         Ok((0.0, 0))
     }
 
     /// Fails when the format will not hold the mesh. Sure when every sample fits; otherwise from
     /// an estimate, because hardly any mesh keeps all samples.
     fn check_capacity(&self, layout: Layout, most: Size, tolerance: f64) -> Result<()> {
-        if self.opened.format.check_capacity(most.vertices, most.triangles).is_ok() {
+        if self.check_size(most).is_ok() {
             return Ok(());
         }
         let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
         let size = estimator.size(&Spec { measure: false, ..self.spec(tolerance) })?;
-        self.opened.format.check_capacity(size.vertices, size.triangles)
+        self.check_size(size)
+    }
+
+    /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
+    fn check_size(&self, size: Size) -> Result<()> {
+        let share = self.blocks()?.map_or(1.0, |blocks| blocks.largest_share());
+        let [vertices, triangles] =
+            [size.vertices, size.triangles].map(|count| (count as f64 * share).ceil() as u64);
+        self.opened.format.check_capacity(vertices, triangles)
     }
 
     fn search(

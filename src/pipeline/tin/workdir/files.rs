@@ -4,6 +4,7 @@
 //! terabyte only to know it again would cost as much as the work itself; then the time of the last
 //! change has to be the same, too.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -50,6 +51,10 @@ pub(super) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
 }
 
 impl InputFile {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     fn of(path: &Path, whole: bool) -> Result<Self> {
         let fail = |e| Error::read(path, e);
         let mut file = File::open(path).map_err(fail)?;
@@ -77,6 +82,13 @@ impl InputFile {
         Ok(())
     }
 
+    /// Takes the time of `other` where it is known to have the same bytes.
+    pub(super) fn forgive_time(&mut self, other: &Self) {
+        if self.whole && self.digest == other.digest {
+            self.modified = other.modified;
+        }
+    }
+
     fn changed(&self, how: &str) -> Error {
         Error::bad_input(format!("is not the file the plan was made from: {how}"))
             .in_file(&self.path)
@@ -92,7 +104,7 @@ fn facts(file: &File) -> io::Result<(u64, u64)> {
 }
 
 fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
-    if whole {
+    if whole || bytes <= PIECES * PIECE {
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(file)?;
         return Ok(Digest(*hasher.finalize().as_bytes()));
@@ -105,14 +117,39 @@ fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
     Ok(Digest::of(&pieces))
 }
 
-/// Endings of files that lie beside a grid and are read with it.
-const BESIDE: [&str; 12] =
-    ["prj", "hdr", "stx", "tfw", "tifw", "pgw", "pngw", "wld", "blw", "bpw", "bqw", "flw"];
+/// Endings of files that lie beside a grid and are read with it. A `.prj` is not among them: runs
+/// write one beside their meshes, and all it can say is a CRS, which is told from the grid.
+const BESIDE: [&str; 16] = [
+    "hdr", "stx", "tfw", "tifw", "tiffw", "pgw", "pngw", "wld", "npyw", "blw", "bpw", "bqw",
+    "bilw", "bipw", "bsqw", "flw",
+];
 /// Endings that are put after the grid's whole name.
-const BEHIND: [&str; 3] = [".aux.xml", ".msk", ".prj"];
+const BEHIND: [&str; 5] = [".aux.xml", ".msk", ".MSK", ".hdr", ".HDR"];
+/// Endings of packed grids: what lies beside the grid that is in one is read, too.
+const PACKED: [&str; 2] = ["gz", "zip"];
 
-/// `path` and what lies beside it, as far as it is there.
-pub(super) fn with_companions(path: &Path) -> Vec<PathBuf> {
+/// The `paths` and what lies beside them, each once.
+pub(super) fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
+    // Folders are listed: to ask for every name that might be there takes far longer.
+    let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
+    let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
+    let is_there = |path: &PathBuf| there.contains(path) && path.is_file();
+    let beside = |path: &PathBuf| companions(path).into_iter().filter(is_there).collect::<Vec<_>>();
+    let beside: Vec<PathBuf> = paths.par_iter().flat_map_iter(beside).collect();
+    paths.extend(beside);
+    paths.sort();
+    paths.dedup();
+    paths
+}
+
+fn listed(folder: &Path) -> Vec<PathBuf> {
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
+    entries.map(|entry| folder.join(entry.file_name())).collect()
+}
+
+/// The names that files beside `path` may have.
+fn companions(path: &Path) -> Vec<PathBuf> {
     let behind = BEHIND.iter().map(|ending| {
         let mut name = path.as_os_str().to_owned();
         name.push(ending);
@@ -120,10 +157,13 @@ pub(super) fn with_companions(path: &Path) -> Vec<PathBuf> {
     });
     let upper = BESIDE.map(str::to_uppercase);
     let endings = BESIDE.into_iter().chain(upper.iter().map(String::as_str));
-    let beside = endings.map(|ending| path.with_extension(ending)).filter(|other| other != path);
-    let mut found: Vec<PathBuf> = beside.chain(behind).filter(|other| other.is_file()).collect();
-    found.insert(0, path.to_path_buf());
-    found
+    let mut all: Vec<PathBuf> = endings.map(|ending| path.with_extension(ending)).collect();
+    all.extend(behind);
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if PACKED.contains(&&*ending) {
+        all.extend(companions(&path.with_extension("")));
+    }
+    all
 }
 
 #[cfg(test)]
@@ -181,12 +221,29 @@ mod tests {
     #[test]
     fn companions_are_found() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["a.flt", "a.hdr", "a.PRJ", "a.flt.aux.xml", "b.hdr"] {
+        let there = [
+            "a.HDR",
+            "a.flt",
+            "a.flt.aux.xml",
+            "a.flt.hdr",
+            "a.prj",
+            "b.hdr",
+            "c.asc.aux.xml",
+            "c.asc.gz",
+            "c.wld",
+            "d.tif",
+            "d.tif.MSK",
+            "d.tiffw",
+        ];
+        for name in there {
             std::fs::write(folder.path().join(name), name).unwrap();
         }
-        let found = with_companions(&folder.path().join("a.flt"));
+        std::fs::create_dir(folder.path().join("d.hdr")).unwrap();
+        let grids = ["d.tif", "a.flt", "c.asc.gz"].map(|name| folder.path().join(name));
+        let found = with_companions(grids.to_vec());
         let names: Vec<_> =
             found.iter().map(|p| p.file_name().unwrap().to_str().unwrap()).collect();
-        assert_eq!(names, ["a.flt", "a.hdr", "a.PRJ", "a.flt.aux.xml"]);
+        let is_read = |name: &&str| !["a.prj", "b.hdr"].contains(name);
+        assert_eq!(names, there.into_iter().filter(is_read).collect::<Vec<_>>());
     }
 }

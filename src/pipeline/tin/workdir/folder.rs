@@ -8,6 +8,7 @@
 //! | `lock` | held by whoever works in the folder |
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -19,10 +20,11 @@ use super::digest::Digest;
 use super::manifest::Manifest;
 use super::object::Object;
 use super::tasks::{Strips, TaskId, before, key, object_path};
-use crate::atomic::AtomicFile;
+use crate::atomic::{AtomicFile, is_temporary};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::tin::report::TinReport;
 use crate::pipeline::tin::tally::Tally;
+use crate::pipeline::{Cancel, Progress, Silent};
 
 const PLAN: &str = "plan.json";
 const OBJECTS: &str = "objects";
@@ -53,6 +55,13 @@ pub(super) struct Survey {
     pub(super) damaged: Vec<TaskId>,
 }
 
+/// Who is told of a search, and may stop it.
+#[derive(Clone, Copy)]
+struct Watch<'a> {
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+}
+
 /// How thoroughly objects are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
@@ -68,6 +77,8 @@ pub(super) struct Mesh {
     pub(super) plan_id: Digest,
     /// Absolute.
     pub(super) path: PathBuf,
+    pub(super) split: Option<u32>,
+    pub(super) solid_base: Option<f64>,
     pub(super) finished: Option<Finished>,
 }
 
@@ -93,7 +104,10 @@ impl Folder {
         }
         let fail = |e| Error::write(path, e);
         std::fs::create_dir_all(path).map_err(fail)?;
-        if std::fs::read_dir(path).map_err(fail)?.next().is_some() {
+        // What an earlier attempt to plan here left is no reason to refuse.
+        let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
+        let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
+        if entries.any(|entry| !is_own(&entry.file_name())) {
             return Err(Error::usage("is not empty and holds no plan")
                 .in_file(path)
                 .remedy("choose another folder, or a name that is not there yet"));
@@ -121,6 +135,9 @@ impl Folder {
     /// alone does. Where the file system has no locks nothing is locked; results would not be harmed
     /// by two who do the same.
     pub(super) fn lock(&self, alone: bool) -> Result<File> {
+        // Results may be thrown away, all at once too.
+        let objects = self.path.join(OBJECTS);
+        std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
         let path = self.path.join(LOCK);
         let file = File::options().create(true).append(true).open(&path);
         let file = file.map_err(|e| Error::write(&path, e))?;
@@ -133,6 +150,22 @@ impl Folder {
             }
             _ => Ok(file),
         }
+    }
+
+    /// Fails when `output` is a file of the input, or one that this folder is made of.
+    pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
+        let place = |path: &Path| std::fs::canonicalize(path);
+        let Ok(output_place) = place(output) else { return Ok(()) };
+        let is_it = |path: &Path| place(path).is_ok_and(|path| path == output_place);
+        let own = [PLAN, FINISHED, LOCK].map(|name| self.path.join(name));
+        let is_object =
+            place(&self.path.join(OBJECTS)).is_ok_and(|objects| output_place.starts_with(objects));
+        if is_object || own.iter().any(|path| is_it(path)) || self.plan.files().any(is_it) {
+            return Err(Error::usage("output is the input itself, or belongs to the plan")
+                .in_file(output)
+                .remedy("choose another name"));
+        }
+        Ok(())
     }
 
     /// Where the object of a task lies, and its key.
@@ -148,49 +181,80 @@ impl Folder {
         Object::open(&path, key, self.strips.work(task).tiles())
     }
 
-    /// Looks for all objects, in parallel.
-    pub(super) fn survey(&self, look: Look) -> Survey {
+    /// Looks for all objects, in parallel; tells `progress` of each task. Fails when it is to stop.
+    pub(super) fn survey(
+        &self,
+        look: Look,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Survey> {
         let mut survey = Survey::default();
+        let watch = Watch { progress, cancel };
         let is_strip = |task: &TaskId| matches!(task, TaskId::Strip(_));
         let is_seam = |task: &TaskId| matches!(task, TaskId::Seam(_));
-        self.look_for(self.strips.tasks().filter(is_strip).collect(), look, &mut survey);
-        self.look_for(self.strips.tasks().filter(is_seam).collect(), look, &mut survey);
-        survey
+        self.look_for(self.strips.tasks().filter(is_strip).collect(), look, watch, &mut survey)?;
+        self.look_for(self.strips.tasks().filter(is_seam).collect(), look, watch, &mut survey)?;
+        Ok(survey)
     }
 
     /// Looks for the objects that `task` works on, and for its own.
-    pub(super) fn survey_around(&self, task: TaskId) -> Survey {
+    pub(super) fn survey_around(&self, task: TaskId, cancel: &Cancel) -> Result<Survey> {
         let mut survey = Survey::default();
-        self.look_for(before(task), Look::Quick, &mut survey);
-        self.look_for(vec![task], Look::Whole, &mut survey);
-        survey
+        let watch = Watch { progress: &Silent, cancel };
+        self.look_for(before(task), Look::Quick, watch, &mut survey)?;
+        self.look_for(vec![task], Look::Whole, watch, &mut survey)?;
+        Ok(survey)
     }
 
     /// Looks for the object of a task that was not found before what it works on was done.
-    pub(super) fn look_again(&self, task: TaskId, survey: &mut Survey) {
-        if !before(task).is_empty() && !survey.damaged.contains(&task) {
-            self.look_for(vec![task], Look::Whole, survey);
+    pub(super) fn look_again(
+        &self,
+        task: TaskId,
+        survey: &mut Survey,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        if before(task).is_empty() || survey.damaged.contains(&task) {
+            return Ok(());
         }
+        self.look_for(vec![task], Look::Whole, Watch { progress: &Silent, cancel }, survey)
     }
 
-    fn look_for(&self, tasks: Vec<TaskId>, look: Look, survey: &mut Survey) {
+    fn look_for(
+        &self,
+        tasks: Vec<TaskId>,
+        look: Look,
+        watch: Watch<'_>,
+        survey: &mut Survey,
+    ) -> Result<()> {
         let find = |&task: &TaskId| {
+            watch.progress.advance(1);
             let (path, key) = self.object(task, &survey.seals(task)?);
-            path.exists().then(|| (task, self.inspect(task, &path, key, look)))
+            path.exists().then(|| (task, self.inspect(task, &path, key, look, watch.cancel)))
         };
         let found: Vec<_> = tasks.par_iter().filter_map(find).collect();
+        // What was not read to its end is not known to be damaged.
+        watch.cancel.check()?;
         for (task, inspected) in found {
             match inspected {
                 Ok(done) => drop(survey.done.insert(task, done)),
                 Err(_) => survey.damaged.push(task),
             }
         }
+        Ok(())
     }
 
-    fn inspect(&self, task: TaskId, path: &Path, key: Digest, look: Look) -> Result<Done> {
+    fn inspect(
+        &self,
+        task: TaskId,
+        path: &Path,
+        key: Digest,
+        look: Look,
+        cancel: &Cancel,
+    ) -> Result<Done> {
+        cancel.check()?;
         let object = Object::open(path, key, self.strips.work(task).tiles())?;
         if look == Look::Whole {
-            object.check()?;
+            object.check(cancel)?;
         }
         Ok(Done { seal: object.seal, bytes: object.bytes, tally: object.tally })
     }
@@ -209,11 +273,10 @@ impl Folder {
     }
 
     /// Notes a mesh.
-    pub(super) fn note_mesh(&self, path: &Path, finished: Option<Finished>) -> Result<()> {
-        let mesh = Mesh { plan_id: self.id, path: path.to_path_buf(), finished };
+    pub(super) fn note_mesh(&self, mesh: &Mesh) -> Result<()> {
         let path = self.path.join(FINISHED);
         let mut file = AtomicFile::create(&path, true)?;
-        let written = serde_json::to_writer_pretty(&mut file, &mesh).map_err(io::Error::from);
+        let written = serde_json::to_writer_pretty(&mut file, mesh).map_err(io::Error::from);
         written.map_err(|e| Error::write(&path, e))?;
         file.commit().map(drop)
     }

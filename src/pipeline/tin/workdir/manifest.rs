@@ -1,5 +1,6 @@
 //! The plan on paper: what is made from what, and by which tasks. It never changes once written.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -10,12 +11,13 @@ use super::files::{self, InputFile};
 use super::tasks::{Strips, TaskId, before};
 use crate::error::{Error, Result};
 use crate::geom::Affine;
+use crate::limits;
 use crate::pipeline::Resources;
 use crate::pipeline::tin::estimate::Size;
 use crate::pipeline::tin::job::{Goal, TinJob};
 use crate::pipeline::tin::layout::Layout;
 use crate::pipeline::tin::make::Opened;
-use crate::raster::{self, GridInfo, Inputs, SYNTH_PREFIX};
+use crate::raster::{self, GridInfo, GridSource, Inputs, SYNTH_PREFIX};
 use crate::tin::{Local, Triangle};
 
 /// Changed whenever the same plan would give other bytes.
@@ -116,7 +118,7 @@ impl Manifest {
             revision: REVISION,
             method,
             grid: Grid::of(info),
-            files: files::look_at(&all_files(job.input.names(), opened))?,
+            files: files::look_at(&all_files(job.input.names(), &*opened.source))?,
             tasks: needs(&strips, layout.samples(), size, memory),
         })
     }
@@ -125,8 +127,7 @@ impl Manifest {
     pub(super) fn read(path: &Path) -> Result<(Self, Digest)> {
         let fail = |e| Error::read(path, e);
         let meta = std::fs::metadata(path).map_err(fail)?;
-        crate::limits::check("bytes of a plan", meta.len(), MOST_BYTES)
-            .map_err(|e| e.in_file(path))?;
+        limits::check("bytes of a plan", meta.len(), MOST_BYTES).map_err(|e| e.in_file(path))?;
         let text = std::fs::read(path).map_err(fail)?;
         let Sealed { plan_id, plan } =
             serde_json::from_slice(&text).map_err(|e| damaged(path, &e.to_string()))?;
@@ -134,7 +135,20 @@ impl Manifest {
             return Err(damaged(path, "its digest does not match"));
         }
         plan.check_version(path)?;
+        plan.check_size().map_err(|how| damaged(path, &how))?;
         Ok((plan, plan_id))
+    }
+
+    /// Fails when the grid is none, or its tasks are not those listed: only so many are worked on.
+    fn check_size(&self) -> std::result::Result<(), String> {
+        let Grid { width, height, .. } = self.grid;
+        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)
+            .and_then(|()| self.strips())
+            .map_err(|e| e.to_string())
+            .and_then(|strips| match 2 * u64::from(strips.count()) == self.tasks.len() as u64 {
+                true => Ok(()),
+                false => Err("its list of tasks does not match its grid".to_owned()),
+            })
     }
 
     /// The plan as the text of a file.
@@ -162,14 +176,29 @@ impl Manifest {
             .remedy("use the same version, or plan anew in another folder"))
     }
 
+    /// The files it is made from.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(InputFile::path)
+    }
+
     /// Fails when a file is not what it was.
     pub(super) fn check_files(&self, by_content: bool) -> Result<()> {
         files::check(&self.files, by_content)
     }
 
-    /// Fails when the opened input is another grid.
-    pub(super) fn check_grid(&self, info: &GridInfo) -> Result<()> {
-        let here = Grid::of(info);
+    /// Fails when the opened input is another grid, or has more files: one beside the others may
+    /// say where voids are.
+    pub(super) fn check_source(&self, source: &dyn GridSource) -> Result<()> {
+        let known: HashSet<&Path> = self.files().collect();
+        let all = all_files(&self.method.input, source);
+        if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
+            return Err(Error::bad_input(
+                "is read with the input, and was not when it was planned",
+            )
+            .in_file(new)
+            .remedy("move it away, or plan anew in another folder"));
+        }
+        let here = Grid::of(source.info());
         if here == self.grid {
             return Ok(());
         }
@@ -181,7 +210,9 @@ impl Manifest {
 
     /// The first thing in which `other` asks for something else, as a line for people.
     pub(super) fn difference(&self, other: &Self) -> Option<String> {
-        difference(self, other)
+        let mut other = other.clone();
+        self.files.iter().zip(&mut other.files).for_each(|(there, here)| here.forgive_time(there));
+        difference(self, &other)
     }
 
     /// The job that writes the mesh to `output`.
@@ -221,7 +252,8 @@ impl Grid {
     fn of(info: &GridInfo) -> Self {
         let Affine { x0, a, b, y0, d, e } = info.transform;
         let transform = [x0, a, b, y0, d, e];
-        Self { width: info.width, height: info.height, transform, crs: info.crs.label() }
+        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
+        Self { width: info.width, height: info.height, transform, crs }
     }
 }
 
@@ -237,17 +269,14 @@ fn damaged(path: &Path, how: &str) -> Error {
 }
 
 /// The files behind `names` with all that is read beside them.
-fn all_files(names: &[String], opened: &Opened) -> Vec<PathBuf> {
+fn all_files(names: &[String], source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
     let named = names.iter().filter(is_file).map(|name| PathBuf::from(raster::file_name(name)));
-    let members = opened.source.members();
+    let members = source.members();
     let members = members.iter().filter_map(|path| path.to_str().map(raster::file_name));
     let is_file = |name: &&str| !name.starts_with(SYNTH_PREFIX);
     let all = named.chain(members.filter(is_file).map(PathBuf::from));
-    let mut all: Vec<PathBuf> = all.flat_map(|path| files::with_companions(&path)).collect();
-    all.sort();
-    all.dedup();
-    all
+    files::with_companions(all.collect())
 }
 
 /// Tasks with what they need, from the size of the whole mesh.
@@ -306,6 +335,10 @@ mod tests {
     use super::*;
 
     fn plan() -> Manifest {
+        let task = serde_json::json!(
+            { "id": "", "after": [], "samples": 0, "memory": 0, "disk": 0 }
+        );
+        let tasks = vec![task; 18];
         let plan = serde_json::json!({
             "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
             "method": {
@@ -317,7 +350,7 @@ mod tests {
                 "width": 9000, "height": 9000, "crs": "none",
                 "transform": [0.1, 1e-300, 0.0, -7e22, 0.0, -1.0],
             },
-            "files": [], "tasks": [],
+            "files": [], "tasks": tasks,
         });
         serde_json::from_value(plan).unwrap()
     }
@@ -341,6 +374,25 @@ mod tests {
         ] {
             let refused = read(&other).unwrap_err().to_string();
             assert!(refused.contains("was made by terrane"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_plan_with_more_work_than_it_lists_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        for (side, listed, part) in [
+            (9000, 17, "does not match its grid"),
+            (1_000_000, 18, "does not match its grid"),
+            (u32::MAX, 18, "columns or rows"),
+            (0, 18, "at least 2 x 2"),
+        ] {
+            let mut plan = plan();
+            (plan.grid.width, plan.grid.height) = (side, side);
+            plan.tasks.truncate(listed);
+            std::fs::write(&path, plan.to_text().unwrap()).unwrap();
+            let refused = Manifest::read(&path).unwrap_err().to_string();
+            assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
         }
     }
 

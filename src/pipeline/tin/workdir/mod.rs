@@ -24,7 +24,7 @@ use super::make::{Maker, Opened, in_input};
 use super::report::TinReport;
 use super::worker::worker_bytes;
 use crate::error::{Error, ErrorKind, Result};
-use crate::pipeline::{Cancel, Progress, memory};
+use crate::pipeline::{Cancel, Progress, Silent, memory};
 use crate::tin::Spec;
 use folder::{Folder, Look};
 use manifest::Manifest;
@@ -59,16 +59,16 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
     let least = memory::least(1, worker_bytes(tin.tile), opened.source.block_bytes());
     let manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
-    Folder::create(&job.folder, manifest).map(|folder| status(&folder))
+    Folder::create(&job.folder, manifest).and_then(|folder| status(&folder, cancel))
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.
 pub fn status_of(path: &Path) -> Result<StatusReport> {
-    Folder::open(path).map(|folder| status(&folder))
+    Folder::open(path).and_then(|folder| status(&folder, &Cancel::default()))
 }
 
-fn status(folder: &Folder) -> StatusReport {
-    let survey = folder.survey(Look::Quick);
+fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
+    let survey = folder.survey(Look::Quick, &Silent, cancel)?;
     let mesh = folder.mesh().filter(|mesh| mesh.finished.is_some() && mesh.path.exists());
     let is_done = |task: TaskId| match task {
         TaskId::Finish => mesh.is_some(),
@@ -83,7 +83,7 @@ fn status(folder: &Folder) -> StatusReport {
     let left = |(task, _): &(TaskId, &manifest::Needs)| !is_done(*task);
     let is_object = |(task, _): &(TaskId, &manifest::Needs)| *task != TaskId::Finish;
     let method = &folder.plan.method;
-    StatusReport {
+    Ok(StatusReport {
         folder: folder.path.display().to_string(),
         plan_id: folder.id.to_string(),
         input: method.label.clone(),
@@ -99,7 +99,7 @@ fn status(folder: &Folder) -> StatusReport {
         mesh_bytes: folder.plan.tasks.last().map_or(0, |needs| needs.disk),
         least_memory: folder.plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
         output: mesh.map(|mesh| mesh.path.display().to_string()),
-    }
+    })
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is

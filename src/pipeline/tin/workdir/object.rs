@@ -23,6 +23,7 @@ use super::digest::Digest;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fault::{self, Point};
+use crate::pipeline::Cancel;
 use crate::pipeline::tin::container::Container;
 use crate::pipeline::tin::schedule::lock;
 use crate::pipeline::tin::tally::Tally;
@@ -156,7 +157,12 @@ impl Object {
         let index: Vec<Entry> = bytemuck::allocation::pod_collect_to_vec(index);
         let tail: Tail = bytemuck::pod_read_unaligned(tail);
         let seal = seal(key, &index, &tail);
-        if seal.0 != sealed || (tail.tiles, tail.index) != (tiles, index_at) {
+        let is_inside =
+            |entry: &Entry| entry.offset.checked_add(entry.len).is_some_and(|end| end <= index_at);
+        if seal.0 != sealed
+            || (tail.tiles, tail.index) != (tiles, index_at)
+            || !index.iter().all(is_inside)
+        {
             return Err(damaged());
         }
         let (path, file) = (path.to_path_buf(), Mutex::new(file));
@@ -171,13 +177,16 @@ impl Object {
     }
 
     /// Reads everything once and fails when a byte is not what it was.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, cancel: &Cancel) -> Result<()> {
         let mut magic = [0; MAGIC.len()];
         self.read_at(&mut magic, 0)?;
         if &magic != MAGIC {
             return Err(damaged(&self.path));
         }
-        self.index.iter().try_for_each(|entry| self.record(entry).map(drop))
+        self.index.iter().try_for_each(|entry| {
+            cancel.check()?;
+            self.record(entry).map(drop)
+        })
     }
 
     fn record(&self, entry: &Entry) -> Result<Vec<u8>> {
@@ -201,4 +210,25 @@ fn damaged(path: &Path) -> Error {
     Error::new(ErrorKind::Io, "is damaged")
         .in_file(path)
         .remedy("run again: what is damaged is made anew")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_beyond_the_file_are_damage_whatever_the_seal_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.object");
+        let key = Digest::of(b"key");
+        for (offset, len) in [(16, 0), (16, 1), (0, u64::MAX >> 1), (u64::MAX, 2)] {
+            let index = [Entry { offset, len, digest: Digest::of(b"").0 }];
+            let tail = Tail { tiles: 1, index: 16, ..Tail::zeroed() };
+            let seal = seal(key, &index, &tail);
+            let parts = [MAGIC, bytemuck::cast_slice(&index), bytemuck::bytes_of(&tail), &seal.0];
+            std::fs::write(&path, parts.concat()).unwrap();
+            let checked = Object::open(&path, key, 1).and_then(|o| o.check(&Cancel::default()));
+            assert_eq!(checked.is_ok(), len == 0, "{len} bytes at {offset}");
+        }
+    }
 }

@@ -1,6 +1,8 @@
 //! Doing what a plan says: all of it, or one task.
 
+use std::collections::HashSet;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -18,7 +20,7 @@ use crate::pipeline::tin::report::{Clock, TinReport};
 use crate::pipeline::tin::run::{save, write};
 use crate::pipeline::tin::tally::Tally;
 use crate::pipeline::tin::worker::Stock;
-use crate::pipeline::{Cancel, Progress, Resources, disk, peak_memory};
+use crate::pipeline::{Cancel, Progress, Resources, Silent, disk, peak_memory};
 
 /// Work on a plan.
 #[derive(Clone, Debug)]
@@ -114,7 +116,7 @@ impl<'a> Run<'a> {
         (tin.solid_base, tin.split) = (job.solid_base, job.split);
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = folder.plan.method.height_origin;
-        folder.plan.check_grid(opened.source.info())?;
+        folder.plan.check_source(&*opened.source)?;
         let report = RunReport {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
@@ -132,7 +134,7 @@ impl<'a> Run<'a> {
             self.claim_output()?;
         }
         self.progress.begin("check what is done", self.folder.plan.tasks.len() as u64);
-        let mut survey = self.folder.survey(Look::Whole);
+        let mut survey = self.folder.survey(Look::Whole, self.progress, self.cancel)?;
         self.progress.end();
         let to_do: Vec<TaskId> =
             self.folder.strips.tasks().filter(|task| is_missing(*task, &survey)).collect();
@@ -141,7 +143,7 @@ impl<'a> Run<'a> {
         self.progress.begin("triangulate", to_do.iter().map(work).sum());
         for task in to_do {
             // Its key may not have been known before.
-            self.folder.look_again(task, &mut survey);
+            self.folder.look_again(task, &mut survey, self.cancel)?;
             if is_missing(task, &survey) {
                 self.make(task, &mut survey)?;
             }
@@ -157,7 +159,7 @@ impl<'a> Run<'a> {
 
     /// One task that is not the last.
     fn one(mut self, task: TaskId) -> Result<RunReport> {
-        let mut survey = self.folder.survey_around(task);
+        let mut survey = self.folder.survey_around(task, self.cancel)?;
         if is_missing(task, &survey) {
             self.progress.begin(&task.to_string(), self.folder.strips.work(task).samples());
             self.make(task, &mut survey)?;
@@ -174,7 +176,7 @@ impl<'a> Run<'a> {
             return Ok(self.conclude());
         }
         self.claim_output()?;
-        let survey = self.folder.survey(Look::Quick);
+        let survey = self.folder.survey(Look::Quick, &Silent, self.cancel)?;
         if let Some(missing) = self.folder.strips.tasks().find(|task| is_missing(*task, &survey)) {
             return Err(self.folder.not_done(missing));
         }
@@ -192,7 +194,7 @@ impl<'a> Run<'a> {
 
     /// Fails when the disks will not hold what is left to do.
     fn check_disk(&self, to_do: &[TaskId]) -> Result<()> {
-        let names: Vec<String> = to_do.iter().map(TaskId::to_string).collect();
+        let names: HashSet<String> = to_do.iter().map(TaskId::to_string).collect();
         let needs = self.folder.plan.tasks.iter();
         let objects = needs.clone().filter(|task| names.contains(&task.id)).map(|task| task.disk);
         disk::check(&self.folder.path, objects.sum())?;
@@ -242,8 +244,8 @@ impl<'a> Run<'a> {
         let started = Instant::now();
         let maker = self.maker();
         maker.check_output()?;
-        let path = absolute(&self.tin.output)?;
-        self.folder.note_mesh(&path, None)?;
+        let mut mesh = self.mesh()?;
+        self.folder.note_mesh(&mesh)?;
         let mut tally = Tally::default();
         survey.done.values().for_each(|done| tally.add(done.tally));
         let shelf = Shelf::of_all(&self.folder, survey);
@@ -257,8 +259,9 @@ impl<'a> Run<'a> {
             .map_err(|error| in_input(error, &self.tin.input))?;
         self.progress.end();
         report.took(started.elapsed());
-        let finished = Finished { digest: digest_of(&path)?, report: report.clone() };
-        self.folder.note_mesh(&path, Some(finished))?;
+        let digest = digest_of(&mesh.path, self.cancel)?;
+        mesh.finished = Some(Finished { digest, report: report.clone() });
+        self.folder.note_mesh(&mesh)?;
         Ok(report)
     }
 
@@ -266,21 +269,41 @@ impl<'a> Run<'a> {
     fn finished(&self) -> Result<Option<Finished>> {
         let Some(mesh) = self.mesh_there()? else { return Ok(None) };
         let Some(finished) = mesh.finished else { return Ok(None) };
-        let is_it = mesh.path.exists() && digest_of(&mesh.path)? == finished.digest;
-        Ok(is_it.then_some(finished))
+        match digest_of(&mesh.path, self.cancel) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
+            // What cannot be read is not what was written.
+            found => Ok(found.is_ok_and(|digest| digest == finished.digest).then_some(finished)),
+        }
     }
 
-    /// The note on a mesh where this run's belongs.
+    /// The note on a mesh like this run's, where it belongs.
     fn mesh_there(&self) -> Result<Option<Mesh>> {
-        let path = absolute(&self.tin.output)?;
-        Ok(self.folder.mesh().filter(|mesh| mesh.path == path))
+        let own = self.mesh()?;
+        let is_own = |mesh: &Mesh| {
+            (&mesh.path, mesh.split, mesh.solid_base) == (&own.path, own.split, own.solid_base)
+        };
+        Ok(self.folder.mesh().filter(is_own))
+    }
+
+    /// The mesh of this run, not finished.
+    fn mesh(&self) -> Result<Mesh> {
+        let TinJob { output, split, solid_base, .. } = &self.tin;
+        let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
+        if path.to_str().is_none() {
+            return Err(Error::usage("has a name that is not UTF-8, which cannot be noted")
+                .in_file(&path)
+                .remedy("choose another name"));
+        }
+        let (split, solid_base) = (*split, *solid_base);
+        Ok(Mesh { plan_id: self.folder.id, path, split, solid_base, finished: None })
     }
 
     /// Fails when something is where the mesh belongs, unless a run that did not come to its end was
     /// writing there.
     fn claim_output(&mut self) -> Result<()> {
         self.tin.overwrite |= self.mesh_there()?.is_some_and(|mesh| mesh.finished.is_none());
-        refuse_existing(&self.tin.output, self.tin.overwrite)
+        refuse_existing(&self.tin.output, self.tin.overwrite)?;
+        self.folder.refuse_own(&self.tin.output)
     }
 
     fn maker(&self) -> Maker<'_> {
@@ -304,10 +327,6 @@ fn ending(folder: &Folder) -> &'static str {
     format.map_or("mesh", |format| format.extensions[0])
 }
 
-fn absolute(path: &Path) -> Result<PathBuf> {
-    std::path::absolute(path).map_err(|e| Error::write(path, e))
-}
-
 fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -315,13 +334,24 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
+/// Bytes of a mesh that are read at a time.
+const PIECE_BYTES: usize = 1 << 20;
+
 /// Of a mesh, in one file or in many.
-fn digest_of(path: &Path) -> Result<Digest> {
+fn digest_of(path: &Path, cancel: &Cancel) -> Result<Digest> {
     let mut hasher = blake3::Hasher::new();
+    let mut piece = vec![0; PIECE_BYTES];
     let files = if path.is_dir() { output::split::files(path)? } else { vec![path.to_path_buf()] };
     for path in files {
-        let file = File::open(&path).and_then(|file| hasher.update_reader(file).map(drop));
-        file.map_err(|e| Error::read(&path, e))?;
+        let fail = |e| Error::read(&path, e);
+        let mut file = File::open(&path).map_err(fail)?;
+        loop {
+            cancel.check()?;
+            match file.read(&mut piece).map_err(fail)? {
+                0 => break,
+                bytes => hasher.update(&piece[..bytes]),
+            };
+        }
     }
     Ok(Digest(*hasher.finalize().as_bytes()))
 }

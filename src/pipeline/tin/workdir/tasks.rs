@@ -89,7 +89,7 @@ impl Strips {
     pub(super) fn has(&self, task: TaskId) -> bool {
         match task {
             TaskId::Strip(strip) => strip < self.count(),
-            TaskId::Seam(above) => above + 1 < self.count(),
+            TaskId::Seam(above) => above < self.count() - 1,
             TaskId::Finish => true,
         }
     }
@@ -212,7 +212,9 @@ mod tests {
         for bad in ["", "strip", "strip-", "strip-x", "seam--1", "Finish"] {
             assert!(bad.parse::<TaskId>().is_err());
         }
-        assert!(!strips.has(TaskId::Seam(3)) && !strips.has(TaskId::Strip(4)));
+        for beyond in [TaskId::Seam(3), TaskId::Seam(u32::MAX), TaskId::Strip(4)] {
+            assert!(!strips.has(beyond), "{beyond}");
+        }
     }
 
     #[test]
