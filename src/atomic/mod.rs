@@ -194,7 +194,7 @@ fn remove_leftovers(folder: &Path) {
     }
 }
 
-/// True for a name that [`temporary`] gives.
+/// True for the name of a temporary file or folder of ours.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
 }
