@@ -84,8 +84,10 @@ impl Task {
         Self { tile, step }
     }
 
+    /// The tasks at the end of `edges`; a run that saves tiles does so where others gather them.
     fn around(self, work: &Work, edges: Edges) -> impl Iterator<Item = Task> {
         edges.iter().filter_map(move |&(step, rows, cols)| {
+            let step = if step == Step::Gather { work.last_touch() } else { step };
             let task = Task::at(step, work.layout.step(self.tile, rows, cols)?);
             work.has(task).then_some(task)
         })
@@ -145,10 +147,6 @@ impl Task {
                 (Gather, 0, 1),
                 (Gather, 1, 0),
                 (Gather, 1, 1),
-                (Save, 0, 0),
-                (Save, 0, 1),
-                (Save, 1, 0),
-                (Save, 1, 1),
             ],
             Vertical => &[
                 (Horizontal, -1, 0),
@@ -157,27 +155,9 @@ impl Task {
                 (Horizontal, 0, 1),
                 (Gather, 0, 0),
                 (Gather, 0, 1),
-                (Save, 0, 0),
-                (Save, 0, 1),
             ],
-            Horizontal => &[
-                (Corner, 0, -1),
-                (Corner, 0, 0),
-                (Gather, 0, 0),
-                (Gather, 1, 0),
-                (Save, 0, 0),
-                (Save, 1, 0),
-            ],
-            Corner => &[
-                (Gather, 0, 0),
-                (Gather, 0, 1),
-                (Gather, 1, 0),
-                (Gather, 1, 1),
-                (Save, 0, 0),
-                (Save, 0, 1),
-                (Save, 1, 0),
-                (Save, 1, 1),
-            ],
+            Horizontal => &[(Corner, 0, -1), (Corner, 0, 0), (Gather, 0, 0), (Gather, 1, 0)],
+            Corner => &[(Gather, 0, 0), (Gather, 0, 1), (Gather, 1, 0), (Gather, 1, 1)],
             Gather => &[(Number, 0, 0)],
             Number => return self.number_outputs(work),
             Emit | Save => &[],

@@ -56,6 +56,11 @@ impl Work {
         }
     }
 
+    /// The first step that needs a tile to be final.
+    pub(super) fn last_touch(&self) -> Step {
+        if self.has_step(Step::Save) { Step::Save } else { Step::Gather }
+    }
+
     /// True when tiles come from saved containers, not from heights.
     pub(super) fn loads(&self) -> bool {
         matches!(self.scope, Scope::Seam { .. } | Scope::Write)
