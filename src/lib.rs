@@ -1,15 +1,18 @@
 //! terrane: an out-of-core terrain engine. This file is the map of the house; it holds no logic.
 //!
-//! Pure rooms (`geom`, `tin`, `synth`, `verify`, `render`) know slices and numbers only: no path,
-//! no file, no thread pool. Rooms at the edge (`raster`, `output`) read and write files. `pipeline`
+//! Pure rooms (`geom`, `tin`, `delaunay`, `gridding`, `synth`, `verify`, `render`) know slices and numbers only: no path,
+//! no file, no thread pool. Rooms at the edge (`raster`, `cloud`, `output`) read and write files. `pipeline`
 //! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
 //! and `tests/tidy.rs` checks it.
 
 pub mod atomic;
 pub mod cli;
+pub mod cloud;
+pub mod delaunay;
 pub mod error;
 mod fault;
 pub mod geom;
+pub mod gridding;
 pub mod limits;
 pub mod output;
 pub mod pipeline;

@@ -2,11 +2,13 @@
 
 mod affine;
 mod crs;
+mod point;
 pub mod predicates;
 mod rect;
 
 pub use affine::Affine;
 pub use crs::Crs;
+pub use point::{Frame, Point, REACH};
 pub use rect::Rect;
 
 /// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.

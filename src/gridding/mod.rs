@@ -1,0 +1,1 @@
+//! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
