@@ -3,10 +3,12 @@
 pub mod convert;
 mod disk;
 pub mod memory;
+mod points;
 pub mod surface;
 pub mod tin;
 pub mod verify;
 pub mod view;
+mod workers;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

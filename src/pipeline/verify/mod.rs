@@ -8,7 +8,6 @@ mod parts;
 mod report;
 mod spill;
 mod vertices;
-mod workers;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::Context;
 use super::spill::{Spill, Writer};
 use super::vertices::{VertexCache, VertexCounts};
-use super::workers::{self, lock};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Point3, Rect};
+use crate::pipeline::workers::{self, lock};
 use crate::raster::GridInfo;
 use crate::verify::{
     self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,

@@ -8,9 +8,9 @@ use std::sync::Mutex;
 
 use bytemuck::Pod;
 
-use super::workers::lock;
 use crate::atomic::plain;
 use crate::error::{Error, Result};
+use crate::pipeline::workers::lock;
 
 /// Bytes read at a time.
 const READ_BYTES: usize = 64 << 10;

@@ -8,7 +8,7 @@ use crate::pipeline::Cancel;
 
 /// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
 /// that `start` makes and `finish` takes. Stops early at the first error, which is returned.
-pub(super) fn run<S>(
+pub(in crate::pipeline) fn run<S>(
     threads: usize,
     units: u64,
     cancel: &Cancel,
@@ -45,7 +45,7 @@ pub(super) fn run<S>(
 
 /// Locks; what another thread left behind when it panicked is never used, since the panic goes on
 /// at the end of the scope.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+pub(in crate::pipeline) fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 

@@ -1,0 +1,142 @@
+//! All points of a cloud, sorted into squares of the plane: in memory while it lasts, else on disk.
+//!
+//! Methods that need a point's neighbours read the squares they touch. A square's points are handed
+//! out in canonical order, so that nothing depends on the order in which they came.
+
+mod buckets;
+mod tiling;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use buckets::Buckets;
+pub(in crate::pipeline) use tiling::Tiling;
+
+use crate::cloud::{Census, PointSource};
+use crate::error::Result;
+use crate::geom::Point;
+use crate::pipeline::workers::{self, lock};
+use crate::pipeline::{Cancel, Progress};
+
+/// What is known of a square without reading it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::pipeline) struct Summary {
+    /// Points in it.
+    pub(in crate::pipeline) count: u64,
+    /// Lowest and highest x and y of them.
+    pub(in crate::pipeline) bounds: [[i32; 2]; 2],
+    /// The lowest of them.
+    pub(in crate::pipeline) lowest: Point,
+}
+
+impl Summary {
+    const EMPTY: Self = Self {
+        count: 0,
+        bounds: [[i32::MAX; 2], [i32::MIN; 2]],
+        lowest: Point::new(i32::MAX, i32::MAX, i32::MAX),
+    };
+
+    fn add(&mut self, run: &[Point]) {
+        self.count += run.len() as u64;
+        let [low, high] = &mut self.bounds;
+        for &point in run {
+            *low = [low[0].min(point.x), low[1].min(point.y)];
+            *high = [high[0].max(point.x), high[1].max(point.y)];
+            self.lowest = self.lowest.min(point);
+        }
+    }
+}
+
+/// The points of a cloud by square.
+#[derive(Debug)]
+pub(in crate::pipeline) struct PointStore {
+    tiling: Tiling,
+    points: Buckets<Point>,
+    summaries: Vec<Mutex<Summary>>,
+    census: Census,
+}
+
+/// How a store is filled.
+pub(in crate::pipeline) struct Filling<'a> {
+    /// Threads that read.
+    pub(in crate::pipeline) threads: usize,
+    /// Bytes of points that may stay in memory.
+    pub(in crate::pipeline) memory: u64,
+    /// Folder of the temporary file, if one is needed.
+    pub(in crate::pipeline) folder: &'a Path,
+    pub(in crate::pipeline) progress: &'a dyn Progress,
+    pub(in crate::pipeline) cancel: &'a Cancel,
+}
+
+impl PointStore {
+    /// Reads the whole cloud once.
+    pub(in crate::pipeline) fn fill(
+        source: &dyn PointSource,
+        tiling: Tiling,
+        filling: &Filling<'_>,
+    ) -> Result<Self> {
+        let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
+        let points = Buckets::new(filling.folder, tiling.count(), filling.memory);
+        let mut store = Self { tiling, points, summaries, census: Census::default() };
+        store.census = store.read_all(source, filling)?;
+        Ok(store)
+    }
+
+    fn read_all(&self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Census> {
+        let census = Mutex::new(Census::default());
+        filling.progress.begin("read", source.info().count);
+        let part = |found: &mut Census, part: u64| {
+            let read = source.read(part as usize, &mut |batch| self.add(batch))?;
+            found.add(&read);
+            filling.progress.advance(read.read);
+            Ok(())
+        };
+        let finish = |found: Census| {
+            lock(&census).add(&found);
+            Ok(())
+        };
+        let parts = source.parts() as u64;
+        workers::run(filling.threads, parts, filling.cancel, Census::default, part, finish)?;
+        filling.progress.end();
+        Ok(*lock(&census))
+    }
+
+    /// Adds points; those that follow each other within a square go together.
+    fn add(&self, points: &[Point]) -> Result<()> {
+        for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
+            let square = self.tiling.square_of(run[0]);
+            lock(&self.summaries[square]).add(run);
+            self.points.push(square, run)?;
+        }
+        Ok(())
+    }
+
+    /// Where the squares lie.
+    pub(in crate::pipeline) fn tiling(&self) -> &Tiling {
+        &self.tiling
+    }
+
+    /// What became of the points read.
+    pub(in crate::pipeline) fn census(&self) -> &Census {
+        &self.census
+    }
+
+    /// What a square holds; `None` when it holds nothing.
+    pub(in crate::pipeline) fn summary(&self, square: usize) -> Option<Summary> {
+        let summary = *lock(&self.summaries[square]);
+        (summary.count > 0).then_some(summary)
+    }
+
+    /// The points of a square, in canonical order, in place of what `out` held.
+    pub(in crate::pipeline) fn load(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
+        out.clear();
+        self.points.read(square, |run| out.extend_from_slice(run))?;
+        out.sort_unstable();
+        Ok(())
+    }
+
+    /// Bytes that went to the temporary file.
+    pub(in crate::pipeline) fn spilled(&self) -> u64 {
+        self.points.spilled()
+    }
+}
