@@ -1,0 +1,7 @@
+//! The kernel for clouds: a mesh whose vertices are some of the points, and no point far from it.
+
+mod greedy;
+mod mesh;
+
+pub use greedy::{Fit, exceeds};
+pub use mesh::{GHOST, Mesh, Place, Triangle};
