@@ -14,6 +14,7 @@ mod order;
 mod patch;
 mod rim;
 mod scan;
+pub mod scatter;
 mod strict;
 mod tile;
 

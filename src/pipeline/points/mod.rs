@@ -13,6 +13,8 @@ use buckets::Buckets;
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};
+use crate::delaunay::hull::convex_hull;
+use crate::delaunay::predicates::orient;
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::workers::{self, lock};
@@ -75,11 +77,17 @@ impl PointStore {
         tiling: Tiling,
         filling: &Filling<'_>,
     ) -> Result<Self> {
-        let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
-        let points = Buckets::new(filling.folder, tiling.count(), filling.memory);
-        let mut store = Self { tiling, points, summaries, census: Census::default() };
+        let mut store = Self::empty(tiling, filling.folder, filling.memory);
         store.census = store.read_all(source, filling)?;
         Ok(store)
+    }
+
+    /// A store without points, which may have about `memory` bytes of them before it takes to a file
+    /// in `folder`.
+    pub(in crate::pipeline) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
+        let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
+        let points = Buckets::new(folder, tiling.count(), memory);
+        Self { tiling, points, summaries, census: Census::default() }
     }
 
     fn read_all(&self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Census> {
@@ -102,7 +110,7 @@ impl PointStore {
     }
 
     /// Adds points; those that follow each other within a square go together.
-    fn add(&self, points: &[Point]) -> Result<()> {
+    pub(in crate::pipeline) fn add(&self, points: &[Point]) -> Result<()> {
         for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
             let square = self.tiling.square_of(run[0]);
             lock(&self.summaries[square]).add(run);
@@ -135,8 +143,42 @@ impl PointStore {
         Ok(())
     }
 
+    /// The points of a square at distinct positions, in canonical order, in place of what `out` held:
+    /// of those at one position the lowest.
+    pub(in crate::pipeline) fn load_distinct(
+        &self,
+        square: usize,
+        out: &mut Vec<Point>,
+    ) -> Result<()> {
+        self.load(square, out)?;
+        out.dedup_by_key(|point| (point.x, point.y));
+        Ok(())
+    }
+
+    /// The corners of the convex hull of all points, counter-clockwise from the lowest.
+    pub(in crate::pipeline) fn hull(&self) -> Result<Vec<Point>> {
+        let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
+        let lowest: Vec<Point> = summaries().map(|(_, summary)| summary.lowest).collect();
+        let inner = convex_hull(&lowest);
+        let (mut hull, mut points) = (inner.clone(), Vec::new());
+        for (square, Summary { bounds: [low, high], .. }) in summaries() {
+            let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+            if !corners.iter().all(|&corner| is_inside(&inner, corner)) {
+                self.load_distinct(square, &mut points)?;
+                hull.extend_from_slice(&convex_hull(&points));
+            }
+        }
+        Ok(convex_hull(&hull))
+    }
+
     /// Bytes that went to the temporary file.
     pub(in crate::pipeline) fn spilled(&self) -> u64 {
         self.points.spilled()
     }
+}
+
+/// True when `at` lies in a convex polygon or on its rim.
+fn is_inside(hull: &[Point], at: [i32; 2]) -> bool {
+    let ends = hull.iter().zip(hull.iter().cycle().skip(1));
+    hull.len() > 2 && ends.into_iter().all(|(a, b)| orient([a.x, a.y], [b.x, b.y], at) >= 0)
 }

@@ -43,14 +43,23 @@ impl Tiling {
         self.side
     }
 
-    /// The square of a point; one beyond the bounds belongs to the nearest square.
-    pub(in crate::pipeline) fn square_of(&self, point: Point) -> usize {
-        let [col, row] = self.place([i64::from(point.x), i64::from(point.y)]);
+    /// Squares along x and y.
+    pub(in crate::pipeline) fn counts(&self) -> [u32; 2] {
+        self.counts
+    }
+
+    /// The number of the square in a column and row.
+    pub(in crate::pipeline) fn square(&self, [col, row]: [u32; 2]) -> usize {
         row as usize * self.counts[0] as usize + col as usize
     }
 
+    /// The square of a point; one beyond the bounds belongs to the nearest square.
+    pub(in crate::pipeline) fn square_of(&self, point: Point) -> usize {
+        self.square(self.place([i64::from(point.x), i64::from(point.y)]))
+    }
+
     /// Column and row of the square nearest to a position.
-    fn place(&self, at: [i64; 2]) -> [u32; 2] {
+    pub(in crate::pipeline) fn place(&self, at: [i64; 2]) -> [u32; 2] {
         [0, 1].map(|axis| {
             let steps = at[axis] - i64::from(self.low[axis]);
             let last = i64::from(self.counts[axis]) - 1;

@@ -29,6 +29,7 @@ pub use make::run;
 pub use plan::{Plan, plan};
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
+pub(in crate::pipeline) use units::{horizontal_unit, vertical_unit};
 pub use workdir::{
     PlanJob, RunJob, RunReport, StatusReport, TaskReport, plan_work, run_in, run_plan, status_of,
 };

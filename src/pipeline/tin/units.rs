@@ -6,7 +6,7 @@ use crate::geom::Crs;
 const PROJ_LINEAR_UNITS: u16 = 3076;
 
 /// The unit of x and y.
-pub(super) fn horizontal_unit(crs: &Crs) -> &'static str {
+pub(in crate::pipeline) fn horizontal_unit(crs: &Crs) -> &'static str {
     match (crs.geographic, linear_unit(crs)) {
         (Some(true), _) => "degree",
         (_, Some(unit)) => unit,
@@ -15,7 +15,7 @@ pub(super) fn horizontal_unit(crs: &Crs) -> &'static str {
 }
 
 /// The unit of the heights.
-pub(super) fn vertical_unit(crs: &Crs) -> Option<&str> {
+pub(in crate::pipeline) fn vertical_unit(crs: &Crs) -> Option<&str> {
     crs.vertical_unit.as_deref().map(str::trim).filter(|unit| !unit.is_empty())
 }
 

@@ -96,6 +96,22 @@ impl<'a> Fit<'a> {
         !self.queue.is_empty()
     }
 
+    /// The largest distance of a listed point and the sum of the squares of all, in steps.
+    pub fn measure(&self) -> (f64, f64) {
+        let (mut most, mut squares) = (0.0_f64, 0.0);
+        for triangle in 0..self.mesh.triangles().len() as u32 {
+            let Some(corners) = self.mesh.corners(triangle) else { continue };
+            let plane = Plane::new(corners);
+            let mut point = self.heads[triangle as usize];
+            while point != NONE {
+                let distance = plane.distance(self.points[point as usize]);
+                (most, squares) = (most.max(distance), squares + distance * distance);
+                point = self.nexts[point as usize];
+            }
+        }
+        (most, squares)
+    }
+
     /// Inserts points until none is beyond the tolerance; returns those inserted.
     pub fn run(&mut self) -> Vec<Point> {
         let mut inserted = Vec::new();
@@ -210,7 +226,9 @@ impl Plane {
         let area = (bx * cy - by * cx) as f64;
         let slope = [(bz * cy - by * cz) as f64 / area, (bx * cz - bz * cx) as f64 / area];
         let reach = |d: [i64; 3]| {
-            slope[0].abs() * d[0].abs() as f64 + slope[1].abs() * d[1].abs() as f64 + d[2].abs() as f64
+            slope[0].abs() * d[0].abs() as f64
+                + slope[1].abs() * d[1].abs() as f64
+                + d[2].abs() as f64
         };
         Self { origin: a, slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
     }
@@ -270,7 +288,8 @@ mod tests {
 
     /// The largest distance of any point from the mesh that covers it, by looking at all triangles.
     fn worst(mesh: &Mesh, points: &[Point]) -> f64 {
-        let all: Vec<_> = (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
+        let all: Vec<_> =
+            (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
         let at = |p: Point| [p.x, p.y];
         let covers = |[a, b, c]: &[Point; 3], p: Point| {
             [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(at(**a), at(**b), at(p)) >= 0)

@@ -301,9 +301,8 @@ pub(super) mod tests {
             t.rotate_left(least);
             t
         };
-        let mut all: Vec<_> = (0..mesh.triangles.len() as u32)
-            .filter_map(|t| mesh.corners(t).map(turned))
-            .collect();
+        let mut all: Vec<_> =
+            (0..mesh.triangles.len() as u32).filter_map(|t| mesh.corners(t).map(turned)).collect();
         all.sort_unstable();
         all
     }

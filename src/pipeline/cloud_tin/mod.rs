@@ -1,0 +1,578 @@
+//! A cloud in, a mesh with a proven error bound out: the job of `terrane tin` on point clouds.
+//!
+//! The mesh is the Delaunay triangulation of a set of points of the cloud, and nothing else, so it has
+//! no seams by its nature: every region computes the triangles it sees and no other, exactly.
+
+mod choose;
+mod circle;
+mod local;
+mod regions;
+mod write;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use self::choose::{Errors, choose};
+use self::regions::Regions;
+use self::write::{Written, write};
+use crate::atomic::{AtomicFile, refuse_existing};
+use crate::cloud::{self, Census, CloudInfo, OpenOptions, PointSource};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geom::{Frame, Point, Point3};
+use crate::output::{self, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj};
+use crate::pipeline::points::{Filling, PointStore, Tiling};
+use crate::pipeline::tin::{StageReport, horizontal_unit, vertical_unit};
+use crate::pipeline::{Cancel, Progress, Resources, peak_memory, workers};
+
+/// Most points of a region, unless a single square holds more.
+const REGION_POINTS: u64 = 1 << 17;
+/// Bytes of memory for the program itself.
+const PROGRAM: u64 = 8 << 20;
+/// Bytes that a worker takes for each point of a region, its surroundings and its mesh included.
+const POINT_BYTES: u64 = 320;
+/// Fewest bytes for points and vertices that wait.
+const LEAST_SHARED: u64 = 8 << 20;
+
+/// A cloud-to-TIN job.
+#[derive(Clone, Debug)]
+pub struct CloudTinJob {
+    /// Files, folders, patterns or lists.
+    pub inputs: Vec<String>,
+    /// Which points are wanted, and how they are read.
+    pub options: OpenOptions,
+    /// Mesh file to write.
+    pub output: PathBuf,
+    /// Mesh format by name; by the output's ending when `None`.
+    pub format: Option<String>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// Largest vertical distance of any point from the mesh; 0 keeps every point.
+    pub tolerance: f64,
+    /// Measure largest error and RMSE for the report.
+    pub measure: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// What a cloud-to-TIN job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct CloudTinReport {
+    pub input: String,
+    pub output: String,
+    pub format: String,
+    pub files: u64,
+    pub crs: String,
+    pub horizontal_unit: String,
+    pub vertical_unit: String,
+    pub tolerance: f64,
+    /// Largest error of any point, when measured.
+    pub max_error: Option<f64>,
+    /// Root mean square error, when measured.
+    pub rmse: Option<f64>,
+    pub points: Census,
+    /// Points that lie above another one at the same position: they bind nothing.
+    pub stacked_points: u64,
+    pub vertices: u64,
+    pub triangles: u64,
+    /// Vertices for each point that was kept.
+    pub kept: f64,
+    pub output_bytes: u64,
+    /// Coordinate reference system beside the mesh, when one was written.
+    pub prj: Option<String>,
+    pub regions: u64,
+    pub threads: usize,
+    pub memory_budget: u64,
+    pub peak_memory: Option<u64>,
+    /// Bytes written to temporary files.
+    pub spilled_bytes: u64,
+    pub wall_seconds: f64,
+    pub points_per_second: f64,
+    pub stages: Vec<StageReport>,
+    pub notes: Vec<String>,
+}
+
+/// What every stage works with.
+pub(super) struct Work<'a> {
+    points: &'a PointStore,
+    regions: &'a Regions,
+    threads: usize,
+    /// Bytes of vertices that may wait in memory.
+    vertex_bytes: u64,
+    measure: bool,
+    folder: &'a Path,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+}
+
+impl Work<'_> {
+    /// Does `work` for every number below `count`, on all threads.
+    fn on_all(&self, count: u64, work: impl Fn(&mut (), u64) -> Result<()> + Sync) -> Result<()> {
+        workers::run(self.threads, count, self.cancel, || (), work, Ok)
+    }
+}
+
+/// Runs a job from files to file.
+///
+/// # Errors
+/// As [`cloud::open`]; `Usage` for a tolerance that is none; `BadInput` when the points have no
+/// surface; `CannotWrite` and `Io` from the output and the temporary files; `Resource` when the memory
+/// does not suffice; `Interrupted`.
+pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<CloudTinReport> {
+    let started = Instant::now();
+    if !(job.tolerance >= 0.0 && job.tolerance.is_finite()) {
+        return Err(Error::usage(format!("{} is no maximum error", job.tolerance))
+            .remedy("give a number of 0 or more, in the unit of the heights"));
+    }
+    refuse_existing(&job.output, job.overwrite)?;
+    let format = output::by_path(&job.output, job.format.as_deref())?;
+    let source = cloud::open(&job.inputs, &job.options)?;
+    drop(AtomicFile::create(&job.output, job.overwrite)?);
+    check_prj(&job.output, &source.info().crs, job.overwrite)?;
+    let mut report = make(job, &source, format, progress, cancel)?;
+    report.files = source.files().len() as u64;
+    report.notes.extend(source.notes().iter().cloned());
+    report.wall_seconds = started.elapsed().as_secs_f64();
+    report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
+    Ok(report)
+}
+
+/// Triangulates any source of points into the job's output.
+pub(super) fn make(
+    job: &CloudTinJob,
+    source: &dyn PointSource,
+    format: &'static MeshFormat,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudTinReport> {
+    let info = source.info();
+    let bounds = info.bounds.ok_or_else(no_surface)?;
+    let header = header(job, info, bounds, format)?;
+    let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
+    let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
+    let sink = || (format.create)(&job.output, &header, &options);
+    let mut clock = Clock::default();
+    let folder = folder(job);
+    let filling = Filling {
+        threads: job.resources.threads.max(1),
+        memory: job.resources.memory / 2,
+        folder: &folder,
+        progress,
+        cancel,
+    };
+    let points = PointStore::fill(source, Tiling::new(bounds, info.count), &filling)?;
+    clock.lap("read", points.census().read);
+    let regions = Regions::new(&points, REGION_POINTS);
+    let threads = threads(job, regions.most_points())?;
+    let (measure, vertex_bytes) = (job.measure, job.resources.memory / 8);
+    let work = Work {
+        points: &points,
+        regions: &regions,
+        threads,
+        vertex_bytes,
+        measure,
+        folder: &folder,
+        progress,
+        cancel,
+    };
+    let tolerance = in_steps(job.tolerance, info.frame.scale[2]);
+    let made = triangulate(&work, tolerance, &info.frame, sink, &mut clock)?;
+    let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
+    Ok(report(job, info, &work, &made, format, prj, clock))
+}
+
+/// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
+fn in_steps(tolerance: f64, step: f64) -> f64 {
+    let steps = tolerance / step;
+    let whole = steps.round();
+    if (steps - whole).abs() <= whole * 1e-12 { whole } else { steps }
+}
+
+/// What came of the work.
+struct Made {
+    written: Written,
+    errors: Errors,
+    stacked: u64,
+    spilled: u64,
+}
+
+fn triangulate(
+    work: &Work<'_>,
+    tolerance: f64,
+    frame: &Frame,
+    sink: impl FnOnce() -> Result<Box<dyn MeshSink>>,
+    clock: &mut Clock,
+) -> Result<Made> {
+    let kept = work.points.census().kept;
+    let hull = work.points.hull()?;
+    if hull.len() < 3 {
+        return Err(no_surface());
+    }
+    if tolerance == 0.0 {
+        let written = write(work, work.points, &hull, frame, sink()?)?;
+        clock.lap("write", kept);
+        let (stacked, spilled) = (kept - written.vertices, work.points.spilled());
+        return Ok(Made { written, errors: Errors::default(), stacked, spilled });
+    }
+    let (vertices, errors) = choose(work, tolerance, &hull)?;
+    clock.lap("choose", kept);
+    let written = write(work, &vertices, &hull, frame, sink()?)?;
+    clock.lap("write", written.vertices);
+    let spilled = work.points.spilled() + vertices.spilled();
+    Ok(Made { written, errors, stacked: kept - errors.points, spilled })
+}
+
+/// Workers that fit in what the points leave of the memory.
+fn threads(job: &CloudTinJob, most_points: u64) -> Result<usize> {
+    let worker = most_points * POINT_BYTES;
+    let left = (job.resources.memory / 8 * 3).saturating_sub(PROGRAM);
+    let fitting = left / worker.max(1);
+    if fitting == 0 || job.resources.memory / 2 < LEAST_SHARED {
+        let needed = ((worker + PROGRAM) / 3 * 8).max(2 * LEAST_SHARED).div_ceil(1 << 20) + 1;
+        let message = format!("at least {needed} MiB of memory are needed");
+        return Err(Error::new(ErrorKind::Resource, message)
+            .remedy(format!("pass --memory {needed}M or more")));
+    }
+    Ok(job.resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX)))
+}
+
+/// Where to spill: beside the output unless told otherwise.
+fn folder(job: &CloudTinJob) -> PathBuf {
+    let beside = || match job.output.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
+        _ => PathBuf::from("."),
+    };
+    job.resources.temp_dir.clone().unwrap_or_else(beside)
+}
+
+fn no_surface() -> Error {
+    Error::bad_input("the points have no surface: fewer than three, or all on a line")
+        .remedy("look at the filters, or at the files with `terrane info`")
+}
+
+fn header(
+    job: &CloudTinJob,
+    info: &CloudInfo,
+    bounds: [Point; 2],
+    format: &MeshFormat,
+) -> Result<MeshHeader> {
+    let [low, high] = bounds;
+    let middle = |a: i32, b: i32| i32::midpoint(a, b);
+    let centre = Point::new(middle(low.x, high.x), middle(low.y, high.y), middle(low.z, high.z));
+    if format.single_precision {
+        check_single(bounds, centre, format)?;
+    }
+    let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
+    let comments = vec![
+        format!("source {}", job.inputs.join(" ")),
+        format!("max error {}{unit}", job.tolerance),
+    ];
+    let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
+    Ok(MeshHeader { crs: info.crs.clone(), origin: info.frame.world(centre), bounds, comments })
+}
+
+/// Fails where f32 does not tell one step from the next.
+fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Result<()> {
+    let far = |a: i32, b: i32| a.abs_diff(b) >= 1 << 23;
+    let is_far = |p: Point| far(p.x, centre.x) || far(p.y, centre.y) || far(p.z, centre.z);
+    if !bounds.into_iter().any(is_far) {
+        return Ok(());
+    }
+    let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
+    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with --bounds"))
+}
+
+/// Times of the stages.
+#[derive(Debug)]
+struct Clock {
+    last: Instant,
+    stages: Vec<StageReport>,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { last: Instant::now(), stages: Vec::new() }
+    }
+}
+
+impl Clock {
+    /// Ends a stage that handled `points`.
+    fn lap(&mut self, name: &str, points: u64) {
+        let thread_seconds = self.last.elapsed().as_secs_f64();
+        self.stages.push(StageReport { name: name.to_owned(), thread_seconds, samples: points });
+        self.last = Instant::now();
+    }
+}
+
+fn report(
+    job: &CloudTinJob,
+    info: &CloudInfo,
+    work: &Work<'_>,
+    made: &Made,
+    format: &MeshFormat,
+    prj: Option<PathBuf>,
+    clock: Clock,
+) -> CloudTinReport {
+    let Made { written, errors, .. } = made;
+    let step = info.frame.scale[2];
+    let measured = |steps: f64| job.measure.then_some(steps * step);
+    let census = *work.points.census();
+    CloudTinReport {
+        input: job.inputs.join(" "),
+        output: job.output.display().to_string(),
+        format: format.name.to_owned(),
+        crs: info.crs.label(),
+        horizontal_unit: horizontal_unit(&info.crs).to_owned(),
+        vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
+        tolerance: job.tolerance,
+        max_error: measured(errors.most),
+        rmse: measured((errors.squares / errors.points.max(1) as f64).sqrt()),
+        points: census,
+        stacked_points: made.stacked,
+        vertices: written.vertices,
+        triangles: written.triangles,
+        kept: written.vertices as f64 / census.kept.max(1) as f64,
+        output_bytes: written.bytes,
+        prj: prj.map(|path| path.display().to_string()),
+        regions: work.regions.all.len() as u64,
+        threads: work.threads,
+        memory_budget: job.resources.memory,
+        peak_memory: peak_memory(),
+        spilled_bytes: made.spilled,
+        stages: clock.stages,
+        ..CloudTinReport::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Crs;
+    use crate::output::MeshBatch;
+    use crate::pipeline::Silent;
+    use crate::tin::scatter::{Fit, Mesh};
+    use std::sync::{Arc, Mutex};
+
+    /// Points in memory.
+    struct Few {
+        info: CloudInfo,
+        points: Vec<Point>,
+    }
+
+    const PART: usize = 1000;
+
+    impl PointSource for Few {
+        fn info(&self) -> &CloudInfo {
+            &self.info
+        }
+
+        fn parts(&self) -> usize {
+            self.points.len().div_ceil(PART)
+        }
+
+        fn points_of(&self, part: usize) -> u64 {
+            self.points.chunks(PART).nth(part).map_or(0, |part| part.len() as u64)
+        }
+
+        fn read(
+            &self,
+            part: usize,
+            each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        ) -> Result<Census> {
+            let points = self.points.chunks(PART).nth(part).unwrap_or_default();
+            each(points)?;
+            let count = points.len() as u64;
+            Ok(Census { read: count, kept: count, ..Census::default() })
+        }
+    }
+
+    const FRAME: Frame = Frame { scale: [0.01; 3], offset: [1000.0, 2000.0, 0.0] };
+
+    fn source(points: Vec<Point>, claimed: u64) -> Few {
+        let fold = |f: fn(i32, i32) -> i32| {
+            let join = |a: Point, b: &Point| Point::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z));
+            points.iter().fold(points[0], join)
+        };
+        let bounds = Some([fold(i32::min), fold(i32::max)]);
+        let info = CloudInfo { frame: FRAME, bounds, count: claimed, crs: Crs::default() };
+        Few { info, points }
+    }
+
+    #[derive(Clone, Default)]
+    struct Collected(Arc<Mutex<(Vec<Point3>, Vec<[u64; 3]>)>>);
+
+    impl MeshSink for Collected {
+        fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+            let mut all = self.0.lock().unwrap();
+            all.0.extend_from_slice(batch.vertices);
+            all.1.extend_from_slice(batch.triangles);
+            let vertices = all.0.len() as u64;
+            assert!(batch.triangles.iter().flatten().all(|&id| id < vertices), "ids look ahead");
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<u64> {
+            Ok(0)
+        }
+    }
+
+    /// The mesh of a source: vertices, triangles, and how it went.
+    fn mesh(
+        source: &Few,
+        tolerance: f64,
+        region: u64,
+        threads: usize,
+        memory: u64,
+    ) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
+        let folder = tempfile::tempdir().unwrap();
+        let (progress, cancel) = (&Silent, &Cancel::default());
+        let filling = Filling { threads, memory, folder: folder.path(), progress, cancel };
+        let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
+        let points = PointStore::fill(source, tiling, &filling).unwrap();
+        let regions = Regions::new(&points, region);
+        let work = Work {
+            points: &points,
+            regions: &regions,
+            threads,
+            vertex_bytes: memory,
+            measure: true,
+            folder: folder.path(),
+            progress,
+            cancel,
+        };
+        let sink = Collected::default();
+        let boxed: Box<dyn MeshSink> = Box::new(sink.clone());
+        let made =
+            triangulate(&work, tolerance, &FRAME, || Ok(boxed), &mut Clock::default()).unwrap();
+        let (vertices, triangles) = sink.0.lock().unwrap().clone();
+        let point = |v: &Point3| {
+            let steps = [0, 1, 2].map(|axis| FRAME.steps(axis, v[axis]).round() as i32);
+            Point::new(steps[0], steps[1], steps[2])
+        };
+        (vertices.iter().map(point).collect(), triangles, made)
+    }
+
+    /// A number from 0 to `below`.
+    fn random(state: &mut u64, below: i32) -> i32 {
+        *state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((*state >> 33) % below as u64) as i32
+    }
+
+    /// Rolling ground with an L-shaped outline, voids, a dense cluster and a line of points.
+    fn ground(count: usize) -> Vec<Point> {
+        let (mut state, mut points) = (7, Vec::new());
+        while points.len() < count {
+            let (x, y) = match points.len() % 20 {
+                0 => (3000 + random(&mut state, 60), 3000 + random(&mut state, 60)),
+                1 => (random(&mut state, 20_000), 0),
+                _ => (random(&mut state, 20_000), random(&mut state, 20_000)),
+            };
+            let is_void = [(5000, 5000, 1500), (12_000, 4000, 2500), (9000, 9900, 800)]
+                .iter()
+                .any(|(u, v, r): &(i32, i32, i32)| (x - u).pow(2) + (y - v).pow(2) < r * r);
+            if (x > 10_000 && y > 10_000) || is_void {
+                continue;
+            }
+            let wave = |t: i32, long: f64| (f64::from(t) / long).sin();
+            let height =
+                300.0 * wave(x, 900.0) + 200.0 * wave(y, 700.0) + 100.0 * wave(x + y, 300.0);
+            points.push(Point::new(x, y, height as i32 + random(&mut state, 9)));
+        }
+        points
+    }
+
+    /// Triangles as points, in order.
+    fn shapes(vertices: &[Point], triangles: &[[u64; 3]]) -> Vec<[Point; 3]> {
+        let shape = |ids: &[u64; 3]| {
+            let mut shape = ids.map(|id| vertices[id as usize]);
+            let least = (0..3).min_by_key(|&k| shape[k]).unwrap();
+            shape.rotate_left(least);
+            shape
+        };
+        let mut all: Vec<_> = triangles.iter().map(shape).collect();
+        all.sort_unstable();
+        all
+    }
+
+    /// The Delaunay triangulation of all of `vertices` at once.
+    fn whole(vertices: &[Point]) -> Mesh {
+        let mut mesh = Mesh::of_first(vertices).unwrap();
+        vertices.iter().for_each(|&p| {
+            mesh.insert(p);
+        });
+        mesh
+    }
+
+    fn shapes_of(mesh: &Mesh) -> Vec<[Point; 3]> {
+        let real: Vec<[u64; 3]> = (0..mesh.triangles().len() as u32)
+            .filter(|&t| mesh.corners(t).is_some())
+            .map(|t| mesh.triangles()[t as usize].corners.map(u64::from))
+            .collect();
+        shapes(mesh.points(), &real)
+    }
+
+    #[test]
+    fn regions_give_the_one_triangulation_of_all_vertices_and_keep_the_bound() {
+        let source = source(ground(30_000), 30_000 * 100);
+        for tolerance in [0.0, 12.5, 60.0] {
+            let (vertices, triangles, made) = mesh(&source, tolerance, 2000, 2, 1 << 30);
+            let mut reference = whole(&vertices);
+            assert_eq!(shapes(&vertices, &triangles), shapes_of(&reference), "{tolerance}");
+            assert_eq!((made.written.vertices, made.stacked > 0), (vertices.len() as u64, true));
+            let mut points = source.points.clone();
+            points.sort_unstable();
+            points.dedup_by_key(|p| (p.x, p.y));
+            assert_eq!(made.stacked as usize, source.points.len() - points.len());
+            let fit = Fit::new(&mut reference, &points, tolerance);
+            assert!(!fit.is_open(), "a point is beyond {tolerance}");
+            assert!(tolerance == 0.0 || (fit.measure().0 - made.errors.most).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn threads_memory_and_the_order_of_points_leave_no_trace() {
+        let first = source(ground(20_000), 20_000 * 50);
+        let mut points = first.points.clone();
+        points.reverse();
+        points.rotate_left(777);
+        let second = source(points, 20_000 * 50);
+        for tolerance in [0.0, 20.0] {
+            let (vertices, triangles, _) = mesh(&first, tolerance, 3000, 1, 1 << 30);
+            let (again, and_again, made) = mesh(&second, tolerance, 3000, 3, 20_000);
+            assert!(made.spilled > 100_000);
+            assert_eq!((vertices, triangles), (again, and_again));
+        }
+    }
+
+    #[test]
+    fn few_points_and_lines_have_no_surface() {
+        let line: Vec<Point> = (0..50).map(|i| Point::new(i, 2 * i, i % 7)).collect();
+        for points in [vec![Point::new(1, 1, 1)], line] {
+            let source = source(points, 50);
+            let folder = tempfile::tempdir().unwrap();
+            let job = CloudTinJob {
+                inputs: vec![],
+                options: OpenOptions::default(),
+                output: folder.path().join("a.ply"),
+                format: None,
+                overwrite: false,
+                tolerance: 1.0,
+                measure: false,
+                resources: Resources::default(),
+            };
+            let format = output::by_path(&job.output, None).unwrap();
+            let error = make(&job, &source, format, &Silent, &Cancel::default()).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::BadInput);
+            assert!(!job.output.exists());
+        }
+    }
+
+    #[test]
+    fn whole_steps_stay_whole() {
+        assert_eq!((in_steps(0.3, 0.01), in_steps(0.07, 0.001)), (30.0, 70.0));
+        assert_eq!(in_steps(0.305, 0.01), 30.5);
+    }
+}

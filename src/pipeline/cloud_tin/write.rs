@@ -1,0 +1,144 @@
+//! The mesh to its sink, region by region: vertices by square, and each triangle with the last region
+//! that has one of its corners.
+
+use std::sync::Mutex;
+
+use super::Work;
+use super::local::Local;
+use crate::error::{Error, ErrorKind, Result};
+use crate::geom::{Frame, Point, Point3};
+use crate::output::{MeshBatch, MeshSink};
+use crate::pipeline::points::PointStore;
+use crate::pipeline::workers::lock;
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Written {
+    pub(super) vertices: u64,
+    pub(super) triangles: u64,
+    pub(super) bytes: u64,
+}
+
+/// A region's part of the mesh.
+struct Part {
+    vertices: Vec<Point>,
+    triangles: Vec<[u64; 3]>,
+    corners: Vec<[Point; 3]>,
+}
+
+/// Writes the triangulation of `vertices`.
+pub(super) fn write(
+    work: &Work<'_>,
+    vertices: &PointStore,
+    hull: &[Point],
+    frame: &Frame,
+    mut sink: Box<dyn MeshSink>,
+) -> Result<Written> {
+    let firsts = firsts(work, vertices)?;
+    let mut written = Written::default();
+    work.progress.begin("write", work.regions.all.len() as u64);
+    let all = work.regions.all.len();
+    let wave = 2 * work.threads;
+    for from in (0..all).step_by(wave) {
+        let count = wave.min(all - from);
+        let parts: Vec<Mutex<Option<Part>>> = (0..count).map(|_| Mutex::new(None)).collect();
+        let make = |_: &mut (), i: u64| {
+            let part = part(work, vertices, hull, &firsts, from + i as usize)?;
+            *lock(&parts[i as usize]) = Some(part);
+            Ok(())
+        };
+        work.on_all(count as u64, make)?;
+        for part in parts.iter().filter_map(|part| lock(part).take()) {
+            push(&part, frame, &mut *sink)?;
+            written.vertices += part.vertices.len() as u64;
+            written.triangles += part.triangles.len() as u64;
+        }
+        work.progress.advance(count as u64);
+    }
+    work.progress.end();
+    written.bytes = sink.finish()?;
+    Ok(written)
+}
+
+/// By square: the number of its first vertex.
+fn firsts(work: &Work<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
+    let tiling = vertices.tiling();
+    let squares: Vec<usize> =
+        work.regions.all.iter().flat_map(|region| region.squares(tiling)).collect();
+    let mut firsts = vec![0; tiling.count()];
+    let (mut next, mut points) = (0, Vec::new());
+    for square in squares {
+        firsts[square] = next;
+        if vertices.summary(square).is_some() {
+            vertices.load_distinct(square, &mut points)?;
+            next += points.len() as u64;
+        }
+    }
+    Ok(firsts)
+}
+
+fn part(
+    work: &Work<'_>,
+    vertices: &PointStore,
+    hull: &[Point],
+    firsts: &[u64],
+    number: usize,
+) -> Result<Part> {
+    let region = work.regions.all[number];
+    let mut local = Local::new(vertices, region, hull)?;
+    let (tiling, mut own) = (vertices.tiling(), Vec::new());
+    for square in region.squares(tiling) {
+        own.extend_from_slice(local.vertices_of(square)?);
+    }
+    let mut part = Part { vertices: own, triangles: Vec::new(), corners: Vec::new() };
+    for triangle in 0..local.mesh.triangles().len() as u32 {
+        let Some(corners) = local.mesh.corners(triangle) else { continue };
+        let squares = corners.map(|corner| tiling.square_of(corner));
+        let last = squares.map(|square| work.regions.of(square)).into_iter().max();
+        if last == Some(number) && squares.iter().any(|&s| work.regions.of(s) == number) {
+            part.triangles.push(ids(&mut local, firsts, corners, squares)?);
+            part.corners.push(corners);
+        }
+    }
+    sort(&mut part);
+    Ok(part)
+}
+
+/// The numbers of a triangle's corners, the lowest first.
+fn ids(
+    local: &mut Local<'_>,
+    firsts: &[u64],
+    corners: [Point; 3],
+    squares: [usize; 3],
+) -> Result<[u64; 3]> {
+    let mut ids = [0; 3];
+    for k in 0..3 {
+        let found = local.vertices_of(squares[k])?.binary_search(&corners[k]);
+        let rank =
+            found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;
+        ids[k] = firsts[squares[k]] + rank as u64;
+    }
+    Ok(ids)
+}
+
+/// Turns each triangle to begin with its lowest vertex, and puts them in order.
+fn sort(part: &mut Part) {
+    let mut all: Vec<([u64; 3], [Point; 3])> =
+        part.triangles.drain(..).zip(part.corners.drain(..)).collect();
+    for (ids, corners) in &mut all {
+        let least = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);
+        ids.rotate_left(least);
+        corners.rotate_left(least);
+    }
+    all.sort_unstable();
+    (part.triangles, part.corners) = all.into_iter().unzip();
+}
+
+fn push(part: &Part, frame: &Frame, sink: &mut dyn MeshSink) -> Result<()> {
+    let vertices: Vec<Point3> = part.vertices.iter().map(|&p| frame.world(p)).collect();
+    let corners: Vec<[Point3; 3]> = match sink.wants_corners() {
+        true => part.corners.iter().map(|corners| corners.map(|p| frame.world(p))).collect(),
+        false => Vec::new(),
+    };
+    sink.push(MeshBatch { vertices: &vertices, triangles: &part.triangles, corners: &corners })
+}
