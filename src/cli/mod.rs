@@ -5,6 +5,7 @@
 
 mod args;
 mod check;
+mod cloud;
 mod complete;
 mod convert;
 mod demo;

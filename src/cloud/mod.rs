@@ -1,5 +1,13 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
+mod filter;
+mod open;
+mod polygon;
+
+pub use filter::{Filter, Flags, Record, Return, Verdict};
+pub use open::{Cloud, OpenOptions, files, is_cloud, open};
+pub use polygon::Polygon;
+
 use crate::error::Result;
 use crate::geom::{Crs, Frame, Point};
 
@@ -8,10 +16,10 @@ use crate::geom::{Crs, Frame, Point};
 pub struct CloudInfo {
     /// Where the points lie.
     pub frame: Frame,
-    /// Lowest and highest coordinates that the headers claim, of all points, filtered or not; every
-    /// point read lies within. `None` for a cloud without points.
+    /// Lowest and highest coordinates that the headers claim, cut to the box and heights asked for;
+    /// every point handed on lies within. `None` where no point can be.
     pub bounds: Option<[Point; 2]>,
-    /// Points that the headers claim.
+    /// Points that the headers claim, of the parts that may touch the box asked for.
     pub count: u64,
     /// The coordinate reference system, as far as known.
     pub crs: Crs,

@@ -1,0 +1,138 @@
+//! Arguments about points of clouds, which several verbs share.
+
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::cli::parse;
+use crate::cloud::{Filter, Flags, OpenOptions, Polygon, Return};
+use crate::error::{Error, Result};
+use crate::pipeline::Resources;
+
+/// Which points of a cloud are read, and how.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Points")]
+pub(super) struct Args {
+    /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
+    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    class: Vec<u8>,
+    /// Only this return of each pulse: first, last, only, or a number from 1
+    #[arg(long = "return", value_name = "WHICH", value_parser = parse_return)]
+    returns: Option<Return>,
+    /// Points that are marked as withheld, too
+    #[arg(long)]
+    keep_withheld: bool,
+    /// No points with these marks: synthetic, keypoint, withheld, overlap
+    #[arg(long, value_name = "MARKS", value_delimiter = ',', value_parser = parse_flag)]
+    drop_flag: Vec<Flags>,
+    /// Only points within this box, its borders included
+    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
+    bounds: Option<[f64; 4]>,
+    /// Only points inside the polygons of this GeoJSON file, in the coordinates of the cloud
+    #[arg(long, value_name = "FILE")]
+    polygon: Option<PathBuf>,
+    /// Only points at these heights, the ends included
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = parse_range)]
+    z_range: Option<[f64; 2]>,
+    /// Only every N-th point of each file
+    #[arg(long, value_name = "N")]
+    every: Option<NonZeroU32>,
+    /// Go on with the good part of damaged files; the points lost are counted
+    #[arg(long)]
+    salvage: bool,
+}
+
+impl Args {
+    /// Options for opening a cloud within `resources`.
+    ///
+    /// # Errors
+    /// A polygon file that cannot be read.
+    pub(super) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
+        let polygon = self.polygon.as_deref().map(Polygon::read).transpose()?;
+        let filter = Filter {
+            classes: (!self.class.is_empty()).then(|| self.class.clone()),
+            returns: self.returns,
+            keep_withheld: self.keep_withheld,
+            drop: self.drop_flag.iter().fold(Flags::default(), |all, flag| all.and(*flag)),
+            bounds: self.bounds,
+            polygon: polygon.map(Arc::new),
+            z_range: self.z_range,
+            every: self.every,
+        };
+        let (salvage, threads) = (self.salvage, resources.threads);
+        Ok(OpenOptions { filter, salvage, crs: None, threads })
+    }
+
+    /// The first of these options that was given.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let options = [
+            ("--class", !self.class.is_empty()),
+            ("--return", self.returns.is_some()),
+            ("--keep-withheld", self.keep_withheld),
+            ("--drop-flag", !self.drop_flag.is_empty()),
+            ("--bounds", self.bounds.is_some()),
+            ("--polygon", self.polygon.is_some()),
+            ("--z-range", self.z_range.is_some()),
+            ("--every", self.every.is_some()),
+            ("--salvage", self.salvage),
+        ];
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+
+    /// Fails when any of these options was given, because `input` is no cloud.
+    pub(super) fn refuse(&self, input: &str) -> Result<()> {
+        let Some(option) = self.given() else { return Ok(()) };
+        Err(Error::usage(format!("{option} is for point clouds, and this is none"))
+            .in_file(Path::new(input))
+            .remedy(format!("leave {option} out, or name a .las or .laz file")))
+    }
+}
+
+/// A return by name or number.
+fn parse_return(text: &str) -> std::result::Result<Return, String> {
+    match text.trim() {
+        "first" => Ok(Return::First),
+        "last" => Ok(Return::Last),
+        "only" => Ok(Return::Only),
+        number => match number.parse() {
+            Ok(number @ 1..=15) => Ok(Return::Number(number)),
+            _ => Err("expected first, last, only, or a number from 1 to 15".to_owned()),
+        },
+    }
+}
+
+/// A mark by name.
+fn parse_flag(text: &str) -> std::result::Result<Flags, String> {
+    let found = Flags::ALL.into_iter().find(|(name, _)| *name == text.trim());
+    found.map(|(_, flag)| flag).ok_or_else(|| {
+        let names = Flags::ALL.map(|(name, _)| name).join(", ");
+        format!("expected one of {names}")
+    })
+}
+
+/// "low,high".
+fn parse_range(text: &str) -> std::result::Result<[f64; 2], String> {
+    let ends = text
+        .split_once(',')
+        .and_then(|(low, high)| Some([parse::finite(low).ok()?, parse::finite(high).ok()?]));
+    let ends = ends.filter(|[low, high]| low <= high);
+    ends.ok_or_else(|| "expected low,high with low <= high".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn returns_marks_and_ranges_by_name() {
+        assert_eq!(parse_return("last"), Ok(Return::Last));
+        assert_eq!(parse_return(" 3 "), Ok(Return::Number(3)));
+        assert!(["0", "16", "second", ""].iter().all(|text| parse_return(text).is_err()));
+        assert_eq!(parse_flag("overlap"), Ok(Flags::OVERLAP));
+        assert!(parse_flag("withhold").is_err());
+        assert_eq!(parse_range("-1.5,2"), Ok([-1.5, 2.0]));
+        assert!(
+            ["2,1", "1", "a,b", "1,nan", "1,2,3"].iter().all(|text| parse_range(text).is_err())
+        );
+    }
+}
