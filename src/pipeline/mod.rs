@@ -4,6 +4,7 @@ pub mod convert;
 mod disk;
 pub mod memory;
 pub mod surface;
+pub mod survey;
 pub mod tin;
 pub mod verify;
 pub mod view;
