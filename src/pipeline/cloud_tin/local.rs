@@ -11,7 +11,7 @@ use super::regions::Region;
 use crate::delaunay::{Disc, Hull, Window};
 use crate::error::Result;
 use crate::geom::Point;
-use crate::pipeline::points::{PointStore, Tiling};
+use crate::pipeline::points::PointStore;
 use crate::tin::scatter::Mesh;
 
 /// Squares taken in at a time, the nearest first.

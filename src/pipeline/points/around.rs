@@ -139,7 +139,8 @@ mod tests {
             ((state >> 33) % below) as i32
         };
         let all = (0..20_000).map(|_| Point::new(random(10_000), random(10_000), random(500)));
-        let is_far = |p: &Point, x: i32, y: i32, r: i32| (p.x - x).pow(2) + (p.y - y).pow(2) > r * r;
+        let is_far =
+            |p: &Point, x: i32, y: i32, r: i32| (p.x - x).pow(2) + (p.y - y).pow(2) > r * r;
         let all = all.filter(|p| is_far(p, 3000, 3000, 1800) && is_far(p, 10_000, 6000, 2500));
         all.filter(|p| is_far(p, 5000, 8000, 900)).collect()
     }

@@ -81,7 +81,8 @@ impl Linear<'_> {
         out: &mut [f64],
     ) -> Result<()> {
         let mut around = Around::new(self.store, window)?;
-        let cells = || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
+        let cells =
+            || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
         let positions = cells().map(|(col, row)| Position::from_steps(at.xs[col], at.ys[row]));
         let mut places = cells().map(|(col, row)| row * at.xs.len() + col);
         around.find_all(self.hull, positions, |position, found| {
