@@ -1,1 +1,3 @@
 //! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
+
+pub mod ground;
