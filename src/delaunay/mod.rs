@@ -13,6 +13,7 @@ mod position;
 mod predicates;
 mod query;
 mod space;
+mod stars;
 mod triangulation;
 
 pub use bins::Bins;
@@ -24,4 +25,5 @@ pub use position::{FRACTION, Position};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Finder, Found};
 pub use space::{Coverage, Loaded, Needs, Space, Window};
+pub use stars::stars;
 pub use triangulation::{MOST_POINTS, Triangulation};

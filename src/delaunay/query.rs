@@ -41,7 +41,7 @@ const FIRST_REACH: i32 = 16;
 /// A disc up to this wide, in pitches, is searched in one go.
 const WIDE: i64 = 12;
 
-fn site(p: &Point) -> Site {
+pub(super) fn site(p: &Point) -> Site {
     [p.x, p.y]
 }
 
@@ -130,27 +130,27 @@ impl<'a, S: Space> Finder<'a, S> {
             };
             let near = Window { low: at, high: at }.grown(reach);
             let window = if narrow { whole } else { near };
-            match self.deepest(&disc, &window) {
+            match deepest(self.space, &disc, &window) {
                 Some(point) => basis.pivot(point),
                 None if window.covers(&whole) => return disc,
                 None => reach = reach.saturating_mul(2),
             }
         }
     }
+}
 
-    /// The known point in the window that lies deepest in the disc.
-    fn deepest(&self, disc: &Disc, window: &Window) -> Option<Point> {
-        let (mut best, mut point) = (disc.beyond(), None);
-        self.space.visit_disc(disc, window, |run| {
-            for p in run {
-                let square = disc.square(site(p));
-                if square <= best && disc.holds_at(site(p), square) {
-                    (best, point) = (square, Some(*p));
-                }
+/// The known point in the window that lies deepest in the disc.
+pub(super) fn deepest(space: &impl Space, disc: &Disc, window: &Window) -> Option<Point> {
+    let (mut best, mut point) = (disc.beyond(), None);
+    space.visit_disc(disc, window, |run| {
+        for p in run {
+            let square = disc.square(site(p));
+            if square <= best && disc.holds_at(site(p), square) {
+                (best, point) = (square, Some(*p));
             }
-        });
-        point
-    }
+        }
+    });
+    point
 }
 
 /// Where the search begins.
