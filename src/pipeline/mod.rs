@@ -1,6 +1,7 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
 pub mod convert;
+pub mod delaunay;
 mod disk;
 pub mod memory;
 pub mod surface;
