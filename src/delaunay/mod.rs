@@ -6,6 +6,7 @@ mod fork;
 mod hull;
 mod interpolate;
 mod knit;
+mod natural;
 #[cfg(test)]
 mod oracle;
 mod order;
@@ -21,6 +22,7 @@ pub use disc::Disc;
 pub use fork::{Fork, Serial};
 pub use hull::{Hull, Place};
 pub use interpolate::interpolate;
+pub use natural::Natural;
 pub use position::{FRACTION, Position};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Finder, Found};

@@ -56,7 +56,7 @@ pub fn stars(
 }
 
 /// The known points in a window.
-fn within(space: &impl Space, window: &Window) -> Vec<Point> {
+pub(super) fn within(space: &impl Space, window: &Window) -> Vec<Point> {
     let mut points = vec![];
     space.visit(window, |run| points.extend(run.iter().filter(|p| window.contains(site(p)))));
     points

@@ -2,6 +2,7 @@
 
 pub mod cloud_tin;
 pub mod convert;
+pub mod delaunay;
 mod disk;
 pub mod memory;
 mod points;
