@@ -17,7 +17,7 @@ fn lists(verb: &str) -> String {
     let parts = match verb {
         "tin" => vec![grids(), meshes(), EXIT_CODES.to_owned()],
         "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
-        "synth" => vec![characters(), parameters()],
+        "synth" => vec![characters(), parameters(), cloud_parameters()],
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
@@ -73,7 +73,13 @@ fn parameters() -> String {
         of => format!("{} ({of} only)", p.default),
     };
     let rows: Vec<_> = all.map(|(p, of)| (p.key, value(p, of), p.about)).collect();
-    list("Parameters, as key=value, with their defaults", &rows)
+    list("Parameters of terrains, as key=value, with their defaults", &rows)
+}
+
+fn cloud_parameters() -> String {
+    let row = |p: &synth::Parameter| (p.key, format!("{}", p.default), p.about);
+    let rows: Vec<_> = synth::cloud::PARAMETERS.iter().map(row).collect();
+    list("Parameters of a cloud, as key=value, with their defaults", &rows)
 }
 
 fn endings(extensions: &[&str]) -> String {

@@ -77,7 +77,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         goal: Goal::MaxError(args.max_error),
         strict: args.method.strict,
         drop: !args.method.no_drop,
-        tile: args.method.tile,
+        tile: args.method.tile(),
         measure: true,
         resources: Resources::default(),
     };

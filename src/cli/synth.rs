@@ -1,20 +1,27 @@
-//! `terrane synth`: a terrain from a seed, straight into a store.
+//! `terrane synth`: a terrain or a cloud from a seed, straight into a file.
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, convert};
-use crate::error::Result;
+use crate::cli::{Outcome, args, check, convert, say, text};
+use crate::cloud;
+use crate::cloud::write::PointFormat;
+use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::ConvertJob;
+use crate::pipeline::survey::{self, SurveyJob};
 
-/// Write a synthetic terrain as an uncompressed tiled BigTIFF
+/// Write a synthetic terrain as an uncompressed tiled BigTIFF, or a synthetic cloud as LAS or LAZ
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Character and parameters, such as rough,size=4097,seed=7
-    #[arg(value_name = "TERRAIN")]
-    terrain: String,
-    /// GeoTIFF to write
+    /// Character and parameters of a terrain, such as rough,size=4097,seed=7, or cloud and its
+    /// parameters, such as cloud,size=1000,density=8,seed=7
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// GeoTIFF to write, or a .las or .laz file for a cloud
     output: PathBuf,
+    /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
+    #[arg(long, value_name = "N", value_parser = point_format)]
+    point_format: Option<PointFormat>,
     /// Replace a file that exists
     #[arg(long)]
     overwrite: bool,
@@ -24,13 +31,49 @@ pub(super) struct Args {
     show: args::Show,
 }
 
+fn point_format(text: &str) -> std::result::Result<PointFormat, String> {
+    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
+    PointFormat::new(number).map_err(|error| error.to_string())
+}
+
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let terrain = args.terrain.strip_prefix("synth:").unwrap_or(&args.terrain);
+    let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
+    if cloud::synth::is_synthetic(&name) { fly(&name, args, cancel) } else { raise(name, args, cancel) }
+}
+
+/// A terrain.
+fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    if args.point_format.is_some() {
+        return Err(Error::usage("--point-format is for clouds, and this is a terrain")
+            .remedy("leave --point-format out"));
+    }
     let job = ConvertJob {
         format: Some("store".to_owned()),
         overwrite: args.overwrite,
         resources: args.machine.resources(),
-        ..ConvertJob::new(format!("synth:{terrain}"), &args.output)
+        ..ConvertJob::new(name, &args.output)
     };
     convert::copy(&job, &args.show, cancel)
+}
+
+/// A cloud.
+fn fly(name: &str, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = SurveyJob {
+        survey: cloud::synth::survey(name)?,
+        output: args.output.clone(),
+        format: args.point_format.unwrap_or_default(),
+        overwrite: args.overwrite,
+        resources: args.machine.resources(),
+    };
+    check::new_file(&job.output, job.overwrite)?;
+    let report = survey::run(&job, args.show.progress().as_ref(), cancel)?;
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
+        rows.retain(|(key, _)| key != "input" && key != "output");
+        let title = format!("{} -> {}", report.input, report.output);
+        say::result(&format!("{title}\n{}", text::table(&rows)))?;
+    }
+    Ok(Outcome::Kept)
 }

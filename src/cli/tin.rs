@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::atomic::{AtomicFile, refuse_existing};
-use crate::cli::{Outcome, args, check, parse, say, text, verify};
+use crate::cli::{Outcome, args, check, cloud, cloud_tin, parse, say, text, verify};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::pipeline::Cancel;
@@ -13,46 +13,49 @@ use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
 use crate::pipeline::verify::{VerifyJob, VerifyReport};
 use crate::raster::undeclared_nodata;
 
-/// Simplify a grid into a triangle mesh with a proven vertical error bound
+/// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
-    /// a folder, a list or a pattern in quotes are one mosaic
+    /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
+    /// one or many
     #[arg(required = true)]
-    input: Vec<String>,
+    pub(super) input: Vec<String>,
     /// Mesh file to write
-    output: PathBuf,
+    pub(super) output: PathBuf,
     #[command(flatten)]
-    goal: GoalArgs,
+    pub(super) goal: GoalArgs,
     #[command(flatten)]
-    grid: args::Grid,
+    pub(super) grid: args::Grid,
+    #[command(flatten)]
+    pub(super) points: cloud::Args,
     /// Mesh format [default: by the output's ending]
     #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    format: Option<String>,
+    pub(super) format: Option<String>,
     /// Option of the format: SOLID_BASE=HEIGHT closes an STL with walls and a flat bottom
     #[arg(long, value_name = "KEY=VAL", value_parser = parse_creation, help_heading = "Output")]
-    co: Vec<Creation>,
+    pub(super) co: Vec<Creation>,
     /// Replace files that exist
     #[arg(long, help_heading = "Output")]
-    overwrite: bool,
+    pub(super) overwrite: bool,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
-    report: Option<PathBuf>,
+    pub(super) report: Option<PathBuf>,
     /// Check the written mesh against the grid afterwards
     #[arg(long, help_heading = "Output")]
-    verify: bool,
+    pub(super) verify: bool,
     #[command(flatten)]
-    split: Split,
+    pub(super) split: Split,
     #[command(flatten)]
-    method: Method,
+    pub(super) method: Method,
     /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
     /// be removed when the mesh is there
     #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]
-    workdir: Option<PathBuf>,
+    pub(super) workdir: Option<PathBuf>,
     #[command(flatten)]
-    machine: args::SpillingMachine,
+    pub(super) machine: args::SpillingMachine,
     #[command(flatten)]
-    show: args::Show,
+    pub(super) show: args::Show,
 }
 
 /// One file or many.
@@ -83,10 +86,20 @@ pub(super) struct Method {
     /// Keep vertices that turned out to be redundant (faster, more vertices)
     #[arg(long)]
     pub(super) no_drop: bool,
-    /// Cells along the side of a tile, 16 to 8192
-    #[arg(long, value_name = "CELLS", default_value_t = 512, value_parser = tile_cells())]
-    pub(super) tile: u32,
+    /// Cells along the side of a tile, 16 to 8192 [default: 512]
+    #[arg(long, value_name = "CELLS", value_parser = tile_cells())]
+    pub(super) tile: Option<u32>,
 }
+
+impl Method {
+    /// Cells along the side of a tile.
+    pub(super) fn tile(&self) -> u32 {
+        self.tile.unwrap_or(USUAL_TILE)
+    }
+}
+
+/// Cells along the side of a tile, unless told otherwise.
+const USUAL_TILE: u32 = 512;
 
 fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
     let (least, most) = tin::TILE_CELLS.into_inner();
@@ -96,7 +109,7 @@ fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
 /// What the mesh has to reach: exactly one of these.
 #[derive(Clone, Debug, clap::Args)]
 #[group(required = true, multiple = false)]
-struct GoalArgs {
+pub(super) struct GoalArgs {
     /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     max_error: Option<f64>,
@@ -109,6 +122,14 @@ struct GoalArgs {
 }
 
 impl GoalArgs {
+    /// The largest error, for those who cannot keep to a number of vertices or triangles.
+    pub(super) fn max_error(&self) -> Result<f64> {
+        self.max_error.ok_or_else(|| {
+            Error::usage("--max-vertices and --max-triangles are for grids")
+                .remedy("give a cloud --max-error")
+        })
+    }
+
     fn goal(&self) -> Result<Goal> {
         let error = self.max_error.map(Goal::MaxError);
         let vertices = self.max_vertices.map(Goal::MaxVertices);
@@ -120,7 +141,7 @@ impl GoalArgs {
 
 /// An option of an output format.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Creation {
+pub(super) enum Creation {
     SolidBase(f64),
 }
 
@@ -143,6 +164,10 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    if cloud_tin::are_clouds(&args.input)? {
+        return cloud_tin::run(args, cancel);
+    }
+    args.points.refuse(&args.input[0])?;
     let job = job(args)?;
     let progress = args.show.progress();
     let made = match &args.workdir {
@@ -204,7 +229,7 @@ fn job(args: &Args) -> Result<TinJob> {
         goal: args.goal.goal()?,
         strict: args.method.strict,
         drop: !args.method.no_drop,
-        tile: args.method.tile,
+        tile: args.method.tile(),
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),
     })

@@ -3,6 +3,8 @@
 mod filter;
 mod open;
 mod polygon;
+pub mod synth;
+pub mod write;
 
 pub use filter::{Filter, Flags, Record, Return, Verdict};
 pub use open::{Cloud, OpenOptions, files, is_cloud, open};

@@ -1,5 +1,7 @@
 //! What is known of a coordinate reference system, carried from input to output.
 
+use super::wkt;
+
 /// GeoKey of the unit of projected coordinates.
 const PROJECTED_LINEAR_UNITS: u16 = 3076;
 
@@ -57,18 +59,9 @@ impl Crs {
         entries.filter(|e| e[0] == key && e[1] == 0).map(|e| e[3]).next()
     }
 
-    /// The last unit named in a projected system's text is that of its axes.
     fn unit_of_wkt(&self) -> Option<&'static str> {
         let known = self.epsg.and_then(|code| crs_definitions::from_code(code.try_into().ok()?));
-        let text = self.wkt.as_deref().or(known.map(|system| system.wkt))?;
-        let unit = text.rsplit("UNIT[\"").next()?.split('"').next()?.to_lowercase();
-        match unit.as_str() {
-            "metre" | "meter" | "m" => Some("metre"),
-            "degree" => Some("degree"),
-            "us survey foot" | "foot_us" => Some("US survey foot"),
-            "foot" => Some("foot"),
-            _ => None,
-        }
+        wkt::horizontal_unit(self.wkt.as_deref().or(known.map(|system| system.wkt))?)
     }
 
     /// True when nothing at all is known.

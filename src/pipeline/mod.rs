@@ -6,6 +6,7 @@ mod disk;
 pub mod memory;
 mod points;
 pub mod surface;
+pub mod survey;
 pub mod tin;
 pub mod verify;
 pub mod view;

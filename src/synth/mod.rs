@@ -1,4 +1,5 @@
-//! Synthetic terrains: fractal relief by seed, any window of a grid of any size. Pure.
+//! Synthetic terrains: fractal relief by seed, any window of a grid of any size; and synthetic clouds
+//! over them ([`cloud`]). Pure.
 //!
 //! A sample is a pure function of character, seed, parameters and its (column, row). It does not
 //! depend on the window asked, on the thread, on the machine, or on the grid's width and height:
@@ -6,10 +7,12 @@
 //! defines to the last bit.
 
 mod character;
+pub mod cloud;
 mod hash;
 mod lattice;
 mod name;
 mod stack;
+mod words;
 
 pub use character::{CHARACTERS, Character, PARAMETERS, Parameter};
 

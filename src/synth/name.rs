@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{CHARACTERS, Character, PARAMETERS, Parameter, Terrain};
+use super::words::{Given, Words};
+use super::{CHARACTERS, Character, PARAMETERS, Terrain};
 use crate::error::{Error, Result};
 
 impl Terrain {
@@ -13,17 +14,9 @@ impl Terrain {
         let mut words = name.split(',').map(str::trim);
         let character = words.next().unwrap_or_default();
         let mut terrain = Self::new(find(character)?);
-        let mut given: Vec<[&str; 2]> = Vec::new();
-        for word in words {
-            let pair = terrain.split(word)?;
-            if given.iter().any(|[key, _]| *key == pair[0]) {
-                return Err(Error::usage(format!("{} is given twice in {name:?}", pair[0]))
-                    .remedy("give each parameter once"));
-            }
-            given.push(pair);
+        for given in terrain.words().read(words, name)? {
+            terrain.set(&given)?;
         }
-        given.sort_by_key(|[key, _]| *key != "size");
-        given.into_iter().try_for_each(|[key, text]| terrain.set(key, text))?;
         Ok(terrain)
     }
 
@@ -41,25 +34,13 @@ impl Terrain {
         }
     }
 
-    /// Key and value of a parameter.
-    fn split<'a>(&self, word: &'a str) -> Result<[&'a str; 2]> {
-        if word.is_empty() {
-            return Err(Error::usage("the terrain's name has an empty parameter")
-                .remedy("remove the comma too many"));
-        }
-        let (key, text) = word.split_once('=').ok_or_else(|| self.unknown(word))?;
-        Ok([key.trim(), text.trim()])
-    }
-
-    fn set(&mut self, key: &str, text: &str) -> Result<()> {
-        let parameter = self.parameters().find(|p| p.key == key);
-        let parameter = parameter.ok_or_else(|| self.unknown(key))?;
-        let value = check(parameter, text)?;
-        match key {
+    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+        let value = given.value;
+        match given.key {
             "size" => (self.width, self.height) = (value as u32, value as u32),
             "width" => self.width = value as u32,
             "height" => self.height = value as u32,
-            "seed" => self.seed = text.parse().map_err(|_| wrong(parameter, text))?,
+            "seed" => self.seed = given.whole()?,
             "cell" => self.cell = value,
             "relief" => self.relief = value,
             _ => self.own = value,
@@ -68,15 +49,9 @@ impl Terrain {
     }
 
     /// Every parameter this terrain has.
-    fn parameters(&self) -> impl Iterator<Item = &'static Parameter> + use<> {
-        PARAMETERS.iter().chain(self.character.own.as_ref())
-    }
-
-    fn unknown(&self, key: &str) -> Error {
-        let known: Vec<&str> = self.parameters().map(|p| p.key).collect();
-        let name = self.character.name;
-        Error::usage(format!("the terrain {name:?} has no parameter {key:?}"))
-            .remedy(format!("it has {} (as key=value)", known.join(", ")))
+    fn words(&self) -> Words {
+        let known = PARAMETERS.iter().chain(self.character.own.as_ref()).collect();
+        Words { what: "terrain", kind: self.character.name, known }
     }
 }
 
@@ -86,20 +61,6 @@ fn find(name: &str) -> Result<&'static Character> {
         Error::usage(format!("there is no terrain named {name:?}"))
             .remedy(format!("there are {}", known.join(", ")))
     })
-}
-
-fn check(parameter: &Parameter, text: &str) -> Result<f64> {
-    let value: f64 = text.parse().map_err(|_| wrong(parameter, text))?;
-    let (least, most) = parameter.range;
-    let sound = (least..=most).contains(&value) && !(parameter.whole && value.fract() != 0.0);
-    if sound { Ok(value) } else { Err(wrong(parameter, text)) }
-}
-
-fn wrong(parameter: &Parameter, text: &str) -> Error {
-    let (least, most) = parameter.range;
-    let kind = if parameter.whole { "a whole number" } else { "a number" };
-    Error::usage(format!("{}={text} of the terrain makes no sense", parameter.key))
-        .remedy(format!("give {kind} from {least} to {most} ({})", parameter.about))
 }
 
 /// The name that [`Terrain::parse`] turns back into the same terrain.

@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use super::Work;
 use super::local::Local;
 use super::regions::{Region, Regions};
-use crate::delaunay::hull::convex_hull;
+use crate::delaunay::{Hull, Window};
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::points::{PointStore, Tiling};
@@ -19,15 +19,15 @@ use crate::pipeline::workers::{self, lock};
 use crate::tin::scatter::{Fit, Mesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.
-const BAND: i64 = 4;
+const BAND: i32 = 4;
 
 /// What a region found when it looked at the mesh.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Look {
     /// Points to become vertices.
     open: Vec<Point>,
     /// The part of the plane in which a new vertex may change what was seen.
-    influence: [[i64; 2]; 2],
+    influence: Window,
     errors: Errors,
 }
 
@@ -40,23 +40,14 @@ pub(super) struct Errors {
 }
 
 /// Chooses the vertices for the tolerance (in steps of z). The hull's corners are among them.
-pub(super) fn choose(
-    work: &Work<'_>,
-    tolerance: f64,
-    hull: &[Point],
-) -> Result<(PointStore, Errors)> {
+pub(super) fn choose(work: &Work<'_>, tolerance: f64, hull: &Hull) -> Result<(PointStore, Errors)> {
     let vertices = PointStore::empty(*work.points.tiling(), work.folder, work.vertex_bytes);
     first_choice(work, tolerance, hull, &vertices)?;
     let errors = settle(work, tolerance, hull, &vertices)?;
     Ok((vertices, errors))
 }
 
-fn first_choice(
-    work: &Work<'_>,
-    tolerance: f64,
-    hull: &[Point],
-    vertices: &PointStore,
-) -> Result<()> {
+fn first_choice(work: &Work<'_>, tolerance: f64, hull: &Hull, vertices: &PointStore) -> Result<()> {
     work.progress.begin("choose", work.regions.all.len() as u64);
     let choose = |_: &mut (), number: u64| {
         let region = work.regions.all[number as usize];
@@ -74,20 +65,21 @@ fn choose_in(
     store: &PointStore,
     region: &Region,
     tolerance: f64,
-    hull: &[Point],
+    hull: &Hull,
 ) -> Result<Vec<Point>> {
     let tiling = store.tiling();
     let points = points_around(store, region)?;
     let is_own = |p: &Point| contains(region, tiling, *p);
-    let rim = convex_hull(&points);
-    let Some(mut mesh) = Mesh::of_first(&rim) else {
+    let rim = Hull::of(points.clone());
+    let Some(mut mesh) = Mesh::of_first(rim.ring()) else {
         return Ok(points.into_iter().filter(is_own).collect());
     };
-    rim.iter().for_each(|&point| {
+    rim.ring().iter().for_each(|&point| {
         mesh.insert(point);
     });
     Fit::new(&mut mesh, &points, tolerance).run();
-    let mut chosen: Vec<Point> = mesh.points().iter().chain(hull).copied().filter(is_own).collect();
+    let mut chosen: Vec<Point> =
+        mesh.points().iter().chain(hull.ring()).copied().filter(is_own).collect();
     chosen.sort_unstable();
     chosen.dedup();
     Ok(chosen)
@@ -95,34 +87,24 @@ fn choose_in(
 
 /// The points of a region and of a band around it, square by square.
 fn points_around(store: &PointStore, region: &Region) -> Result<Vec<Point>> {
-    let band = i64::from(store.tiling().side()) / BAND;
-    let [low, high] = region.corners(store.tiling());
-    let (low, high) = (low.map(|c| c - band), high.map(|c| c + band));
-    let is_near = |p: &Point| {
-        let at = [i64::from(p.x), i64::from(p.y)];
-        (0..2).all(|axis| low[axis] <= at[axis] && at[axis] <= high[axis])
-    };
+    let near = region.window(store.tiling()).grown(store.tiling().side() / BAND);
     let (mut all, mut points) = (Vec::new(), Vec::new());
-    for square in store.tiling().touching([low, high]) {
+    for square in store.tiling().touching(near) {
         store.load_distinct(square, &mut points)?;
-        all.extend(points.iter().filter(|p| is_near(p)));
+        all.extend(points.iter().filter(|p| near.contains([p.x, p.y])));
     }
     Ok(all)
 }
 
 fn contains(region: &Region, tiling: &Tiling, point: Point) -> bool {
-    let place = tiling.place([i64::from(point.x), i64::from(point.y)]);
+    let place = tiling.place([point.x, point.y]);
     (0..2).all(|axis| region.low[axis] <= place[axis] && place[axis] < region.end[axis])
 }
 
 /// Adds vertices until every point is within the tolerance.
-fn settle(
-    work: &Work<'_>,
-    tolerance: f64,
-    hull: &[Point],
-    vertices: &PointStore,
-) -> Result<Errors> {
-    let mut looks = vec![Look::default(); work.regions.all.len()];
+fn settle(work: &Work<'_>, tolerance: f64, hull: &Hull, vertices: &PointStore) -> Result<Errors> {
+    let unseen = Look { open: Vec::new(), influence: Window::ALL, errors: Errors::default() };
+    let mut looks = vec![unseen; work.regions.all.len()];
     let mut due: Vec<usize> = (0..looks.len()).collect();
     while !due.is_empty() {
         work.progress.begin("prove", due.len() as u64);
@@ -153,7 +135,7 @@ fn look_at(
     work: &Work<'_>,
     vertices: &PointStore,
     tolerance: f64,
-    hull: &[Point],
+    hull: &Hull,
     region: &Region,
 ) -> Result<Look> {
     let mut local = Local::new(vertices, *region, hull)?;
@@ -190,7 +172,7 @@ impl Changes {
         let across = cols + 1;
         let mut sums = vec![0; across * (rows + 1)];
         for point in looks.iter().flat_map(|look| &look.open) {
-            let [col, row] = tiling.place([i64::from(point.x), i64::from(point.y)]);
+            let [col, row] = tiling.place([point.x, point.y]);
             sums[(row as usize + 1) * across + col as usize + 1] = 1;
         }
         for row in 1..=rows {
@@ -201,9 +183,9 @@ impl Changes {
         Self { sums, across }
     }
 
-    /// True when a square of the box has changed.
-    fn touch(&self, corners: [[i64; 2]; 2], tiling: &Tiling) -> bool {
-        let [low, high] = corners.map(|corner| tiling.place(corner).map(|n| n as usize));
+    /// True when a square that the window touches has changed.
+    fn touch(&self, window: Window, tiling: &Tiling) -> bool {
+        let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];
         let (west, south, east, north) = (low[0], low[1], high[0] + 1, high[1] + 1);
         sum(east, north) + sum(west, south) > sum(west, north) + sum(east, south)

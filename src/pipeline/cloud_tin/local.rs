@@ -7,8 +7,8 @@
 
 use std::collections::HashMap;
 
-use super::circle::Circle;
 use super::regions::Region;
+use crate::delaunay::{Disc, Hull, Window};
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::points::{PointStore, Tiling};
@@ -26,21 +26,21 @@ pub(super) struct Local<'a> {
     pub(super) mesh: Mesh,
     /// Squares that are in the mesh as a whole, with their vertices.
     loaded: HashMap<usize, Vec<Point>>,
-    /// Lowest and highest corner of the box of squares all of which are loaded.
-    whole: [[i64; 2]; 2],
+    /// All squares in here are loaded.
+    whole: Window,
 }
 
 impl<'a> Local<'a> {
-    /// The triangulation of `vertices` as far as `region` sees it. `hull` are the corners of the
-    /// convex hull of all vertices, at least three.
-    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {
-        let mesh = Mesh::of_first(hull).ok_or_else(super::no_surface)?;
-        let whole = around(&region, vertices.tiling());
+    /// The triangulation of `vertices` as far as `region` sees it. `hull` is the convex hull
+    /// of all vertices, and has an area.
+    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &Hull) -> Result<Self> {
+        let mesh = Mesh::of_first(hull.ring()).ok_or_else(super::no_surface)?;
+        let tiling = vertices.tiling();
+        let whole = region.window(tiling).grown(tiling.side());
         let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };
-        local.insert(hull);
+        local.insert(hull.ring());
         local.insert(&skeleton(vertices, &region));
-        let near: Vec<usize> = vertices.tiling().touching(local.whole).collect();
-        near.into_iter().try_for_each(|square| local.load(square))?;
+        tiling.touching(whole).try_for_each(|square| local.load(square))?;
         while local.complete()? {}
         Ok(local)
     }
@@ -72,59 +72,42 @@ impl<'a> Local<'a> {
     /// nearest first.
     fn wanted(&self) -> Vec<usize> {
         let mut wanted = Vec::new();
-        for corners in self.triangles() {
-            let circle = Circle::around(corners);
-            if !contains(self.whole, circle.corners()) {
-                self.add_met(&circle, &mut wanted);
-            }
+        for disc in self.discs().filter(|disc| !disc.lies_in(&self.whole)) {
+            let met = self.vertices.squares_in(disc);
+            wanted.extend(met.filter(|square| !self.loaded.contains_key(square)));
         }
-        let corners = self.region.corners(self.vertices.tiling());
-        let distance = |square: &usize| {
-            let [low, high] = self.vertices.tiling().corners(*square);
-            let gap =
-                |axis: usize| (low[axis] - corners[1][axis]).max(corners[0][axis] - high[axis]);
-            (gap(0).max(gap(1)), *square)
-        };
         wanted.sort_unstable();
         wanted.dedup();
-        wanted.sort_by_key(distance);
+        wanted.sort_by_key(|&square| (self.steps_to(square), square));
         wanted
     }
 
-    /// Adds the squares that the circle meets and that are not loaded.
-    fn add_met(&self, circle: &Circle, wanted: &mut Vec<usize>) {
+    /// How far a square is from the region, along the axis on which it is further.
+    fn steps_to(&self, square: usize) -> i64 {
         let tiling = self.vertices.tiling();
-        let [low, high] = circle.corners().map(|corner| tiling.place(corner));
-        for row in low[1]..=high[1] {
-            let [south, north] = tiling.corners(tiling.square([0, row])).map(|c| c[1] as f64);
-            let Some([west, east]) = circle.between(south, north) else { continue };
-            let [first, last] = [west.floor(), east.ceil()].map(|x| tiling.place([x as i64, 0])[0]);
-            for square in (first..=last).map(|col| tiling.square([col, row])) {
-                let is_met =
-                    || self.vertices.summary(square).is_some_and(|s| circle.meets(s.bounds));
-                if !self.loaded.contains_key(&square) && is_met() {
-                    wanted.push(square);
-                }
-            }
-        }
+        let (here, there) = (self.region.window(tiling), tiling.window_of(square));
+        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
+        let apart =
+            |i: usize| gap(there.low[i], here.high[i]).max(gap(here.low[i], there.high[i])).max(0);
+        apart(0).max(apart(1))
     }
 
-    /// The triangles whose box touches the region's.
-    fn triangles(&self) -> impl Iterator<Item = [Point; 3]> {
-        let corners = self.region.corners(self.vertices.tiling());
+    /// The circles of the triangles whose box touches the region's.
+    fn discs(&self) -> impl Iterator<Item = Disc> {
+        let window = self.region.window(self.vertices.tiling());
         let all = (0..self.mesh.triangles().len() as u32).filter_map(|t| self.mesh.corners(t));
-        all.filter(move |triangle| touches(corners, triangle))
+        let all = all.map(|corners| corners.map(|p| [p.x, p.y]));
+        let touches = move |corners: &[[i32; 2]; 3]| {
+            Window::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
+        };
+        all.filter(touches).map(Disc::around)
     }
 
-    /// Lowest and highest corner of a box that holds every circle that proves the mesh.
-    pub(super) fn influence(&self) -> [[i64; 2]; 2] {
-        self.triangles().fold(self.whole, |[low, high], triangle| {
-            let [below, above] = Circle::around(triangle).corners();
-            [
-                [low[0].min(below[0]), low[1].min(below[1])],
-                [high[0].max(above[0]), high[1].max(above[1])],
-            ]
-        })
+    /// A window that holds every vertex that may change the mesh here.
+    pub(super) fn influence(&self) -> Window {
+        let all = self.vertices.tiling().window();
+        let parts = self.discs().filter_map(|disc| disc.clip(&all));
+        parts.fold(self.whole, |sum, part| sum.union(&part))
     }
 
     /// The vertices of a square, from those loaded or from the store.
@@ -136,13 +119,6 @@ impl<'a> Local<'a> {
         }
         Ok(&self.loaded[&square])
     }
-}
-
-/// The region's box with a square on each side.
-fn around(region: &Region, tiling: &Tiling) -> [[i64; 2]; 2] {
-    let side = i64::from(tiling.side());
-    let [low, high] = region.corners(tiling);
-    [low.map(|c| c - side), high.map(|c| c + side)]
 }
 
 /// Vertices far from the region, one for so many squares, fewer with the distance.
@@ -165,16 +141,4 @@ fn skeleton(vertices: &PointStore, region: &Region) -> Vec<Point> {
         stride *= 2;
     }
     found
-}
-
-fn contains(outer: [[i64; 2]; 2], inner: [[i64; 2]; 2]) -> bool {
-    (0..2).all(|axis| outer[0][axis] <= inner[0][axis] && inner[1][axis] <= outer[1][axis])
-}
-
-fn touches([low, high]: [[i64; 2]; 2], triangle: &[Point; 3]) -> bool {
-    let [xs, ys] = [triangle.map(|p| i64::from(p.x)), triangle.map(|p| i64::from(p.y))];
-    let overlaps = |values: [i64; 3], axis: usize| {
-        values.iter().any(|&v| v >= low[axis]) && values.iter().any(|&v| v <= high[axis])
-    };
-    overlaps(xs, 0) && overlaps(ys, 1)
 }

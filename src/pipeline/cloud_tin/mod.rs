@@ -4,7 +4,6 @@
 //! no seams by its nature: every region computes the triangles it sees and no other, exactly.
 
 mod choose;
-mod circle;
 mod local;
 mod regions;
 mod write;
@@ -207,7 +206,7 @@ fn triangulate(
 ) -> Result<Made> {
     let kept = work.points.census().kept;
     let hull = work.points.hull()?;
-    if hull.len() < 3 {
+    if hull.is_flat() {
         return Err(no_surface());
     }
     if tolerance == 0.0 {

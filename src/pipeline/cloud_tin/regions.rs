@@ -1,5 +1,6 @@
 //! Squares of points gathered into regions of about equal work.
 
+use crate::delaunay::Window;
 use crate::pipeline::points::{PointStore, Tiling};
 
 /// A block of squares that is worked on by itself.
@@ -29,11 +30,10 @@ impl Region {
         (low[1]..end[1]).flat_map(row).map(|place| tiling.square(place))
     }
 
-    /// Lowest and highest corner, both in it.
-    pub(super) fn corners(&self, tiling: &Tiling) -> [[i64; 2]; 2] {
-        let first = tiling.corners(tiling.square(self.low));
-        let last = tiling.corners(tiling.square(self.end.map(|end| end - 1)));
-        [first[0], last[1]]
+    /// What it covers.
+    pub(super) fn window(&self, tiling: &Tiling) -> Window {
+        let first = tiling.window_of(tiling.square(self.low));
+        first.union(&tiling.window_of(tiling.square(self.end.map(|end| end - 1))))
     }
 }
 

@@ -13,8 +13,7 @@ use buckets::Buckets;
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};
-use crate::delaunay::hull::convex_hull;
-use crate::delaunay::predicates::orient;
+use crate::delaunay::{Disc, Hull, Place, Position, Window};
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::workers::{self, lock};
@@ -25,8 +24,8 @@ use crate::pipeline::{Cancel, Progress};
 pub(in crate::pipeline) struct Summary {
     /// Points in it.
     pub(in crate::pipeline) count: u64,
-    /// Lowest and highest x and y of them.
-    pub(in crate::pipeline) bounds: [[i32; 2]; 2],
+    /// The smallest that holds them.
+    pub(in crate::pipeline) window: Window,
     /// The lowest of them.
     pub(in crate::pipeline) lowest: Point,
 }
@@ -34,13 +33,13 @@ pub(in crate::pipeline) struct Summary {
 impl Summary {
     const EMPTY: Self = Self {
         count: 0,
-        bounds: [[i32::MAX; 2], [i32::MIN; 2]],
+        window: Window { low: [i32::MAX; 2], high: [i32::MIN; 2] },
         lowest: Point::new(i32::MAX, i32::MAX, i32::MAX),
     };
 
     fn add(&mut self, run: &[Point]) {
         self.count += run.len() as u64;
-        let [low, high] = &mut self.bounds;
+        let Window { low, high } = &mut self.window;
         for &point in run {
             *low = [low[0].min(point.x), low[1].min(point.y)];
             *high = [high[0].max(point.x), high[1].max(point.y)];
@@ -155,30 +154,54 @@ impl PointStore {
         Ok(())
     }
 
-    /// The corners of the convex hull of all points, counter-clockwise from the lowest.
-    pub(in crate::pipeline) fn hull(&self) -> Result<Vec<Point>> {
+    /// The convex hull of all points.
+    pub(in crate::pipeline) fn hull(&self) -> Result<Hull> {
         let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
-        let lowest: Vec<Point> = summaries().map(|(_, summary)| summary.lowest).collect();
-        let inner = convex_hull(&lowest);
+        let inner = Hull::of(summaries().map(|(_, summary)| summary.lowest).collect());
         let (mut hull, mut points) = (inner.clone(), Vec::new());
-        for (square, Summary { bounds: [low, high], .. }) in summaries() {
+        for (square, Summary { window: Window { low, high }, .. }) in summaries() {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-            if !corners.iter().all(|&corner| is_inside(&inner, corner)) {
+            let is_outside = |corner| inner.place(Position::of(corner)) == Place::Outside;
+            if corners.into_iter().any(is_outside) {
                 self.load_distinct(square, &mut points)?;
-                hull.extend_from_slice(&convex_hull(&points));
+                hull = hull.merge(&Hull::of(points.clone()));
             }
         }
-        Ok(convex_hull(&hull))
+        Ok(hull)
+    }
+
+    /// The squares that may have a point in the disc.
+    pub(in crate::pipeline) fn squares_in(&self, disc: Disc) -> impl Iterator<Item = usize> {
+        let part = disc.clip(&self.tiling.window());
+        let rows = part.map(|part| {
+            let [low, high] = [part.low, part.high].map(|at| self.tiling.place(at));
+            (low[1]..=high[1]).flat_map(move |row| self.row_in(disc, row, [low[0], high[0]]))
+        });
+        rows.into_iter().flatten().filter(move |&square| {
+            self.summary(square).is_some_and(|summary| disc.clip(&summary.window).is_some())
+        })
+    }
+
+    /// Those of a row, between two columns.
+    fn row_in(
+        &self,
+        disc: Disc,
+        row: u32,
+        [first, last]: [u32; 2],
+    ) -> impl Iterator<Item = usize> + use<> {
+        let (tiling, strip) = (self.tiling, self.tiling.window_of(self.tiling.square([0, row])));
+        let west_to_east = Window {
+            low: [tiling.window().low[0], strip.low[1]],
+            high: [tiling.window().high[0], strip.high[1]],
+        };
+        let part = disc.clip(&west_to_east);
+        let columns = part.map(|part| [part.low, part.high].map(|at| tiling.place(at)[0]));
+        let columns = columns.map(|[low, high]| low.max(first)..=high.min(last));
+        columns.into_iter().flatten().map(move |col| tiling.square([col, row]))
     }
 
     /// Bytes that went to the temporary file.
     pub(in crate::pipeline) fn spilled(&self) -> u64 {
         self.points.spilled()
     }
-}
-
-/// True when `at` lies in a convex polygon or on its rim.
-fn is_inside(hull: &[Point], at: [i32; 2]) -> bool {
-    let ends = hull.iter().zip(hull.iter().cycle().skip(1));
-    hull.len() > 2 && ends.into_iter().all(|(a, b)| orient([a.x, a.y], [b.x, b.y], at) >= 0)
 }

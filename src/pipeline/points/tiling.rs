@@ -1,5 +1,6 @@
 //! The plane in squares, numbered row by row from the south-west.
 
+use crate::delaunay::{Site, Window};
 use crate::geom::Point;
 
 /// Points that a square should hold on average: enough that a read from disk pays, few enough that
@@ -11,8 +12,8 @@ const MOST: u64 = 1 << 18;
 /// Squares of the plane, in steps of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::pipeline) struct Tiling {
-    /// South-west corner.
-    low: [i32; 2],
+    /// What they cover.
+    window: Window,
     /// Steps along a side.
     side: u32,
     /// Squares along x and y.
@@ -21,16 +22,16 @@ pub(in crate::pipeline) struct Tiling {
 
 impl Tiling {
     /// Squares that cover `bounds` (lowest and highest point) for about `points` points.
-    pub(in crate::pipeline) fn new(bounds: [Point; 2], points: u64) -> Self {
-        let [low, high] = bounds.map(|p| [p.x, p.y]);
-        let extent = [0, 1].map(|axis| u64::from(high[axis].abs_diff(low[axis])) + 1);
+    pub(in crate::pipeline) fn new([low, high]: [Point; 2], points: u64) -> Self {
+        let window = Window { low: [low.x, low.y], high: [high.x, high.y] };
+        let extent = [0, 1].map(|i| u64::from(window.high[i].abs_diff(window.low[i])) + 1);
         let wanted = (points / AVERAGE).clamp(1, MOST);
         let counts = |side: u64| extent.map(|e| e.div_ceil(side));
         let mut side = (extent[0] * extent[1] / wanted).isqrt().max(1);
         while counts(side).iter().product::<u64>() > MOST {
             side += side.div_ceil(8);
         }
-        Self { low, side: side as u32, counts: counts(side).map(|n| n as u32) }
+        Self { window, side: side as u32, counts: counts(side).map(|n| n as u32) }
     }
 
     /// Number of squares.
@@ -39,8 +40,8 @@ impl Tiling {
     }
 
     /// Steps along a side.
-    pub(in crate::pipeline) fn side(&self) -> u32 {
-        self.side
+    pub(in crate::pipeline) fn side(&self) -> i32 {
+        i32::try_from(self.side).unwrap_or(i32::MAX)
     }
 
     /// Squares along x and y.
@@ -48,43 +49,50 @@ impl Tiling {
         self.counts
     }
 
+    /// All that the squares cover.
+    pub(in crate::pipeline) fn window(&self) -> Window {
+        self.window
+    }
+
     /// The number of the square in a column and row.
     pub(in crate::pipeline) fn square(&self, [col, row]: [u32; 2]) -> usize {
         row as usize * self.counts[0] as usize + col as usize
     }
 
-    /// The square of a point; one beyond the bounds belongs to the nearest square.
+    /// The square of a point; one beyond the window belongs to the nearest square.
     pub(in crate::pipeline) fn square_of(&self, point: Point) -> usize {
-        self.square(self.place([i64::from(point.x), i64::from(point.y)]))
+        self.square(self.place([point.x, point.y]))
     }
 
     /// Column and row of the square nearest to a position.
-    pub(in crate::pipeline) fn place(&self, at: [i64; 2]) -> [u32; 2] {
+    pub(in crate::pipeline) fn place(&self, at: Site) -> [u32; 2] {
         [0, 1].map(|axis| {
-            let steps = at[axis] - i64::from(self.low[axis]);
+            let steps = i64::from(at[axis]) - i64::from(self.window.low[axis]);
             let last = i64::from(self.counts[axis]) - 1;
             steps.div_euclid(i64::from(self.side)).clamp(0, last) as u32
         })
     }
 
-    /// The squares that a box (lowest and highest corner) touches, row by row; those at the rim also
-    /// stand for what lies beyond them.
+    /// The squares that a window touches, row by row; those at the rim also stand for what lies
+    /// beyond them.
     pub(in crate::pipeline) fn touching(
         &self,
-        [low, high]: [[i64; 2]; 2],
+        Window { low, high }: Window,
     ) -> impl Iterator<Item = usize> + use<> {
-        let (across, low, high) = (self.counts[0] as usize, self.place(low), self.place(high));
-        let row = move |row: u32| (low[0]..=high[0]).map(move |col| (row, col));
-        (low[1]..=high[1]).flat_map(row).map(move |(row, col)| row as usize * across + col as usize)
+        let (tiling, low, high) = (*self, self.place(low), self.place(high));
+        let row = move |row: u32| (low[0]..=high[0]).map(move |col| [col, row]);
+        (low[1]..=high[1]).flat_map(row).map(move |place| tiling.square(place))
     }
 
-    /// Lowest and highest corner of a square's box, both in it.
-    pub(in crate::pipeline) fn corners(&self, square: usize) -> [[i64; 2]; 2] {
+    /// What a square covers.
+    pub(in crate::pipeline) fn window_of(&self, square: usize) -> Window {
         let across = self.counts[0] as usize;
         let place = [square % across, square / across];
-        let side = i64::from(self.side);
-        let low = [0, 1].map(|axis| i64::from(self.low[axis]) + place[axis] as i64 * side);
-        [low, low.map(|c| c + side - 1)]
+        let (side, all) = (i64::from(self.side), self.window);
+        let low = [0, 1].map(|axis| i64::from(all.low[axis]) + place[axis] as i64 * side);
+        let high = [0, 1].map(|axis| (low[axis] + side - 1).min(i64::from(all.high[axis])));
+        // Within the window, whose ends are i32.
+        Window { low: low.map(|v| v as i32), high: high.map(|v| v as i32) }
     }
 }
 
@@ -107,18 +115,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_point_lies_in_its_square_and_a_box_touches_it(
-            x in -1000..1000i32, y in -300..300i32, reach in 0..100i64, points in 0..1_000_000u64
+        fn a_point_lies_in_its_square_and_a_window_touches_it(
+            x in -1000..1000i32, y in -300..300i32, reach in 0..100i32, points in 0..1_000_000u64
         ) {
             let tiling = Tiling::new([Point::new(-1000, -300, 0), Point::new(999, 299, 0)], points);
             let square = tiling.square_of(Point::new(x, y, 0));
-            let at = [i64::from(x), i64::from(y)];
-            let [low, high] = tiling.corners(square);
-            prop_assert!((0..2).all(|i| low[i] <= at[i] && at[i] <= high[i]));
-            let corners = [at.map(|c| c - reach), at.map(|c| c + reach)];
-            prop_assert!(tiling.touching(corners).any(|touched| touched == square));
-            let all = [[-5000; 2], [5000; 2]];
-            prop_assert_eq!(tiling.touching(all).count(), tiling.count());
+            prop_assert!(tiling.window_of(square).contains([x, y]));
+            let window = Window { low: [x, y], high: [x, y] }.grown(reach);
+            prop_assert!(tiling.touching(window).any(|touched| touched == square));
+            prop_assert_eq!(tiling.touching(Window::ALL).count(), tiling.count());
+            let sum: u64 = (0..tiling.count()).map(|square| {
+                let Window { low, high } = tiling.window_of(square);
+                u64::from(high[0].abs_diff(low[0]) + 1) * u64::from(high[1].abs_diff(low[1]) + 1)
+            }).sum();
+            prop_assert_eq!(sum, 2000 * 600);
         }
     }
 }

@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::mesh::{Mesh, NONE, Place};
-use crate::delaunay::predicates::orient;
+use crate::delaunay::orient;
 use crate::geom::Point;
 
 /// A triangle's point with the largest distance.
@@ -305,9 +305,9 @@ mod tests {
         #[test]
         fn no_point_is_left_beyond_the_tolerance(points in cloud(), tolerance in 0..30u32) {
             let tolerance = f64::from(tolerance) + 0.25;
-            let hull = crate::delaunay::hull::convex_hull(&points);
-            let Some(mut mesh) = Mesh::of_first(&hull) else { return Ok(()) };
-            hull.iter().for_each(|&p| { mesh.insert(p); });
+            let hull = crate::delaunay::Hull::of(points.clone());
+            let Some(mut mesh) = Mesh::of_first(hull.ring()) else { return Ok(()) };
+            hull.ring().iter().for_each(|&p| { mesh.insert(p); });
             let before = mesh.points().len();
             let inserted = Fit::new(&mut mesh, &points, tolerance).run();
             validate(&mesh);

@@ -4,7 +4,7 @@
 //! is inserted like any other. An insertion removes the triangles whose circle holds the point and
 //! fills the hole with a fan around it (Bowyer 1981, Watson 1981); walks find the first of them.
 
-use crate::delaunay::predicates::{in_circle, orient};
+use crate::delaunay::{in_circle, orient};
 use crate::geom::Point;
 
 /// The vertex at infinity.
@@ -202,7 +202,7 @@ impl Mesh {
     /// and the edge itself.
     fn is_hit(&self, triangle: u32, point: Point) -> bool {
         if let Some([a, b, c]) = self.corners(triangle) {
-            return in_circle(at(a), at(b), at(c), at(point)) > 0;
+            return in_circle(at(a), at(b), at(c), at(point));
         }
         let Some([a, b]) = self.hull_edge(triangle) else { return false };
         let turn = orient(at(a), at(b), at(point));

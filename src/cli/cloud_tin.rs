@@ -1,0 +1,157 @@
+//! `terrane tin` on point clouds.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::cli::{Outcome, check, cloud, say, text, tin};
+use crate::cloud::{self as clouds, is_cloud};
+use crate::error::{Error, Result};
+use crate::output;
+use crate::pipeline::Cancel;
+use crate::pipeline::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
+
+/// True when the inputs are clouds.
+///
+/// # Errors
+/// Clouds and grids together.
+pub(super) fn are_clouds(inputs: &[String]) -> Result<bool> {
+    let all = inputs.iter().all(|input| is_cloud(input));
+    match inputs.iter().find(|input| is_cloud(input) != all) {
+        Some(odd) => Err(Error::usage("clouds and grids cannot be one input")
+            .in_file(Path::new(odd))
+            .remedy("name files of one kind")),
+        None => Ok(all),
+    }
+}
+
+/// The report of both steps, as one JSON object.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    tin: &'a CloudTinReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verify: Option<&'a CloudVerifyReport>,
+}
+
+pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let progress = args.show.progress();
+    let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
+    let checked = match args.verify {
+        true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
+        false => None,
+    };
+    let report = Report { tin: &made, verify: checked.as_ref() };
+    if let Some(path) = &args.report {
+        tin::write_report(path, args.overwrite, &report)?;
+    }
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&made))?;
+        checked.as_ref().map_or(Ok(()), |c| say::result(&super::verify::cloud_summary(c)))?;
+    } else {
+        checked.iter().for_each(super::verify::tell_cloud_failures);
+    }
+    Ok(checked.as_ref().map_or(Outcome::Kept, super::verify::cloud_outcome))
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &tin::Args) -> Result<CloudTinJob> {
+    refuse_grid_options(args)?;
+    let files = clouds::files(&args.input)?;
+    let format = output::by_path(&args.output, args.format.as_deref())?;
+    let prj = output::prj_path(&args.output);
+    let mut outputs: Vec<&Path> = vec![&args.output, &prj];
+    outputs.extend(args.report.as_deref());
+    check::not_files(&files, &outputs)?;
+    check::new_file(&args.output, args.overwrite)?;
+    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    let resources = args.machine.resources();
+    Ok(CloudTinJob {
+        inputs: args.input.clone(),
+        options: args.points.open_options(&resources)?,
+        output: args.output.clone(),
+        format: Some(format.name.to_owned()),
+        overwrite: args.overwrite,
+        tolerance: args.goal.max_error()?,
+        measure: args.show.json || args.report.is_some(),
+        resources,
+    })
+}
+
+/// Fails when an option was given that is about grids.
+fn refuse_grid_options(args: &tin::Args) -> Result<()> {
+    let options = [
+        ("--split", args.split.tiles.is_some()),
+        ("--workdir", args.workdir.is_some()),
+        ("--strict", args.method.strict),
+        ("--no-drop", args.method.no_drop),
+        ("--tile", args.method.tile.is_some()),
+        ("--co", !args.co.is_empty()),
+    ];
+    let given = options.into_iter().find(|(_, given)| *given).map(|(option, _)| option);
+    let Some(option) = given.or(args.grid.given()) else { return Ok(()) };
+    Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
+        .in_file(Path::new(&args.input[0]))
+        .remedy(format!("leave {option} out")))
+}
+
+/// The job of proving what a job wrote.
+fn proof(job: &CloudTinJob) -> CloudVerifyJob {
+    CloudVerifyJob {
+        mesh: job.output.clone(),
+        inputs: job.inputs.clone(),
+        options: job.options.clone(),
+        tolerance: Some(job.tolerance),
+        resources: job.resources.clone(),
+    }
+}
+
+/// A made mesh for people.
+fn summary(r: &CloudTinReport) -> String {
+    let share = format!("{}, {} of the points", text::count(r.vertices), text::percent(r.kept));
+    let mut rows = vec![
+        ("points", points(r)),
+        ("vertices", share),
+        ("triangles", text::count(r.triangles)),
+        ("max error", errors(r)),
+        ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
+        ("time", time(r)),
+    ];
+    if let Some(peak) = r.peak_memory {
+        let budget = text::bytes(r.memory_budget);
+        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
+    }
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
+
+fn points(r: &CloudTinReport) -> String {
+    let stacked = match r.stacked_points {
+        0 => String::new(),
+        n => format!("; {} above another at the same position", text::count(n)),
+    };
+    format!("{}, {}{stacked}", cloud::census(&r.points), r.crs)
+}
+
+fn errors(r: &CloudTinReport) -> String {
+    let unit = &r.vertical_unit;
+    let found = r.max_error.map(|e| format!("{} {unit}, ", text::number(e)));
+    let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
+    let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
+    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
+}
+
+fn time(r: &CloudTinReport) -> String {
+    let stage = |s: &crate::pipeline::tin::StageReport| {
+        format!("{} {}", s.name, text::seconds(s.thread_seconds))
+    };
+    let stages: Vec<String> = r.stages.iter().map(stage).collect();
+    let threads =
+        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
+    let rate = text::rate(r.points_per_second, "points");
+    format!("{}, {rate}, {threads} ({})", text::seconds(r.wall_seconds), stages.join(", "))
+}

@@ -1,0 +1,165 @@
+//! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
+
+use super::filter::{Filter, Flags, Record, Verdict};
+use super::{BATCH, Census, CloudInfo, PointSource, write};
+use crate::error::{Error, Result};
+use crate::geom::{Crs, Frame, Point};
+use crate::synth::cloud::{Echo, Survey};
+
+/// What comes before the cloud's name.
+const PREFIX: &str = "synth:";
+/// World position of the south-west corner: on the central meridian of UTM zone 31, in the Pyrenees.
+const ORIGIN: [f64; 3] = [500_000.0, 4_750_000.0, 0.0];
+
+/// True for the name of a synthetic cloud, `synth:cloud` and what may follow.
+pub fn is_synthetic(input: &str) -> bool {
+    input.strip_prefix(PREFIX).is_some_and(Survey::is_named)
+}
+
+/// The survey of this name, with or without `synth:` before it.
+///
+/// # Errors
+/// A name that is none.
+pub fn survey(name: &str) -> Result<Survey> {
+    Survey::parse(name.strip_prefix(PREFIX).unwrap_or(name))
+}
+
+/// Where the points of a survey lie.
+pub fn frame(survey: &Survey) -> Frame {
+    Frame { scale: [survey.scale; 3], offset: ORIGIN }
+}
+
+/// The coordinate reference system of synthetic clouds.
+pub fn crs() -> Crs {
+    Crs {
+        epsg: Some(32_631),
+        citation: Some("WGS 84 / UTM zone 31N".to_owned()),
+        geographic: Some(false),
+        vertical_unit: Some("metre".to_owned()),
+        ..Crs::default()
+    }
+}
+
+/// A survey as a cloud. [`CloudInfo::count`] is the number of points expected, which no header
+/// claims; the n-th points of a filter are counted in each part.
+pub struct Synthetic {
+    survey: Survey,
+    filter: Filter,
+    info: CloudInfo,
+}
+
+impl Synthetic {
+    /// The points of `survey` that pass `filter`.
+    pub fn new(survey: Survey, filter: Filter) -> Self {
+        let info = info(&survey, &filter);
+        Self { survey, filter, info }
+    }
+
+    fn record(&self, echo: &Echo, index: usize) -> Record {
+        Record {
+            world: self.info.frame.world(echo.point),
+            class: echo.class,
+            number: echo.number,
+            returns: echo.of,
+            flags: Flags(flags(echo)),
+            index: index as u64,
+        }
+    }
+}
+
+fn info(survey: &Survey, filter: &Filter) -> CloudInfo {
+    let frame = frame(survey);
+    let ([width, height], [low, high]) = (survey.steps(), survey.heights());
+    let mut ends = [[0, width - 1], [0, height - 1], [low, high]];
+    let mut cut = |axis: usize, from: f64, to: f64| {
+        let [low, high] = ends[axis].map(f64::from);
+        let from = frame.steps(axis, from).floor().clamp(low, high + 1.0);
+        let to = frame.steps(axis, to).ceil().clamp(low - 1.0, high);
+        ends[axis] = [from as i32, to as i32];
+    };
+    if let Some([west, south, east, north]) = filter.bounds {
+        cut(0, west, east);
+        cut(1, south, north);
+    }
+    if let Some([low, high]) = filter.z_range {
+        cut(2, low, high);
+    }
+    let is_empty = ends.iter().any(|[low, high]| low > high);
+    let corner = |k: usize| Point::new(ends[0][k], ends[1][k], ends[2][k]);
+    let bounds = (!is_empty).then(|| [corner(0), corner(1)]);
+    CloudInfo { frame, bounds, count: survey.expected(), crs: crs() }
+}
+
+impl PointSource for Synthetic {
+    fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    fn parts(&self) -> usize {
+        self.survey.parts()
+    }
+
+    fn points_of(&self, part: usize) -> u64 {
+        self.survey.most(part)
+    }
+
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+        if part >= self.parts() {
+            return Err(Error::usage(format!("the cloud has no part {part}")));
+        }
+        let mut echoes = Vec::new();
+        self.survey.fill(part, &mut echoes);
+        let mut census = Census { read: echoes.len() as u64, ..Census::default() };
+        let mut points = Vec::with_capacity(echoes.len());
+        for (index, echo) in echoes.iter().enumerate() {
+            match self.filter.judge(&self.record(echo, index)) {
+                Verdict::Keep => points.push(echo.point),
+                Verdict::Withheld => census.withheld += 1,
+                Verdict::Filtered => census.filtered += 1,
+            }
+        }
+        census.kept = points.len() as u64;
+        points.chunks(BATCH).try_for_each(each)?;
+        Ok(census)
+    }
+}
+
+/// Marks of a return, with the bits of LAS 1.4.
+fn flags(echo: &Echo) -> u8 {
+    let mark = |is: bool, flag: Flags| if is { flag.0 } else { 0 };
+    mark(echo.withheld, Flags::WITHHELD) | mark(echo.overlap, Flags::OVERLAP)
+}
+
+/// Red, green, blue and near infrared by class.
+fn colours(class: u8) -> [u16; 4] {
+    match class {
+        2 => [120, 100, 70, 110],
+        3..=5 => [50, 110, 40, 220],
+        6 => [170, 80, 60, 90],
+        _ => [90, 90, 90, 90],
+    }
+}
+
+/// A return as a record of a file: coloured by its class and strength.
+impl From<&Echo> for write::Record {
+    fn from(echo: &Echo) -> Self {
+        let shade = |colour: u16| colour * 200 + echo.intensity;
+        let [red, green, blue, infrared] = colours(echo.class).map(shade);
+        Self {
+            point: echo.point,
+            time: echo.time,
+            intensity: echo.intensity,
+            number: echo.number,
+            returns: echo.of,
+            class: echo.class,
+            flags: flags(echo),
+            forward: echo.eastward,
+            edge: echo.edge,
+            angle: echo.angle,
+            user: 0,
+            source: echo.source,
+            colour: [red, green, blue],
+            infrared,
+        }
+    }
+}

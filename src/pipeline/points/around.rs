@@ -1,0 +1,126 @@
+//! The points around a place, with more of them taken in when an answer needs them.
+
+use std::cell::RefCell;
+
+use super::PointStore;
+use crate::delaunay::{Bins, Disc, Finder, Found, Hull, Needs, Position, Space, Window};
+use crate::error::Result;
+use crate::geom::Point;
+
+/// Squares taken in at a time, the nearest first.
+const AT_ONCE: usize = 16;
+
+/// All points of a window, and of those squares beyond it that were needed.
+pub(in crate::pipeline) struct Around<'a> {
+    store: &'a PointStore,
+    /// Of the window.
+    bins: Bins,
+    known: Window,
+    /// By square.
+    beyond: Vec<(usize, Bins)>,
+    /// Squares that the last answer lacked.
+    wanted: RefCell<Vec<usize>>,
+}
+
+impl<'a> Around<'a> {
+    /// The points of the squares that `window` touches.
+    pub(in crate::pipeline) fn new(store: &'a PointStore, window: Window) -> Result<Self> {
+        let squares = || store.tiling().touching(window);
+        let windows = squares().map(|square| store.tiling().window_of(square));
+        let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
+        let (mut all, mut points) = (Vec::new(), Vec::new());
+        for square in squares() {
+            store.load_distinct(square, &mut points)?;
+            all.extend_from_slice(&points);
+        }
+        let bins = Bins::new(&all);
+        Ok(Self { store, bins, known, beyond: Vec::new(), wanted: RefCell::default() })
+    }
+
+    /// What lies at each position, in their order.
+    pub(in crate::pipeline) fn find_all(
+        &mut self,
+        hull: &Hull,
+        positions: impl Iterator<Item = Position>,
+        mut each: impl FnMut(Position, Found),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let mut finder = Finder::new(&*self, hull);
+            while let Some(&position) = left.peek() {
+                let Ok(found) = finder.find(position) else { break };
+                each(position, found);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// Loads the squares that the last answer lacked, or the nearest of them.
+    fn take_in(&mut self) -> Result<()> {
+        let mut wanted = self.wanted.take();
+        wanted.sort_by_key(|&square| (self.steps_to(square), square));
+        let mut points = Vec::new();
+        for &square in wanted.iter().take(AT_ONCE) {
+            self.store.load_distinct(square, &mut points)?;
+            self.beyond.push((square, Bins::new(&points)));
+        }
+        Ok(())
+    }
+
+    /// How far a square is from the window, along the axis on which it is further.
+    fn steps_to(&self, square: usize) -> i64 {
+        let there = self.store.tiling().window_of(square);
+        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
+        let apart = |i: usize| {
+            gap(there.low[i], self.known.high[i]).max(gap(self.known.low[i], there.high[i])).max(0)
+        };
+        apart(0).max(apart(1))
+    }
+
+    fn is_loaded(&self, square: usize) -> bool {
+        self.known.covers(&self.store.tiling().window_of(square))
+            || self.beyond.iter().any(|(loaded, _)| *loaded == square)
+    }
+}
+
+impl Space for Around<'_> {
+    fn pitch(&self) -> i32 {
+        self.bins.size()
+    }
+
+    fn visit(&self, window: &Window, mut each: impl FnMut(&[Point])) {
+        self.bins.visit(window, &mut each);
+        for (_, bins) in &self.beyond {
+            if bins.window().intersection(window).is_some() {
+                bins.visit(window, &mut each);
+            }
+        }
+    }
+
+    fn visit_disc(&self, disc: &Disc, window: &Window, mut each: impl FnMut(&[Point])) {
+        self.bins.visit_disc(disc, window, &mut each);
+        for (_, bins) in &self.beyond {
+            if bins.window().intersection(window).is_some() {
+                bins.visit_disc(disc, window, &mut each);
+            }
+        }
+    }
+
+    fn extent(&self) -> Window {
+        let windows = self.beyond.iter().map(|(_, bins)| bins.window());
+        windows.fold(self.bins.window(), |all, one| all.union(&one))
+    }
+
+    fn certify(&self, disc: &Disc) -> std::result::Result<(), Needs> {
+        if disc.lies_in(&self.known) {
+            return Ok(());
+        }
+        let mut wanted = self.wanted.borrow_mut();
+        wanted.clear();
+        wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
+        let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
+        windows.reduce(|all, one| all.union(&one)).map_or(Ok(()), |window| Err(Needs(window)))
+    }
+}
