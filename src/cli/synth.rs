@@ -38,7 +38,11 @@ fn point_format(text: &str) -> std::result::Result<PointFormat, String> {
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
-    if cloud::synth::is_synthetic(&name) { fly(&name, args, cancel) } else { raise(name, args, cancel) }
+    if cloud::synth::is_synthetic(&name) {
+        fly(&name, args, cancel)
+    } else {
+        raise(name, args, cancel)
+    }
 }
 
 /// A terrain.

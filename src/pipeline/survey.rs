@@ -10,7 +10,9 @@ use serde::Serialize;
 use super::surface::workers;
 use super::{Cancel, Progress, Resources, peak_memory};
 use crate::cloud::synth;
-use crate::cloud::write::{self, CHUNK, Chunk, CloudWriter, Layout, PointFormat, Record, WriteOptions};
+use crate::cloud::write::{
+    self, CHUNK, Chunk, CloudWriter, Layout, PointFormat, Record, WriteOptions,
+};
 use crate::error::{Error, ErrorKind, Result};
 use crate::synth::cloud::Survey;
 
@@ -119,7 +121,12 @@ impl<'a> Rounds<'a> {
         Self { survey, layout, parts: survey.parts(), round, pending: Vec::new() }
     }
 
-    fn run(mut self, out: &mut CloudWriter, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+    fn run(
+        mut self,
+        out: &mut CloudWriter,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<()> {
         let mut chunks = Vec::new();
         for from in (0..self.parts).step_by(self.round) {
             cancel.check()?;

@@ -93,7 +93,8 @@ fn compress(raw: &[u8], vlr: &LazVlr) -> laz::Result<Vec<u8>> {
     compressor.compress_many(raw)?;
     compressor.done()?;
     let mut bytes = compressor.into_inner().into_inner();
-    let (offset, _) = bytes.split_first_chunk::<OFFSET>().ok_or(laz::LasZipError::MissingChunkTable)?;
+    let (offset, _) =
+        bytes.split_first_chunk::<OFFSET>().ok_or(laz::LasZipError::MissingChunkTable)?;
     bytes.truncate(u64::from_le_bytes(*offset) as usize);
     bytes.drain(..OFFSET);
     Ok(bytes)

@@ -51,7 +51,11 @@ fn keys(crs: &Crs) -> Vec<Vlr> {
         ascii.push(0);
     }
     let parts: [(u16, &str, Vec<u8>); 3] = [
-        (34_735, "GeoKeyDirectoryTag", directory.iter().flat_map(|key| key.to_le_bytes()).collect()),
+        (
+            34_735,
+            "GeoKeyDirectoryTag",
+            directory.iter().flat_map(|key| key.to_le_bytes()).collect(),
+        ),
         (34_736, "GeoDoubleParamsTag", doubles),
         (34_737, "GeoAsciiParamsTag", ascii),
     ];

@@ -68,7 +68,8 @@ impl Header {
         let is_wkt = all.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
         if let Some(laz) = layout.vlr() {
             let mut data = Vec::new();
-            let fault = |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
+            let fault =
+                |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
             laz.write_to(&mut data).map_err(fault)?;
             let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
             all.push(Vlr { user, number, about: laz::LazVlr::DESCRIPTION, data });

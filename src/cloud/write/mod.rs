@@ -74,8 +74,7 @@ impl CloudWriter {
         let header = Header::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
         let tally = Tally::default();
-        let mut writer =
-            Self { file, header, layout, tally, sizes: Vec::new(), is_ended: false };
+        let mut writer = Self { file, header, layout, tally, sizes: Vec::new(), is_ended: false };
         writer.write(&writer.header.bytes(&Tally::default())?)?;
         if options.compress {
             // Where the table of chunks lies is known at the end.

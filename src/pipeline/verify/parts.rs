@@ -12,7 +12,7 @@ use crate::geom::{Point3, Rect};
 use crate::pipeline::workers::{self, lock};
 use crate::raster::GridInfo;
 use crate::verify::{
-    self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
+    self, Domain, Followed, Layout, Open, Part, Position, Snapper, Surface, Tally, Triangle,
 };
 
 /// Triangles a worker takes at a time.
@@ -178,7 +178,7 @@ impl Buckets {
 /// One thread's part in spreading triangles over domains.
 struct Filler<'a> {
     layout: Layout,
-    cache: VertexCache<'a>,
+    cache: VertexCache<'a, Snapper>,
     writer: Writer<'a, Triangle>,
     ids: Vec<[u64; 3]>,
     touched: Vec<u64>,

@@ -6,8 +6,7 @@ use super::spline::Spline;
 /// Metres of the side of a lot.
 const LOT: f64 = 48.0;
 /// Directions a building may have: rational, so that they are unit vectors without rounding much.
-const DIRECTIONS: [[f64; 2]; 4] =
-    [[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [12.0 / 13.0, 5.0 / 13.0]];
+const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [12.0 / 13.0, 5.0 / 13.0]];
 /// Most metres that the ground may differ under a building: no one builds on a cliff.
 const STEEPEST: f64 = 4.0;
 

@@ -38,7 +38,8 @@ pub(super) struct Flight<'a> {
 impl<'a> Flight<'a> {
     pub(super) fn new(survey: &'a Survey) -> Self {
         let lines = (survey.width / SPACING).ceil().max(1.0);
-        let by_line = survey.density * survey.width / (seen(survey.width, lines) * mean_returns(survey));
+        let by_line =
+            survey.density * survey.width / (seen(survey.width, lines) * mean_returns(survey));
         let step = 1.0 / by_line.sqrt();
         let pulses = (SWATH / step).ceil().max(2.0);
         let scans = (survey.height / step).ceil().max(1.0);
@@ -164,8 +165,7 @@ impl Leg<'_> {
     fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: Dice) -> Shot {
         let flight = self.flight;
         let bits = dice.bits();
-        let [right, ahead] =
-            [0, 16].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0));
+        let [right, ahead] = [0, 16].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0));
         let x = self.west() + (pulse as f64 + 0.5 + 0.8 * (right - 0.5)) * flight.across;
         let share = (pulse as f64 + 0.5) / flight.pulses as f64;
         let done = if eastward { share } else { 1.0 - share };

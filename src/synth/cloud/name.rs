@@ -40,15 +40,15 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("scale", "a step of the coordinates in metres", 0.01, (1e-4, 1.0), false),
     parameter("relief", "metres from low plains to high peaks, about", 150.0, (0.0, 1e4), false),
     parameter("voids", "round places of 15 to 60 m without points", 0.0, (0.0, 1e5), true),
-    parameter(
-        "tile",
-        "metres between the lines on which the voids lie",
-        250.0,
-        (1.0, 1e6),
-        false,
-    ),
+    parameter("tile", "metres between the lines on which the voids lie", 250.0, (1.0, 1e6), false),
     parameter("outliers", "share of noise and of withheld points", 2e-4, (0.0, 1.0), false),
-    parameter("cover", "1 for forest, buildings and water, 0 for bare ground", 1.0, (0.0, 1.0), true),
+    parameter(
+        "cover",
+        "1 for forest, buildings and water, 0 for bare ground",
+        1.0,
+        (0.0, 1.0),
+        true,
+    ),
     parameter("zigzag", "1 for scan lines to and fro, 0 for parallel ones", 1.0, (0.0, 1.0), true),
 ];
 
@@ -124,8 +124,11 @@ impl Survey {
         let longest = self.width.max(self.height);
         if longest / self.scale > f64::from(REACH) {
             let most = f64::from(REACH) * self.scale;
-            return Err(Error::usage(format!("{longest} m are too many steps of {} m", self.scale))
-                .remedy(format!("give at most {most:.0} m, or a larger scale")));
+            return Err(Error::usage(format!(
+                "{longest} m are too many steps of {} m",
+                self.scale
+            ))
+            .remedy(format!("give at most {most:.0} m, or a larger scale")));
         }
         if self.voids > 0 && longest <= self.tile {
             return Err(Error::usage(format!("no multiple of {} m lies within", self.tile))
