@@ -4,8 +4,8 @@ use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::cli::parse;
-use crate::cloud::{Filter, Flags, OpenOptions, Polygon, Return};
+use crate::cli::{parse, text};
+use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
 use crate::pipeline::Resources;
 
@@ -86,6 +86,20 @@ impl Args {
             .in_file(Path::new(input))
             .remedy(format!("leave {option} out, or name a .las or .laz file")))
     }
+}
+
+/// What became of the points, for people.
+pub(super) fn census(census: &Census) -> String {
+    let left_out = [
+        (census.withheld, "withheld"),
+        (census.filtered, "filtered out"),
+        (census.outside, "outside the claimed bounds"),
+        (census.lost, "lost"),
+    ];
+    let left_out = left_out.iter().filter(|(count, _)| *count > 0);
+    let left_out: String =
+        left_out.map(|(count, how)| format!(", {} {how}", text::count(*count))).collect();
+    format!("{} of {}{left_out}", text::count(census.kept), text::count(census.read))
 }
 
 /// A return by name or number.

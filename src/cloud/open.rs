@@ -67,9 +67,9 @@ impl PointSource for Cloud {
 }
 
 /// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder or pattern or list
-/// with such files, or any of these or a text file after `cloud:`.
+/// with such files, or any of these or a text file after `cloud:`; or a synthetic one.
 pub fn is_cloud(input: &str) -> bool {
-    if input.starts_with(CLOUD_PREFIX) {
+    if input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input) {
         return true;
     }
     let ending = input.rsplit('.').next().unwrap_or_default().to_lowercase();

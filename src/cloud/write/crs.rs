@@ -33,13 +33,22 @@ fn wkt(crs: &Crs) -> Option<String> {
     crs.wkt.clone().or_else(|| by_codes(crs))
 }
 
-/// The text of a code, joined with that of heights where both are known.
+/// The text of a code, joined with one for heights where they have a code of their own. Their
+/// definitions are not at hand: readers go by the code.
 fn by_codes(crs: &Crs) -> Option<String> {
-    let text = |code: u32| crs_definitions::from_code(code.try_into().ok()?).map(|d| d.wkt);
-    let plane = text(crs.epsg?)?;
-    let Some(heights) = crs.vertical_epsg.and_then(text) else { return Some(plane.to_owned()) };
-    let name = |wkt: &'static str| wkt.split('"').nth(1).unwrap_or_default();
-    Some(format!("COMPD_CS[\"{} + {}\",{plane},{heights}]", name(plane), name(heights)))
+    let plane = crs_definitions::from_code(crs.epsg?.try_into().ok()?)?.wkt;
+    let Some(code) = crs.vertical_epsg else { return Some(plane.to_owned()) };
+    let name = plane.split('"').nth(1).unwrap_or_default();
+    let unit = match crs.vertical_unit.as_deref() {
+        Some("foot") => r#"UNIT["foot",0.3048,AUTHORITY["EPSG","9002"]]"#,
+        Some("US survey foot") => {
+            r#"UNIT["US survey foot",0.304800609601219,AUTHORITY["EPSG","9003"]]"#
+        }
+        _ => r#"UNIT["metre",1,AUTHORITY["EPSG","9001"]]"#,
+    };
+    Some(format!(
+        r#"COMPD_CS["{name} + EPSG:{code}",{plane},VERT_CS["EPSG:{code}",VERT_DATUM["EPSG:{code}",2005],{unit},AXIS["Up",UP],AUTHORITY["EPSG","{code}"]]]"#
+    ))
 }
 
 /// The GeoKeys as they were read, or else those of the codes.

@@ -10,12 +10,12 @@ use std::sync::Mutex;
 
 use super::Work;
 use super::local::Local;
-use super::regions::{Region, Regions};
+use super::regions::Region;
 use crate::delaunay::{Hull, Window};
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::points::{PointStore, Tiling};
-use crate::pipeline::workers::{self, lock};
+use crate::pipeline::workers::lock;
 use crate::tin::scatter::{Fit, Mesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.

@@ -11,7 +11,7 @@ use super::regions::Region;
 use crate::delaunay::{Disc, Hull, Window};
 use crate::error::Result;
 use crate::geom::Point;
-use crate::pipeline::points::{PointStore, Tiling};
+use crate::pipeline::points::PointStore;
 use crate::tin::scatter::Mesh;
 
 /// Squares taken in at a time, the nearest first.
@@ -72,7 +72,7 @@ impl<'a> Local<'a> {
     /// nearest first.
     fn wanted(&self) -> Vec<usize> {
         let mut wanted = Vec::new();
-        for disc in self.discs().filter(|disc| !disc.lies_in(&self.whole)) {
+        for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.whole)) {
             let met = self.vertices.squares_in(disc);
             wanted.extend(met.filter(|square| !self.loaded.contains_key(square)));
         }

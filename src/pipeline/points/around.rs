@@ -114,7 +114,7 @@ impl Space for Around<'_> {
     }
 
     fn certify(&self, disc: &Disc) -> std::result::Result<(), Needs> {
-        if disc.lies_in(&self.known) {
+        if self.store.is_within(disc, &self.known) {
             return Ok(());
         }
         let mut wanted = self.wanted.borrow_mut();
@@ -122,5 +122,56 @@ impl Space for Around<'_> {
         wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
         let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
         windows.reduce(|all, one| all.union(&one)).map_or(Ok(()), |window| Err(Needs(window)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::delaunay::Loaded;
+    use crate::pipeline::points::Tiling;
+
+    /// Points with voids much larger than a square, and an outline with a notch.
+    fn points() -> Vec<Point> {
+        let mut state = 99_u64;
+        let mut random = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) % below) as i32
+        };
+        let all = (0..20_000).map(|_| Point::new(random(10_000), random(10_000), random(500)));
+        let is_far =
+            |p: &Point, x: i32, y: i32, r: i32| (p.x - x).pow(2) + (p.y - y).pow(2) > r * r;
+        let all = all.filter(|p| is_far(p, 3000, 3000, 1800) && is_far(p, 10_000, 6000, 2500));
+        all.filter(|p| is_far(p, 5000, 8000, 900)).collect()
+    }
+
+    #[test]
+    fn a_part_with_what_it_takes_in_answers_like_the_whole() {
+        let points = points();
+        let folder = tempfile::tempdir().unwrap();
+        let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
+        store.add(&points).unwrap();
+        let hull = store.hull().unwrap();
+        assert_eq!(hull.ring(), Hull::of(points.clone()).ring());
+        let bins = Bins::new(&points);
+        let space = Loaded::whole(&bins);
+        let (mut whole, mut asked, mut beyond) = (Finder::new(&space, &hull), 0, 0);
+        for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
+            let window = Window { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = Around::new(&store, window).unwrap();
+            let positions = (0..400).map(|i| {
+                let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
+                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+            });
+            around
+                .find_all(&hull, positions, |position, found| {
+                    assert_eq!(whole.find(position).unwrap(), found);
+                    asked += 1;
+                })
+                .unwrap();
+            beyond += around.beyond.len();
+        }
+        assert!(asked == 40_000 && beyond > 100, "{asked} {beyond}");
     }
 }

@@ -94,11 +94,6 @@ impl<T: Pod> Buckets<T> {
         }
     }
 
-    /// Number of buckets.
-    pub(in crate::pipeline) fn count(&self) -> usize {
-        self.buckets.len()
-    }
-
     /// Adds a run of records to a bucket.
     pub(in crate::pipeline) fn push(&self, bucket: usize, run: &[T]) -> Result<()> {
         let taken = lock(&self.buckets[bucket]).push(run) as u64;

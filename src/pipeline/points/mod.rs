@@ -3,13 +3,17 @@
 //! Methods that need a point's neighbours read the squares they touch. A square's points are handed
 //! out in canonical order, so that nothing depends on the order in which they came.
 
+mod around;
 mod buckets;
+mod linear;
 mod tiling;
 
 use std::path::Path;
 use std::sync::Mutex;
 
+pub(in crate::pipeline) use around::Around;
 use buckets::Buckets;
+pub(in crate::pipeline) use linear::{Linear, Positions};
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};
@@ -168,6 +172,11 @@ impl PointStore {
             }
         }
         Ok(hull)
+    }
+
+    /// True when every point that may lie in the disc lies in `known`.
+    pub(in crate::pipeline) fn is_within(&self, disc: &Disc, known: &Window) -> bool {
+        disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
     }
 
     /// The squares that may have a point in the disc.

@@ -1,0 +1,167 @@
+//! Heights of the surface that is linear in the Delaunay triangulation of all points.
+
+use std::ops::Range;
+
+use super::{Around, PointStore};
+use crate::delaunay::{Found, Hull, Position, Window, interpolate};
+use crate::error::Result;
+use crate::geom::{Frame, Point};
+
+/// Most points that are held for positions side by side, unless they are all needed for one.
+const MOST_POINTS: u64 = 1 << 19;
+
+/// The surface over the points of a store.
+pub(in crate::pipeline) struct Linear<'a> {
+    pub(in crate::pipeline) store: &'a PointStore,
+    /// Of all points of the store.
+    pub(in crate::pipeline) hull: &'a Hull,
+    pub(in crate::pipeline) frame: Frame,
+    /// Triangles with a longer edge, in world units, are no surface.
+    pub(in crate::pipeline) max_edge: Option<f64>,
+}
+
+/// Positions in columns and rows, in steps: a rectangle of them has one from each.
+#[derive(Clone, Copy)]
+pub(in crate::pipeline) struct Positions<'a> {
+    /// Steps east of each column, rising.
+    pub(in crate::pipeline) xs: &'a [f64],
+    /// Steps north of each row, falling.
+    pub(in crate::pipeline) ys: &'a [f64],
+}
+
+/// Some of the columns and rows.
+#[derive(Clone)]
+struct Part {
+    cols: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl Part {
+    /// Two halves along the longer side, `None` for a single position.
+    fn halves(&self) -> Option<[Self; 2]> {
+        let half = |range: &Range<usize>| range.start + range.len().div_ceil(2);
+        let Self { cols, rows } = self.clone();
+        if cols.len() >= rows.len() && cols.len() > 1 {
+            let half = half(&cols);
+            let right = Self { cols: half..cols.end, rows: rows.clone() };
+            return Some([Self { cols: cols.start..half, rows }, right]);
+        }
+        let half = half(&rows);
+        let below = Self { cols: cols.clone(), rows: half..rows.end };
+        (rows.len() > 1).then_some([Self { cols, rows: rows.start..half }, below])
+    }
+}
+
+impl Linear<'_> {
+    /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
+    /// the points and its position alone.
+    pub(in crate::pipeline) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
+        let mut parts = vec![Part { cols: 0..at.xs.len(), rows: 0..at.ys.len() }];
+        while let Some(part) = parts.pop() {
+            let Some(window) = window(at, &part) else { continue };
+            match part.halves() {
+                Some(halves) if self.points_near(window) > MOST_POINTS => parts.extend(halves),
+                _ => self.fill_part(at, &part, window, out)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Points of the squares that a window touches.
+    fn points_near(&self, window: Window) -> u64 {
+        let squares = self.store.tiling().touching(window);
+        squares.filter_map(|square| Some(self.store.summary(square)?.count)).sum()
+    }
+
+    fn fill_part(
+        &self,
+        at: Positions<'_>,
+        part: &Part,
+        window: Window,
+        out: &mut [f64],
+    ) -> Result<()> {
+        let mut around = Around::new(self.store, window)?;
+        let cells =
+            || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
+        let positions = cells().map(|(col, row)| Position::from_steps(at.xs[col], at.ys[row]));
+        let mut places = cells().map(|(col, row)| row * at.xs.len() + col);
+        around.find_all(self.hull, positions, |position, found| {
+            if let Some(place) = places.next() {
+                out[place] = self.height(position, found);
+            }
+        })
+    }
+
+    fn height(&self, position: Position, found: Found) -> f64 {
+        let world = |steps: f64| steps * self.frame.scale[2] + self.frame.offset[2];
+        match found {
+            Found::At(point) => world(f64::from(point.z)),
+            Found::Triangle(corners) if self.is_surface(&corners) => {
+                world(interpolate(&corners, position))
+            }
+            Found::Triangle(_) | Found::Outside => f64::NAN,
+        }
+    }
+
+    fn is_surface(&self, &[a, b, c]: &[Point; 3]) -> bool {
+        let Some(most) = self.max_edge else { return true };
+        let length = |a: Point, b: Point| {
+            let [x, y] = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| f64::from(a) - f64::from(b));
+            (x * self.frame.scale[0]).hypot(y * self.frame.scale[1])
+        };
+        length(a, b) <= most && length(b, c) <= most && length(c, a) <= most
+    }
+}
+
+/// What the positions of a part lie in.
+fn window(at: Positions<'_>, part: &Part) -> Option<Window> {
+    let (xs, ys) = (at.xs.get(part.cols.clone())?, at.ys.get(part.rows.clone())?);
+    let site = |x: f64, y: f64| Position::from_steps(x, y).floor();
+    let low = site(*xs.first()?, *ys.last()?);
+    let high = site(*xs.last()?, *ys.first()?);
+    Some(Window { low, high }.grown(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::points::Tiling;
+
+    const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.001], offset: [0.0, 0.0, 5.0] };
+
+    #[test]
+    fn a_plane_is_reproduced_and_long_edges_are_no_surface() {
+        let folder = tempfile::tempdir().unwrap();
+        let point = |x: i32, y: i32| Point::new(x, y, 3 * x - 2 * y);
+        let points: Vec<Point> = (0..50_i32)
+            .flat_map(|i| (0..50_i32).map(move |j| (i * 97 + j % 7, j * 101 + i % 5)))
+            .filter(|(x, y)| (x - 2400).pow(2) + (y - 2500).pow(2) > 1000 * 1000)
+            .map(|(x, y)| point(x, y))
+            .collect();
+        let store = PointStore::empty(
+            Tiling::new([point(0, 0), point(5000, 5000)], 400_000),
+            folder.path(),
+            1 << 20,
+        );
+        store.add(&points).unwrap();
+        let hull = store.hull().unwrap();
+        let xs: Vec<f64> = (0..60).map(|i| f64::from(i) * 100.0 - 500.0).collect();
+        let ys: Vec<f64> = xs.iter().rev().copied().collect();
+        let fill = |max_edge| {
+            let linear = Linear { store: &store, hull: &hull, frame: FRAME, max_edge };
+            let mut out = vec![0.0; 3600];
+            linear.fill(Positions { xs: &xs, ys: &ys }, &mut out).unwrap();
+            out
+        };
+        let (all, near) = (fill(None), fill(Some(3.0)));
+        for (i, (all, near)) in all.iter().zip(&near).enumerate() {
+            let (x, y) = (xs[i % 60], ys[i / 60]);
+            let expected = (3.0 * x - 2.0 * y) * 0.001 + 5.0;
+            assert!(all.is_nan() || (all - expected).abs() < 1e-9, "{all} {expected}");
+            let in_void = (x - 2400.0).hypot(y - 2500.0) < 850.0;
+            assert!(!(in_void && near.is_finite()) && (near.is_nan() || near == all));
+        }
+        let finite = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
+        assert!(finite(&all) > 2300 && finite(&near) + 200 < finite(&all));
+    }
+}

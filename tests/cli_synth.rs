@@ -1,0 +1,44 @@
+//! `terrane synth` for clouds.
+
+mod cli_support;
+
+use cli_support::Place;
+
+#[test]
+fn a_cloud_by_name_becomes_a_file() {
+    let place = Place::new();
+    let cloud = "cloud,size=60,density=5,seed=7";
+    place.ok(&["synth", cloud, "a.laz", "-q"]);
+    let json = place.ok(&["synth", &format!("synth:{cloud}"), "a.las", "--json"]).out;
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let points = report["points"].as_u64().unwrap();
+    assert!((16_000..20_000).contains(&points), "{json}");
+    assert_eq!(report["point_format"], 6);
+    for name in ["a.laz", "a.las"] {
+        let mut reader = las::Reader::from_path(place.path(name)).unwrap();
+        assert_eq!(reader.read_all().unwrap().len() as u64, points);
+    }
+    let told = place.ok(&["synth", cloud, "b.laz", "--point-format", "3", "--threads", "1"]).out;
+    assert!(told.contains("b.laz") && told.contains("points per second"), "{told}");
+    let header = las::Reader::from_path(place.path("b.laz")).unwrap().header().clone();
+    assert_eq!((header.version().minor, header.point_format().to_u8().unwrap() & 63), (2, 3));
+    place.fails(&["synth", cloud, "a.laz"], 2, &["a.laz", "--overwrite"]);
+    place.ok(&["synth", cloud, "a.laz", "-q", "--overwrite"]);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let place = Place::new();
+    let fails = |args: &[&str], code: i32, parts: &[&str]| {
+        place.fails(&[&["synth"], args].concat(), code, parts);
+    };
+    fails(&["cloud,sise=5", "a.laz"], 2, &["sise", "density"]);
+    fails(&["cloud", "a.tif"], 2, &["a.tif", ".laz"]);
+    fails(&["cloud", "a.copc.laz"], 65, &["COPC"]);
+    fails(&["cloud", "no/a.laz"], 73, &["no/a.laz"]);
+    fails(&["cloud", "a.laz", "--point-format", "9"], 2, &["point format 9"]);
+    fails(&["cloud", "a.laz", "--memory", "1M"], 75, &["--memory"]);
+    fails(&["rough,size=9", "a.tif", "--point-format", "6"], 2, &["--point-format"]);
+    assert!(place.files().is_empty(), "{:?}", place.files());
+    assert!(place.ok(&["synth", "--help"]).out.contains("density"));
+}
