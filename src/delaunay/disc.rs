@@ -13,6 +13,8 @@ pub struct Disc {
     /// Squared radius, less and plus the margin.
     within: f64,
     beyond: f64,
+    /// Radius with its margin.
+    radius: f64,
 }
 
 /// Relative margin of squared distances: 512u, an order of magnitude beyond the sum of the roundings
@@ -31,7 +33,13 @@ impl Disc {
         let double = 2.0 * orient(corners[0], corners[1], corners[2]) as f64;
         let centre = numerators(u, v).map(|n| n / double);
         let square = centre[0] * centre[0] + centre[1] * centre[1];
-        Self { corners, centre, within: square * (1.0 - MARGIN), beyond: square * (1.0 + MARGIN) }
+        Self {
+            corners,
+            centre,
+            within: square * (1.0 - MARGIN),
+            beyond: square * (1.0 + MARGIN),
+            radius: square.sqrt() * (1.0 + MARGIN) + 1.0,
+        }
     }
 
     /// Squared distance of a site from the centre, off by less than half the margin near the circle.
@@ -47,6 +55,23 @@ impl Disc {
     #[inline(always)]
     pub(super) fn beyond(&self) -> f64 {
         self.beyond
+    }
+
+    /// Radius, with a margin of a step and more.
+    #[inline(always)]
+    pub(super) fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// True when the whole disc certainly lies in the window.
+    #[inline]
+    pub fn lies_in(&self, window: &Window) -> bool {
+        (0..2).all(|axis| {
+            let anchor = i64::from(self.corners[0][axis]);
+            let low = (i64::from(window.low[axis]) - anchor) as f64;
+            let high = (i64::from(window.high[axis]) - anchor) as f64;
+            low <= self.centre[axis] - self.radius && self.centre[axis] + self.radius <= high
+        })
     }
 
     /// True when a site whose squared distance is `square` lies strictly inside, after perturbation;

@@ -118,5 +118,5 @@ fn on_circle(i: usize) -> Point {
         let y = f64::from(rest).sqrt() as i32;
         [y, -y].into_iter().filter(move |y| y * y == rest).map(move |y| Point::new(x, y, x))
     });
-    all.cycle().nth(i * 5).unwrap()
+    all.cycle().nth(i * 5 % 108).unwrap()
 }

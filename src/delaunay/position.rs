@@ -37,6 +37,11 @@ impl Position {
         [(self.x >> FRACTION) as i32, (self.y >> FRACTION) as i32]
     }
 
+    /// The position in steps, exactly.
+    pub fn steps(self) -> [f64; 2] {
+        [self.x, self.y].map(|v| v as f64 / f64::from(1u32 << FRACTION))
+    }
+
     /// Where a site is, seen from here: below 2^39 in magnitude.
     #[inline(always)]
     pub(super) fn to(self, site: Site) -> Arm {

@@ -41,7 +41,7 @@ const FIRST_REACH: i32 = 16;
 /// A disc up to this wide, in pitches, is searched in one go.
 const WIDE: i64 = 12;
 
-fn site(p: &Point) -> Site {
+pub(super) fn site(p: &Point) -> Site {
     [p.x, p.y]
 }
 
@@ -80,9 +80,9 @@ impl<'a, S: Space> Finder<'a, S> {
         let mut reach = 1;
         while reach <= FIRST_REACH {
             let window = here.grown(pitch.saturating_mul(reach));
-            let mut near = Quadrants::default();
-            self.space.visit(&window, |run| run.iter().for_each(|p| near.offer(q, p)));
-            if let Some(point) = near.at {
+            let mut near = Quadrants::around(q);
+            self.space.visit(&window, |run| run.iter().for_each(|p| near.offer(p)));
+            if let Some(point) = near.at() {
                 return First::At(point);
             }
             if let Some(basis) = near.basis(q) {
@@ -120,7 +120,7 @@ impl<'a, S: Space> Finder<'a, S> {
         let mut reach = pitch.saturating_mul(2);
         loop {
             let disc = Disc::around(basis.corners.map(|p| site(&p)));
-            let narrow = disc.beyond().sqrt() * 2.0 < (WIDE * i64::from(pitch)) as f64;
+            let narrow = disc.radius() * 2.0 < (WIDE * i64::from(pitch)) as f64;
             let whole = match narrow {
                 true => Window::ALL,
                 false => match disc.clip(&extent) {
@@ -130,27 +130,27 @@ impl<'a, S: Space> Finder<'a, S> {
             };
             let near = Window { low: at, high: at }.grown(reach);
             let window = if narrow { whole } else { near };
-            match self.deepest(&disc, &window) {
+            match deepest(self.space, &disc, &window) {
                 Some(point) => basis.pivot(point),
                 None if window.covers(&whole) => return disc,
                 None => reach = reach.saturating_mul(2),
             }
         }
     }
+}
 
-    /// The known point in the window that lies deepest in the disc.
-    fn deepest(&self, disc: &Disc, window: &Window) -> Option<Point> {
-        let (mut best, mut point) = (disc.beyond(), None);
-        self.space.visit_disc(disc, window, |run| {
-            for p in run {
-                let square = disc.square(site(p));
-                if square <= best && disc.holds_at(site(p), square) {
-                    (best, point) = (square, Some(*p));
-                }
+/// The known point in the window that lies deepest in the disc.
+pub(super) fn deepest(space: &impl Space, disc: &Disc, window: &Window) -> Option<Point> {
+    let (mut best, mut point) = (disc.beyond(), None);
+    space.visit_disc(disc, window, |run| {
+        for p in run {
+            let square = disc.square(site(p));
+            if square <= best && disc.holds_at(site(p), square) {
+                (best, point) = (square, Some(*p));
             }
-        });
-        point
-    }
+        }
+    });
+    point
 }
 
 /// Where the search begins.
@@ -160,43 +160,51 @@ enum First {
     Basis(Basis),
 }
 
-/// The nearest point of each quadrant around a position: north-east, then counter-clockwise. Points
+/// The nearest point of each quadrant around a position, by (north of it) * 2 + (east of it). Points
 /// on an axis belong to the quadrant that the moved position (see [`Arm::sees_left`]) sees them in.
-#[derive(Default)]
 struct Quadrants {
-    at: Option<Point>,
-    nearest: [Option<(i128, Point, Arm)>; 4],
+    at: [f64; 2],
+    /// Squared distances, in steps: rounded, since near enough is good enough.
+    squares: [f64; 4],
+    nearest: [Option<Point>; 4],
 }
 
 impl Quadrants {
+    fn around(q: Position) -> Self {
+        let at = q.steps();
+        Self { at, squares: [f64::INFINITY; 4], nearest: [None; 4] }
+    }
+
     #[inline(always)]
-    fn offer(&mut self, q: Position, p: &Point) {
-        let arm = q.to(site(p));
-        let [x, y] = arm.0;
-        let quadrant = [[2, 1], [3, 0]][usize::from(x > 0)][usize::from(y > 0)];
-        let square = i128::from(x) * i128::from(x) + i128::from(y) * i128::from(y);
-        if square == 0 {
-            self.at = Some(*p);
+    fn offer(&mut self, p: &Point) {
+        let (x, y) = (f64::from(p.x) - self.at[0], f64::from(p.y) - self.at[1]);
+        let quadrant = usize::from(x > 0.0) + 2 * usize::from(y > 0.0);
+        let square = x * x + y * y;
+        if square < self.squares[quadrant] {
+            self.squares[quadrant] = square;
+            self.nearest[quadrant] = Some(*p);
         }
-        let nearest = &mut self.nearest[quadrant];
-        if nearest.is_none_or(|(least, ..)| square < least) {
-            *nearest = Some((square, *p, arm));
-        }
+    }
+
+    /// The point at the position: it is in the south-west, by the rule for axes.
+    fn at(&self) -> Option<Point> {
+        self.nearest[0].filter(|_| self.squares[0] == 0.0)
     }
 
     /// A triangle of the four points that contains the position: of the two beside the diagonal from
     /// first to third the one that does, or that beside the other diagonal where it is better.
     fn basis(&self, q: Position) -> Option<Basis> {
-        let four: [_; 4] = [self.nearest[0]?, self.nearest[1]?, self.nearest[2]?, self.nearest[3]?];
-        let order = match four[0].2.sees_left(four[2].2, false) {
-            true => [2, 3, 0, 1],
-            false => [0, 1, 2, 3],
+        let [south_west, south_east, north_west, north_east] = self.nearest;
+        let [a, b, c, d] = [north_east?, north_west?, south_west?, south_east?];
+        let [arm, across] = [a, c].map(|p| q.to(site(&p)));
+        let (corners, fourth) = match arm.sees_left(across, false) {
+            true => ([c, d, a], b),
+            false => ([a, b, c], d),
         };
-        let [a, b, c, fourth] = order.map(|i: usize| four[i]);
-        let (corners, arms) = ([a.1, b.1, c.1], [a.2, b.2, c.2]);
+        let arms = corners.map(|p| q.to(site(&p)));
         let mut basis = Basis { q, back: false, corners, arms };
-        if in_circle(site(&a.1), site(&b.1), site(&c.1), site(&fourth.1)) {
-            basis.pivot(fourth.1);
+        if in_circle(site(&corners[0]), site(&corners[1]), site(&corners[2]), site(&fourth)) {
+            basis.pivot(fourth);
         }
         Some(basis)
     }

@@ -1,1 +1,4 @@
 //! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
+
+pub mod ground;
+pub mod pitfree;

@@ -62,7 +62,6 @@ pub struct CloudTinReport {
     pub input: String,
     pub output: String,
     pub format: String,
-    pub files: u64,
     pub crs: String,
     pub horizontal_unit: String,
     pub vertical_unit: String,
@@ -90,7 +89,6 @@ pub struct CloudTinReport {
     pub wall_seconds: f64,
     pub points_per_second: f64,
     pub stages: Vec<StageReport>,
-    pub notes: Vec<String>,
 }
 
 /// What every stage works with.
@@ -127,12 +125,10 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     }
     refuse_existing(&job.output, job.overwrite)?;
     let format = output::by_path(&job.output, job.format.as_deref())?;
-    let source = cloud::open(&job.inputs, &job.options)?;
+    let source = cloud::synth::source(&job.inputs, &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
-    let mut report = make(job, &source, format, progress, cancel)?;
-    report.files = source.files().len() as u64;
-    report.notes.extend(source.notes().iter().cloned());
+    let mut report = make(job, &*source, format, progress, cancel)?;
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
     Ok(report)

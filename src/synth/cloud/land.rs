@@ -111,7 +111,8 @@ impl Cover {
         let dx = x - (col as f64 + 0.5) * TREE - free * (2.0 * right - 1.0);
         let dy = y - (row as f64 + 0.5) * TREE - free * (2.0 * up - 1.0);
         let out = (dx * dx + dy * dy) / (radius * radius);
-        (out < 1.0).then(|| (5.0 + 18.0 * tall * (0.5 + 0.5 * size)) * (1.0 - 0.5 * out))
+        let height = 5.0 + 18.0 * tall * (0.5 + 0.5 * size);
+        (out < 1.0).then_some(height * (1.0 - 0.5 * out))
     }
 }
 

@@ -1,0 +1,176 @@
+//! Objects on the ground, told by morphological openings with ever larger windows.
+
+use super::{EMPTY, Parameters, fill};
+
+/// What dilation takes for a cell that no window with any height starts at.
+const NOTHING: i32 = i32::MIN;
+
+/// How many cells around a cell decide whether it is of an object, holes being filled: the windows that
+/// hold it reach so far.
+pub(super) fn reach(radius: usize) -> usize {
+    2 * radius
+}
+
+/// Empties the cells that belong to objects.
+pub(super) fn take_off_objects(heights: &mut [i32], width: usize, parameters: &Parameters) {
+    let radius = parameters.radius();
+    let mut wide = Frame::around(heights, width, reach(radius));
+    wide.heights = fill::filled(&wide.heights, wide.width, fill::reach(radius));
+    let mut last = wide.heights.clone();
+    for r in radii(radius) {
+        let opened = wide.opened(2 * r + 1);
+        let threshold = parameters.slope * r as f64 * parameters.cell / parameters.step;
+        let rows = heights.chunks_exact_mut(width).enumerate();
+        for (row, line) in rows {
+            let from = wide.at(row);
+            let pairs = last[from..].iter().zip(&opened[from..]);
+            for (height, (before, after)) in line.iter_mut().zip(pairs) {
+                if f64::from(*before) - f64::from(*after) > threshold {
+                    *height = EMPTY;
+                }
+            }
+        }
+        last = opened;
+    }
+}
+
+/// Half widths of the windows: each by a quarter larger than the one before it, at least by one cell.
+fn radii(most: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(1), move |r| (*r < most).then(|| (r + 1 + r / 4).min(most)))
+}
+
+/// Heights with a margin.
+struct Frame {
+    margin: usize,
+    width: usize,
+    heights: Vec<i32>,
+}
+
+impl Frame {
+    /// The cells in the middle of empty ones.
+    fn around(inner: &[i32], width: usize, margin: usize) -> Self {
+        let wide = width + 2 * margin;
+        let mut heights = vec![EMPTY; wide * (inner.len() / width + 2 * margin)];
+        let lines = heights.chunks_exact_mut(wide).skip(margin);
+        for (line, inner) in lines.zip(inner.chunks_exact(width)) {
+            line[margin..margin + width].copy_from_slice(inner);
+        }
+        Self { margin, width: wide, heights }
+    }
+
+    /// Where an inner row begins.
+    fn at(&self, row: usize) -> usize {
+        (row + self.margin) * self.width + self.margin
+    }
+
+    /// The opening with a square of `side` cells: at each cell, the highest of the lowest heights of
+    /// all such squares that hold it. Empty cells are no height.
+    fn opened(&self, side: usize) -> Vec<i32> {
+        let mut heights = slid(self.heights.clone(), self.width, side, i32::min);
+        for height in &mut heights {
+            *height = if *height == EMPTY { NOTHING } else { *height };
+        }
+        // Squares are named by their first cell; a cell is in those that begin up to `side` before it.
+        heights.reverse();
+        let mut opened = slid(heights, self.width, side, i32::max);
+        opened.reverse();
+        opened
+    }
+}
+
+/// At each cell, the best of the square of `side` cells that begins there and goes on to higher
+/// columns and rows; what lies beyond the end takes no part.
+fn slid(
+    mut from: Vec<i32>,
+    width: usize,
+    side: usize,
+    better: impl Fn(i32, i32) -> i32 + Copy,
+) -> Vec<i32> {
+    let mut to = vec![0; from.len()];
+    for shift in shifts(side) {
+        for (line, to) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)) {
+            join(line, to, shift, better);
+        }
+        std::mem::swap(&mut from, &mut to);
+    }
+    for shift in shifts(side) {
+        join(&from, &mut to, shift * width, better);
+        std::mem::swap(&mut from, &mut to);
+    }
+    from
+}
+
+/// Makes of each value the better of itself and the one `shift` after it.
+fn join(from: &[i32], to: &mut [i32], shift: usize, better: impl Fn(i32, i32) -> i32) {
+    let pairs = from.len().saturating_sub(shift);
+    let after = &from[from.len() - pairs..];
+    for ((to, a), b) in to.iter_mut().zip(from).zip(after) {
+        *to = better(*a, *b);
+    }
+    to[pairs..].copy_from_slice(&from[pairs..]);
+}
+
+/// By how much windows are put together to make one of `side`: doubled as long as they are smaller,
+/// and then two that overlap.
+fn shifts(side: usize) -> impl Iterator<Item = usize> {
+    let doubled = std::iter::successors(Some(1), |span| Some(span * 2));
+    let doubled = doubled.take_while(move |span| span * 2 <= side);
+    let covered = 1 << side.ilog2();
+    doubled.chain((covered < side).then_some(side - covered))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The highest of the lowest heights of all squares with some height that hold the cell.
+    fn naive(frame: &Frame, at: usize, side: usize) -> i32 {
+        let (width, rows) = (frame.width as i64, (frame.heights.len() / frame.width) as i64);
+        let (col, row, side) = (at as i64 % width, at as i64 / width, side as i64);
+        let height = |col: i64, row: i64| {
+            let inside = (0..width).contains(&col) && (0..rows).contains(&row);
+            if inside { frame.heights[(row * width + col) as usize] } else { EMPTY }
+        };
+        let lowest = |west: i64, south: i64| {
+            let cells = (0..side).flat_map(|i| (0..side).map(move |j| (west + i, south + j)));
+            cells.map(|(col, row)| height(col, row)).min().unwrap_or(EMPTY)
+        };
+        let squares = (col - side + 1..=col)
+            .flat_map(|west| (row - side + 1..=row).map(move |south| (west, south)));
+        let found = squares.map(|(west, south)| lowest(west, south)).filter(|low| *low != EMPTY);
+        found.max().unwrap_or(NOTHING)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+
+        #[test]
+        fn the_opening_is_that_of_its_definition(
+            width in 1..14_usize,
+            cells in prop::collection::vec(
+                prop_oneof![3 => -50..50_i32, 1 => Just(EMPTY)], 1..120),
+            r in 1..4_usize,
+        ) {
+            let inner = &cells[..cells.len() / width * width];
+            let frame = Frame::around(inner, width, 2 * r);
+            let opened = frame.opened(2 * r + 1);
+            for row in 0..inner.len() / width {
+                for at in frame.at(row)..frame.at(row) + width {
+                    if frame.heights[at] != EMPTY {
+                        prop_assert_eq!(opened[at], naive(&frame, at, 2 * r + 1));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn windows_grow_to_the_largest() {
+        assert_eq!(radii(18).collect::<Vec<_>>(), [1, 2, 3, 4, 6, 8, 11, 14, 18]);
+        assert_eq!(radii(1).collect::<Vec<_>>(), [1]);
+        for side in 1..40 {
+            assert_eq!(1 + shifts(side).sum::<usize>(), side);
+        }
+    }
+}
