@@ -7,6 +7,7 @@ mod args;
 mod check;
 mod cloud;
 mod cloud_tin;
+mod cloud_verify;
 mod complete;
 mod convert;
 mod demo;

@@ -1,54 +1,70 @@
-//! `terrane verify`: a written mesh is proved against its grid.
+//! `terrane verify`: a written mesh is proved against its grid or cloud.
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{Outcome, args, check, parse, say, text, tin};
+use crate::cli::{Outcome, args, check, cloud, cloud_tin, cloud_verify, parse, say, text, tin};
+use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
-/// Prove a mesh against its grid: error bound, coverage, topology. Exits with 1 when a promise is
-/// broken. Vertices that are no samples of the grid are a failure of meshes written by terrane
-/// only: the bound of other meshes may hold all the same
+pub(super) use cloud_verify::outcome as cloud_outcome;
+pub(super) use cloud_verify::summary as cloud_summary;
+pub(super) use cloud_verify::tell_failures as tell_cloud_failures;
+
+/// Prove a mesh against its grid or point cloud: error bound, coverage, topology. Exits with 1 when
+/// a promise is broken. Vertices that are no samples of the grid, or points of the cloud, are a
+/// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Mesh file
-    mesh: PathBuf,
+    pub(super) mesh: PathBuf,
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
-    /// a pattern in quotes are one mosaic
-    #[arg(required = true)]
-    raster: Vec<String>,
+    /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
+    /// made with
+    #[arg(required = true, value_name = "RASTER_OR_CLOUD")]
+    pub(super) source: Vec<String>,
     /// Largest vertical distance allowed [default: the one the mesh file states]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
-    max_error: Option<f64>,
+    pub(super) max_error: Option<f64>,
     #[command(flatten)]
-    grid: args::Grid,
+    pub(super) grid: args::Grid,
+    #[command(flatten)]
+    pub(super) points: cloud::Args,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    pub(super) report: Option<PathBuf>,
     /// Replace a report that exists
     #[arg(long)]
-    overwrite: bool,
+    pub(super) overwrite: bool,
     #[command(flatten)]
-    machine: args::SpillingMachine,
+    pub(super) machine: args::SpillingMachine,
     #[command(flatten)]
-    show: args::Show,
+    pub(super) show: args::Show,
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    check::input(&args.mesh.to_string_lossy())?;
-    check::inputs(&args.raster)?;
-    args.raster.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
-    args.grid.check_all(&args.raster)?;
+    let mesh = args.mesh.to_string_lossy();
+    check::input(&mesh)?;
+    if is_cloud(&mesh) {
+        return Err(wrong_way_round("cloud", &mesh, &args.source[0]));
+    }
+    if cloud_tin::are_clouds(&args.source)? {
+        return cloud_verify::run(args, cancel);
+    }
+    args.points.refuse(&args.source[0])?;
+    check::inputs(&args.source)?;
+    args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
+    args.grid.check_all(&args.source)?;
     if let Some(report) = &args.report {
         check::distinct(&[&args.mesh, report])?;
-        check::not_inputs(&args.raster, &[report])?;
+        check::not_inputs(&args.source, &[report])?;
         check::new_file(report, args.overwrite)?;
     }
     let job = VerifyJob {
         mesh: args.mesh.clone(),
-        raster: args.raster.clone().into(),
+        raster: args.source.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,
@@ -73,8 +89,7 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
     let name = mesh.to_string_lossy();
     match (is_mesh(&name)?, is_mesh(raster)?) {
         (true, false) => Ok(()),
-        (false, true) => Err(Error::usage("mesh and grid are the wrong way round")
-            .remedy(format!("write `terrane verify {raster} {name}`"))),
+        (false, true) => Err(wrong_way_round("grid", &name, raster)),
         (false, false) => Err(Error::bad_input("is a grid, not a mesh")
             .in_file(mesh)
             .remedy("name a mesh, such as one made by `terrane tin`")),
@@ -82,6 +97,11 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
             .in_file(Path::new(raster))
             .remedy("name the grid that the mesh was made from")),
     }
+}
+
+fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
+    Error::usage(format!("mesh and {what} are the wrong way round"))
+        .remedy(format!("write `terrane verify {second} {first}`"))
 }
 
 /// Names the broken promises on stderr, for those who asked for no result.
@@ -96,11 +116,7 @@ pub(super) fn outcome(report: &VerifyReport) -> Outcome {
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &VerifyReport) -> String {
-    let verdict = match (r.passed, r.tolerance) {
-        (true, Some(_)) => "verified: every promise is kept",
-        (true, None) => "verified, but for the error: no bound is known to hold it to",
-        (false, _) => "NOT verified",
-    };
+    let verdict = verdict(r.passed, r.tolerance);
     let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
@@ -115,14 +131,24 @@ pub(super) fn summary(r: &VerifyReport) -> String {
         ("mesh", sizes),
         ("vertices", vertices(r)),
         ("edges", edges(r)),
-        (
-            "angles",
-            r.smallest_angle
-                .map_or("none".to_owned(), |a| format!("{} degrees at the least", text::number(a))),
-        ),
+        ("angles", angles(r.smallest_angle)),
         ("time", time),
     ];
     format!("{verdict}\n{failures}{}", text::table(&rows))
+}
+
+/// What came of a proof.
+pub(super) fn verdict(passed: bool, tolerance: Option<f64>) -> &'static str {
+    match (passed, tolerance) {
+        (true, Some(_)) => "verified: every promise is kept",
+        (true, None) => "verified, but for the error: no bound is known to hold it to",
+        (false, _) => "NOT verified",
+    }
+}
+
+/// The smallest angle of a mesh.
+pub(super) fn angles(smallest: Option<f64>) -> String {
+    smallest.map_or("none".to_owned(), |a| format!("{} degrees at the least", text::number(a)))
 }
 
 /// A height, or a dash where none was measured.

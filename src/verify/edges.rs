@@ -22,6 +22,17 @@ pub struct Open {
     pub at: Position,
 }
 
+/// How triangles meet along an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Meeting {
+    /// One triangle, with this opposite corner.
+    Open(Position),
+    /// Two that pass it in opposite directions, with these opposite corners.
+    Inner([Position; 2]),
+    /// More than two, or two that pass it in the same direction.
+    Tangled,
+}
+
 /// One side of one triangle: the vertices it joins (the smaller number in the high half), then
 /// the triangle and the corner it starts at. Vertices are numbered in the order of their positions.
 #[derive(Clone, Copy, Debug)]
@@ -59,9 +70,9 @@ impl Part<'_> {
 
 /// The corners of a part's triangles as numbered vertices.
 #[derive(Debug, Default)]
-struct Corners {
+pub(crate) struct Corners {
     /// Distinct positions, sorted.
-    positions: Vec<Position>,
+    pub(crate) positions: Vec<Position>,
     /// Vertex numbers, three for each triangle.
     numbers: Vec<u32>,
 }
@@ -73,41 +84,38 @@ fn sample_key(at: Position) -> u64 {
 }
 
 impl Corners {
-    /// Numbers the corners of `triangles`; counts positions with several heights and those off the
-    /// samples.
-    fn new(part: &Part<'_>, tally: &mut Tally) -> Self {
+    /// Numbers the corners of `triangles`; `meet` is told every position with the heights of all
+    /// corners there.
+    pub(crate) fn new(triangles: &[Triangle], meet: impl FnMut(Position, &[f64])) -> Self {
         // Samples, the rule, sort twice as fast by a short key.
-        if part.triangles.iter().all(Triangle::is_lattice) {
-            Self::sorted(part, sample_key, tally)
+        if triangles.iter().all(Triangle::is_lattice) {
+            Self::sorted(triangles, sample_key, meet)
         } else {
-            Self::sorted(part, |at| at, tally)
+            Self::sorted(triangles, |at| at, meet)
         }
     }
 
     fn sorted<K: Ord + Copy>(
-        part: &Part<'_>,
+        triangles: &[Triangle],
         key: impl Fn(Position) -> K,
-        tally: &mut Tally,
+        mut meet: impl FnMut(Position, &[f64]),
     ) -> Self {
-        let corner = |number: u32| part.triangles[number as usize / 3].corners[number as usize % 3];
-        let corners = part.triangles.iter().flat_map(|t| t.corners);
+        let corner = |number: u32| triangles[number as usize / 3].corners[number as usize % 3];
+        let corners = triangles.iter().flat_map(|t| t.corners);
         let mut order: Vec<(K, u32)> = corners.map(|c| key(c.at)).zip(0..).collect();
         order.sort_unstable_by_key(|&(key, _)| key);
         let mut corners = Self { positions: Vec::new(), numbers: vec![0; order.len()] };
+        let mut heights = Vec::new();
         for group in order.chunk_by(|a, b| a.0 == b.0) {
             let number = corners.positions.len() as u32;
-            let first = corner(group[0].1);
-            corners.positions.push(first.at);
-            group.iter().for_each(|&(_, corner)| corners.numbers[corner as usize] = number);
-            if part.domain.owns(first.at) {
-                let mut heights = group.iter().map(|&(_, number)| corner(number).z);
-                if heights.clone().any(|z| z != first.z) {
-                    tally.split_heights.add(first.at);
-                }
-                if !heights.all(|z| part.is_sample(first.at, z)) {
-                    tally.off_samples.add(first.at);
-                }
+            let at = corner(group[0].1).at;
+            corners.positions.push(at);
+            heights.clear();
+            for &(_, place) in group {
+                corners.numbers[place as usize] = number;
+                heights.push(corner(place).z);
             }
+            meet(at, &heights);
         }
         corners
     }
@@ -137,6 +145,20 @@ impl Corners {
         self.numbers[side.side as usize] == side.numbers()[0]
     }
 
+    /// Hands on every edge: its ends, the lower first, and how triangles meet there.
+    pub(crate) fn each_edge(&self, mut each: impl FnMut([Position; 2], Meeting)) {
+        for uses in self.uses().chunk_by(|a, b| a.ends == b.ends) {
+            let meeting = match *uses {
+                [one] => Meeting::Open(self.apex(one)),
+                [a, b] if self.is_forward(a) != self.is_forward(b) => {
+                    Meeting::Inner([self.apex(a), self.apex(b)])
+                }
+                _ => Meeting::Tangled,
+            };
+            each(uses[0].numbers().map(|number| self.position(number)), meeting);
+        }
+    }
+
     /// The corner opposite a side.
     fn apex(&self, side: Use) -> Position {
         let (triangle, corner) = (side.side / 3, side.side % 3);
@@ -146,35 +168,54 @@ impl Corners {
 
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
 pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
-    let corners = Corners::new(part, tally);
-    compare_vertices(part, &corners.positions, tally);
-    let uses = corners.uses();
+    let corners = Corners::new(part.triangles, |at, heights| {
+        if part.domain.owns(at) {
+            check_corner(part, at, heights, tally);
+        }
+    });
+    compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
     let mut unfinished = Vec::new();
-    for uses in uses.chunk_by(|a, b| a.ends == b.ends) {
-        let ends = uses[0].numbers().map(|n| corners.position(n));
-        if uses.len() == 1 {
+    corners.each_edge(|ends, meeting| {
+        if matches!(meeting, Meeting::Open(_)) {
             open.push(ends);
         }
         if !part.domain.owns(ends[0]) {
-            continue;
+            return;
         }
-        match *uses {
-            [_] => {
-                tally.open_edges += 1;
-                unfinished.extend(check_open(ends, surface, tally));
-            }
-            [a, b] if corners.is_forward(a) != corners.is_forward(b) => {
-                tally.interior_edges += 1;
-                if is_bad(ends, corners.apex(a), corners.apex(b)) {
-                    tally.non_delaunay.add(ends[0]);
-                }
-            }
-            _ => tally.non_manifold.add(ends[0]),
+        tally.edge(ends, meeting);
+        if matches!(meeting, Meeting::Open(_)) {
+            unfinished.extend(check_open(ends, surface, tally));
         }
-    }
+    });
     t_junctions(part, &corners.positions, &open, tally);
     unfinished
+}
+
+/// Counts a position with several heights, and one off the samples.
+fn check_corner(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tally) {
+    if heights.iter().any(|&z| z != heights[0]) {
+        tally.split_heights.add(at);
+    }
+    if !heights.iter().all(|&z| part.is_sample(at, z)) {
+        tally.off_samples.add(at);
+    }
+}
+
+impl Tally {
+    /// Counts an edge by how its triangles meet.
+    pub(crate) fn edge(&mut self, ends: [Position; 2], meeting: Meeting) {
+        match meeting {
+            Meeting::Open(_) => self.open_edges += 1,
+            Meeting::Inner([a, b]) => {
+                self.interior_edges += 1;
+                if is_bad(ends, a, b) {
+                    self.non_delaunay.add(ends[0]);
+                }
+            }
+            Meeting::Tangled => self.non_manifold.add(ends[0]),
+        }
+    }
 }
 
 /// True when the edge of two triangles, one on each side, fails the Delaunay test. Asked the same
@@ -216,10 +257,10 @@ fn lattice_run([p, q]: [Position; 2]) -> Option<Run> {
     }
 }
 
-/// Counts stored vertices that share a position, or that no triangle uses.
-fn compare_vertices(part: &Part<'_>, used: &[Position], tally: &mut Tally) {
+/// Counts `stored` vertices (sorted) that share a position, or that no triangle uses.
+pub(crate) fn compare_vertices(stored: &[Position], used: &[Position], tally: &mut Tally) {
     let mut used = used.iter().copied().peekable();
-    for group in part.vertices.unwrap_or_default().chunk_by(|a, b| a == b) {
+    for group in stored.chunk_by(|a, b| a == b) {
         let at = group[0];
         for _ in 1..group.len() {
             tally.duplicates.add(at);

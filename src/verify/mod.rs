@@ -8,6 +8,7 @@
 //! order in which domains were done.
 
 mod bits;
+pub mod cloud;
 mod domain;
 mod edges;
 mod exact;
@@ -23,7 +24,7 @@ mod worst;
 
 pub use domain::{Domain, Layout};
 pub use edges::Open;
-pub use snap::{Precision, Snapped, Snapper};
+pub use snap::{Precision, Snap, Snapped, Snapper};
 pub use sum::ExactSum;
 pub use surface::{Followed, Run, Surface};
 pub use tally::{Fault, Spot, Tally};

@@ -8,11 +8,11 @@ use crate::geom::{Affine, Point3};
 use super::triangle::{Position, Vertex};
 
 /// Rounding steps allowed between a sample's true place and its stored coordinates.
-const STEPS: f64 = 8.0;
+pub(crate) const STEPS: f64 = 8.0;
 /// No storage so coarse that it moves vertices by more than this (in cells) is made up for.
 const LARGEST_RADIUS: f64 = 0.25;
 /// Fixed-point positions themselves are rounded by half of 2^-30 cell.
-const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
+pub(crate) const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
 
 /// How a mesh stores heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +46,12 @@ pub enum Snapped {
     Free(Vertex),
     /// No finite position or height, or absurdly far away.
     Unusable,
+}
+
+/// Maps stored vertices to a lattice.
+pub trait Snap: Copy + Send + Sync {
+    /// Finds the place of a stored vertex.
+    fn snap(&self, stored: Point3) -> Snapped;
 }
 
 /// Maps stored vertices to the lattice of a grid.
@@ -84,9 +90,10 @@ impl Snapper {
     pub fn radius(&self) -> f64 {
         self.radius
     }
+}
 
-    /// Finds the place of a stored vertex.
-    pub fn snap(&self, [x, y, z]: Point3) -> Snapped {
+impl Snap for Snapper {
+    fn snap(&self, [x, y, z]: Point3) -> Snapped {
         let [col, row] = self.map.invert(x, y);
         let near = |cells: f64| cells.abs() < Position::LIMIT;
         if !(near(col) && near(row) && z.is_finite()) {

@@ -46,7 +46,8 @@ impl Spot {
     }
 }
 
-/// Everything found in the parts checked so far.
+/// Everything found in the parts checked so far. For a cloud, samples are points: those of the
+/// surface are the lowest at their position, and off the samples means off the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Samples with a height.
@@ -77,7 +78,7 @@ pub struct Tally {
     pub inverted: Fault,
     /// Triangles without area.
     pub empty: Fault,
-    /// Triangles that reach beyond the grid.
+    /// Triangles that reach beyond the grid, or vertices beyond the hull of a cloud.
     pub outside: Fault,
     /// Samples strictly inside more than one triangle.
     pub overlaps: Fault,
@@ -91,7 +92,8 @@ pub struct Tally {
     pub open_edges: u64,
     /// Edges of two triangles that pass them in opposite directions.
     pub interior_edges: u64,
-    /// Edges of one triangle only that are not on the outline of the surface.
+    /// Edges of one triangle only that are not on the outline of the surface (for a cloud, its
+    /// hull).
     pub cracks: Fault,
     /// Vertices strictly inside an edge of one triangle.
     pub t_junctions: Fault,
@@ -124,7 +126,7 @@ impl Tally {
         self.covered += other.covered;
         self.open_edges += other.open_edges;
         self.interior_edges += other.interior_edges;
-        self.double_area += other.double_area;
+        self.double_area = self.double_area.saturating_add(other.double_area);
         self.errors.merge(&other.errors);
         self.squares.merge(&other.squares);
         other.worst.into_iter().for_each(|spot| self.spot(spot));
@@ -177,17 +179,24 @@ impl Tally {
         if !part.domain.owns(at) {
             return;
         }
-        let area = triangle.double_area() * part.orientation;
-        self.double_area += area;
+        self.shape(triangle, part.orientation);
+        if triangle.double_area() != 0 && is_outside(triangle, part.domain.grid) {
+            self.outside.add(at);
+        }
+    }
+
+    /// Judges the area and the angles of a triangle; for `orientation` see [`Part`].
+    pub(crate) fn shape(&mut self, triangle: &Triangle, orientation: i128) {
+        let at = triangle.corners[0].at;
+        let area = triangle.double_area() * orientation;
+        // Beyond the range of the sum areas match nothing, whatever the rest is.
+        self.double_area = self.double_area.saturating_add(area);
         if area == 0 {
             self.empty.add(at);
             return;
         }
         if area < 0 {
             self.inverted.add(at);
-        }
-        if is_outside(triangle, part.domain.grid) {
-            self.outside.add(at);
         }
         let angle = triangle.smallest_angle();
         self.angle_at_least(angle);

@@ -1,12 +1,14 @@
-//! Proves a written mesh against its source grid, out of core.
+//! Proves a written mesh against its source grid, or the cloud it was made from, out of core.
 //!
-//! Three passes: vertices and triangles are spread over rectangles of the grid through temporary
-//! files; then each rectangle is checked by itself ([`crate::verify`]). Nothing in the report but
+//! Three passes: vertices and triangles (and the points of a cloud) are spread over rectangles of
+//! the plane through temporary files; then each rectangle is checked by itself ([`crate::verify`]). Nothing in the report but
 //! times and memory depends on threads, memory budget, or the order of work.
 
+mod cloud;
 mod parts;
 mod report;
 mod spill;
+mod spread;
 mod vertices;
 
 use std::path::{Path, PathBuf};
@@ -18,6 +20,7 @@ use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridSource, Inputs, OpenOptions};
 use crate::verify::{Precision, Snapper};
 
+pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
 pub use report::{FaultReport, Place, VerifyReport};
 
 /// Least memory a verification can work in, and least for each thread.
@@ -96,15 +99,16 @@ pub fn verify(
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let context = Context::new(mesh, grid, tolerance, resources, progress, cancel)?;
-    let buckets = parts::Buckets::fill(&context)?;
-    let tally = buckets.check(&context)?;
-    let report = VerifyReport::new(&context, &buckets.counts, buckets.broken, &tally);
+    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
+    let context = Context::new(work, grid, tolerance)?;
+    let spread = parts::fill(&context)?;
+    let tally = parts::check(&context, &spread)?;
+    let report = VerifyReport::new(&context, &spread.counts, spread.broken, &tally);
     let wall_seconds = start.elapsed().as_secs_f64();
     Ok(VerifyReport {
-        threads: context.threads,
+        threads: context.work.threads,
         memory_budget: resources.memory,
-        spilled_bytes: buckets.bytes(),
+        spilled_bytes: spread.bytes(),
         peak_memory: peak_memory(),
         wall_seconds,
         samples_per_second: report.samples as f64 / wall_seconds.max(1e-9),
@@ -112,63 +116,65 @@ pub fn verify(
     })
 }
 
-/// What every pass needs to know.
-struct Context<'a> {
+/// What a proof works with, whatever the mesh is held against.
+struct Work<'a> {
     mesh: &'a dyn MeshSource,
-    grid: &'a dyn GridSource,
-    tolerance: Option<f64>,
     progress: &'a dyn Progress,
     cancel: Cancel,
-    snapper: Snapper,
-    precision: Precision,
-    /// See [`crate::verify::Part::orientation`].
-    orientation: i128,
     threads: usize,
     /// Bytes for everything held here.
     memory: u64,
     /// Bytes for one thread.
     share: u64,
-    temp_dir: Option<PathBuf>,
+    /// Where spills go.
+    folder: PathBuf,
 }
 
-impl<'a> Context<'a> {
+impl<'a> Work<'a> {
     fn new(
         mesh: &'a dyn MeshSource,
-        grid: &'a dyn GridSource,
         tolerance: Option<f64>,
         resources: &Resources,
         progress: &'a dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self> {
         check_arguments(tolerance, resources)?;
-        check_grid(grid)?;
-        let (info, map) = (mesh.info(), grid.info().transform);
-        let size = [grid.info().width, grid.info().height];
         let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, most);
         let memory = resources.memory / 8 * 5;
+        let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+        let (cancel, share) = (cancel.clone(), memory / threads as u64);
+        Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
+    }
+}
+
+/// What every pass over a grid needs to know.
+struct Context<'a> {
+    work: Work<'a>,
+    grid: &'a dyn GridSource,
+    tolerance: Option<f64>,
+    snapper: Snapper,
+    precision: Precision,
+    /// See [`crate::verify::Part::orientation`].
+    orientation: i128,
+}
+
+impl<'a> Context<'a> {
+    fn new(work: Work<'a>, grid: &'a dyn GridSource, tolerance: Option<f64>) -> Result<Self> {
+        check_grid(grid)?;
+        let (info, map) = (work.mesh.info(), grid.info().transform);
+        let size = [grid.info().width, grid.info().height];
         Ok(Self {
-            mesh,
             grid,
             tolerance,
-            progress,
-            cancel: cancel.clone(),
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
                 true => Precision::Single(info.origin[2]),
                 false => Precision::Double,
             },
             orientation: if map.determinant() < 0.0 { -1 } else { 1 },
-            threads,
-            memory,
-            share: memory / threads as u64,
-            temp_dir: resources.temp_dir.clone(),
+            work,
         })
-    }
-
-    /// Where spills go.
-    fn folder(&self) -> PathBuf {
-        self.temp_dir.clone().unwrap_or_else(std::env::temp_dir)
     }
 }
 

@@ -1,22 +1,19 @@
-//! The passes over a mesh and its grid: vertices and triangles into buckets by domain, then one
-//! domain after the other.
+//! The passes over a mesh and its grid: the mesh into buckets by domain, then one domain after the
+//! other.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
-use super::spill::{Spill, Writer};
-use super::vertices::{VertexCache, VertexCounts};
+use super::spread::Spread;
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::{Point3, Rect};
+use crate::geom::Rect;
 use crate::pipeline::workers::{self, lock};
 use crate::raster::GridInfo;
 use crate::verify::{
     self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
 };
 
-/// Triangles a worker takes at a time.
-const BATCH: u64 = 2048;
 /// Most samples of a domain: with their errors they should stay near the processor.
 const MOST_SAMPLES: u64 = 1 << 18;
 /// Most rows of a domain on a grid stored in strips.
@@ -53,7 +50,7 @@ pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usiz
 /// Fails when the index of all domains takes more than half of the memory.
 fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
     let need = layout.len().saturating_mul(INDEX_BYTES);
-    if need <= context.memory / 2 {
+    if need <= context.work.memory / 2 {
         return Ok(());
     }
     let message = format!("a grid of this size needs an index of {} MiB", need >> 20);
@@ -63,165 +60,43 @@ fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
 /// Bytes of index for one domain: two lists of runs in the spill files.
 const INDEX_BYTES: u64 = 64;
 
-/// Everything the mesh has, by the domains it touches.
-pub(super) struct Buckets {
-    layout: Layout,
-    /// Each triangle in every domain it may touch.
-    triangles: Spill<Triangle>,
-    /// Each vertex in the domain that owns it, where vertices have an identity.
-    positions: Option<Spill<Position>>,
-    /// How the vertices lie.
-    pub(super) counts: VertexCounts,
-    /// Triangles left out because of an unusable vertex.
-    pub(super) broken: u64,
+/// Spreads the mesh over the domains of the grid.
+pub(super) fn fill(context: &Context<'_>) -> Result<Spread> {
+    let (work, grid) = (&context.work, context.grid.info());
+    let layout = layout(grid, work.mesh.info().triangles, work.share, work.threads);
+    check_index(&layout, context)?;
+    Spread::fill(work, &context.snapper, layout)
 }
 
-impl Buckets {
-    /// Reads the mesh once.
-    pub(super) fn fill(context: &Context<'_>) -> Result<Self> {
-        let info = context.mesh.info();
-        let (memory, threads) = (context.share, context.threads);
-        let layout = layout(context.grid.info(), info.triangles, memory, threads);
-        check_index(&layout, context)?;
-        let folder = context.folder();
-        let positions = match info.indexed {
-            true => Some(Spill::new(&folder, layout.len())?),
-            false => None,
-        };
-        let triangles = Spill::new(&folder, layout.len())?;
-        let counts = VertexCounts::default();
-        let mut buckets = Self { layout, triangles, positions, counts, broken: 0 };
-        context.progress.begin("vertices", info.vertices);
-        buckets.counts = buckets.fill_positions(context)?;
-        context.progress.end();
-        context.progress.begin("triangles", info.triangles);
-        buckets.broken = buckets.fill_triangles(context)?;
-        context.progress.end();
-        Ok(buckets)
-    }
-
-    fn fill_positions(&self, context: &Context<'_>) -> Result<VertexCounts> {
-        let all = Mutex::new(VertexCounts::default());
-        let pages = VertexCounts::pages(context.mesh);
-        let start = || {
-            let writer = self.positions.as_ref().map(|spill| spill.writer(context.share / 2));
-            (VertexCounts::default(), writer, Vec::new())
-        };
-        type State<'s> = (VertexCounts, Option<Writer<'s, Position>>, Vec<Point3>);
-        let work = |(counts, writer, stored): &mut State<'_>, page: u64| {
-            counts.page(context.mesh, &context.snapper, page, stored, |at| match writer {
-                Some(writer) => writer.push(self.layout.owner(at), at),
-                None => Ok(()),
-            })?;
-            context.progress.advance(stored.len() as u64);
-            Ok(())
-        };
-        let finish = |(counts, writer, _): State<'_>| {
-            lock(&all).merge(&counts);
-            writer.map_or(Ok(()), Writer::finish)
-        };
-        workers::run(context.threads, pages, &context.cancel, start, work, finish)?;
-        Ok(*lock(&all))
-    }
-
-    fn fill_triangles(&self, context: &Context<'_>) -> Result<u64> {
-        let broken = AtomicU64::new(0);
-        let units = context.mesh.info().triangles.div_ceil(BATCH);
-        let start = || Filler {
-            layout: self.layout,
-            cache: VertexCache::new(context.mesh, context.snapper, context.share / 2),
-            writer: self.triangles.writer(context.share / 4),
-            ids: Vec::new(),
-            touched: Vec::new(),
-            broken: 0,
-        };
-        let work = |filler: &mut Filler<'_>, unit| filler.batch(context, unit * BATCH);
-        let finish = |filler: Filler<'_>| {
-            broken.fetch_add(filler.broken, Ordering::Relaxed);
-            filler.writer.finish()
-        };
-        workers::run(context.threads, units, &context.cancel, start, work, finish)?;
-        Ok(broken.into_inner())
-    }
-
-    /// Bytes spilled.
-    pub(super) fn bytes(&self) -> u64 {
-        self.triangles.bytes() + self.positions.as_ref().map_or(0, Spill::bytes)
-    }
-
-    /// Checks every domain.
-    pub(super) fn check(&self, context: &Context<'_>) -> Result<Tally> {
-        let all = Mutex::new(Tally::default());
-        let info = context.grid.info();
-        context.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
-        let checker = Checker { context, buckets: self, crowded: Mutex::new(()) };
-        let rows = Rows::new(&self.layout);
-        let work = |tally: &mut Tally, index| {
-            let domain = self.layout.domain(index);
-            checker.check(domain, index, tally)?;
-            rows.done(&self.layout, index, context);
-            context.progress.advance(domain.rect.len() as u64);
-            Ok(())
-        };
-        let finish = |tally: Tally| {
-            lock(&all).merge(&tally);
-            Ok(())
-        };
-        let (threads, units) = (context.threads, self.layout.len());
-        workers::run(threads, units, &context.cancel, Tally::default, work, finish)?;
-        context.progress.end();
-        let tally = lock(&all).clone();
-        Ok(tally)
-    }
-}
-
-/// One thread's part in spreading triangles over domains.
-struct Filler<'a> {
-    layout: Layout,
-    cache: VertexCache<'a>,
-    writer: Writer<'a, Triangle>,
-    ids: Vec<[u64; 3]>,
-    touched: Vec<u64>,
-    broken: u64,
-}
-
-impl Filler<'_> {
-    /// Spreads the batch of triangles that begins with `first`.
-    fn batch(&mut self, context: &Context<'_>, first: u64) -> Result<()> {
-        let info = context.mesh.info();
-        let mut ids = std::mem::take(&mut self.ids);
-        ids.clear();
-        ids.resize((info.triangles - first).min(BATCH) as usize, [0; 3]);
-        context.mesh.read_triangles(first, &mut ids)?;
-        for (corners, number) in ids.iter().zip(first..) {
-            if let Some(&id) = corners.iter().find(|&&id| id >= info.vertices) {
-                let message = format!("refers to vertex {id} of {}", info.vertices);
-                return Err(Error::bad_input(message).at(format!("triangle {number}")));
-            }
-            self.spread(corners)?;
-        }
-        context.progress.advance(ids.len() as u64);
-        self.ids = ids;
+/// Checks every domain.
+pub(super) fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
+    let all = Mutex::new(Tally::default());
+    let (work, info) = (&context.work, context.grid.info());
+    work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
+    let checker = Checker { context, spread, crowded: Mutex::new(()) };
+    let rows = Rows::new(&spread.layout);
+    let judge = |tally: &mut Tally, index| {
+        let domain = spread.layout.domain(index);
+        checker.check(domain, index, tally)?;
+        rows.done(&spread.layout, index, context);
+        work.progress.advance(domain.rect.len() as u64);
         Ok(())
-    }
-
-    fn spread(&mut self, &[a, b, c]: &[u64; 3]) -> Result<()> {
-        let corners = [self.cache.get(a)?, self.cache.get(b)?, self.cache.get(c)?];
-        let [Some(a), Some(b), Some(c)] = corners else {
-            self.broken += 1;
-            return Ok(());
-        };
-        let triangle = Triangle { corners: [a, b, c] };
-        self.touched.clear();
-        self.layout.touched(&triangle, |domain| self.touched.push(domain));
-        self.touched.iter().try_for_each(|&domain| self.writer.push(domain, triangle))
-    }
+    };
+    let finish = |tally: Tally| {
+        lock(&all).merge(&tally);
+        Ok(())
+    };
+    let (threads, units) = (work.threads, spread.layout.len());
+    workers::run(threads, units, &work.cancel, Tally::default, judge, finish)?;
+    work.progress.end();
+    let tally = lock(&all).clone();
+    Ok(tally)
 }
 
 /// Checks domains, splitting those too crowded for a thread's memory.
 struct Checker<'a> {
     context: &'a Context<'a>,
-    buckets: &'a Buckets,
+    spread: &'a Spread,
     /// Held while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
@@ -230,12 +105,12 @@ impl Checker<'_> {
     fn check(&self, domain: Domain, bucket: u64, tally: &mut Tally) -> Result<()> {
         let (triangles, positions) = self.count(domain, bucket)?;
         let need = verify::bytes_needed(domain.apron().len() as u64, triangles, positions);
-        if need <= self.context.share {
+        if need <= self.context.work.share {
             return self.check_whole(domain, bucket, [triangles, positions], tally);
         }
         match domain.halves() {
             Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, tally)),
-            None if need > self.context.memory || triangles > MOST_TRIANGLES => {
+            None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
                 Err(too_crowded(domain, triangles, need))
             }
             None => {
@@ -247,7 +122,7 @@ impl Checker<'_> {
 
     /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
     fn count(&self, domain: Domain, bucket: u64) -> Result<(u64, u64)> {
-        let Buckets { layout, triangles, positions, .. } = self.buckets;
+        let Spread { layout, triangles, positions, .. } = self.spread;
         if domain == layout.domain(bucket) {
             return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
         }
@@ -263,7 +138,7 @@ impl Checker<'_> {
         bucket: u64,
         mut visit: impl FnMut(&Triangle),
     ) -> Result<()> {
-        self.buckets.triangles.read(bucket, |triangles| {
+        self.spread.triangles.read(bucket, |triangles| {
             triangles.iter().filter(|t| domain.may_touch(t)).for_each(&mut visit);
         })
     }
@@ -274,7 +149,7 @@ impl Checker<'_> {
         bucket: u64,
         mut visit: impl FnMut(Position),
     ) -> Result<()> {
-        let Some(positions) = &self.buckets.positions else { return Ok(()) };
+        let Some(positions) = &self.spread.positions else { return Ok(()) };
         positions.read(bucket, |positions| {
             positions.iter().copied().filter(|&at| domain.owns(at)).for_each(&mut visit);
         })
@@ -296,7 +171,7 @@ impl Checker<'_> {
             domain,
             heights: &self.read(domain.apron())?,
             triangles: &all,
-            vertices: self.buckets.positions.is_some().then_some(&vertices[..]),
+            vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             precision: self.context.precision,
             tolerance: self.context.tolerance,
             orientation: self.context.orientation,
@@ -313,7 +188,7 @@ impl Checker<'_> {
 
     /// Follows an open edge beyond its domain.
     fn follow(&self, mut open: Open, tally: &mut Tally) -> Result<()> {
-        let grid = self.buckets.layout.grid;
+        let grid = self.spread.layout.grid;
         loop {
             let window = open.rest.window(grid);
             let surface = Surface::new(grid, window, &self.read(window)?);

@@ -158,7 +158,7 @@ impl VerifyReport {
         broken: u64,
         tally: &Tally,
     ) -> Self {
-        let (grid, mesh) = (context.grid.info(), context.mesh.info());
+        let (grid, mesh) = (context.grid.info(), context.work.mesh.info());
         let map = &grid.transform;
         let fault = |fault: &Fault| FaultReport {
             count: fault.count,

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::geom::Point3;
 use crate::output::MeshSource;
-use crate::verify::{Position, Snapped, Snapper, Vertex};
+use crate::verify::{Position, Snap, Snapped, Vertex};
 
 /// Vertices of a page.
 const PAGE: usize = 1024;
@@ -16,16 +16,16 @@ struct Page {
 
 /// The vertices of a mesh, on the lattice. Each page number has one slot it can be in: triangles
 /// of one place use few pages, so hardly any two of them meet.
-pub(super) struct VertexCache<'a> {
+pub(super) struct VertexCache<'a, S> {
     mesh: &'a dyn MeshSource,
-    snapper: Snapper,
+    snapper: S,
     slots: Vec<Option<Page>>,
     stored: Vec<Point3>,
 }
 
-impl<'a> VertexCache<'a> {
+impl<'a, S: Snap> VertexCache<'a, S> {
     /// A cache of about `bytes`.
-    pub(super) fn new(mesh: &'a dyn MeshSource, snapper: Snapper, bytes: u64) -> Self {
+    pub(super) fn new(mesh: &'a dyn MeshSource, snapper: S, bytes: u64) -> Self {
         let pages = mesh.info().vertices.div_ceil(PAGE as u64);
         let slots = (bytes / (PAGE * size_of::<Vertex>()) as u64).min(pages).max(1);
         Self { mesh, snapper, slots: (0..slots).map(|_| None).collect(), stored: Vec::new() }
@@ -87,7 +87,7 @@ impl VertexCounts {
     pub(super) fn page(
         &mut self,
         mesh: &dyn MeshSource,
-        snapper: &Snapper,
+        snapper: &impl Snap,
         number: u64,
         stored: &mut Vec<Point3>,
         mut visit: impl FnMut(Position) -> Result<()>,

@@ -1,0 +1,118 @@
+//! `terrane verify` on point clouds.
+
+use std::path::Path;
+
+use crate::cli::{Outcome, check, cloud, say, text, tin, verify};
+use crate::cloud as clouds;
+use crate::error::{Error, Result};
+use crate::pipeline::Cancel;
+use crate::pipeline::surface::is_mesh;
+use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
+
+pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.report {
+        tin::write_report(path, args.overwrite, &report)?;
+    }
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&report))?;
+    } else {
+        tell_failures(&report);
+    }
+    Ok(outcome(&report))
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
+    if let Some(option) = args.grid.given() {
+        return Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
+            .in_file(Path::new(&args.source[0]))
+            .remedy(format!("leave {option} out")));
+    }
+    if !is_mesh(&args.mesh.to_string_lossy())? {
+        return Err(Error::bad_input("is a grid, not a mesh")
+            .in_file(&args.mesh)
+            .remedy("name a mesh, such as one made by `terrane tin`"));
+    }
+    if let Some(report) = &args.report {
+        check::distinct(&[&args.mesh, report])?;
+        check::not_files(&clouds::files(&args.source)?, &[report])?;
+        check::new_file(report, args.overwrite)?;
+    }
+    let resources = args.machine.resources();
+    Ok(CloudVerifyJob {
+        mesh: args.mesh.clone(),
+        inputs: args.source.clone(),
+        options: args.points.open_options(&resources)?,
+        tolerance: args.max_error,
+        resources,
+    })
+}
+
+/// Names the broken promises on stderr, for those who asked for no result.
+pub(super) fn tell_failures(report: &CloudVerifyReport) {
+    report.failures.iter().for_each(|failure| say::failure(failure));
+}
+
+/// Whether the mesh kept its promises.
+pub(super) fn outcome(report: &CloudVerifyReport) -> Outcome {
+    if report.passed { Outcome::Kept } else { Outcome::Broken }
+}
+
+/// A proof for people: the verdict, what failed, and the figures.
+pub(super) fn summary(r: &CloudVerifyReport) -> String {
+    let verdict = verify::verdict(r.passed, r.tolerance);
+    let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
+    let sizes =
+        format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
+    let rate = text::rate(r.points_per_second, "points");
+    let rows = [
+        ("error", errors(r)),
+        ("points", points(r)),
+        ("mesh", sizes),
+        ("vertices", vertices(r)),
+        ("edges", edges(r)),
+        ("angles", verify::angles(r.smallest_angle)),
+        ("time", format!("{}, {rate}", text::seconds(r.wall_seconds))),
+    ];
+    format!("{verdict}\n{failures}{}", text::table(&rows))
+}
+
+fn errors(r: &CloudVerifyReport) -> String {
+    let (most, unit) = (verify::height(r.max_error), &r.vertical_unit);
+    let allowed = match r.tolerance {
+        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
+        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
+    };
+    let [rmse, mean] = [r.rmse, r.mean_error].map(verify::height);
+    format!("{allowed}; RMSE {rmse}, mean {mean} ({unit})")
+}
+
+fn points(r: &CloudVerifyReport) -> String {
+    let [covered, judged] = [r.covered_points, r.judged_points].map(text::count);
+    let stacked = match r.stacked_points {
+        0 => String::new(),
+        n => format!("; {} above another at the same position", text::count(n)),
+    };
+    format!("{covered} covered of {judged}{stacked}; read: {}", cloud::census(&r.points))
+}
+
+fn vertices(r: &CloudVerifyReport) -> String {
+    match (r.off_point_vertices.count, r.made_by_terrane) {
+        (0, _) => "all are points of the cloud".to_owned(),
+        (off, true) => format!("{} off the points", text::count(off)),
+        (off, false) => format!(
+            "{} off the points; no failure, because terrane did not write this mesh",
+            text::count(off)
+        ),
+    }
+}
+
+fn edges(r: &CloudVerifyReport) -> String {
+    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
+    let delaunay = text::count(r.non_delaunay_edges.count);
+    format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
+}
