@@ -171,6 +171,24 @@ fn the_reference_system_is_named() {
 }
 
 #[test]
+fn chunks_are_found_by_their_table() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in [1, 6] {
+        let path = folder.path().join(format!("{format}.laz"));
+        let (options, records) = (options(format, true), records(3 * CHUNK + 7));
+        write(&path, &options, &records).unwrap();
+        let mut reader = Reader::from_path(&path).unwrap();
+        for from in [3 * CHUNK + 2, CHUNK - 1, 2 * CHUNK] {
+            reader.seek(from as u64).unwrap();
+            let points = reader.read_points(4).unwrap();
+            assert_eq!(points.len(), 4);
+            let mut pairs = points.points().zip(&records[from..]);
+            assert!(pairs.all(|(p, r)| is_same(&p.unwrap(), r, format, options.frame)), "{from}");
+        }
+    }
+}
+
+#[test]
 fn a_file_appears_whole_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.laz");
