@@ -1,5 +1,7 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
+pub mod lazip;
+
 use crate::error::Result;
 use crate::geom::{Crs, Frame, Point};
 
