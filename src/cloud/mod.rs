@@ -6,6 +6,7 @@ mod filter;
 mod frame;
 mod las;
 mod laz;
+pub mod lazip;
 mod member;
 mod open;
 mod polygon;

@@ -1,0 +1,376 @@
+//! The decoder against the `laz` crate, on chunks that the crate compressed.
+
+use super::*;
+use laz::record::{
+    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor,
+    RecordDecompressor,
+};
+use laz::{LazItem, LazItemRecordBuilder};
+use std::io::Cursor;
+
+/// Numbers that look random.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self) -> u64 {
+        self.0 = self.0.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+        (self.0 ^ self.0 >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 8
+    }
+
+    fn below(&mut self, end: u64) -> u64 {
+        self.roll() % end
+    }
+
+    fn one_in(&mut self, times: u64) -> bool {
+        self.below(times) == 0
+    }
+
+    /// A number whose size is random, too.
+    fn wild(&mut self) -> i32 {
+        (self.roll() as i32) >> self.below(32)
+    }
+}
+
+/// How the fields of test records run.
+#[derive(Clone, Copy, Debug)]
+enum Style {
+    /// Small steps, few changes: as in the field.
+    Walk,
+    /// The same record again and again.
+    Constant,
+    /// Anything may be anything.
+    Wild,
+}
+
+const STYLES: [Style; 3] = [Style::Walk, Style::Constant, Style::Wild];
+
+/// Records of format 6 and what follows in `size` bytes.
+fn new_records(style: Style, size: usize, count: usize, seed: u64) -> Vec<u8> {
+    let mut dice = Dice(seed);
+    let mut record = vec![0_u8; size];
+    record.fill_with(|| dice.roll() as u8);
+    tame(&mut record);
+    set_time(&mut record, 22, &mut dice);
+    let mut records = Vec::new();
+    for _ in 0..count {
+        records.extend_from_slice(&record);
+        match style {
+            Style::Walk => walk(&mut record, &mut dice),
+            Style::Constant => {}
+            Style::Wild => go_wild(&mut record, &mut dice),
+        }
+    }
+    records
+}
+
+fn put(record: &mut [u8], at: usize, bytes: &[u8]) {
+    record[at..at + bytes.len()].copy_from_slice(bytes);
+}
+
+fn axis(record: &[u8], at: usize) -> i32 {
+    i32::from_le_bytes(std::array::from_fn(|i| record[at + i]))
+}
+
+fn walk(record: &mut [u8], dice: &mut Dice) {
+    for (at, reach) in [(0, 2000), (4, 300), (8, 70)] {
+        let step = dice.below(reach) as i32 - reach as i32 / 3;
+        let place = axis(record, at).wrapping_add(step);
+        put(record, at, &place.to_le_bytes());
+    }
+    let of = 1 + dice.below(5) as u8;
+    record[14] = of << 4 | (1 + dice.below(u64::from(of)) as u8);
+    if dice.one_in(9) {
+        record[15] = dice.below(4) as u8 | record[15] & 0xf0;
+    }
+    if dice.one_in(50) {
+        record[15] = dice.roll() as u8;
+    }
+    if dice.one_in(5) {
+        record[16] = [1, 2, 3, 5, 6][dice.below(5) as usize];
+    }
+    if dice.one_in(2) {
+        set_time(record, 22, dice);
+    }
+    record[30..].iter_mut().for_each(|byte| *byte = byte.wrapping_add(dice.below(3) as u8));
+    tame(record);
+}
+
+fn go_wild(record: &mut [u8], dice: &mut Dice) {
+    for at in [0, 4, 8] {
+        let place = match dice.below(4) {
+            0 => axis(record, at).wrapping_add(dice.wild()),
+            1 => [i32::MIN, i32::MAX, 0, -1][dice.below(4) as usize],
+            _ => dice.wild(),
+        };
+        put(record, at, &place.to_le_bytes());
+    }
+    for byte in &mut record[12..] {
+        if dice.one_in(2) {
+            *byte = dice.roll() as u8;
+        }
+    }
+    tame(record);
+    set_time(record, 22, dice);
+}
+
+/// Keeps what follows the point small: the crate computes with offsets of wave packets.
+fn tame(record: &mut [u8]) {
+    record[30..].iter_mut().for_each(|byte| *byte &= 127);
+}
+
+/// A time that is often far from the one before, but no farther than the crate can bear.
+fn set_time(record: &mut [u8], at: usize, dice: &mut Dice) {
+    let size = dice.below(40);
+    let time = dice.below(1 << size) as f64 / 8.0;
+    put(record, at, &time.to_le_bytes());
+}
+
+fn schema(items: &[LazItem]) -> Schema {
+    let items: Vec<_> = items.iter().map(plain).collect();
+    Schema::new(&items).unwrap()
+}
+
+/// An item as the file has it.
+fn plain(item: &LazItem) -> Item {
+    Item { kind: item.item_type().into(), size: item.size(), version: item.version() }
+}
+
+fn compress(items: &Vec<LazItem>, records: &[u8]) -> Vec<u8> {
+    let mut compressor = LayeredPointRecordCompressor::new(Cursor::new(Vec::new()));
+    compressor.set_fields_from(items).unwrap();
+    compressor.compress_many(records).unwrap();
+    compressor.done().unwrap();
+    compressor.into_inner().into_inner()
+}
+
+/// Records as the `laz` crate decodes them.
+fn decompress(items: &Vec<LazItem>, bytes: &[u8], count: usize) -> std::io::Result<Vec<u8>> {
+    let mut records = vec![0; count * items.iter().map(|i| usize::from(i.size())).sum::<usize>()];
+    let mut bytes = Cursor::new(bytes);
+    let mut decompressor = LayeredPointRecordDecompressor::new(&mut bytes);
+    decompressor.set_fields_from(items).unwrap();
+    decompressor.decompress_many(&mut records)?;
+    Ok(records)
+}
+
+/// The fields of records of formats 6 to 10.
+fn new_fields(records: &[u8], size: usize) -> Fields {
+    let mut fields = Fields::default();
+    for record in records.chunks_exact(size) {
+        fields.places.push([0, 4, 8].map(|at| axis(record, at)));
+        fields.returns.push(record[14]);
+        fields.flags.push(record[15] & 15 | record[15] >> 2 & 0x30);
+        fields.classes.push(record[16]);
+    }
+    fields
+}
+
+fn decode(decoder: &mut Decoder, schema: &Schema, chunk: Chunk) -> Result<Fields, Damage> {
+    let mut fields = Fields::default();
+    decoder.chunk(schema, chunk, Wanted::ALL, &mut fields).map(|()| fields)
+}
+
+/// Items of a format and the size of its records.
+fn items(format: u8, extra: u16) -> (Vec<LazItem>, usize) {
+    let items = LazItemRecordBuilder::default_for_point_format_id(format, extra).unwrap();
+    let size = items.iter().map(|item| usize::from(item.size())).sum();
+    (items, size)
+}
+
+#[test]
+fn layered_chunks_are_decoded_as_they_were() {
+    let mut decoder = Decoder::new();
+    for (format, extra) in [(6, 0), (7, 0), (8, 0), (6, 5), (8, 3), (9, 0), (10, 2)] {
+        for style in STYLES {
+            for count in [1, 2, 3, 40, 3000] {
+                let (items, size) = items(format, extra);
+                let records = new_records(style, size, count, 7 + count as u64);
+                let bytes = compress(&items, &records);
+                let chunk = Chunk { bytes: &bytes, count };
+                let fields = decode(&mut decoder, &schema(&items), chunk);
+                let what = format!("format {format}, {extra} extra bytes, {style:?}, {count}");
+                assert!(fields == Ok(new_fields(&records, size)), "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_long_chunk_wears_its_models_in() {
+    let (items, size) = items(6, 0);
+    for style in STYLES {
+        let records = new_records(style, size, 90_000, 3);
+        let bytes = compress(&items, &records);
+        let chunk = Chunk { bytes: &bytes, count: 90_000 };
+        let fields = decode(&mut Decoder::new(), &schema(&items), chunk);
+        assert!(fields == Ok(new_fields(&records, size)), "{style:?}");
+    }
+}
+
+#[test]
+fn only_wanted_fields_are_decoded() {
+    let (items, size) = items(6, 0);
+    let records = new_records(Style::Walk, size, 500, 11);
+    let bytes = compress(&items, &records);
+    let chunk = Chunk { bytes: &bytes, count: 500 };
+    let all = new_fields(&records, size);
+    let mut decoder = Decoder::new();
+    for mask in 0..8 {
+        let wanted = Wanted { z: mask & 1 != 0, class: mask & 2 != 0, flags: mask & 4 != 0 };
+        let mut fields = Fields::default();
+        decoder.chunk(&schema(&items), chunk, wanted, &mut fields).unwrap();
+        let flat = |fields: &Fields| fields.places.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();
+        assert_eq!(flat(&fields), flat(&all));
+        assert_eq!(fields.returns, all.returns);
+        assert!(!wanted.z || fields.places == all.places);
+        assert!(!wanted.class || fields.classes == all.classes);
+        assert!(!wanted.flags || fields.flags == all.flags);
+    }
+}
+
+#[test]
+fn two_chunks_at_a_time_are_as_one_after_the_other() {
+    let (items, size) = items(7, 1);
+    let schema = schema(&items);
+    let mut decoder = Decoder::new();
+    for counts in [[0, 5], [5, 0], [1, 1], [1, 900], [900, 300], [700, 700]] {
+        let records = [0, 1].map(|i| new_records(STYLES[2 * i], size, counts[i], 5 + i as u64));
+        let bytes = records.each_ref().map(|records| compress(&items, records));
+        let chunks = [0, 1].map(|i| Chunk { bytes: &bytes[i], count: counts[i] });
+        let mut fields = [Fields::default(), Fields::default()];
+        assert_eq!(decoder.pair(&schema, chunks, Wanted::ALL, &mut fields), [Ok(()), Ok(())]);
+        assert!(fields == records.each_ref().map(|r| new_fields(r, size)), "{counts:?}");
+    }
+}
+
+#[test]
+fn damage_in_one_of_two_chunks_leaves_the_other() {
+    let (items, size) = items(6, 0);
+    let schema = schema(&items);
+    let records = new_records(Style::Walk, size, 300, 1);
+    let good = compress(&items, &records);
+    let short = &good[..good.len() / 3];
+    let mut decoder = Decoder::new();
+    for bytes in [[&good[..], short], [short, &good]] {
+        let mut fields = [Fields::default(), Fields::default()];
+        let chunks = bytes.map(|bytes| Chunk { bytes, count: 300 });
+        let done = decoder.pair(&schema, chunks, Wanted::ALL, &mut fields);
+        for ((bytes, done), fields) in bytes.iter().zip(done).zip(fields) {
+            let is_good = bytes.len() == good.len();
+            assert_eq!(done, if is_good { Ok(()) } else { Err(Damage::Short) });
+            assert_eq!(fields.len(), if is_good { 300 } else { 0 });
+        }
+    }
+}
+
+#[test]
+fn a_stream_that_ends_early_is_named() {
+    let (items, size) = items(6, 0);
+    let schema = schema(&items);
+    let records = new_records(Style::Wild, size, 200, 2);
+    let bytes = compress(&items, &records);
+    let mut decoder = Decoder::new();
+    let layers = [Layer::Places, Layer::Heights, Layer::Classes, Layer::Flags];
+    for (number, layer) in layers.into_iter().enumerate() {
+        let at = size + 4 + 4 * number;
+        let length = axis(&bytes, at);
+        for cut in [1, 2, 3, length / 2, length - 4, length - 1] {
+            let shorter = without(&bytes, &layers_before(&bytes, size, number), length, cut, at);
+            let chunk = Chunk { bytes: &shorter, count: 200 };
+            assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Layer(layer)), "{cut}");
+        }
+    }
+    let chunk = Chunk { bytes: &bytes, count: 201 };
+    assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Count(200)));
+}
+
+/// Where layer `number` begins.
+fn layers_before(bytes: &[u8], size: usize, number: usize) -> usize {
+    let lengths = (0..number).map(|layer| axis(bytes, size + 4 + 4 * layer) as usize);
+    size + 40 + lengths.sum::<usize>()
+}
+
+/// The chunk with the last `cut` bytes of a layer left out, and its length set right.
+fn without(bytes: &[u8], begin: &usize, length: i32, cut: i32, at: usize) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    put(&mut bytes, at, &(length - cut).to_le_bytes());
+    let end = begin + length as usize;
+    bytes.drain(end - cut as usize..end);
+    bytes
+}
+
+#[test]
+fn truncated_chunks_are_refused() {
+    let (items, size) = items(7, 2);
+    let schema = schema(&items);
+    let records = new_records(Style::Walk, size, 60, 9);
+    let bytes = compress(&items, &records);
+    let mut decoder = Decoder::new();
+    let end = layers_before(&bytes, size, 4) + 4 * 3;
+    for length in 0..end {
+        let chunk = Chunk { bytes: &bytes[..length], count: 60 };
+        assert!(decode(&mut decoder, &schema, chunk).is_err(), "{length} of {end}");
+    }
+}
+
+#[test]
+fn mutated_chunks_never_disagree_with_laz() {
+    let mut decoder = Decoder::new();
+    let mut agreed = 0;
+    for format in [6, 7] {
+        let (items, size) = items(format, 0);
+        let schema = schema(&items);
+        for style in STYLES {
+            let sound = compress(&items, &new_records(style, size, 120, 21));
+            let mut dice = Dice(u64::from(format));
+            for _ in 0..300 {
+                let mut bytes = sound.clone();
+                for _ in 0..1 + dice.below(3) {
+                    let at = dice.below(bytes.len() as u64) as usize;
+                    bytes[at] = dice.roll() as u8;
+                }
+                let Ok(ours) = decode(&mut decoder, &schema, Chunk { bytes: &bytes, count: 120 })
+                else {
+                    continue;
+                };
+                let theirs = std::panic::catch_unwind(|| decompress(&items, &bytes, 120));
+                if let Ok(Ok(theirs)) = theirs {
+                    assert!(ours == new_fields(&theirs, size), "format {format}, {style:?}");
+                    agreed += 1;
+                }
+            }
+        }
+    }
+    assert!(agreed > 300, "{agreed}");
+}
+
+#[test]
+fn noise_is_decoded_or_refused() {
+    let (items, size) = items(6, 0);
+    let schema = schema(&items);
+    let mut decoder = Decoder::new();
+    let mut dice = Dice(77);
+    for round in 0..300 {
+        let mut bytes: Vec<u8> = (0..2000).map(|_| dice.roll() as u8).collect();
+        put(&mut bytes, size, &1000_u32.to_le_bytes());
+        for layer in 0..9 {
+            put(&mut bytes, size + 4 + 4 * layer, &150_u32.to_le_bytes());
+        }
+        if round % 3 == 0 {
+            bytes[size + 40..].fill(if round % 2 == 0 { 0 } else { 255 });
+        }
+        let chunk = Chunk { bytes: &bytes, count: 1000 };
+        if let Ok(fields) = decode(&mut decoder, &schema, chunk) {
+            assert_eq!(fields.len(), 1000);
+        }
+    }
+}
+
+#[test]
+fn unknown_items_are_named() {
+    let point = Item { kind: 10, size: 30, version: 3 };
+    let odd = Item { kind: 14, size: 3, version: 7 };
+    assert_eq!(Schema::new(&[point, odd]), Err(odd));
+    assert_eq!(odd.to_string(), "new extra bytes (type 14) of 3 bytes, version 7");
+    assert!(Schema::new(&[]).is_err());
+}
