@@ -2,6 +2,7 @@
 
 pub mod convert;
 mod disk;
+pub mod grid;
 pub mod memory;
 pub mod surface;
 pub mod tin;
