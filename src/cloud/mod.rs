@@ -1,8 +1,16 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
+mod agree;
+mod copc;
 mod filter;
+mod frame;
+mod las;
+mod laz;
+mod member;
 mod open;
 mod polygon;
+mod sieve;
+mod text;
 
 pub use filter::{Filter, Flags, Record, Return, Verdict};
 pub use open::{Cloud, OpenOptions, files, is_cloud, open};

@@ -56,6 +56,14 @@ impl Polygon {
         Ok(Self::new(&rings))
     }
 
+    /// The box around it: x low, y low, x high, y high; empty where no ring has an inside.
+    pub fn bounds(&self) -> [f64; 4] {
+        let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        self.edges.iter().flatten().fold(empty, |[west, south, east, north], [x, y]| {
+            [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
+        })
+    }
+
     /// Whether the place is inside.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         let crossed = self.edges.iter().filter(|[low, high]| {
