@@ -77,7 +77,7 @@ fn job(args: &tin::Args) -> Result<CloudTinJob> {
     let prj = output::prj_path(&args.output);
     let mut outputs: Vec<&Path> = vec![&args.output, &prj];
     outputs.extend(args.report.as_deref());
-    check::not_files(&files, &outputs)?;
+    check::not_among(&files, &outputs)?;
     check::new_file(&args.output, args.overwrite)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
     let resources = args.machine.resources();

@@ -4,6 +4,7 @@ pub mod cloud_tin;
 pub mod convert;
 pub mod delaunay;
 mod disk;
+pub mod grid;
 pub mod memory;
 mod points;
 pub mod surface;
