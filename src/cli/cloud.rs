@@ -13,6 +13,7 @@ use crate::pipeline::Resources;
 /// Which points of a cloud are read, and how.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Points")]
+#[group(id = "cloud")]
 pub(super) struct Args {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
