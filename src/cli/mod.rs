@@ -8,6 +8,7 @@ mod check;
 mod cloud;
 mod cloud_tin;
 mod cloud_verify;
+mod cloud_info;
 mod complete;
 mod convert;
 mod demo;
