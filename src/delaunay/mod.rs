@@ -1,4 +1,13 @@
 //! Delaunay triangulations of scattered points: exact, canonical, and local where that is enough. Pure.
+//!
+//! One set of positions has one triangulation (`predicates`), so a part of it computed from a part of
+//! the points is the same part, once it is *final*: the discs of its triangles hold no place where
+//! unknown points may be. Whoever works on more points than fit into memory loads those around a
+//! window into [`Bins`], says in a [`Loaded`] what that makes known, and asks: for the triangle at a
+//! position ([`Finder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
+//! block owns ([`stars`]). The answer is final, or a [`Needs`]: load that too (at most somewhat more
+//! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
+//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once.
 
 mod bins;
 mod disc;

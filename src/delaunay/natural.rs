@@ -57,7 +57,9 @@ impl<'a, S: Space> Natural<'a, S> {
         points.extend_from_slice(hull.ring());
         let triangulation = Triangulation::new(&points)?;
         let finals = vec![false; triangulation.numbers() as usize];
-        Ok(Self { space, hull, window, points, triangulation, finals, last: 0 })
+        let mut triangles = 0..triangulation.numbers();
+        let last = 3 * triangles.find(|&t| triangulation.corners(t).is_some()).unwrap_or(0);
+        Ok(Self { space, hull, window, points, triangulation, finals, last })
     }
 
     /// The height at `q` in steps; at a point its z, and `None` outside the hull. A plane is
@@ -136,14 +138,6 @@ impl<'a, S: Space> Natural<'a, S> {
 
     fn walk(&self, q: Position, back: bool) -> Option<u32> {
         let mut s = self.last;
-        while self.is_ghost(s) {
-            s = self.triangulation.twin(if self.triangulation.from(s) == GHOST {
-                next(s)
-            } else {
-                s
-            });
-            s = if self.is_ghost(s) { next(s) } else { s };
-        }
         loop {
             let sides = [s, next(s), prev(s)];
             let arms = self.corners(s).map(|p| q.to(site(&p)));
