@@ -1,9 +1,17 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
+mod agree;
+mod copc;
 mod filter;
+mod frame;
+mod las;
+mod laz;
+mod member;
 mod open;
 mod polygon;
+mod sieve;
 pub mod synth;
+mod text;
 pub mod write;
 
 pub use filter::{Filter, Flags, Record, Return, Verdict};

@@ -2,12 +2,15 @@
 
 mod affine;
 mod crs;
+mod geokeys;
 mod point;
 pub mod predicates;
 mod rect;
+pub mod wkt;
 
 pub use affine::Affine;
 pub use crs::Crs;
+pub use geokeys::GeoKeys;
 pub use point::{Frame, Point, REACH};
 pub use rect::Rect;
 

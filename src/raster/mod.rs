@@ -7,7 +7,6 @@ mod asc;
 mod cache;
 mod decimal;
 mod dted;
-mod file;
 mod geotiff;
 mod hgt;
 mod mosaic;
@@ -37,6 +36,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files as file;
 use crate::geom::{Affine, Crs, Rect};
 pub use mosaic::{Inputs, files, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};

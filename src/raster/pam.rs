@@ -7,14 +7,14 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::{Affine, Crs, Rect};
+use crate::geom::{Affine, Crs, Rect, wkt};
 use crate::limits;
 use crate::raster::file::RawFile;
 use crate::raster::sample::Height;
 use crate::raster::xml::{self, Node, Tag, Xml};
 use crate::raster::{
-    GridInfo, GridSource, OpenOptions, RasterFormat, Window, asc, dted, geotiff, hgt, png, prj,
-    raw, unit_and_text, usgs, xyz,
+    GridInfo, GridSource, OpenOptions, RasterFormat, Window, asc, dted, geotiff, hgt, png, raw,
+    unit_and_text, usgs, xyz,
 };
 
 /// Most heights that are read apart before they are scaled.
@@ -159,7 +159,7 @@ impl Said {
         }
         while let Some(tag) = xml.child()? {
             match tag.name.to_ascii_lowercase().as_str() {
-                "srs" => said.crs = Some(prj::of_srs(&xml.node(tag)?.text)),
+                "srs" => said.crs = Some(wkt::of_srs(&xml.node(tag)?.text)),
                 "geotransform" => said.transform = Some(place(&xml.node(tag)?)?),
                 "metadata" if tag.attribute("domain").is_none() => {
                     said.is_point |= says_point(xml)?;

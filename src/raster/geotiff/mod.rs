@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::geom::{Affine, Crs, Rect};
+use crate::geom::{Affine, Crs, GeoKeys, Rect};
 use crate::raster::cache::BlockCache;
 use crate::raster::file::RawFile;
 use crate::raster::sample::{Height, ToHeight};
@@ -30,7 +30,6 @@ use crate::raster::{
     world,
 };
 
-use geokeys::GeoKeys;
 use georef::Georeference;
 use ifd::Directory;
 use image::{Image, check_cache};
@@ -152,7 +151,7 @@ fn describe(
     layout: &Layout,
     options: &OpenOptions,
 ) -> Result<GridInfo> {
-    let keys = GeoKeys::read(directory)?;
+    let keys = geokeys::read(directory)?;
     let pixel_is_point = keys.pixel_is_point();
     let georeference = georef::read(directory, pixel_is_point)?;
     let items = gdal::band_items(directory, options.band)?;

@@ -5,7 +5,6 @@
 mod agree;
 mod cache;
 mod find;
-mod glob;
 mod index;
 mod layout;
 mod members;

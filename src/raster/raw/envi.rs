@@ -2,9 +2,9 @@
 
 use super::{Header, Interleave, count, number, whole};
 use crate::error::{Error, Result};
-use crate::geom::{Affine, Crs};
+use crate::geom::{Affine, Crs, wkt};
 use crate::limits;
-use crate::raster::{SampleType, prj};
+use crate::raster::SampleType;
 
 /// Values by key, keys in lower case, braces removed.
 struct Values(Vec<(String, String)>);
@@ -52,7 +52,7 @@ pub(super) fn read(text: &str) -> Result<Header> {
     check_plain(&values)?;
     let map = values.get("map info").map(MapInfo::read).transpose()?;
     let crs = match values.get("coordinate system string") {
-        Some(wkt) if !wkt.is_empty() => prj::from_text(wkt),
+        Some(wkt) if !wkt.is_empty() => wkt::from_text(wkt),
         _ => map.as_ref().map(|map| map.crs.clone()).unwrap_or_default(),
     };
     let ignore = values.get("data ignore value").map(|v| number("data ignore value", v));

@@ -13,10 +13,10 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::geom::{Affine, Crs, Rect};
+use crate::geom::{Affine, Crs, Rect, wkt};
 use crate::limits;
 use crate::raster::file::RawFile;
-use crate::raster::{GridInfo, GridSource, OpenOptions, RasterFormat, prj, unit_and_text};
+use crate::raster::{GridInfo, GridSource, OpenOptions, RasterFormat, unit_and_text};
 
 use super::find::{Family, Nest, find, on_threads};
 use super::recode::{Recode, holds, void_range};
@@ -120,7 +120,7 @@ fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
         crs: Crs {
             vertical_unit,
             vertical_unit_text,
-            ..vrt.srs.as_deref().map(prj::of_srs).unwrap_or_default()
+            ..vrt.srs.as_deref().map(wkt::of_srs).unwrap_or_default()
         },
         nodata: options.nodata.or(band.nodata),
         scale: band.scale,

@@ -47,7 +47,7 @@ fn matches_in(folder: &Path, pattern: &str, found: &mut Vec<PathBuf>) -> Result<
         if matches(&pattern, &text) && (text.first() != Some(&'.') || pattern.first() == Some(&'.'))
         {
             found.push(folder.join(&name));
-            limits::check("files of a mosaic", found.len() as u64, limits::MAX_MEMBERS)?;
+            limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)?;
         }
     }
     Ok(())
