@@ -14,7 +14,7 @@ use crate::pipeline::Resources;
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Points")]
 #[group(id = "cloud")]
-pub(super) struct Args {
+pub(super) struct Points {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     class: Vec<u8>,
@@ -47,7 +47,7 @@ pub(super) struct Args {
     salvage: bool,
 }
 
-impl Args {
+impl Points {
     /// Options for opening a cloud within `resources`.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ pub(super) struct Facts {
 /// Opens a cloud and tells what it is; with `stats`, all its points are read, withheld ones too.
 pub(super) fn describe(
     (files, told): (&[String], &str),
-    args: &cloud::Args,
+    args: &cloud::Points,
     stats: bool,
     resources: &Resources,
     (progress, cancel): (&dyn Progress, &Cancel),

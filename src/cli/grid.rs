@@ -32,7 +32,7 @@ pub(super) struct Args {
     #[command(flatten)]
     method: Method,
     #[command(flatten)]
-    points: cloud::Args,
+    points: cloud::Points,
     #[command(flatten)]
     out: Output,
     #[command(flatten)]

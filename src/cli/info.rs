@@ -29,7 +29,7 @@ pub(super) struct Args {
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
-    cloud: cloud::Args,
+    cloud: cloud::Points,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]

@@ -121,8 +121,8 @@ impl PointSource for Cloud {
 /// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder, a pattern or a list
 /// of such files, or any of these or a text file after `cloud:`; or a synthetic one.
 pub fn is_cloud(input: &str) -> bool {
-    let by_name = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
-    if by_name || is_member(Path::new(input)) {
+    let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
+    if is_named || is_member(Path::new(input)) {
         return true;
     }
     let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
