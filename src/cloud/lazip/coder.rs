@@ -38,6 +38,17 @@ impl<'a, M: Machine> Coder<'a, M> {
         (value < coder.length).then_some(coder)
     }
 
+    /// The same, for another machine.
+    pub(super) fn on<N: Machine>(self) -> Coder<'a, N> {
+        let Self { rest, beyond, value, length, excess, .. } = self;
+        Coder { rest, beyond, value, length, excess, machine: PhantomData }
+    }
+
+    /// Notes that what was read came from no encoder.
+    pub(super) fn doubt(&mut self) {
+        self.excess |= 1;
+    }
+
     /// Whether all that was read so far may come from an encoder.
     pub(super) fn is_sound(&self) -> bool {
         self.beyond == 0 && self.excess == 0

@@ -40,6 +40,18 @@ impl<const C: usize> Integer<C> {
         self.parts.iter_mut().for_each(Model::clear);
     }
 
+    /// The next difference, and how many bits it has.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(
+        &mut self,
+        coder: &mut Coder<M>,
+        circumstance: usize,
+    ) -> (i32, u32) {
+        let size = self.size(coder, circumstance);
+        let upper = self.upper(coder, size);
+        (lower(coder, size, upper), size)
+    }
+
     /// How many bits the next difference has.
     #[inline(always)]
     pub(super) fn size<M: Machine>(&mut self, coder: &mut Coder<M>, circumstance: usize) -> u32 {

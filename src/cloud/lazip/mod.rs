@@ -11,17 +11,21 @@
 
 mod channel;
 mod coder;
+mod follow;
 mod integer;
 mod lane;
 mod layered;
 mod machine;
 mod median;
 mod model;
+mod old;
+mod pointwise;
 mod returns;
 mod schema;
 
 use channel::Point;
 use layered::{Job, Layered};
+use pointwise::{Pointwise, Run};
 use schema::Layout;
 use std::fmt;
 
@@ -117,6 +121,8 @@ pub enum Layer {
     Classes,
     /// Flags.
     Flags,
+    /// Whole records, where fields are no layers.
+    Records,
 }
 
 impl fmt::Display for Layer {
@@ -126,6 +132,7 @@ impl fmt::Display for Layer {
             Self::Heights => "heights",
             Self::Classes => "classes",
             Self::Flags => "flags",
+            Self::Records => "records",
         })
     }
 }
@@ -155,6 +162,7 @@ impl fmt::Display for Damage {
 #[derive(Default)]
 pub struct Decoder {
     layered: [Layered; 2],
+    pointwise: Pointwise,
 }
 
 impl Decoder {
@@ -176,13 +184,31 @@ impl Decoder {
     ) -> Result<(), Damage> {
         let [layered, _] = &mut self.layered;
         let before = fields.len();
-        let done = match schema.layout {
+        let done = match &schema.layout {
             _ if chunk.count == 0 => Ok(()),
-            Layout::Layered(layers) => {
+            &Layout::Layered(layers) => {
                 layered::read(Job { layered, chunk, layers, wanted, fields: &mut *fields })
             }
+            Layout::Pointwise(_) => self
+                .stream(schema, chunk.bytes)
+                .unwrap_or(Err(Damage::Short))
+                .and_then(|mut stream| stream.read(chunk.count, fields)),
         };
         done.inspect_err(|_| fields.truncate(before))
+    }
+
+    /// The points of a chunk of records, to be read in batches; `None` where fields are layers.
+    ///
+    /// # Errors
+    /// The chunk ends within its first record.
+    pub fn stream<'d, 'a>(
+        &'d mut self,
+        schema: &Schema,
+        bytes: &'a [u8],
+    ) -> Option<Result<Stream<'d, 'a>, Damage>> {
+        let Layout::Pointwise(records) = &schema.layout else { return None };
+        let pointwise = &mut self.pointwise;
+        Some(Run::new(pointwise, records, bytes).map(|run| Stream { pointwise, run }))
     }
 
     /// Appends the points of two chunks to `fields`, each to its own: the same as decoding one after
@@ -198,13 +224,15 @@ impl Decoder {
         fields: &mut [Fields; 2],
     ) -> [Result<(), Damage>; 2] {
         let [a, b] = &mut *fields;
-        if chunks.iter().any(|chunk| chunk.count == 0) {
-            let [first, second] = chunks;
-            let first = self.chunk(schema, first, wanted, a);
-            return [first, self.chunk(schema, second, wanted, b)];
-        }
+        let layers = match schema.layout {
+            Layout::Layered(layers) if chunks.iter().all(|chunk| chunk.count > 0) => layers,
+            _ => {
+                let [first, second] = chunks;
+                let first = self.chunk(schema, first, wanted, a);
+                return [first, self.chunk(schema, second, wanted, b)];
+            }
+        };
         let before = [a.len(), b.len()];
-        let Layout::Layered(layers) = schema.layout;
         let [first, second] = &mut self.layered;
         let done = layered::read_two([
             Job { layered: first, chunk: chunks[0], layers, wanted, fields: a },
@@ -216,6 +244,25 @@ impl Decoder {
             }
         }
         done
+    }
+}
+
+/// Points of a chunk of records, a batch after another: for old files that are one chunk.
+pub struct Stream<'d, 'a> {
+    pointwise: &'d mut Pointwise,
+    run: Run<'a>,
+}
+
+impl Stream<'_, '_> {
+    /// Appends the next `count` points to `fields`.
+    ///
+    /// # Errors
+    /// Damage so far; none of the `count` points are appended then.
+    pub fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
+        let before = fields.len();
+        fields.reserve(count);
+        let done = self.run.read(self.pointwise, count, fields);
+        done.inspect_err(|_| fields.truncate(before))
     }
 }
 

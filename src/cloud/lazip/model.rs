@@ -11,14 +11,14 @@ const MOST_BITS: u32 = 1 << 13;
 /// Stands where there is no further symbol; larger than any place in the interval.
 const NONE: u16 = u16::MAX;
 
-/// A model of at most 16 * `B` symbols; `B` is a power of two up to 16.
+/// A model of at most 16 * `B` symbols; `B` is a power of two.
 ///
 /// A model that was cleared begins anew when it is next used.
 #[derive(Clone)]
 pub(super) struct Model<const B: usize> {
     /// Where each symbol begins in an interval of 2^15, then [`NONE`].
     starts: [Lanes; B],
-    /// The first of each of `starts`.
+    /// The first of each of `starts`, or of every so many that there are 16.
     coarse: Lanes,
     counts: [Lanes; B],
     symbols: u16,
@@ -40,6 +40,9 @@ pub(super) struct Found {
 }
 
 impl<const B: usize> Model<B> {
+    /// Blocks from one of `coarse` to the next.
+    const STRIDE: usize = B.div_ceil(LANES);
+
     /// A model that was cleared.
     pub(super) const fn new() -> Self {
         Self {
@@ -86,8 +89,12 @@ impl<const B: usize> Model<B> {
         let place = place as u16;
         let block = match B {
             1 => 0,
-            2..=4 => self.starts[1..].iter().take_while(|lanes| lanes[0] <= place).count(),
-            _ => M::last_at_most(&self.coarse, place),
+            2..=4 => self.blocks_before(place, 1),
+            5..=16 => M::last_at_most(&self.coarse, place),
+            _ => {
+                let block = M::last_at_most(&self.coarse, place) * Self::STRIDE;
+                block + self.blocks_before(place, block + 1)
+            }
         } % B;
         let symbol = LANES * block + M::last_at_most(&self.starts[block], place) % LANES;
         let starts = self.starts.as_flattened();
@@ -97,6 +104,13 @@ impl<const B: usize> Model<B> {
             high: u32::from(starts[(symbol + 1) % (LANES * B)]),
             is_last: symbol + 1 == usize::from(self.symbols),
         }
+    }
+
+    /// How many blocks from `first` on begin before `place`, as far as `coarse` leaves it open.
+    #[inline(always)]
+    fn blocks_before(&self, place: u16, first: usize) -> usize {
+        let blocks = self.starts.iter().skip(first).take(Self::STRIDE.max(4) - 1);
+        blocks.take_while(|lanes| lanes[0] <= place).count()
     }
 
     /// Notes that `symbol` came.
@@ -134,7 +148,8 @@ impl<const B: usize> Model<B> {
             *start = ((scale * sum) >> 16) as u16;
             sum += u32::from(*count);
         }
-        for (coarse, lanes) in self.coarse.iter_mut().zip(&self.starts) {
+        for (coarse, lanes) in self.coarse.iter_mut().zip(self.starts.iter().step_by(Self::STRIDE))
+        {
             *coarse = lanes[0];
         }
     }

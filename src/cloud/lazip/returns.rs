@@ -24,6 +24,18 @@ const GROUPS: [&[u8; 16]; 16] = [
     b"5334444444444455",
 ];
 
+/// Group by number of returns and return number of up to seven, of sixteen (as hexadecimal digits).
+const OLD_GROUPS: [&[u8; 8]; 8] = [
+    b"fedcba98",
+    b"e0136aa9",
+    b"d1247bba",
+    b"c3458ccb",
+    b"b6789ddc",
+    b"aabcdeed",
+    b"9abcdefe",
+    b"89abcdef",
+];
+
 static GROUP: [u8; 256] = {
     let mut table = [0; 256];
     let mut at = 0;
@@ -57,6 +69,15 @@ impl Returns {
     #[inline(always)]
     pub(super) fn group(self) -> usize {
         usize::from(GROUP[usize::from(self.0)])
+    }
+
+    /// Group of like points, of sixteen; for return numbers below eight.
+    pub(super) fn old_group(self) -> usize {
+        let digit = OLD_GROUPS[usize::from(self.of() & 7)][usize::from(self.number() & 7)];
+        usize::from(match digit {
+            b'a'.. => digit - b'a' + 10,
+            _ => digit - b'0',
+        })
     }
 
     /// How far the return is from the last, at most seven.

@@ -1,5 +1,6 @@
 //! How the records of a compressed file are made up, as its LASzip record says.
 
+use super::follow::Follow;
 use std::fmt;
 
 /// A part of every record, as the LASzip record lists it.
@@ -44,6 +45,19 @@ pub struct Schema {
 pub(super) enum Layout {
     /// Fields are layers, one after another.
     Layered(Layers),
+    /// Records follow each other.
+    Pointwise(Records),
+}
+
+/// Records of one stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Records {
+    /// How the part that they share is compressed.
+    pub(super) version: u16,
+    /// What follows it.
+    pub(super) follow: Vec<Item>,
+    /// Bytes of what follows.
+    pub(super) bytes: usize,
 }
 
 /// What follows the part that all layered records share.
@@ -65,9 +79,22 @@ impl Schema {
         let (&first, rest) = items.split_first().ok_or(none)?;
         let layout = match (first.kind, first.size, first.version) {
             (10, 30, 3 | 4) => Layout::Layered(Layers::new(rest)?),
+            (6, 20, 1 | 2) => Layout::Pointwise(Records::new(first.version, rest)?),
             _ => return Err(first),
         };
         Ok(Self { layout })
+    }
+}
+
+impl Records {
+    fn new(version: u16, items: &[Item]) -> Result<Self, Item> {
+        match items.iter().find(|item| !Follow::is_known(item)) {
+            Some(item) => Err(*item),
+            None => {
+                let bytes = items.iter().map(|item| usize::from(item.size)).sum();
+                Ok(Self { version, follow: items.to_vec(), bytes })
+            }
+        }
     }
 }
 
