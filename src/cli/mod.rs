@@ -6,9 +6,9 @@
 mod args;
 mod check;
 mod cloud;
+mod cloud_info;
 mod cloud_tin;
 mod cloud_verify;
-mod cloud_info;
 mod complete;
 mod convert;
 mod demo;

@@ -1,7 +1,7 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
-pub mod cloud_tin;
 pub mod cloud_stats;
+pub mod cloud_tin;
 pub mod convert;
 pub mod delaunay;
 mod disk;

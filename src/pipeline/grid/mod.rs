@@ -22,8 +22,8 @@ use crate::raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};
 use crate::raster::{GridInfo, GridSource, SampleType};
 use blocks::Blocks;
 use budget::Budget;
-pub use extent::{Compat, Placement};
 use extent::Extent;
+pub use extent::{Compat, Placement};
 use feed::Feed;
 pub use report::{BandReport, GridReport, GridStage};
 use source::{BandSource, Finished};
@@ -207,7 +207,8 @@ pub fn grid(
     let fed = feed.run(budget.threads, progress, cancel)?;
     let accumulated = GridStage::since("points", start);
     let begun = Instant::now();
-    let finished = Finished { blocks, recipe: &recipe, extent: &extent, units: units(&extent, points) };
+    let finished =
+        Finished { blocks, recipe: &recipe, extent: &extent, units: units(&extent, points) };
     let valid = write_bands(&finished, &info, sink.as_mut(), budget.threads, progress, cancel)?;
     cancel.check()?;
     let (spilled, notes) = (finished.blocks.spilled_bytes(), sink.notes());
