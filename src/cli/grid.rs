@@ -86,6 +86,9 @@ struct Method {
     /// Weights of idw are distance to the power of minus P, 4 at most [default: 1]
     #[arg(long, value_name = "P", value_parser = parse::positive)]
     power: Option<f64>,
+    /// For tin: triangles with an edge longer than this are no surface [default: all are]
+    #[arg(long, value_name = "LENGTH", value_parser = parse::positive)]
+    max_edge: Option<f64>,
     /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
     /// larger of the two
     #[arg(long, visible_alias = "window", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
@@ -158,6 +161,7 @@ fn job(args: &Args) -> Result<GridJob> {
         },
         radius: args.method.radius,
         power: args.method.power,
+        max_edge: args.method.max_edge,
         fill: args.method.fill.unwrap_or(0),
         sample_type: out.sample_type,
         round: out.round,
@@ -182,6 +186,7 @@ impl Args {
                 )
             });
         let weighs = any(|s| matches!(s, Statistic::Idw { power: None, .. }));
+        let spans = any(|s| matches!(s, Statistic::Tin { max_edge: None }));
         let fills = any(|s| s.is_height());
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
         let idle = [
@@ -191,6 +196,7 @@ impl Args {
                 "for idw and nearest without one",
             ),
             ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
+            ("--max-edge", self.method.max_edge.is_some() && !spans, "for tin without one"),
             ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
             (
                 "--round",

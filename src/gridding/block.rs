@@ -87,6 +87,8 @@ impl Block {
                 self.height(band, 1, at).or_else(|| self.plane(band, 0).weighted(at))
             }
             Statistic::Percentile { rank } => self.plane(band, 0).percentile(at, rank),
+            // Cells know nothing of the points around them.
+            Statistic::Tin { .. } | Statistic::Natural => None,
         };
         steps.map_or(f64::NAN, |steps| steps * units.scale + units.offset)
     }

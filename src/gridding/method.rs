@@ -9,6 +9,8 @@ pub enum Kind {
     Accumulated,
     /// All points of a cell together.
     Gathered,
+    /// The triangulation of all points of the cloud, at the cell's centre.
+    Triangulated,
 }
 
 /// A statistic with its parameters.
@@ -48,6 +50,14 @@ pub enum Statistic {
         /// 0 to 100.
         rank: f64,
     },
+    /// Height at the cell's centre of the surface that is linear in the Delaunay triangulation of
+    /// all points.
+    Tin {
+        /// Triangles with a longer edge are no surface; world units.
+        max_edge: Option<f64>,
+    },
+    /// Height at the cell's centre from its natural neighbours among all points (Sibson 1981).
+    Natural,
 }
 
 impl Statistic {
@@ -89,6 +99,10 @@ const RADIUS: Parameter =
     Parameter { key: "radius", about: "points nearer than this to the cell's centre [--radius]" };
 const POWER: Parameter =
     Parameter { key: "power", about: "weights are distance^-power, 4 at most [--power]" };
+const MAX_EDGE: Parameter = Parameter {
+    key: "max_edge",
+    about: "triangles with a longer edge are no surface [--max-edge]",
+};
 const DDOF: Parameter = Parameter {
     key: "ddof",
     about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
@@ -194,6 +208,22 @@ pub const METHODS: &[Method] = &[
             Some(rank) if (0.0..=100.0).contains(&rank) => Ok(Statistic::Percentile { rank }),
             _ => Err(Error::usage("a percentile is p0 to p100")),
         },
+    },
+    Method {
+        name: "tin",
+        aliases: &["linear"],
+        about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
+        kind: Kind::Triangulated,
+        parameters: &[MAX_EDGE],
+        make: |given| Ok(Statistic::Tin { max_edge: given.positive("max_edge")? }),
+    },
+    Method {
+        name: "natural",
+        aliases: &["sibson"],
+        about: "height at the cell's centre from its natural neighbours among all points",
+        kind: Kind::Triangulated,
+        parameters: &[],
+        make: |_| Ok(Statistic::Natural),
     },
 ];
 

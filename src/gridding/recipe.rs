@@ -49,6 +49,11 @@ impl Band {
     pub fn counts(&self) -> bool {
         matches!(self.statistic, Statistic::Count | Statistic::Density)
     }
+
+    /// True when it is made of the triangulation of all points.
+    pub fn is_triangulated(&self) -> bool {
+        matches!(self.statistic, Statistic::Tin { .. } | Statistic::Natural)
+    }
 }
 
 impl Recipe {
@@ -57,9 +62,12 @@ impl Recipe {
         let mut recipe = Self { regions: Vec::new(), planes: Vec::new(), bands: Vec::new() };
         for one in asked {
             let (region, primitives) = needs(one.statistic, rules);
-            let region = position(&mut recipe.regions, region);
             let planes = primitives.into_iter();
-            let planes = planes.map(|p| position(&mut recipe.planes, (region, p))).collect();
+            let planes = planes.map(|p| {
+                let region = position(&mut recipe.regions, region);
+                position(&mut recipe.planes, (region, p))
+            });
+            let planes = planes.collect();
             let (label, statistic) = (one.label.clone(), one.statistic);
             recipe.bands.push(Band { label, statistic, planes });
         }
@@ -74,6 +82,16 @@ impl Recipe {
     /// The regions that points are needed of.
     pub fn regions(&self) -> &[Region] {
         &self.regions
+    }
+
+    /// True when nothing is kept of cells.
+    pub fn is_empty(&self) -> bool {
+        self.planes.is_empty()
+    }
+
+    /// True when a band is made of the triangulation of all points.
+    pub fn triangulates(&self) -> bool {
+        self.bands.iter().any(Band::is_triangulated)
     }
 
     /// The largest radius that a cell looks around in; 0 when it looks at its own points only.
@@ -115,6 +133,7 @@ fn needs(statistic: Statistic, rules: &Rules) -> (Region, Vec<Primitive>) {
         Statistic::Mean => (own, vec![Count, Sum]),
         Statistic::Std { .. } => (own, vec![Count, Sum, Squares]),
         Statistic::Percentile { .. } => (own, vec![Values]),
+        Statistic::Tin { .. } | Statistic::Natural => (own, vec![]),
         Statistic::Idw { radius, power } => {
             let radius = radius.unwrap_or(rules.radius);
             let falloff = Falloff::new(radius, power.unwrap_or(rules.power));

@@ -12,8 +12,8 @@ use crate::gridding::Recipe;
 use crate::pipeline::Resources;
 use crate::raster::write::{GridFormat, GridSink};
 
-use super::GridJob;
 use super::extent::Extent;
+use super::surface;
 
 const PROGRAM: u64 = 12 << 20;
 const WORKER: u64 = 12 << 20;
@@ -39,15 +39,16 @@ pub(super) struct Budget {
 
 impl Budget {
     pub(super) fn divide(
-        job: &GridJob,
+        resources: &Resources,
         format: &GridFormat,
         sink: &dyn GridSink,
         extent: &Extent,
         recipe: &Recipe,
         points: u64,
     ) -> Result<Self> {
-        let Resources { threads, memory, .. } = job.resources;
-        let worker = WORKER.max(writing(format, sink, extent, recipe));
+        let Resources { threads, memory, .. } = *resources;
+        let around = if recipe.triangulates() { surface::WORKER } else { 0 };
+        let worker = WORKER.max(around + writing(format, sink, extent, recipe));
         let (width, height) = extent.lattice.size();
         let cells = u64::from(width).saturating_mul(u64::from(height)).max(1);
         let cell = recipe.bytes_per_cell() as u64

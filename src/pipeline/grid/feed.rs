@@ -9,6 +9,7 @@ use crate::cloud::{Census, PointSource};
 use crate::error::Result;
 use crate::geom::{Point, Rect};
 use crate::gridding::{Hits, Recipe, Region, Scatter};
+use crate::pipeline::points::PointStore;
 use crate::pipeline::{Cancel, Progress};
 
 /// A cloud and the blocks it goes into.
@@ -17,6 +18,8 @@ pub(super) struct Feed<'a> {
     pub(super) extent: &'a Extent,
     pub(super) recipe: &'a Recipe,
     pub(super) blocks: &'a Blocks<'a>,
+    /// Takes all points, where surfaces go through them.
+    pub(super) store: Option<&'a PointStore>,
 }
 
 /// What became of the points.
@@ -126,6 +129,10 @@ impl<'a> Worker<'a> {
 
     /// Hands a batch of points to the blocks they touch.
     fn take(&mut self, points: &[Point]) -> Result<()> {
+        self.feed.store.map_or(Ok(()), |store| store.add(points))?;
+        if self.feed.recipe.is_empty() {
+            return Ok(());
+        }
         let lattice = &self.feed.extent.lattice;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
         lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);

@@ -8,6 +8,7 @@ mod feed;
 mod queue;
 mod report;
 mod source;
+mod surface;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -27,6 +28,7 @@ pub use extent::{Compat, Placement};
 use feed::Feed;
 pub use report::{BandReport, GridReport, GridStage};
 use source::{BandSource, Finished};
+use surface::Surfaces;
 
 /// A cloud-to-grid job.
 #[derive(Clone, Debug)]
@@ -53,6 +55,8 @@ pub struct GridJob {
     pub radius: Option<f64>,
     /// Power of the distance that weights of idw fall off by; 1 when `None`.
     pub power: Option<f64>,
+    /// Triangles with a longer edge, in world units, are no surface; all are when `None`.
+    pub max_edge: Option<f64>,
     /// Voids are filled from known cells at most so many columns and rows away; 0 fills none.
     pub fill: u32,
     /// Type of the written samples.
@@ -89,6 +93,7 @@ impl GridJob {
             compat: Compat::None,
             radius: None,
             power: None,
+            max_edge: None,
             fill: 0,
             sample_type: SampleType::F32,
             round: false,
@@ -201,17 +206,26 @@ pub fn grid(
     let info = written(&extent, job);
     let format = job.format()?;
     let mut sink = format.create(&job.output, &info, &job.write_options())?;
-    let budget = Budget::divide(job, format, sink.as_ref(), &extent, &recipe, points.info().count)?;
+    let share = if recipe.triangulates() { job.resources.memory / 2 } else { 0 };
+    let store = (share > 0).then(|| surface::store(points.info(), job.spill_folder(), share));
+    let rest = Resources { memory: job.resources.memory - share, ..job.resources.clone() };
+    let budget =
+        Budget::divide(&rest, format, sink.as_ref(), &extent, &recipe, points.info().count)?;
     let blocks = Blocks::new(&recipe, &extent, &budget, job.spill_folder());
-    let feed = Feed { source: points, extent: &extent, recipe: &recipe, blocks: &blocks };
+    let (source, into) = (points, store.as_ref());
+    let feed = Feed { source, extent: &extent, recipe: &recipe, blocks: &blocks, store: into };
     let fed = feed.run(budget.threads, progress, cancel)?;
+    let frame = points.info().frame;
+    let surfaces = store.map(|store| Surfaces::new(store, frame)).transpose()?;
     let accumulated = GridStage::since("points", start);
     let begun = Instant::now();
-    let finished =
-        Finished { blocks, recipe: &recipe, extent: &extent, units: units(&extent, points) };
+    let units = units(&extent, points);
+    let (recipe, extent, max_edge) = (&recipe, &extent, job.max_edge);
+    let finished = Finished { blocks, recipe, extent, units, surfaces, max_edge };
     let valid = write_bands(&finished, &info, sink.as_mut(), budget.threads, progress, cancel)?;
     cancel.check()?;
-    let (spilled, notes) = (finished.blocks.spilled_bytes(), sink.notes());
+    let through = finished.surfaces.as_ref().map_or(0, Surfaces::spilled_bytes);
+    let (spilled, notes) = (finished.blocks.spilled_bytes() + through, sink.notes());
     let output_bytes = sink.finish()?;
     let written = GridStage::since("write", begun);
     let bands = recipe.bands().iter().zip(valid);
@@ -228,7 +242,7 @@ pub fn grid(
         points_per_second: fed.census.read as f64 / accumulated.seconds,
         stages: vec![accumulated, written],
         wall_seconds,
-        ..report(job, &info, &extent)
+        ..report(job, &info, extent)
     })
 }
 

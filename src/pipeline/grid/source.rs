@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
 use super::extent::Extent;
+use super::surface::Surfaces;
 use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::gridding::{Band, Recipe, Statistic, Units, fill};
@@ -15,11 +16,18 @@ pub(super) struct Finished<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) extent: &'a Extent,
     pub(super) units: Units,
+    /// Where a band needs it.
+    pub(super) surfaces: Option<Surfaces>,
+    /// Longest edge of triangles that are surface, in world units.
+    pub(super) max_edge: Option<f64>,
 }
 
 impl Finished<'_> {
     /// The values of a band in `rect` of all cells computed, NaN where void.
     fn values(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        if let (Some(surfaces), true) = (&self.surfaces, band.is_triangulated()) {
+            return surfaces.values(band.statistic, self.max_edge, self.extent, rect, out);
+        }
         out.fill(if band.counts() { 0.0 } else { f64::NAN });
         let (stride, shift) = (rect.width as usize, self.blocks.shift());
         for index in self.blocks.touching(rect) {

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use super::PointStore;
-use crate::delaunay::{Bins, Disc, Finder, Found, Hull, Needs, Position, Space, Window};
+use crate::delaunay::{Bins, Disc, Finder, Found, Hull, Natural, Needs, Position, Space, Window};
 use crate::error::Result;
 use crate::geom::Point;
 
@@ -50,6 +50,27 @@ impl<'a> Around<'a> {
             while let Some(&position) = left.peek() {
                 let Ok(found) = finder.find(position) else { break };
                 each(position, found);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// The natural neighbour height at each position of `window`, in their order.
+    pub(in crate::pipeline) fn natural(
+        &mut self,
+        hull: &Hull,
+        window: Window,
+        positions: impl Iterator<Item = Position>,
+        mut each: impl FnMut(Option<f64>),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let mut natural = Natural::new(&*self, hull, &window)?;
+            while let Some(&position) = left.peek() {
+                let Ok(height) = natural.height(position)? else { break };
+                each(height);
                 left.next();
             }
             self.take_in()?;

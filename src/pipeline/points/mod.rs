@@ -5,7 +5,7 @@
 
 mod around;
 mod buckets;
-mod linear;
+mod surface;
 mod tiling;
 
 use std::path::Path;
@@ -13,7 +13,7 @@ use std::sync::Mutex;
 
 pub(in crate::pipeline) use around::Around;
 use buckets::Buckets;
-pub(in crate::pipeline) use linear::{Linear, Positions};
+pub(in crate::pipeline) use surface::{Positions, Shape, Surface};
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};

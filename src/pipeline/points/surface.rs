@@ -1,4 +1,4 @@
-//! Heights of the surface that is linear in the Delaunay triangulation of all points.
+//! Heights of surfaces through all points, at positions in columns and rows.
 
 use std::ops::Range;
 
@@ -10,14 +10,25 @@ use crate::geom::{Frame, Point};
 /// Most points that are held for positions side by side, unless they are all needed for one.
 const MOST_POINTS: u64 = 1 << 19;
 
+/// How heights between points are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::pipeline) enum Shape {
+    /// Linear in the Delaunay triangulation.
+    Linear {
+        /// Triangles with a longer edge, in world units, are no surface.
+        max_edge: Option<f64>,
+    },
+    /// From natural neighbours.
+    Natural,
+}
+
 /// The surface over the points of a store.
-pub(in crate::pipeline) struct Linear<'a> {
+pub(in crate::pipeline) struct Surface<'a> {
     pub(in crate::pipeline) store: &'a PointStore,
     /// Of all points of the store.
     pub(in crate::pipeline) hull: &'a Hull,
     pub(in crate::pipeline) frame: Frame,
-    /// Triangles with a longer edge, in world units, are no surface.
-    pub(in crate::pipeline) max_edge: Option<f64>,
+    pub(in crate::pipeline) shape: Shape,
 }
 
 /// Positions in columns and rows, in steps: a rectangle of them has one from each.
@@ -52,7 +63,7 @@ impl Part {
     }
 }
 
-impl Linear<'_> {
+impl Surface<'_> {
     /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
     /// the points and its position alone.
     pub(in crate::pipeline) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
@@ -85,26 +96,37 @@ impl Linear<'_> {
             || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
         let positions = cells().map(|(col, row)| Position::from_steps(at.xs[col], at.ys[row]));
         let mut places = cells().map(|(col, row)| row * at.xs.len() + col);
-        around.find_all(self.hull, positions, |position, found| {
-            if let Some(place) = places.next() {
-                out[place] = self.height(position, found);
+        let mut place = || places.next().unwrap_or_default();
+        match self.shape {
+            Shape::Linear { max_edge } => {
+                around.find_all(self.hull, positions, |position, found| {
+                    out[place()] = self.height(position, found, max_edge);
+                })
             }
-        })
+            Shape::Natural => around.natural(self.hull, window, positions, |steps| {
+                out[place()] = steps.map_or(f64::NAN, |steps| self.world(steps));
+            }),
+        }
     }
 
-    fn height(&self, position: Position, found: Found) -> f64 {
-        let world = |steps: f64| steps * self.frame.scale[2] + self.frame.offset[2];
+    fn world(&self, steps: f64) -> f64 {
+        steps * self.frame.scale[2] + self.frame.offset[2]
+    }
+
+    fn height(&self, position: Position, found: Found, max_edge: Option<f64>) -> f64 {
         match found {
-            Found::At(point) => world(f64::from(point.z)),
-            Found::Triangle(corners) if self.is_surface(&corners) => {
-                world(interpolate(&corners, position))
+            Found::At(point) => self.world(f64::from(point.z)),
+            Found::Triangle(corners)
+                if max_edge.is_none_or(|most| self.is_short(&corners, most)) =>
+            {
+                self.world(interpolate(&corners, position))
             }
             Found::Triangle(_) | Found::Outside => f64::NAN,
         }
     }
 
-    fn is_surface(&self, &[a, b, c]: &[Point; 3]) -> bool {
-        let Some(most) = self.max_edge else { return true };
+    /// True when no edge of a triangle is longer than `most` world units.
+    fn is_short(&self, &[a, b, c]: &[Point; 3], most: f64) -> bool {
         let length = |a: Point, b: Point| {
             let [x, y] = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| f64::from(a) - f64::from(b));
             (x * self.frame.scale[0]).hypot(y * self.frame.scale[1])
@@ -148,7 +170,8 @@ mod tests {
         let xs: Vec<f64> = (0..60).map(|i| f64::from(i) * 100.0 - 500.0).collect();
         let ys: Vec<f64> = xs.iter().rev().copied().collect();
         let fill = |max_edge| {
-            let linear = Linear { store: &store, hull: &hull, frame: FRAME, max_edge };
+            let shape = Shape::Linear { max_edge };
+            let linear = Surface { store: &store, hull: &hull, frame: FRAME, shape };
             let mut out = vec![0.0; 3600];
             linear.fill(Positions { xs: &xs, ys: &ys }, &mut out).unwrap();
             out
