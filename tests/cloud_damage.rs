@@ -186,16 +186,25 @@ fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
 fn ten_thousand_mutations() {
     let place = Place::new();
     let kinds = small(12);
-    let mut sound = 0;
+    let (mut sound, mut saved) = (0, 0);
     for number in 0..10_000 {
-        let (name, bytes) = &kinds[number % kinds.len()];
+        // The octree has many chunks, and each makes the decoder anew.
+        let kind = if number % 20 == 0 { kinds.len() - 1 } else { number % (kinds.len() - 1) };
+        let (name, bytes) = &kinds[kind];
         let mut bytes = bytes.clone();
         mutate(&mut bytes, &mut Random::of(number));
-        let (strict, loose) = both(&place.write(&format!("{number}{name}"), &bytes));
-        sound += usize::from(strict.is_ok()) + usize::from(loose.is_ok());
-        std::fs::remove_file(place.path().join(format!("{number}{name}"))).unwrap();
+        let file = place.write(name, &bytes);
+        let start = Instant::now();
+        match read_file(&file, &keep_all()) {
+            Ok(_) => sound += 1,
+            Err(error) => {
+                assert!(error.path().is_some_and(|path| path.ends_with(name)), "{error}");
+                saved += usize::from(read_file(&file, &salvage()).is_ok());
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "mutation {number} hangs");
     }
-    assert!((2000..18_000).contains(&sound), "{sound} of 20,000 read");
+    assert!((1000..9000).contains(&sound) && saved > 500, "{sound} sound, {saved} saved");
     assert!(peak_is_low());
 }
 

@@ -76,6 +76,10 @@ impl Cloud {
         }
     }
 
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
+        self.members.iter().map(|member| &member.file)
+    }
+
     /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
     /// bounds claimed: for looking closely, where [`PointSource::read`] is for speed. All points are
     /// kept that are in the returned counts, but for those lost.
