@@ -39,6 +39,7 @@ fn what_makes_no_sense_is_refused() {
     fails(&["cloud", "a.laz", "--point-format", "9"], 2, &["point format 9"]);
     fails(&["cloud", "a.laz", "--memory", "1M"], 75, &["--memory"]);
     fails(&["rough,size=9", "a.tif", "--point-format", "6"], 2, &["--point-format"]);
+    place.fails(&["info", "synth:cloud,size=9"], 2, &["synth:cloud", "terrane synth"]);
     assert!(place.files().is_empty(), "{:?}", place.files());
     assert!(place.ok(&["synth", "--help"]).out.contains("density"));
 }

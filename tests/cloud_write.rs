@@ -31,7 +31,7 @@ fn records(count: usize) -> Vec<Record> {
         let returns = 1 + (hash >> 60) as u8 % 5;
         Record {
             point: Point::new(hash as i32, (hash >> 20) as i32, k as i32 - 40_000),
-            time: k as f64 * 0.25 - 7.0,
+            time: k as f64 * 0.25 + 7.0,
             intensity: bits(3),
             number: 1 + (hash >> 7) as u8 % returns,
             returns,

@@ -157,6 +157,7 @@ pub fn files(inputs: &[String]) -> Result<Vec<String>> {
 /// Files that are missing, damaged or not clouds; files whose coordinate reference systems differ;
 /// extents that a frame cannot hold.
 pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
+    super::synth::refuse(inputs)?;
     let names = files(inputs)?;
     let files = match names.as_slice() {
         // Nothing to share among threads.

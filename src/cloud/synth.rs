@@ -25,11 +25,16 @@ pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointS
         [name] if is_synthetic(name) => {
             Ok(Box::new(Synthetic::new(survey(name)?, options.filter.clone())))
         }
-        _ => match inputs.iter().find(|input| is_synthetic(input)) {
-            Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
-                .remedy("write it with terrane synth to join it with files")),
-            None => Ok(Box::new(super::open(inputs, options)?)),
-        },
+        _ => Ok(Box::new(super::open(inputs, options)?)),
+    }
+}
+
+/// Fails when one of `inputs` is a synthetic cloud, where files are wanted.
+pub(super) fn refuse(inputs: &[String]) -> Result<()> {
+    match inputs.iter().find(|input| is_synthetic(input)) {
+        Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
+            .remedy("write it with terrane synth, and give the file")),
+        None => Ok(()),
     }
 }
 
