@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
-use crate::cli::{Outcome, check, cloud, say, text, tin};
+use serde::Serialize;
+
+use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin};
 use crate::cloud::{self as clouds, is_cloud};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::pipeline::Cancel;
 use crate::pipeline::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 /// True when the inputs are clouds.
 ///
@@ -23,19 +26,36 @@ pub(super) fn are_clouds(inputs: &[String]) -> Result<bool> {
     }
 }
 
+/// The report of both steps, as one JSON object.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    tin: &'a CloudTinReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verify: Option<&'a CloudVerifyReport>,
+}
+
 pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let progress = args.show.progress();
     let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
+    let checked = match args.verify {
+        true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
+        false => None,
+    };
+    let report = Report { tin: &made, verify: checked.as_ref() };
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &made)?;
+        tin::write_report(path, args.overwrite, &report)?;
     }
     if args.show.json {
-        say::json(&made)?;
+        say::json(&report)?;
     } else if !args.show.quiet {
         say::result(&summary(&made))?;
+        checked.as_ref().map_or(Ok(()), |c| say::result(&cloud_verify::summary(c)))?;
+    } else {
+        checked.iter().for_each(cloud_verify::tell_failures);
     }
-    Ok(Outcome::Kept)
+    Ok(checked.as_ref().map_or(Outcome::Kept, cloud_verify::outcome))
 }
 
 /// Checks what can be checked without work, and makes the job.
@@ -77,6 +97,17 @@ fn refuse_grid_options(args: &tin::Args) -> Result<()> {
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
         .in_file(Path::new(&args.input[0]))
         .remedy(format!("leave {option} out")))
+}
+
+/// The job of proving what a job wrote.
+fn proof(job: &CloudTinJob) -> CloudVerifyJob {
+    CloudVerifyJob {
+        mesh: job.output.clone(),
+        inputs: job.inputs.clone(),
+        options: job.options.clone(),
+        tolerance: Some(job.tolerance),
+        resources: job.resources.clone(),
+    }
 }
 
 /// A made mesh for people.

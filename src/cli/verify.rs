@@ -9,10 +9,6 @@ use crate::pipeline::Cancel;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
-pub(super) use cloud_verify::outcome as cloud_outcome;
-pub(super) use cloud_verify::summary as cloud_summary;
-pub(super) use cloud_verify::tell_failures as tell_cloud_failures;
-
 /// Prove a mesh against its grid or point cloud: error bound, coverage, topology. Exits with 1 when
 /// a promise is broken. Vertices that are no samples of the grid, or points of the cloud, are a
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
