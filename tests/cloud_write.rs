@@ -8,6 +8,7 @@ use terrane::cloud::synth;
 use terrane::cloud::write::{
     CHUNK, CloudWriter, PointFormat, Record, WriteOptions, compressed_by_name,
 };
+use terrane::cloud::{Filter, OpenOptions, PointSource, Return};
 use terrane::geom::{Crs, Frame, Point};
 use terrane::pipeline::survey::{self, SurveyJob};
 use terrane::pipeline::{Cancel, Resources, Silent};
@@ -171,6 +172,24 @@ fn the_reference_system_is_named() {
 }
 
 #[test]
+fn chunks_are_found_by_their_table() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in [1, 6] {
+        let path = folder.path().join(format!("{format}.laz"));
+        let (options, records) = (options(format, true), records(3 * CHUNK + 7));
+        write(&path, &options, &records).unwrap();
+        let mut reader = Reader::from_path(&path).unwrap();
+        for from in [3 * CHUNK + 2, CHUNK - 1, 2 * CHUNK] {
+            reader.seek(from as u64).unwrap();
+            let points = reader.read_points(4).unwrap();
+            assert_eq!(points.len(), 4);
+            let mut pairs = points.points().zip(&records[from..]);
+            assert!(pairs.all(|(p, r)| is_same(&p.unwrap(), r, format, options.frame)), "{from}");
+        }
+    }
+}
+
+#[test]
 fn a_file_appears_whole_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.laz");
@@ -241,5 +260,50 @@ fn a_survey_is_the_same_file_on_any_number_of_threads() {
         let read = reader.read_all().unwrap();
         let mut pairs = read.points().zip(&all);
         assert!(pairs.all(|(point, record)| is_same(&point.unwrap(), record, 6, frame)));
+    }
+}
+
+/// World coordinates of all points of a source, part by part.
+fn world(source: &dyn PointSource) -> Vec<[f64; 3]> {
+    let (frame, mut all) = (source.info().frame, Vec::new());
+    for part in 0..source.parts() {
+        let mut take = |batch: &[Point]| {
+            all.extend(batch.iter().map(|point| frame.world(*point)));
+            Ok(())
+        };
+        source.read(part, &mut take).unwrap();
+    }
+    all
+}
+
+#[test]
+fn a_survey_by_name_and_its_file_are_one_cloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = "synth:cloud,width=300,height=80,density=4,seed=8,outliers=0.01";
+    let filter = Filter {
+        classes: Some(vec![2, 5, 7]),
+        returns: Some(Return::Last),
+        bounds: Some([500_020.0, 4_750_000.0, 500_160.0, 4_750_070.0]),
+        ..Filter::default()
+    };
+    let options = OpenOptions { filter, ..OpenOptions::default() };
+    let open = |input: &str| synth::source(&[input.to_owned()], &options).unwrap();
+    let by_name = world(open(name).as_ref());
+    assert!(by_name.len() > 5000);
+    for ending in ["las", "laz"] {
+        let output = folder.path().join(format!("a.{ending}"));
+        let job = SurveyJob {
+            survey: synth::survey(name).unwrap(),
+            output: output.clone(),
+            format: PointFormat::default(),
+            overwrite: false,
+            resources: Resources { threads: 2, memory: 1 << 30, temp_dir: None },
+        };
+        survey::run(&job, &Silent, &Cancel::default()).unwrap();
+        let file = open(&output.to_string_lossy());
+        let read = world(file.as_ref());
+        let far = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).any(|k| (a[k] - b[k]).abs() > 1e-6);
+        assert!(read.len() == by_name.len() && !read.iter().zip(&by_name).any(far), "{ending}");
+        assert_eq!(file.info().crs.epsg, Some(32_631));
     }
 }

@@ -45,6 +45,11 @@ impl Grid {
         self.given().map_or(Ok(()), |option| only_grid_files(option, input))
     }
 
+    /// Fails when an option was given, because `input` is a point cloud.
+    pub(super) fn refuse_cloud(&self, input: &str) -> Result<()> {
+        self.given().map_or(Ok(()), |option| Err(refusal(option, input, "a point cloud")))
+    }
+
     /// The first of these options that was given.
     pub(super) fn given(&self) -> Option<&'static str> {
         let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];

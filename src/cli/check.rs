@@ -51,11 +51,11 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
 
 /// Fails when one of `outputs` is one of the files that `inputs` stand for, or another output.
 pub(super) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
-    not_files(&raster::files(inputs)?, outputs)
+    not_among(&raster::files(inputs)?, outputs)
 }
 
 /// Fails when one of `outputs` is one of `files`, or another output.
-pub(super) fn not_files(files: &[String], outputs: &[&Path]) -> Result<()> {
+pub(super) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
     distinct(outputs)?;
     outputs.iter().try_for_each(|output| {
         let is_it = |file: &String| is_same(Path::new(raster::file_name(file)), output);

@@ -7,12 +7,14 @@ use std::sync::Arc;
 use crate::cli::{parse, text};
 use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
+use crate::geom::wkt;
 use crate::pipeline::Resources;
 
 /// Which points of a cloud are read, and how.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Points")]
-pub(super) struct Args {
+#[group(id = "cloud")]
+pub(super) struct Points {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     class: Vec<u8>,
@@ -37,12 +39,15 @@ pub(super) struct Args {
     /// Only every N-th point of each file
     #[arg(long, value_name = "N")]
     every: Option<NonZeroU32>,
+    /// The coordinate system of files that name none, such as EPSG:2154 or well-known text
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    crs: Option<String>,
     /// Go on with the good part of damaged files; the points lost are counted
     #[arg(long)]
     salvage: bool,
 }
 
-impl Args {
+impl Points {
     /// Options for opening a cloud within `resources`.
     ///
     /// # Errors
@@ -60,7 +65,8 @@ impl Args {
             every: self.every,
         };
         let (salvage, threads) = (self.salvage, resources.threads);
-        Ok(OpenOptions { filter, salvage, crs: None, threads })
+        let crs = self.crs.as_deref().map(wkt::of_srs);
+        Ok(OpenOptions { filter, salvage, crs, threads })
     }
 
     /// The first of these options that was given.
@@ -74,6 +80,7 @@ impl Args {
             ("--polygon", self.polygon.is_some()),
             ("--z-range", self.z_range.is_some()),
             ("--every", self.every.is_some()),
+            ("--crs", self.crs.is_some()),
             ("--salvage", self.salvage),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
@@ -100,6 +107,14 @@ pub(super) fn census(census: &Census) -> String {
     let left_out: String =
         left_out.map(|(count, how)| format!(", {} {how}", text::count(*count))).collect();
     format!("{} of {}{left_out}", text::count(census.kept), text::count(census.read))
+}
+
+/// A system that is known by its code or text.
+fn parse_crs(text: &str) -> std::result::Result<String, String> {
+    let crs = wkt::of_srs(text);
+    let known = crs.epsg.is_some() || crs.wkt.is_some();
+    let wrong = "expected EPSG:CODE or well-known text";
+    if known { Ok(text.to_owned()) } else { Err(wrong.to_owned()) }
 }
 
 /// A return by name or number.

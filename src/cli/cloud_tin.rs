@@ -26,15 +26,6 @@ pub(super) fn are_clouds(inputs: &[String]) -> Result<bool> {
     }
 }
 
-/// The report of both steps, as one JSON object.
-#[derive(Serialize)]
-struct Report<'a> {
-    #[serde(flatten)]
-    tin: &'a CloudTinReport,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    verify: Option<&'a CloudVerifyReport>,
-}
-
 pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let progress = args.show.progress();
@@ -58,6 +49,26 @@ pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
     Ok(checked.as_ref().map_or(Outcome::Kept, cloud_verify::outcome))
 }
 
+/// The report of both steps, as one JSON object.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    tin: &'a CloudTinReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verify: Option<&'a CloudVerifyReport>,
+}
+
+/// The job of proving what a job wrote.
+fn proof(job: &CloudTinJob) -> CloudVerifyJob {
+    CloudVerifyJob {
+        mesh: job.output.clone(),
+        inputs: job.inputs.clone(),
+        options: job.options.clone(),
+        tolerance: Some(job.tolerance),
+        resources: job.resources.clone(),
+    }
+}
+
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &tin::Args) -> Result<CloudTinJob> {
     refuse_grid_options(args)?;
@@ -66,7 +77,7 @@ fn job(args: &tin::Args) -> Result<CloudTinJob> {
     let prj = output::prj_path(&args.output);
     let mut outputs: Vec<&Path> = vec![&args.output, &prj];
     outputs.extend(args.report.as_deref());
-    check::not_files(&files, &outputs)?;
+    check::not_among(&files, &outputs)?;
     check::new_file(&args.output, args.overwrite)?;
     args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
     let resources = args.machine.resources();
@@ -97,17 +108,6 @@ fn refuse_grid_options(args: &tin::Args) -> Result<()> {
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
         .in_file(Path::new(&args.input[0]))
         .remedy(format!("leave {option} out")))
-}
-
-/// The job of proving what a job wrote.
-fn proof(job: &CloudTinJob) -> CloudVerifyJob {
-    CloudVerifyJob {
-        mesh: job.output.clone(),
-        inputs: job.inputs.clone(),
-        options: job.options.clone(),
-        tolerance: Some(job.tolerance),
-        resources: job.resources.clone(),
-    }
 }
 
 /// A made mesh for people.

@@ -39,7 +39,7 @@ fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
     }
     if let Some(report) = &args.report {
         check::distinct(&[&args.mesh, report])?;
-        check::not_files(&clouds::files(&args.source)?, &[report])?;
+        check::not_among(&clouds::files(&args.source)?, &[report])?;
         check::new_file(report, args.overwrite)?;
     }
     let resources = args.machine.resources();

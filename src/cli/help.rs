@@ -2,11 +2,11 @@
 
 use clap::{Command, CommandFactory};
 
-use crate::{output, raster, synth};
+use crate::{gridding, output, raster, synth};
 
 /// The whole command line, for parsing, help, completions and man pages.
 pub(super) fn command() -> Command {
-    let verbs = ["tin", "verify", "view", "info", "convert", "synth"];
+    let verbs = ["tin", "verify", "view", "info", "convert", "grid", "synth"];
     verbs.iter().fold(super::Cli::command(), |command, verb| {
         command.mut_subcommand(verb, |c| c.after_help(lists(verb)))
     })
@@ -19,6 +19,7 @@ fn lists(verb: &str) -> String {
         "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
         "synth" => vec![characters(), parameters(), cloud_parameters()],
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
+        "grid" => vec![statistics(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
     parts.join("\n\n")
@@ -43,6 +44,21 @@ fn grids_written() -> String {
     let formats = raster::write::FORMATS.iter();
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
     list("Grids written, by --format or ending", &rows)
+}
+
+fn statistics() -> String {
+    let row = |m: &gridding::Method| (m.name, other_names(m), m.about);
+    let methods = list("Statistics", &gridding::METHODS.iter().map(row).collect::<Vec<_>>());
+    let own = gridding::METHODS.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
+    let row = |(m, p): (&gridding::Method, &gridding::Parameter)| {
+        (m.name, format!("{}=", p.key), p.about)
+    };
+    let rows: Vec<_> = own.map(row).collect();
+    format!("{methods}\n\n{}", list("Parameters, as in idw:radius=2,power=1", &rows))
+}
+
+fn other_names(method: &gridding::Method) -> String {
+    method.aliases.join(" ")
 }
 
 fn creation_options() -> String {
@@ -121,6 +137,9 @@ mod tests {
             for option in format.options {
                 assert!(help("convert").contains(option.key), "{}", option.key);
             }
+        }
+        for method in gridding::METHODS {
+            assert!(help("grid").contains(method.about), "{}", method.name);
         }
         for character in synth::CHARACTERS {
             assert!(help("synth").contains(character.name), "{}", character.name);

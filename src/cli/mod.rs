@@ -6,11 +6,13 @@
 mod args;
 mod check;
 mod cloud;
+mod cloud_info;
 mod cloud_tin;
 mod cloud_verify;
 mod complete;
 mod convert;
 mod demo;
+mod grid;
 mod heap;
 mod help;
 mod info;
@@ -55,6 +57,7 @@ enum Verb {
     Info(info::Args),
     View(view::Args),
     Convert(convert::Args),
+    Grid(Box<grid::Args>),
     Synth(synth::Args),
     Plan(plan::Args),
     Run(run::Args),
@@ -101,6 +104,7 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::Info(args) => info::run(args, cancel),
         Verb::View(args) => view::run(args, cancel),
         Verb::Convert(args) => convert::run(args, cancel),
+        Verb::Grid(args) => grid::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
         Verb::Plan(args) => plan::run(args, cancel),
         Verb::Run(args) => run::run(args, cancel),

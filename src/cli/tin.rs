@@ -28,7 +28,7 @@ pub(super) struct Args {
     #[command(flatten)]
     pub(super) grid: args::Grid,
     #[command(flatten)]
-    pub(super) points: cloud::Args,
+    pub(super) points: cloud::Points,
     /// Mesh format [default: by the output's ending]
     #[arg(short, long, value_name = "NAME", help_heading = "Output")]
     pub(super) format: Option<String>,

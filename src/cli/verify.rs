@@ -27,7 +27,7 @@ pub(super) struct Args {
     #[command(flatten)]
     pub(super) grid: args::Grid,
     #[command(flatten)]
-    pub(super) points: cloud::Args,
+    pub(super) points: cloud::Points,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE")]
     pub(super) report: Option<PathBuf>,

@@ -26,6 +26,8 @@ pub struct Filter {
     pub every: Option<NonZeroU32>,
 }
 
+const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
+
 /// A return of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Return {
@@ -123,6 +125,21 @@ impl Filter {
             true => Verdict::Keep,
             false => Verdict::Filtered,
         }
+    }
+
+    /// The box around the points asked for: x low, y low, x high, y high.
+    pub fn area(&self) -> [f64; 4] {
+        let [west, south, east, north] = self.bounds.unwrap_or(EVERYWHERE);
+        let [left, bottom, right, top] =
+            self.polygon.as_ref().map_or(EVERYWHERE, |polygon| polygon.bounds());
+        [west.max(left), south.max(bottom), east.min(right), north.min(top)]
+    }
+
+    /// Whether a point of the box may be wanted.
+    pub fn touches(&self, low: [f64; 3], high: [f64; 3]) -> bool {
+        let [west, south, east, north] = self.area();
+        let across = low[0] <= east && west <= high[0] && low[1] <= north && south <= high[1];
+        across && self.z_range.is_none_or(|[bottom, top]| low[2] <= top && bottom <= high[2])
     }
 
     fn is_wanted(&self, record: &Record) -> bool {

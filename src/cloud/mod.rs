@@ -1,9 +1,19 @@
 //! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
 
+mod agree;
+mod copc;
+mod facts;
 mod filter;
+mod frame;
+mod las;
+mod laz;
+pub mod lazip;
+mod member;
 mod open;
 mod polygon;
+mod sieve;
 pub mod synth;
+mod text;
 pub mod write;
 
 pub use filter::{Filter, Flags, Record, Return, Verdict};

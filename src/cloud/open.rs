@@ -1,14 +1,31 @@
 //! Opening clouds: one file, or many that are one cloud.
 
-use crate::error::{Error, Result};
-use crate::geom::{Crs, Point};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
-use super::{Census, CloudInfo, Filter, PointSource};
+use rayon::prelude::*;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::files::{RawFile, Seek};
+use crate::geom::{Crs, Frame, Point};
+
+use super::frame::{self, Claim, Common, Map};
+use super::las::LasFile;
+use super::member::{File, Member, take_room};
+use super::sieve::Sieve;
+use super::text::TextFile;
+use super::{Census, CloudInfo, Filter, PointSource, Record, agree};
 
 /// What says that a file is a cloud, before its name.
 const CLOUD_PREFIX: &str = "cloud:";
 /// Endings that only clouds have.
 const ENDINGS: [&str; 2] = ["las", "laz"];
+/// Most notes about single files.
+const MOST_NOTES: usize = 20;
+
+/// What is looked for in folders.
+const CLOUDS: Seek =
+    Seek { what: "point cloud", is_member, is_made: |_| false, file_name: |input| input };
 
 /// How a cloud is read.
 #[derive(Clone, Debug)]
@@ -32,19 +49,53 @@ impl Default for OpenOptions {
 /// A cloud of one file or many.
 pub struct Cloud {
     info: CloudInfo,
-    files: Vec<String>,
+    names: Vec<String>,
+    members: Vec<Member>,
+    /// Member, and part of it.
+    parts: Vec<(u32, u32)>,
+    filter: Filter,
     notes: Vec<String>,
 }
 
 impl Cloud {
     /// Its files, by name.
     pub fn files(&self) -> &[String] {
-        &self.files
+        &self.names
     }
 
     /// What is odd about it, or easily overlooked, one line each.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// Its only file, where it is a LAS or LAZ file.
+    pub(super) fn las(&self) -> Option<&LasFile> {
+        match self.members.as_slice() {
+            [Member { file: File::Las(file), .. }] => Some(file),
+            _ => None,
+        }
+    }
+
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
+        self.members.iter().map(|member| &member.file)
+    }
+
+    /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
+    /// bounds claimed: for looking closely, where [`PointSource::read`] is for speed. All points are
+    /// kept that are in the returned counts, but for those lost.
+    ///
+    /// # Errors
+    /// As [`PointSource::read`], but for points outside.
+    pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
+        let (member, inner) = self.part(part)?;
+        member.records(inner, &self.filter, each)
+    }
+
+    fn part(&self, part: usize) -> Result<(&Member, usize)> {
+        let found = self.parts.get(part).and_then(|(member, inner)| {
+            Some((self.members.get(*member as usize)?, *inner as usize))
+        });
+        found.ok_or_else(|| Error::usage(format!("the cloud has no part {part}")))
     }
 }
 
@@ -54,44 +105,181 @@ impl PointSource for Cloud {
     }
 
     fn parts(&self) -> usize {
-        0
+        self.parts.len()
     }
 
-    fn points_of(&self, _part: usize) -> u64 {
-        0
+    fn points_of(&self, part: usize) -> u64 {
+        self.part(part).map_or(0, |(member, inner)| member.points_of(inner))
     }
 
-    fn read(&self, part: usize, _: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        Err(Error::usage(format!("there is no part {part}")))
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+        let (member, inner) = self.part(part)?;
+        take_room(|room| member.read(inner, room, each))
     }
 }
 
-/// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder or pattern or list
-/// with such files, or any of these or a text file after `cloud:`; or a synthetic one.
+/// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder, a pattern or a list
+/// of such files, or any of these or a text file after `cloud:`; or a synthetic one.
 pub fn is_cloud(input: &str) -> bool {
-    if input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input) {
+    let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
+    if is_named || is_member(Path::new(input)) {
         return true;
     }
-    let ending = input.rsplit('.').next().unwrap_or_default().to_lowercase();
-    ENDINGS.contains(&ending.as_str())
+    let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
+    CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(Path::new(&file)))
 }
 
-/// The files that `inputs` stand for, sorted.
+fn is_member(path: &Path) -> bool {
+    let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    !hidden && ENDINGS.contains(&ending.as_str())
+}
+
+/// The files that `inputs` stand for: sorted, and each once, so that their order and repetition leave
+/// no trace.
 ///
 /// # Errors
 /// A folder, list or pattern that yields no file or cannot be read.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
-    Ok(inputs.to_vec())
+    let plain = |input: &String| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input).to_owned();
+    let mut files = CLOUDS.files(&inputs.iter().map(plain).collect::<Vec<_>>())?;
+    files.sort();
+    let mut seen = HashSet::new();
+    let real = |name: &String| std::fs::canonicalize(name).unwrap_or_else(|_| PathBuf::from(name));
+    files.retain(|name| seen.insert(real(name)));
+    Ok(files)
 }
 
-/// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Text
-/// files are taken for points, one to a line, whatever their ending.
+/// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Files
+/// that are not LAS or LAZ are taken for text with a point on each line.
 ///
 /// # Errors
 /// Files that are missing, damaged or not clouds; files whose coordinate reference systems differ;
 /// extents that a frame cannot hold.
 pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
-    let files = files(inputs)?;
-    let _ = options;
-    Err(Error::unsupported(format!("{} files", files.len())))
+    let names = files(inputs)?;
+    let files = match names.as_slice() {
+        // Nothing to share among threads.
+        [name] if is_member(Path::new(name)) => vec![open_file(Path::new(name), options)?],
+        _ => on_threads(options.threads, || {
+            names.par_iter().map(|name| open_file(Path::new(name), options)).collect()
+        })?,
+    };
+    join(names, files, options)
+}
+
+fn open_file(path: &Path, options: &OpenOptions) -> Result<File> {
+    let head = RawFile::open(path)?.head(4)?;
+    if head == b"LASF" || is_member(path) {
+        return Ok(File::Las(LasFile::open(path, options.salvage)?));
+    }
+    Ok(File::Text(TextFile::open(path, options.salvage)?))
+}
+
+/// Does `work` on so many threads; within a pool, on that one.
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    pool.map_err(no_threads)?.install(work)
+}
+
+/// Files to a cloud.
+fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<Cloud> {
+    let crs = agree::crs(&names, &files, options.crs.as_ref())?;
+    let claims: Vec<Option<Claim>> = files.iter().map(File::claim).collect();
+    let touching: Vec<Option<Claim>> =
+        claims.iter().map(|claim| claim.as_ref()?.within(&options.filter)).collect();
+    let wanted: Vec<Claim> = touching.iter().flatten().copied().collect();
+    let common = match wanted.is_empty() {
+        true => nowhere(&files),
+        false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
+    };
+    let bounds = bounds(&wanted, &common);
+    let mut maps = common.maps.iter();
+    let mut members = Vec::new();
+    for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
+        let map = touching.and_then(|_| maps.next().copied());
+        let sieve = claim
+            .zip(map)
+            .map(|(claim, map)| Sieve::new(&options.filter, claim, map, options.salvage));
+        members.push(Member { file, sieve, salvage: options.salvage });
+    }
+    let parts = parts(&members, &options.filter);
+    let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
+    let info = CloudInfo { frame: common.frame, bounds, count, crs };
+    let notes = notes(&names, &members, &info, common.moved);
+    Ok(Cloud { info, names, members, parts, filter: options.filter.clone(), notes })
+}
+
+/// The error with the first file that is beyond reach on its own.
+fn named(error: Error, names: &[String], claims: &[Option<Claim>]) -> Error {
+    let is_it = |claim: &Option<Claim>| claim.is_some_and(|claim| frame::common(&[claim]).is_err());
+    match claims.iter().position(is_it) {
+        Some(file) => error.in_file(Path::new(&names[file])),
+        None => error,
+    }
+}
+
+/// The frame of a cloud without points.
+fn nowhere(files: &[File]) -> Common {
+    let frame = files.iter().map(File::lattice).min_by(|a, b| {
+        let key = |frame: &Frame| [frame.scale, frame.offset].concat();
+        let (a, b) = (key(a), key(b));
+        a.iter()
+            .zip(&b)
+            .map(|(a, b)| a.total_cmp(b))
+            .find(|o| o.is_ne())
+            .unwrap_or(a.len().cmp(&b.len()))
+    });
+    let frame = frame.unwrap_or(Frame { scale: [1.0; 3], offset: [0.0; 3] });
+    Common { frame, maps: Vec::new(), moved: [0.0; 3] }
+}
+
+/// Lowest and highest coordinates in the frame.
+fn bounds(claims: &[Claim], common: &Common) -> Option<[Point; 2]> {
+    let ends = claims.iter().zip(&common.maps).map(|(claim, map): (&Claim, &Map)| {
+        [map.place(claim.low, claim), map.place(claim.high, claim)]
+    });
+    ends.reduce(|[a, b], [c, d]| {
+        let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
+        [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]
+    })
+}
+
+/// The parts that may have wanted points, file by file.
+fn parts(members: &[Member], filter: &Filter) -> Vec<(u32, u32)> {
+    let of = |(number, member): (usize, &Member)| {
+        let touches = |part: &usize| member.touches(*part, filter);
+        let parts = (0..member.parts()).filter(touches).collect::<Vec<_>>();
+        parts.into_iter().map(move |part| (number as u32, part as u32))
+    };
+    members.iter().enumerate().flat_map(of).collect()
+}
+
+fn notes(names: &[String], members: &[Member], info: &CloudInfo, moved: [f64; 3]) -> Vec<String> {
+    let of = |(name, member): (&String, &Member)| {
+        let tell = |note: &String| match names.len() {
+            1 => note.clone(),
+            _ => format!("{name}: {note}"),
+        };
+        member.file.notes().iter().map(tell).collect::<Vec<_>>()
+    };
+    let mut notes: Vec<String> = names.iter().zip(members).flat_map(of).collect();
+    if notes.len() > MOST_NOTES {
+        let more = notes.len() - MOST_NOTES;
+        notes.truncate(MOST_NOTES);
+        notes.push(format!("{more} more notes on single files"));
+    }
+    if moved != [0.0; 3] {
+        let [x, y, z] = moved;
+        notes.push(format!(
+            "the files differ in scale or offset: points go to steps of the finest scale and move \
+             by {x} x {y} x {z} at most"
+        ));
+    }
+    notes.extend(agree::notes(&info.crs));
+    notes
 }

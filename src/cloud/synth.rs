@@ -58,7 +58,8 @@ pub fn crs() -> Crs {
 }
 
 /// A survey as a cloud. [`CloudInfo::count`] is the number of points expected, which no header
-/// claims; the n-th points of a filter are counted in each part.
+/// claims; the n-th points of a filter are counted in each part; parts beyond the box asked for are
+/// not made.
 pub struct Synthetic {
     survey: Survey,
     filter: Filter,
@@ -70,6 +71,13 @@ impl Synthetic {
     pub fn new(survey: Survey, filter: Filter) -> Self {
         let info = info(&survey, &filter);
         Self { survey, filter, info }
+    }
+
+    /// Whether a part may have points in the box asked for.
+    fn touches(&self, part: usize) -> bool {
+        let [west, south, east, north] = self.survey.area(part);
+        let [x, y, _] = ORIGIN;
+        self.filter.touches([x + west, y + south, f64::MIN], [x + east, y + north, f64::MAX])
     }
 
     fn record(&self, echo: &Echo, index: usize) -> Record {
@@ -94,10 +102,9 @@ fn info(survey: &Survey, filter: &Filter) -> CloudInfo {
         let to = frame.steps(axis, to).ceil().clamp(low - 1.0, high);
         ends[axis] = [from as i32, to as i32];
     };
-    if let Some([west, south, east, north]) = filter.bounds {
-        cut(0, west, east);
-        cut(1, south, north);
-    }
+    let [west, south, east, north] = filter.area();
+    cut(0, west, east);
+    cut(1, south, north);
     if let Some([low, high]) = filter.z_range {
         cut(2, low, high);
     }
@@ -117,12 +124,15 @@ impl PointSource for Synthetic {
     }
 
     fn points_of(&self, part: usize) -> u64 {
-        self.survey.most(part)
+        if self.touches(part) { self.survey.most(part) } else { 0 }
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
         if part >= self.parts() {
             return Err(Error::usage(format!("the cloud has no part {part}")));
+        }
+        if !self.touches(part) {
+            return Ok(Census::default());
         }
         let mut echoes = Vec::new();
         self.survey.fill(part, &mut echoes);

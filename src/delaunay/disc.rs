@@ -1,5 +1,6 @@
 //! Circumscribed discs in floating point, with margins that make every answer a certain one.
 
+use super::position::{Arm, Position};
 use super::predicates::{Site, in_circle, orient};
 use super::space::Window;
 
@@ -86,6 +87,32 @@ impl Disc {
         self.holds_at(p, self.square(p))
     }
 
+    /// The centre as seen from a position, in steps.
+    pub(super) fn centre_from(&self, q: Position) -> [f64; 2] {
+        let corner = q.to(self.corners[0]).steps();
+        [corner[0] + self.centre[0], corner[1] + self.centre[1]]
+    }
+
+    /// True when a position lies strictly inside; exactly, and without perturbation.
+    pub(super) fn holds_position(&self, q: Position) -> bool {
+        let [x, y] = self.centre_from(q);
+        let square = x * x + y * y;
+        square < self.within || (square <= self.beyond && self.holds_exactly(q))
+    }
+
+    /// The determinant of [`in_circle`] in 1/256 steps, below 2^160: lifts are split at bit 40.
+    #[inline(never)]
+    fn holds_exactly(&self, q: Position) -> bool {
+        let [a, b, c] = self.corners.map(|p| q.to(p));
+        let terms: [(Arm, i128); 3] = [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))];
+        let part = |part: &dyn Fn(i128) -> i128| -> i128 {
+            terms.iter().map(|(arm, minor)| part(arm.square()) * minor).sum()
+        };
+        let (high, low) = (part(&|lift| lift >> 40), part(&|lift| lift & ((1 << 40) - 1)));
+        let carried = high + (low >> 40);
+        carried > 0 || (carried == 0 && low & ((1 << 40) - 1) > 0)
+    }
+
     #[inline(never)]
     fn holds_near(&self, p: Site) -> bool {
         let [a, b, c] = self.corners;
@@ -148,6 +175,7 @@ fn numerators(u: [i64; 2], v: [i64; 2]) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::predicates::determinant;
     use super::*;
     use proptest::prelude::*;
 
@@ -169,6 +197,26 @@ mod tests {
             let disc = Disc::around([a, b, c]);
             prop_assert_eq!(disc.holds(d), in_circle(a, b, c, d));
             prop_assert!(!disc.holds(a) && !disc.holds(b) && !disc.holds(c));
+        }
+
+        #[test]
+        fn positions_are_inside_as_sites_are(sites in prop::array::uniform4(site())) {
+            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+            let (disc, q) = (Disc::around([a, b, c]), Position::of(d));
+            prop_assert_eq!(disc.holds_exactly(q), determinant(a, b, c, d) > 0);
+            prop_assert_eq!(disc.holds_position(q), determinant(a, b, c, d) > 0);
+        }
+
+        /// A position is a site of a plane 256 times as large.
+        #[test]
+        fn positions_between_sites_are_inside_exactly(sites in prop::array::uniform4(site())) {
+            let [a, b, c, _] = sites.map(|p| p.map(|v| v >> 9));
+            let Some([a, b, c, d]) = turned([a, b, c, sites[3]]) else { return Ok(()) };
+            let q = Position { x: d[0].into(), y: d[1].into() };
+            let [large_a, large_b, large_c] = [a, b, c].map(|p| p.map(|v| v * 256));
+            let expected = determinant(large_a, large_b, large_c, d) > 0;
+            prop_assert_eq!(Disc::around([a, b, c]).holds_exactly(q), expected);
+            prop_assert_eq!(Disc::around([a, b, c]).holds_position(q), expected);
         }
 
         #[test]

@@ -16,6 +16,9 @@ pub struct Hull {
     ring: Vec<Point>,
 }
 
+/// So many points are not worth thinning out.
+const FEW: usize = 64;
+
 /// Where a position lies with respect to a hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -28,8 +31,17 @@ pub enum Place {
 }
 
 impl Hull {
-    /// The hull of any points (sorted in place): Andrew's monotone chain, n log n.
+    /// The hull of any points: Andrew's monotone chain on those that are not well inside. Linear where
+    /// most are, n log n at worst.
     pub fn of(mut points: Vec<Point>) -> Self {
+        if points.len() > FEW {
+            let inner = Self::chains(extremes(&points));
+            points.retain(|p| !inner.surrounds(p));
+        }
+        Self::chains(points)
+    }
+
+    fn chains(mut points: Vec<Point>) -> Self {
         points.sort_unstable();
         points.dedup_by_key(|p| [p.x, p.y]);
         let lower = chain(&points, 1);
@@ -37,6 +49,17 @@ impl Hull {
         let inner = upper.get(1..upper.len().saturating_sub(1)).unwrap_or(&[]);
         let ring = lower.iter().chain(inner.iter().rev()).copied().collect();
         Self { lower, upper, ring }
+    }
+
+    /// True when the point lies strictly inside; linear in the corners.
+    fn surrounds(&self, p: &Point) -> bool {
+        let Some(&last) = self.ring.last() else { return false };
+        let mut before = last;
+        self.ring.iter().all(|&corner| {
+            let side = orient([before.x, before.y], [corner.x, corner.y], [p.x, p.y]);
+            before = corner;
+            side > 0
+        })
     }
 
     /// The hull of the points of both.
@@ -89,6 +112,15 @@ impl Hull {
         let [u, v] = [others.get(left.checked_sub(1)?)?, others.get(left)?];
         arm(u).sees_left(arm(v), back).then_some([*apex, *u, *v])
     }
+}
+
+/// The points furthest in eight directions: what lies strictly within them is not on the hull.
+fn extremes(points: &[Point]) -> Vec<Point> {
+    let axes: [fn(&Point) -> i32; 4] = [|p| p.x, |p| p.y, |p| p.x + p.y, |p| p.x - p.y];
+    let ends = axes.iter().flat_map(|axis| {
+        [points.iter().min_by_key(|p| axis(p)), points.iter().max_by_key(|p| axis(p))]
+    });
+    ends.flatten().copied().collect()
 }
 
 /// The chain of sorted points along which all others lie to the left (`turn` 1) or right (-1).
@@ -170,6 +202,14 @@ mod tests {
         fn holds_every_point_of_the_boundary(points in points(6)) {
             let hull = Hull::of(points.clone());
             prop_assert_eq!(hull.sorted(), brute(&points));
+        }
+
+        #[test]
+        fn points_well_inside_make_no_difference(points in prop::collection::vec(
+            (-40i32..40, -40i32..40, 0..3).prop_map(|(x, y, z)| Point::new(x + y, x - y / 2, z)),
+            65..300,
+        )) {
+            prop_assert_eq!(Hull::of(points.clone()), Hull::chains(points));
         }
 
         #[test]

@@ -21,7 +21,7 @@ pub fn interpolate(corners: &[Point; 3], q: Position) -> f64 {
 
 /// Most weights fit into 64 bits, which convert much faster.
 #[inline(always)]
-fn float(weight: i128) -> f64 {
+pub(super) fn float(weight: i128) -> f64 {
     i64::try_from(weight).map_or(weight as f64, |weight| weight as f64)
 }
 

@@ -1,4 +1,13 @@
 //! Delaunay triangulations of scattered points: exact, canonical, and local where that is enough. Pure.
+//!
+//! One set of positions has one triangulation (`predicates`), so a part of it computed from a part of
+//! the points is the same part, once it is *final*: the discs of its triangles hold no place where
+//! unknown points may be. Whoever works on more points than fit into memory loads those around a
+//! window into [`Bins`], says in a [`Loaded`] what that makes known, and asks: for the triangle at a
+//! position ([`Finder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
+//! block owns ([`stars`]). The answer is final, or a [`Needs`]: load that too (at most somewhat more
+//! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
+//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once.
 
 mod bins;
 mod disc;
@@ -6,6 +15,7 @@ mod fork;
 mod hull;
 mod interpolate;
 mod knit;
+mod natural;
 #[cfg(test)]
 mod oracle;
 mod order;
@@ -21,6 +31,7 @@ pub use disc::Disc;
 pub use fork::{Fork, Serial};
 pub use hull::{Hull, Place};
 pub use interpolate::interpolate;
+pub use natural::Natural;
 pub use position::{FRACTION, Position};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Finder, Found};

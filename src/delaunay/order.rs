@@ -44,16 +44,26 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
     let (sites, ids) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
     let mut ordered = Ordered { sites, ids, duplicates: vec![] };
     for same in entries.chunk_by(|a, b| a.key == b.key) {
-        let ids = same.iter().map(|entry| entry.id);
-        let Some(kept) = ids.clone().min_by_key(|&id| (points[id as usize], id)) else { continue };
-        let others = ids.filter(|&id| id != kept).map(|id| [id, kept]);
-        ordered.duplicates.extend(others);
-        let point = points[kept as usize];
-        ordered.sites.push([point.x - low[0], point.y - low[1]]);
+        // The points themselves are far apart in memory, so they are looked at for duplicates only.
+        let kept = match same {
+            [one] => one.id,
+            _ => ordered.choose(points, same),
+        };
+        ordered.sites.push(site_of(same[0].key));
         ordered.ids.push(kept);
     }
     ordered.duplicates.sort_unstable();
     ordered
+}
+
+impl Ordered {
+    /// Which of several entries at one position stands for all.
+    fn choose(&mut self, points: &[Point], same: &[Entry]) -> u32 {
+        let ids = same.iter().map(|entry| entry.id);
+        let kept = ids.clone().min_by_key(|&id| (points[id as usize], id)).unwrap_or_default();
+        self.duplicates.extend(ids.filter(|&id| id != kept).map(|id| [id, kept]));
+        kept
+    }
 }
 
 /// Entries sorted by key; those of equal keys in any order.
@@ -111,6 +121,21 @@ fn spread(v: u32) -> u64 {
     (v | v << 1) & 0x5555_5555_5555_5555
 }
 
+/// Undoes [`interleave`].
+fn site_of(key: u64) -> Site {
+    [gather(key >> 1) as i32, gather(key) as i32]
+}
+
+/// Undoes [`spread`], whatever the bits between are.
+fn gather(v: u64) -> u32 {
+    let mut v = v & 0x5555_5555_5555_5555;
+    v = (v | v >> 1) & 0x3333_3333_3333_3333;
+    v = (v | v >> 2) & 0x0F0F_0F0F_0F0F_0F0F;
+    v = (v | v >> 4) & 0x00FF_00FF_00FF_00FF;
+    v = (v | v >> 8) & 0x0000_FFFF_0000_FFFF;
+    (v | v >> 16) as u32
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::fork::Serial;
@@ -121,6 +146,9 @@ mod tests {
     fn bits_take_turns() {
         assert_eq!(interleave(0b11, 0b00), 0b1010);
         assert_eq!(interleave(0b01, 0b11), 0b0111);
+        for site in [[0, 0], [1, 2], [123_456_789, 987_654_321], [(1 << 30) - 1, 0]] {
+            assert_eq!(site_of(interleave(site[0] as u32, site[1] as u32)), site);
+        }
         assert_eq!(interleave((1 << 30) - 1, (1 << 30) - 1), (1 << 60) - 1);
     }
 

@@ -55,6 +55,18 @@ impl Position {
 pub(super) struct Arm(pub(super) [i64; 2]);
 
 impl Arm {
+    /// In steps, exactly.
+    #[inline]
+    pub(super) fn steps(self) -> [f64; 2] {
+        self.0.map(|v| v as f64 / f64::from(1u32 << FRACTION))
+    }
+
+    /// Squared length; exact, below 2^79.
+    #[inline]
+    pub(super) fn square(self) -> i128 {
+        self.0.iter().map(|&v| i128::from(v) * i128::from(v)).sum()
+    }
+
     /// True when the site is at the position.
     #[inline(always)]
     pub(super) fn is_zero(self) -> bool {

@@ -70,7 +70,8 @@ fn in_circle_exact(a: Site, b: Site, c: Site, d: Site) -> bool {
     }
 }
 
-fn determinant(a: Site, b: Site, c: Site, d: Site) -> i128 {
+/// Positive when `d` lies strictly inside the circle through the counter-clockwise (a, b, c), 0 on it.
+pub(super) fn determinant(a: Site, b: Site, c: Site, d: Site) -> i128 {
     let (a, b, c) = (minus(a, d), minus(b, d), minus(c, d));
     let term =
         |u: [i64; 2], v: [i64; 2], w: [i64; 2]| i128::from(square(u)) * i128::from(cross(v, w));

@@ -101,15 +101,20 @@ pub struct Coverage {
     holds: Vec<bool>,
 }
 
+/// Most squares of a [`Coverage`].
+const MOST_SQUARES: usize = 1 << 24;
+
 impl Coverage {
-    /// An empty map of `window` in squares of `size` steps (at least 1).
+    /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
+    /// than 2^24.
     pub fn new(window: Window, size: i32) -> Self {
-        let size = size.max(1);
-        let count = |i: usize| {
-            let length = i64::from(window.high[i]) - i64::from(window.low[i]);
-            (length / i64::from(size)) as usize + 1
-        };
-        let (columns, rows) = (count(0), count(1));
+        let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
+        let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
+        let mut size = size.max(1);
+        while count(0, size) * count(1, size) > MOST_SQUARES {
+            size = size.saturating_mul(2);
+        }
+        let (columns, rows) = (count(0, size), count(1, size));
         Self { window, size, columns, holds: vec![false; columns * rows] }
     }
 

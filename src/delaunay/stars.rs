@@ -56,7 +56,7 @@ pub fn stars(
 }
 
 /// The known points in a window.
-fn within(space: &impl Space, window: &Window) -> Vec<Point> {
+pub(super) fn within(space: &impl Space, window: &Window) -> Vec<Point> {
     let mut points = vec![];
     space.visit(window, |run| points.extend(run.iter().filter(|p| window.contains(site(p)))));
     points
@@ -96,10 +96,10 @@ impl<S: Space> Round<'_, S> {
     /// Whether a triangle is final.
     fn check(&mut self, corners: [Site; 3]) {
         let disc = Disc::around(corners);
-        if !disc.lies_in(self.window) {
-            if let Some(point) = deepest(self.space, &disc, &Window::ALL) {
-                return self.found.push(point);
-            }
+        if !disc.lies_in(self.window)
+            && let Some(point) = deepest(self.space, &disc, &Window::ALL)
+        {
+            return self.found.push(point);
         }
         if let Err(Needs(more)) = self.space.certify(&disc) {
             self.needs = Some(self.needs.map_or(more, |all| all.union(&more)));

@@ -117,6 +117,12 @@ impl Triangulation {
         self.sides[s as usize].twin
     }
 
+    /// The index that a corner, which is not that at infinity, has in the points.
+    #[inline(always)]
+    pub(super) fn id(&self, v: u32) -> u32 {
+        self.ordered.ids[v as usize]
+    }
+
     /// Position of a corner, which is not that at infinity, relative to the lowest x and y.
     #[inline(always)]
     pub(super) fn site(&self, v: u32) -> Site {

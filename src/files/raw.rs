@@ -121,7 +121,12 @@ impl RawFile {
 
     /// Reads from the start on, byte after byte.
     pub(crate) fn reader(&self) -> Reader<'_> {
-        Reader { file: self, at: 0 }
+        self.reader_at(0)
+    }
+
+    /// Reads from `offset` on, byte after byte.
+    pub(crate) fn reader_at(&self, offset: u64) -> Reader<'_> {
+        Reader { file: self, at: offset }
     }
 
     fn failed(&self, offset: u64, source: io::Error) -> Error {

@@ -4,6 +4,8 @@ use super::wkt;
 
 /// GeoKey of the unit of projected coordinates.
 const PROJECTED_LINEAR_UNITS: u16 = 3076;
+/// GeoKey of what raster positions mean: maps account for it.
+const RASTER_TYPE: u16 = 1025;
 
 /// A coordinate reference system as found in a file. Equality is of what the file said.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,6 +64,34 @@ impl Crs {
     fn unit_of_wkt(&self) -> Option<&'static str> {
         let known = self.epsg.and_then(|code| crs_definitions::from_code(code.try_into().ok()?));
         wkt::horizontal_unit(self.wkt.as_deref().or(known.map(|system| system.wkt))?)
+    }
+
+    /// Whether two systems are one, as far as the files tell.
+    pub fn agrees(&self, other: &Self) -> bool {
+        if let (Some(a), Some(b)) = (self.vertical_epsg, other.vertical_epsg)
+            && a != b
+        {
+            return false;
+        }
+        match (self.epsg, other.epsg) {
+            (Some(a), Some(b)) => a == b,
+            (None, None) if !self.geo_keys.is_empty() && !other.geo_keys.is_empty() => {
+                self.keys().eq(other.keys())
+                    && self.geo_doubles == other.geo_doubles
+                    && self.citation == other.citation
+            }
+            (None, None) => {
+                (&self.wkt, &self.citation, self.geographic)
+                    == (&other.wkt, &other.citation, other.geographic)
+            }
+            _ => false,
+        }
+    }
+
+    /// The GeoKeys that hold their value, but for what raster positions mean.
+    fn keys(&self) -> impl Iterator<Item = &[u16]> {
+        let entries = self.geo_keys.get(4..).unwrap_or_default().chunks_exact(4);
+        entries.filter(|entry| entry[0] != RASTER_TYPE && entry[1] == 0)
     }
 
     /// True when nothing at all is known.

@@ -1,4 +1,26 @@
 //! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
+//!
+//! Points go into the cells of blocks ([`Block`]) in any order and any division: what a block keeps
+//! of them are whole numbers that are added, or extremes, so the result has the same bits whatever
+//! the order, and blocks of the same cells can be added up. A [`Recipe`] says what is kept for the
+//! statistics ([`METHODS`]) that are asked for, a [`Lattice`] where the cells lie.
 
+mod block;
+mod disc;
+mod fill;
 pub mod ground;
+mod lattice;
+mod method;
 pub mod pitfree;
+mod plane;
+mod recipe;
+
+pub use block::{Block, Units};
+pub use disc::Scatter;
+pub use fill::fill;
+pub use lattice::{Axis, Edges, Lattice};
+pub use method::{
+    Asked, Kind, METHODS, MOST_POWER, Method, Parameter, Statistic, check_power, parse_list,
+};
+pub use plane::Hits;
+pub use recipe::{Band, Recipe, Region, Rules};

@@ -2,7 +2,7 @@
 //! bounded memory, the same bytes whatever the threads.
 
 mod bbox;
-mod task;
+pub(in crate::pipeline) mod task;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -73,6 +73,7 @@ impl ConvertJob {
             nodata: self.out_nodata,
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
+            bands: Vec::new(),
         }
     }
 }
@@ -135,7 +136,7 @@ pub fn copy(
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
     let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
-    let task = Task { source, window, sink: sink.as_ref(), pieces };
+    let task = Task { sources: &[source], window, sink: sink.as_ref(), pieces };
     let summary = task.run(threads, progress, cancel)?;
     progress.end();
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
@@ -156,17 +157,19 @@ pub fn copy(
 }
 
 /// Overviews, one after the other.
-fn copy_levels(
+pub(in crate::pipeline) fn copy_levels(
     sink: &mut dyn GridSink,
     threads: usize,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<()> {
-    while let Some(level) = sink.next_level()? {
-        let window = level.info().bounds();
+    while let Some(levels) = sink.next_level()? {
+        let sources: Vec<&dyn GridSource> = levels.iter().map(AsRef::as_ref).collect();
+        let Some(first) = sources.first() else { continue };
+        let window = first.info().bounds();
         progress.begin("overview", window.len() as u64);
-        let pieces = Pieces::new(window, level.as_ref(), sink, 0);
-        let task = Task { source: level.as_ref(), window, sink, pieces };
+        let pieces = Pieces::new(window, *first, sink, 0);
+        let task = Task { sources: &sources, window, sink, pieces };
         task.run(threads, progress, cancel)?;
         progress.end();
     }

@@ -1,8 +1,11 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
+pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod convert;
+pub mod delaunay;
 mod disk;
+pub mod grid;
 pub mod memory;
 mod points;
 pub mod surface;

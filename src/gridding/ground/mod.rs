@@ -65,10 +65,12 @@ const BESIDE: usize = 1;
 /// The ground under a window of cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ground {
+    /// Cells of a row, and of a row with its margins.
     width: usize,
-    /// Height of each cell in steps, or [`EMPTY`] far from all points.
+    wide: usize,
+    /// Height of each cell and of those beside the window, in steps, or [`EMPTY`] far from all points.
     heights: Vec<i32>,
-    /// How far a ground point may lie from it, in steps.
+    /// How far a ground point of a cell may lie from it, in steps.
     tolerances: Vec<f32>,
 }
 
@@ -84,79 +86,85 @@ pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> Ground {
     assert!(width > 0 && minima.len().is_multiple_of(width), "whole rows of cells");
     let mut bare = low::without_noise(minima, width, parameters.depth / parameters.step);
     open::take_off_objects(&mut bare, width, parameters);
-    let heights = filled(&bare, width, fill::reach(parameters.radius()));
-    let tolerances = tolerances(&heights, width, parameters);
-    Ground { width, heights, tolerances }
-}
-
-/// How far ground points may lie from each cell.
-fn tolerances(heights: &[i32], width: usize, parameters: &Parameters) -> Vec<f32> {
+    let wide = width + 2 * BESIDE;
+    let heights = filled(&widened(&bare, width, BESIDE), wide, fill::reach(parameters.radius()));
+    let mut ground = Ground { width, wide, heights, tolerances: Vec::new() };
     let Parameters { step, height, scaling, .. } = *parameters;
-    let tolerance = |at: usize| (height / step + scaling * slope(heights, width, at)) as f32;
-    (0..heights.len()).map(tolerance).collect()
+    let tolerance = |at: usize| (height / step + scaling * ground.slope(at)) as f32;
+    let cells = (0..minima.len()).map(|k| ground.at(k % width, k / width));
+    ground.tolerances = cells.map(tolerance).collect();
+    ground
 }
 
-/// Steepness at a cell in steps by cell: from the neighbours on both sides where there are.
-fn slope(heights: &[i32], width: usize, at: usize) -> f64 {
-    let known = |at: Option<usize>| {
-        let height = at.and_then(|at| heights.get(at)).copied().unwrap_or(EMPTY);
-        (height != EMPTY).then(|| f64::from(height))
-    };
-    let rise = |before: Option<f64>, after: Option<f64>| match (before, known(Some(at)), after) {
-        (Some(a), _, Some(b)) => 0.5 * (b - a),
-        (Some(a), Some(b), None) | (None, Some(a), Some(b)) => b - a,
-        _ => 0.0,
-    };
-    let col = at % width;
-    let west = known((col > 0).then(|| at - 1));
-    let east = known((col + 1 < width).then(|| at + 1));
-    let x = rise(west, east);
-    let y = rise(known(at.checked_sub(width)), known(Some(at + width)));
-    (x * x + y * y).sqrt()
+/// Cells in the middle of empty ones.
+fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
+    let wide = width + 2 * margin;
+    let mut cells = vec![EMPTY; wide * (inner.len() / width + 2 * margin)];
+    let lines = cells.chunks_exact_mut(wide).skip(margin);
+    for (line, inner) in lines.zip(inner.chunks_exact(width)) {
+        line[margin..margin + width].copy_from_slice(inner);
+    }
+    cells
 }
 
 impl Ground {
+    /// Where the height of a cell is.
+    fn at(&self, col: usize, row: usize) -> usize {
+        (row + BESIDE) * self.wide + col + BESIDE
+    }
+
+    fn known(&self, at: usize) -> Option<f64> {
+        (self.heights[at] != EMPTY).then(|| f64::from(self.heights[at]))
+    }
+
+    /// Steepness at a cell in steps by cell: from the neighbours on both sides where there are.
+    fn slope(&self, at: usize) -> f64 {
+        let rise = |away: usize| match [at - away, at, at + away].map(|at| self.known(at)) {
+            [Some(a), _, Some(b)] => 0.5 * (b - a),
+            [Some(a), Some(b), None] | [None, Some(a), Some(b)] => b - a,
+            _ => 0.0,
+        };
+        let (x, y) = (rise(1), rise(self.wide));
+        (x * x + y * y).sqrt()
+    }
+
     /// Height in steps at a place of the cell (`col`, `row`): `place` is from 0 to 1 along the rows
-    /// and across them. Between the centres of cells it is blended; `None` where a cell that takes
-    /// part is far from all points.
+    /// and across them. Between the centres of cells it is blended; `None` in a cell that is far from
+    /// all points.
+    ///
+    /// # Panics
+    /// When there is no such cell.
     pub fn height(&self, col: usize, row: usize, place: [f64; 2]) -> Option<f64> {
-        let at = row * self.width + col;
-        let own = self.known(Some(at))?;
-        let [(side, x), (up, y)] = place.map(|place| (place >= 0.5, (place - 0.5).abs()));
-        let beside = match side {
-            true => (col + 1 < self.width).then(|| at + 1),
-            false => (col > 0).then(|| at - 1),
-        };
-        let away = |at: usize| match up {
-            true => Some(at + self.width),
-            false => at.checked_sub(self.width),
-        };
-        // A neighbour beyond the window or all points is as high as the cell on this side of it.
-        let next = self.known(beside).unwrap_or(own);
-        let above = self.known(away(at)).unwrap_or(own);
-        let corner = self.known(beside.and_then(away)).unwrap_or(next + above - own);
+        let at = self.at(col, row);
+        let own = self.known(at)?;
+        let [(after, x), (above, y)] = place.map(|place| (place >= 0.5, (place - 0.5).abs()));
+        let beside = |at: usize| if after { at + 1 } else { at - 1 };
+        let over = if above { at + self.wide } else { at - self.wide };
+        // A neighbour that is far from all points is as high as the cell on this side of it.
+        let next = self.known(beside(at)).unwrap_or(own);
+        let up = self.known(over).unwrap_or(own);
+        let corner = self.known(beside(over)).unwrap_or(next + up - own);
         let near = own + (next - own) * x;
-        let far = above + (corner - above) * x;
+        let far = up + (corner - up) * x;
         Some(near + (far - near) * y)
     }
 
     /// Whether a point of the cell (`col`, `row`) at `place` is ground. Far from the points that the
     /// ground was made of none is.
+    ///
+    /// # Panics
+    /// When there is no such cell.
     pub fn is_ground(&self, col: usize, row: usize, place: [f64; 2], z: i32) -> bool {
         let tolerance = f64::from(self.tolerances[row * self.width + col]);
-        self.height(col, row, place)
-            .is_some_and(|height| (f64::from(z) - height).abs() <= tolerance)
-    }
-
-    fn known(&self, at: Option<usize>) -> Option<f64> {
-        let height = *self.heights.get(at?)?;
-        (height != EMPTY).then(|| f64::from(height))
+        let near = |height: f64| (f64::from(z) - height).abs() <= tolerance;
+        self.height(col, row, place).is_some_and(near)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const CELLS: Parameters = Parameters {
         cell: 1.0,
@@ -202,7 +210,6 @@ mod tests {
         assert_eq!(ground.height(1, 0, [0.0, 0.5]), Some(50.0));
         assert_eq!(ground.height(1, 1, [0.0, 0.0]), Some(175.0));
         assert_eq!(ground.height(0, 1, [1.0, 0.0]), Some(175.0));
-        assert_eq!(ground.height(0, 0, [0.0, 0.0]), Some(0.0), "flat beyond the border");
     }
 
     #[test]
@@ -213,6 +220,53 @@ mod tests {
         let ground = ground(&minima, 100, &CELLS);
         assert!(ground.is_ground(0, 1, [0.5, 0.5], 7));
         assert!(!ground.is_ground(99, 1, [0.5, 0.5], 7));
-        assert!(super::ground(&[], 4, &CELLS).heights.is_empty());
+        assert!(super::ground(&[], 4, &CELLS).tolerances.is_empty());
+    }
+
+    /// The cells of a rectangle [west, south, east, north], which may go beyond the window.
+    fn cut(minima: &[i32], width: usize, [west, south, east, north]: [i64; 4]) -> Vec<i32> {
+        let inside = |col: i64, row: i64| {
+            let (col, row) = (usize::try_from(col).ok()?, usize::try_from(row).ok()?);
+            if col < width { minima.get(row * width + col).copied() } else { None }
+        };
+        let cells = (south..north).flat_map(|row| (west..east).map(move |col| (col, row)));
+        cells.map(|(col, row)| inside(col, row).unwrap_or(EMPTY)).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(150))]
+
+        /// Heights and holes of every kind, small windows: whatever depends on cells far off shows.
+        #[test]
+        fn cells_depend_on_nothing_beyond_the_reach(
+            window in 1..4_u8,
+            share in 1..60_u32,
+            seed: u32,
+            picks in prop::collection::vec((0..48_i64, 0..48_i64), 25),
+        ) {
+            let width = 48;
+            let cell = |k: u32| {
+                let hash = (k ^ seed).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
+                if hash >> 8 & 63 < share { (hash >> 16) as i32 % 400 } else { EMPTY }
+            };
+            let minima: Vec<i32> = (0..48 * 48).map(cell).collect();
+            let parameters = Parameters { window: window.into(), ..CELLS };
+            let whole = ground(&minima, width, &parameters);
+            let reach = parameters.reach() as i64;
+            for (col, row) in picks {
+                let around = [col - reach, row - reach, col + reach + 1, row + reach + 1];
+                let side = 2 * reach as usize + 1;
+                let part = ground(&cut(&minima, width, around), side, &parameters);
+                let (at, middle) = (row as usize * width + col as usize, side * side / 2);
+                let tolerances = [whole.tolerances[at], part.tolerances[middle]].map(f32::to_bits);
+                prop_assert_eq!(tolerances[0], tolerances[1]);
+                for place in [[0.2, 0.9], [0.7, 0.1]] {
+                    prop_assert_eq!(
+                        whole.height(col as usize, row as usize, place),
+                        part.height(reach as usize, reach as usize, place)
+                    );
+                }
+            }
+        }
     }
 }

@@ -13,7 +13,7 @@ use crate::raster::write::GridSink;
 
 /// The units of work, along rows of blocks: blocks, or some rows of one each.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pieces {
+pub(in crate::pipeline) struct Pieces {
     width: u32,
     height: u32,
     block_width: u32,
@@ -25,7 +25,7 @@ impl Pieces {
     /// Pieces are whole blocks, unless the sink takes parts and a row of blocks across those of the
     /// source is more than half of `cache` holds: then they are lower, so that no block is decoded
     /// twice.
-    pub(super) fn new(
+    pub(in crate::pipeline) fn new(
         window: Rect,
         source: &dyn GridSource,
         sink: &dyn GridSink,
@@ -58,12 +58,13 @@ impl Pieces {
 }
 
 /// Copying, shared between the threads.
-pub(super) struct Task<'a> {
-    pub(super) source: &'a dyn GridSource,
-    /// The part of the source to copy.
-    pub(super) window: Rect,
-    pub(super) sink: &'a dyn GridSink,
-    pub(super) pieces: Pieces,
+pub(in crate::pipeline) struct Task<'a> {
+    /// One for each band; alike in size and type.
+    pub(in crate::pipeline) sources: &'a [&'a dyn GridSource],
+    /// The part of the sources to copy.
+    pub(in crate::pipeline) window: Rect,
+    pub(in crate::pipeline) sink: &'a dyn GridSink,
+    pub(in crate::pipeline) pieces: Pieces,
 }
 
 /// Buffers of one thread.
@@ -71,12 +72,13 @@ pub(super) struct Task<'a> {
 struct Buffers {
     narrow: Vec<f32>,
     wide: Vec<f64>,
-    bytes: Vec<u8>,
+    /// Band by band.
+    bytes: Vec<Vec<u8>>,
 }
 
 impl Task<'_> {
     /// Copies everything on so many threads.
-    pub(super) fn run(
+    pub(in crate::pipeline) fn run(
         &self,
         threads: usize,
         progress: &dyn Progress,
@@ -101,7 +103,8 @@ impl Task<'_> {
         cancel: &Cancel,
     ) -> Result<Summary> {
         let alarm = Alarm(turns);
-        let mut buffers = Buffers::default();
+        let bytes = vec![Vec::new(); self.sources.len()];
+        let mut buffers = Buffers { bytes, ..Buffers::default() };
         let mut summary = Summary::NONE;
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
@@ -113,7 +116,8 @@ impl Task<'_> {
             let rect = self.pieces.rect(index);
             summary = summary.join(self.copy(rect, &mut buffers)?);
             if self.sink.in_order() {
-                turns.take(index, || self.sink.append(&buffers.bytes))?;
+                let append = || buffers.bytes.iter().try_for_each(|bytes| self.sink.append(bytes));
+                turns.take(index, append)?;
             }
             progress.advance(rect.len() as u64);
         }
@@ -122,26 +126,39 @@ impl Task<'_> {
     fn copy(&self, rect: Rect, buffers: &mut Buffers) -> Result<Summary> {
         let Rect { col, row, .. } = self.window;
         let from = Rect::new(col + rect.col, row + rect.row, rect.width, rect.height);
-        let Buffers { narrow, wide, bytes } = buffers;
-        let summary = if self.source.info().exact_in_f32() {
-            narrow.resize(rect.len(), 0.0);
-            self.source.read_f32(from, narrow)?;
-            self.sink.encode(rect, Heights::F32(narrow), bytes)?;
-            Summary::of_f32(narrow)
-        } else {
-            wide.resize(rect.len(), 0.0);
-            self.source.read_f64(from, wide)?;
-            self.sink.encode(rect, Heights::F64(wide), bytes)?;
-            Summary::of_f64(wide)
-        };
-        self.source.release(self.passed(from));
+        let mut summary = Summary::NONE;
+        for (band, source) in (0..).zip(self.sources) {
+            summary = summary.join(self.copy_band((band, *source), rect, from, buffers)?);
+        }
+        self.sources.iter().for_each(|source| source.release(self.passed(*source, from)));
         Ok(summary)
+    }
+
+    fn copy_band(
+        &self,
+        (band, source): (u32, &dyn GridSource),
+        rect: Rect,
+        from: Rect,
+        buffers: &mut Buffers,
+    ) -> Result<Summary> {
+        let Buffers { narrow, wide, bytes } = buffers;
+        let bytes = &mut bytes[band as usize];
+        if source.info().exact_in_f32() {
+            narrow.resize(rect.len(), 0.0);
+            source.read_f32(from, narrow)?;
+            self.sink.encode(band, rect, Heights::F32(narrow), bytes)?;
+            return Ok(Summary::of_f32(narrow));
+        }
+        wide.resize(rect.len(), 0.0);
+        source.read_f64(from, wide)?;
+        self.sink.encode(band, rect, Heights::F64(wide), bytes)?;
+        Ok(Summary::of_f64(wide))
     }
 
     /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
     /// need those that they end.
-    fn passed(&self, from: Rect) -> Rect {
-        let above = from.row % self.source.info().block.1.max(1);
+    fn passed(&self, source: &dyn GridSource, from: Rect) -> Rect {
+        let above = from.row % source.info().block.1.max(1);
         Rect::new(from.col, from.row - above, from.width, from.height + above)
     }
 }
@@ -195,17 +212,17 @@ impl Drop for Alarm<'_> {
 
 /// What was seen while copying.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Summary {
-    pub(super) valid: u64,
-    pub(super) lowest: f64,
-    pub(super) highest: f64,
+pub(in crate::pipeline) struct Summary {
+    pub(in crate::pipeline) valid: u64,
+    pub(in crate::pipeline) lowest: f64,
+    pub(in crate::pipeline) highest: f64,
 }
 
 impl Summary {
-    pub(super) const NONE: Self =
+    pub(in crate::pipeline) const NONE: Self =
         Self { valid: 0, lowest: f64::INFINITY, highest: f64::NEG_INFINITY };
 
-    pub(super) fn join(self, other: Self) -> Self {
+    pub(in crate::pipeline) fn join(self, other: Self) -> Self {
         Self {
             valid: self.valid + other.valid,
             lowest: self.lowest.min(other.lowest),

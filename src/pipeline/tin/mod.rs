@@ -13,7 +13,7 @@ mod report;
 mod run;
 mod schedule;
 mod scope;
-mod spill;
+pub(in crate::pipeline) mod spill;
 mod store;
 mod tally;
 mod units;

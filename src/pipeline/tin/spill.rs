@@ -12,14 +12,14 @@ use crate::fault::{self, Point};
 
 /// A run of bytes in the spill file.
 #[derive(Debug)]
-pub(super) struct Extent {
+pub(in crate::pipeline) struct Extent {
     offset: u64,
     len: u64,
 }
 
 /// The spill file. It is created at the first write and has no name, so the system removes it
 /// whatever happens to the process.
-pub(super) struct Spill {
+pub(in crate::pipeline) struct Spill {
     folder: PathBuf,
     inner: Mutex<Inner>,
 }
@@ -35,12 +35,12 @@ struct Inner {
 
 impl Spill {
     /// A spill file to be created in `folder`.
-    pub(super) fn new(folder: &Path) -> Self {
+    pub(in crate::pipeline) fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf(), inner: Mutex::default() }
     }
 
     /// Writes `parts` one after the other.
-    pub(super) fn write(&self, parts: &[&[u8]]) -> Result<Extent> {
+    pub(in crate::pipeline) fn write(&self, parts: &[&[u8]]) -> Result<Extent> {
         let len = parts.iter().map(|part| part.len() as u64).sum();
         let mut inner = lock(&self.inner);
         let offset = inner.take(len);
@@ -51,7 +51,7 @@ impl Spill {
     }
 
     /// Reads `extent` back into `parts`, which together have its length, and frees it.
-    pub(super) fn read(&self, extent: Extent, parts: &mut [&mut [u8]]) -> Result<()> {
+    pub(in crate::pipeline) fn read(&self, extent: Extent, parts: &mut [&mut [u8]]) -> Result<()> {
         let mut inner = lock(&self.inner);
         let read = inner.read_at(extent.offset, parts);
         inner.put_back(extent);
@@ -59,12 +59,12 @@ impl Spill {
     }
 
     /// Gives the bytes of `extent` back without reading them.
-    pub(super) fn free(&self, extent: Extent) {
+    pub(in crate::pipeline) fn free(&self, extent: Extent) {
         lock(&self.inner).put_back(extent);
     }
 
     /// Bytes written so far.
-    pub(super) fn written(&self) -> u64 {
+    pub(in crate::pipeline) fn written(&self) -> u64 {
         lock(&self.inner).written
     }
 

@@ -8,9 +8,6 @@ use crate::raster::GridInfo;
 
 use super::layout::{Misfit, SLACK, Shape};
 
-/// GeoKey of what raster positions mean: the map accounts for it.
-const RASTER_TYPE: u16 = 1025;
-
 /// A file by its name, and what is known of it.
 #[derive(Clone, Copy)]
 pub(super) struct Named<'a> {
@@ -62,7 +59,7 @@ pub(super) fn nowhere(name: &str) -> Error {
 
 fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
     let (a, b) = (&first.info.crs, &other.info.crs);
-    if is_same(a, b) {
+    if a.agrees(b) {
         return Ok(());
     }
     let target = |crs: &Crs| Some(format!("EPSG:{}{}", crs.epsg?, vertical(crs)));
@@ -82,29 +79,6 @@ fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
 
 fn vertical(crs: &Crs) -> String {
     crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default()
-}
-
-/// Whether two systems are one, as far as the files tell.
-fn is_same(a: &Crs, b: &Crs) -> bool {
-    if let (Some(a), Some(b)) = (a.vertical_epsg, b.vertical_epsg)
-        && a != b
-    {
-        return false;
-    }
-    match (a.epsg, b.epsg) {
-        (Some(a), Some(b)) => a == b,
-        (None, None) if !a.geo_keys.is_empty() && !b.geo_keys.is_empty() => {
-            keys(a).eq(keys(b)) && a.geo_doubles == b.geo_doubles && a.citation == b.citation
-        }
-        (None, None) => (&a.wkt, &a.citation, a.geographic) == (&b.wkt, &b.citation, b.geographic),
-        _ => false,
-    }
-}
-
-/// The GeoKeys that hold their value, but for what raster positions mean.
-fn keys(crs: &Crs) -> impl Iterator<Item = &[u16]> {
-    let entries = crs.geo_keys.get(4..).unwrap_or_default().chunks_exact(4);
-    entries.filter(|entry| entry[0] != RASTER_TYPE && entry[1] == 0)
 }
 
 /// The answer to a file that does not lie on the lattice of the first one.
@@ -227,12 +201,12 @@ mod tests {
             geo_keys: vec![1, 1, 0, 2, 1025, 0, 1, raster_type, 3075, 0, 1, x],
             ..Crs::default()
         };
-        assert!(is_same(&keys(1, 8), &keys(2, 8)));
-        assert!(!is_same(&keys(1, 8), &keys(1, 9)));
+        assert!(keys(1, 8).agrees(&keys(2, 8)));
+        assert!(!keys(1, 8).agrees(&keys(1, 9)));
         let named = |name: &str| Crs { citation: Some(name.to_owned()), ..Crs::default() };
-        assert!(is_same(&named("x"), &named("x")) && !is_same(&named("x"), &named("y")));
+        assert!(named("x").agrees(&named("x")) && !named("x").agrees(&named("y")));
         let high = |code| Crs { epsg: Some(1), vertical_epsg: Some(code), ..Crs::default() };
-        assert!(!is_same(&high(1), &high(2)));
+        assert!(!high(1).agrees(&high(2)));
     }
 
     #[test]

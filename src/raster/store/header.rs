@@ -7,6 +7,7 @@ use super::tags::{Front, Values};
 use super::{FORMAT, MARK};
 use crate::error::{Error, Result};
 use crate::geom::Affine;
+use crate::raster::write::BandName;
 use crate::raster::{GridInfo, SampleType};
 
 /// Numbers of the tags a store has.
@@ -176,13 +177,14 @@ impl Position {
     }
 }
 
-/// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit and nodata.
-pub(in crate::raster) fn facts(info: &GridInfo) -> Result<Vec<(u16, Values)>> {
+/// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit, nodata, and
+/// what its bands are called.
+pub(in crate::raster) fn facts(info: &GridInfo, bands: &[BandName]) -> Result<Vec<(u16, Values)>> {
     check_place(info)?;
     let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
     let mut tags = Position::new(info).tags(keys.is_point());
     tags.extend(keys.tags());
-    let xml = Metadata::of_band(info).xml();
+    let xml = Metadata::of_bands(info, bands).xml();
     tags.extend(xml.map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
     let nodata = info.nodata.map(number);
     tags.extend(nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));

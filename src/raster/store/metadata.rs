@@ -4,6 +4,7 @@
 use super::crs::GeoKeys;
 use super::header::number;
 use crate::geom::Crs;
+use crate::raster::write::BandName;
 use crate::raster::{GridInfo, unit_and_text};
 
 /// Items in the order they are written.
@@ -15,6 +16,8 @@ pub(super) struct Metadata(Vec<Item>);
 struct Item {
     name: String,
     role: Option<String>,
+    /// The band that one with a role is of, from 0.
+    sample: u32,
     value: String,
 }
 
@@ -35,6 +38,20 @@ impl Metadata {
         items
     }
 
+    /// The same of each of several bands, with what it is called.
+    pub(super) fn of_bands(info: &GridInfo, bands: &[BandName]) -> Self {
+        let mut items = Self::default();
+        for (sample, band) in (0..).zip(bands) {
+            let mut own = Self::of_band(info).0;
+            own.retain(|item| item.name != "UNITTYPE" || band.in_vertical_unit);
+            own.iter_mut().for_each(|item| item.sample = sample);
+            items.0.extend(own);
+            items.push("DESCRIPTION", Some("description"), Some(band.name.clone()));
+            items.0.last_mut().into_iter().for_each(|item| item.sample = sample);
+        }
+        if bands.is_empty() { Self::of_band(info) } else { items }
+    }
+
     /// The items of a store; the exact position of sample (0, 0) among them when asked.
     pub(super) fn new(info: &GridInfo, with_origin: bool) -> Self {
         let crs = &info.crs;
@@ -52,7 +69,8 @@ impl Metadata {
     fn push(&mut self, name: &str, role: Option<&str>, value: Option<String>) {
         let Some(value) = value else { return };
         let role = role.map(str::to_owned);
-        self.0.push(Item { name: name.to_owned(), role, value: value.replace('\0', " ") });
+        let value = value.replace('\0', " ");
+        self.0.push(Item { name: name.to_owned(), role, sample: 0, value });
     }
 
     fn get(&self, name: &str) -> Option<&str> {
@@ -114,7 +132,8 @@ impl Metadata {
 
 impl Item {
     fn line(&self) -> String {
-        let role = self.role.as_ref().map(|role| format!(" sample=\"0\" role=\"{role}\""));
+        let of = self.sample;
+        let role = self.role.as_ref().map(|role| format!(" sample=\"{of}\" role=\"{role}\""));
         let (name, role, value) = (&self.name, role.unwrap_or_default(), escape(&self.value));
         format!("  <Item name=\"{name}\"{role}>{value}</Item>\n")
     }
@@ -125,7 +144,7 @@ impl Item {
         let (name, rest) = head.split_once('"')?;
         let role = rest.strip_prefix(" sample=\"0\" role=\"").and_then(|r| r.strip_suffix('"'));
         let role = role.map(str::to_owned);
-        Some(Self { name: name.to_owned(), role, value: unescape(value) })
+        Some(Self { name: name.to_owned(), role, sample: 0, value: unescape(value) })
     }
 }
 

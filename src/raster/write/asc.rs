@@ -21,6 +21,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     extensions: &["asc"],
     about: "ESRI ASCII text with .prj; scale and offset are applied",
     options: &[],
+    several_bands: false,
     bytes_per_sample: 48,
     create: |order| Ok(Box::new(AscSink::new(order)?)),
 };
@@ -126,7 +127,13 @@ impl GridSink for AscSink {
         (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
     }
 
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         let mut text = String::new();
         match heights {
             Heights::F32(heights) => self.write_rows(rect, heights, &mut text)?,

@@ -12,7 +12,7 @@ use super::directory::{Directory, Form, Places};
 use super::level::{self, Level, Resampling};
 use super::packed::{Packed, copy_all, lock, unlocked};
 use super::tiff::{self, Coding, Image};
-use super::{Creation, CreationOption, GridFormat, GridSink, Order};
+use super::{BandName, Creation, CreationOption, GridFormat, GridSink, Order};
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
 use crate::geom::Rect;
@@ -54,6 +54,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         },
         tiff::BIGTIFF,
     ],
+    several_bands: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(CogSink::new(order)?)),
 };
@@ -64,6 +65,7 @@ const TILE: u32 = 512;
 struct CogSink {
     target: AtomicFile,
     info: GridInfo,
+    bands: Vec<BandName>,
     creation: Creation,
     /// From the full resolution down.
     layers: Vec<Layer>,
@@ -77,8 +79,9 @@ struct CogSink {
 struct Layer {
     image: Image,
     blocks: Mutex<Packed>,
-    /// The heights it is made from, until it is the current one; the first comes from outside.
-    heights: Option<Level>,
+    /// The heights it is made from, band by band, until it is the current one; those of the first come
+    /// from outside.
+    heights: Vec<Level>,
 }
 
 impl CogSink {
@@ -94,6 +97,7 @@ impl CogSink {
             tiled: true,
             sample_type: info.sample_type,
             coding,
+            bands: order.options.band_count(),
         };
         image.check()?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
@@ -103,24 +107,28 @@ impl CogSink {
             sizes.iter().map(|&(width, height)| Image { width, height, ..image }).collect();
         check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
         let spool = || Packed::spool(path, folder).map(Mutex::new);
-        let mut layers = vec![Layer { image, blocks: spool()?, heights: None }];
+        let mut layers = vec![Layer { image, blocks: spool()?, heights: Vec::new() }];
         for image in below {
             let size = (image.width, image.height);
-            let heights = Some(Level::new(path, folder, size, order.info.exact_in_f32())?);
+            let level = || Level::new(path, folder, size, order.info.exact_in_f32());
+            let heights = (0..image.bands).map(|_| level()).collect::<Result<_>>()?;
             layers.push(Layer { image, blocks: spool()?, heights });
         }
         let (codec, how) = (order.codec(&info), resampling(&creation));
-        Ok(Self { target, info, creation, layers, current: 0, codec, how })
+        let bands = order.options.bands.clone();
+        Ok(Self { target, info, bands, creation, layers, current: 0, codec, how })
     }
 
     fn encode_heights<H: Height>(
         &self,
+        band: u32,
         rect: Rect,
         heights: &[H],
         out: &mut Vec<u8>,
     ) -> Result<()> {
         self.layers[self.current].image.encode(&self.codec, rect, heights, out)?;
-        match self.layers.get(self.current + 1).and_then(|layer| layer.heights.as_ref()) {
+        let below = self.layers.get(self.current + 1);
+        match below.and_then(|layer| layer.heights.get(band as usize)) {
             Some(level) => level.put(rect, heights, self.how),
             None => Ok(()),
         }
@@ -130,7 +138,7 @@ impl CogSink {
     fn directories(&self) -> Result<Vec<Directory>> {
         let nodata = self.info.nodata.map(number);
         let nodata = nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text)));
-        let mut all = vec![self.layers[0].image.directory(facts(&self.info)?, false)];
+        let mut all = vec![self.layers[0].image.directory(facts(&self.info, &self.bands)?, false)];
         let overviews = self.layers.iter().skip(1);
         all.extend(overviews.map(|l| l.image.directory(nodata.iter().cloned().collect(), true)));
         Ok(all)
@@ -177,10 +185,10 @@ impl GridSink for CogSink {
         self.layers[self.current].image.block
     }
 
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
         match heights {
-            Heights::F32(heights) => self.encode_heights(rect, heights, out),
-            Heights::F64(heights) => self.encode_heights(rect, heights, out),
+            Heights::F32(heights) => self.encode_heights(band, rect, heights, out),
+            Heights::F64(heights) => self.encode_heights(band, rect, heights, out),
         }
         .map_err(|e| e.in_file(self.target.path()))
     }
@@ -189,14 +197,14 @@ impl GridSink for CogSink {
         lock(&self.layers[self.current].blocks).append(bytes)
     }
 
-    fn next_level(&mut self) -> Result<Option<Box<dyn GridSource>>> {
-        let next = self.layers.get_mut(self.current + 1).and_then(|layer| layer.heights.take());
-        let Some(heights) = next else { return Ok(None) };
+    fn next_level(&mut self) -> Result<Option<Vec<Box<dyn GridSource>>>> {
+        let Some(next) = self.layers.get_mut(self.current + 1) else { return Ok(None) };
+        let heights = std::mem::take(&mut next.heights);
         self.current += 1;
         if self.how == Resampling::Average {
             self.codec = self.codec.rounding(Rounding::Aside);
         }
-        heights.into_source().map(Some)
+        heights.into_iter().map(Level::into_source).collect::<Result<_>>().map(Some)
     }
 
     fn finish(self: Box<Self>) -> Result<u64> {

@@ -55,11 +55,13 @@ const ALIGNMENT: u64 = 8;
 const LONG: u16 = 4;
 const LONG8: u16 = 16;
 
-/// One image: its tags, and its blocks in the order in which they lie in the file.
+/// One image: its tags, and its blocks in the order in which they lie in the file: those of all bands
+/// at a place, then those at the next. The tables tell them band by band.
 #[derive(Debug)]
 pub(super) struct Directory {
     fields: Vec<(u16, Content)>,
     blocks: u64,
+    bands: u32,
 }
 
 #[derive(Debug)]
@@ -81,14 +83,19 @@ pub(super) struct Places {
 }
 
 impl Directory {
-    /// A directory of `tags` in any order, whose `blocks` are told by the tags numbered `offsets` and
-    /// `sizes`.
-    pub(super) fn new(tags: Vec<(u16, Values)>, [offsets, sizes]: [u16; 2], blocks: u64) -> Self {
+    /// A directory of `tags` in any order, whose `blocks` of so many bands are told by the tags
+    /// numbered `offsets` and `sizes`.
+    pub(super) fn new(
+        tags: Vec<(u16, Values)>,
+        [offsets, sizes]: [u16; 2],
+        blocks: u64,
+        bands: u32,
+    ) -> Self {
         let values = tags.into_iter().map(|(tag, values)| (tag, Content::Values(values)));
         let tables = [(offsets, Content::Offsets), (sizes, Content::Sizes)];
         let mut fields: Vec<_> = values.chain(tables).collect();
         fields.sort_by_key(|(tag, _)| *tag);
-        Self { fields, blocks }
+        Self { fields, blocks, bands }
     }
 
     /// Bytes of the directory with all its values, a multiple of 8.
@@ -176,16 +183,27 @@ impl Directory {
     ) -> io::Result<()> {
         match content {
             Content::Values(values) => out.write_all(&values.bytes()),
-            Content::Sizes => sizes.iter().try_for_each(|size| out.write_all(&size.to_le_bytes())),
+            Content::Sizes => {
+                self.by_band(sizes).try_for_each(|size| out.write_all(&size.to_le_bytes()))
+            }
             Content::Offsets => {
-                let mut place = data;
-                sizes.iter().try_for_each(|size| {
-                    let bytes = place.to_le_bytes();
-                    place += u64::from(*size);
-                    out.write_all(&bytes[..form.word_bytes() as usize])
-                })
+                let mut next = data;
+                let places = sizes.iter().map(|size| {
+                    let place = next;
+                    next += u64::from(*size);
+                    place
+                });
+                let places: Vec<u64> = places.collect();
+                self.by_band(&places)
+                    .try_for_each(|p| out.write_all(&p.to_le_bytes()[..form.word_bytes() as usize]))
             }
         }
+    }
+
+    /// What is told of blocks in the order of the file, band by band.
+    fn by_band<'a, T>(&self, blocks: &'a [T]) -> impl Iterator<Item = &'a T> {
+        let bands = self.bands as usize;
+        (0..bands).flat_map(move |band| blocks.iter().skip(band).step_by(bands))
     }
 }
 
@@ -203,7 +221,7 @@ mod tests {
                     (33_550, Values::Double(vec![1.0, 2.0, 0.0])),
                     (305, Values::Ascii("abc".to_owned())),
                 ];
-                let directory = Directory::new(tags, [324, 325], u64::from(blocks));
+                let directory = Directory::new(tags, [324, 325], u64::from(blocks), 1);
                 let sizes: Vec<u32> = (0..blocks).map(|i| i + 5).collect();
                 let places = Places { at: form.start(), next: 0, data: 99 };
                 let mut out = Vec::new();
@@ -216,7 +234,7 @@ mod tests {
 
     #[test]
     fn blocks_beyond_four_gibibytes_keep_their_offsets() {
-        let directory = Directory::new(Vec::new(), [324, 325], 2);
+        let directory = Directory::new(Vec::new(), [324, 325], 2, 1);
         let mut out = Vec::new();
         let data = u64::from(u32::MAX) - 1;
         directory.write(&mut out, Form::Big, Places { at: 16, next: 0, data }, &[9, 9]).unwrap();
@@ -225,8 +243,20 @@ mod tests {
     }
 
     #[test]
+    fn tables_go_band_by_band() {
+        let directory = Directory::new(Vec::new(), [324, 325], 6, 2);
+        let mut out = Vec::new();
+        let places = Places { at: 8, next: 0, data: 100 };
+        directory.write(&mut out, Form::Classic, places, &[1, 10, 2, 20, 3, 30]).unwrap();
+        let words: Vec<u32> =
+            out.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect();
+        let has = |run: &[u32]| words.windows(run.len()).any(|words| words == run);
+        assert!(has(&[1, 2, 3, 10, 20, 30]) && has(&[100, 111, 133, 101, 113, 136]), "{words:?}");
+    }
+
+    #[test]
     fn a_directory_to_the_byte() {
-        let directory = Directory::new(vec![(256, Values::Long(vec![7]))], [273, 279], 2);
+        let directory = Directory::new(vec![(256, Values::Long(vec![7]))], [273, 279], 2, 1);
         let mut out = Vec::new();
         let places = Places { at: 8, next: 0, data: 0x100 };
         directory.write(&mut out, Form::Classic, places, &[5, 6]).unwrap();

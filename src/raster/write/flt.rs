@@ -19,6 +19,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     extensions: &["flt"],
     about: "ESRI .flt of float32 with .hdr and .prj; scale and offset are applied",
     options: &[],
+    several_bands: false,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(FltSink::new(order)?)),
 };
@@ -99,7 +100,13 @@ impl GridSink for FltSink {
         (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
     }
 
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         out.clear();
         out.resize(rect.len() * SampleType::F32.bytes(), 0);
         match heights {

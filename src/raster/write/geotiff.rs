@@ -45,6 +45,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         },
         tiff::BIGTIFF,
     ],
+    several_bands: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(GeoTiffSink::new(order)?)),
 };
@@ -67,9 +68,9 @@ struct GeoTiffSink {
 impl GeoTiffSink {
     fn new(order: &Order<'_>) -> Result<Self> {
         let info = order.stored()?;
-        let image = image(&order.creation, &info)?;
+        let image = image(&order.creation, &info, order.options.band_count())?;
         image.check()?;
-        let directory = image.directory(facts(&info)?, false);
+        let directory = image.directory(facts(&info, &order.options.bands)?, false);
         let plain = image.plain_bytes();
         let exact = match image.coding.compression {
             Compression::None => Some(front(&directory, Form::Classic).saturating_add(plain)),
@@ -89,7 +90,7 @@ fn front(directory: &Directory, form: Form) -> u64 {
     form.start() + directory.bytes(form)
 }
 
-fn image(creation: &Creation, info: &GridInfo) -> Result<Image> {
+fn image(creation: &Creation, info: &GridInfo, bands: u32) -> Result<Image> {
     let GridInfo { width, height, sample_type, .. } = *info;
     let coding = Coding::of(creation, sample_type, "NONE")?;
     let tiled = creation.word("TILED") == Some("YES");
@@ -106,7 +107,7 @@ fn image(creation: &Creation, info: &GridInfo) -> Result<Image> {
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))
     };
-    Ok(Image { width, height, block, tiled, sample_type, coding })
+    Ok(Image { width, height, block, tiled, sample_type, coding, bands })
 }
 
 impl GridSink for GeoTiffSink {
@@ -118,7 +119,13 @@ impl GridSink for GeoTiffSink {
         self.image.block
     }
 
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         match heights {
             Heights::F32(heights) => self.image.encode(&self.codec, rect, heights, out),
             Heights::F64(heights) => self.image.encode(&self.codec, rect, heights, out),

@@ -26,6 +26,7 @@ pub use creation::{Accepts, Creation, CreationOption};
 
 use crate::error::{Error, Result};
 use crate::geom::Rect;
+use crate::limits;
 use crate::raster::store::Heights;
 use crate::raster::store::writer::refuse_old_sidecars;
 use crate::raster::{GridInfo, GridSource, SampleType};
@@ -46,6 +47,8 @@ pub struct GridFormat {
     pub about: &'static str,
     /// What `--co` may say.
     pub options: &'static [CreationOption],
+    /// Whether a file may hold several bands.
+    pub several_bands: bool,
     /// Bytes that a thread holds for each sample of a block, heights included, at most.
     pub bytes_per_sample: u64,
     /// Starts a file.
@@ -67,6 +70,24 @@ pub struct WriteOptions {
     pub round: bool,
     /// Folder for temporary files; the output's when `None`.
     pub temp_dir: Option<PathBuf>,
+    /// What the bands are called; one band without a name when empty.
+    pub bands: Vec<BandName>,
+}
+
+/// What a band is called.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BandName {
+    /// Its description, as GDAL has it.
+    pub name: String,
+    /// Whether its values are in the vertical unit of the grid.
+    pub in_vertical_unit: bool,
+}
+
+impl WriteOptions {
+    /// Bands to write.
+    pub fn band_count(&self) -> u32 {
+        u32::try_from(self.bands.len()).unwrap_or(u32::MAX).max(1)
+    }
 }
 
 /// What a format is asked to write.
@@ -92,19 +113,20 @@ pub trait GridSink: Send + Sync {
         true
     }
 
-    /// Encodes the heights of `rect`, a block cut to the grid, into `out` (emptied first). Any
-    /// thread, any order, once for each block.
+    /// Encodes the heights of `rect`, a block of a band (from 0) cut to the grid, into `out` (emptied
+    /// first). Any thread, any order, once for each block and band.
     ///
     /// # Errors
     /// A height that the format cannot hold, with its column and row.
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()>;
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()>;
 
-    /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time.
+    /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time; those of
+    /// all bands one after the other before the next block.
     fn append(&self, bytes: &[u8]) -> Result<()>;
 
     /// Ends the current level. When the file has another one, it becomes the current one, and its
-    /// grid is returned to be fed like the first.
-    fn next_level(&mut self) -> Result<Option<Box<dyn GridSource>>> {
+    /// grid is returned, one for each band, to be fed like the first.
+    fn next_level(&mut self) -> Result<Option<Vec<Box<dyn GridSource>>>> {
         Ok(None)
     }
 
@@ -135,8 +157,20 @@ impl GridFormat {
         options: &WriteOptions,
     ) -> Result<Box<dyn GridSink>> {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
+        self.check_bands(options)?;
         refuse_old_sidecars(path)?;
         (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
+    }
+
+    fn check_bands(&self, options: &WriteOptions) -> Result<()> {
+        if self.several_bands {
+            return limits::check("number of bands", options.bands.len() as u64, limits::MAX_BANDS);
+        }
+        if options.band_count() == 1 {
+            return Ok(());
+        }
+        let message = format!("{} cannot hold several bands", self.name);
+        Err(Error::usage(message).remedy(format!("write {}, or one band", several_bands())))
     }
 
     fn has_extension_of(&self, path: &Path) -> bool {
@@ -173,6 +207,12 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     Err(Error::usage(format!("{} cannot have this ending", format.name))
         .in_file(path)
         .remedy(format!("end the name in {}", format.endings())))
+}
+
+/// The formats that hold several bands.
+fn several_bands() -> String {
+    let formats = FORMATS.iter().filter(|format| format.several_bands);
+    formats.map(|format| format.name).collect::<Vec<_>>().join(" or ")
 }
 
 fn known(text: impl Fn(&GridFormat) -> String) -> String {

@@ -38,6 +38,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
             about: "transparent voids [YES where the grid declares nodata]",
         },
     ],
+    several_bands: false,
     bytes_per_sample: 24,
     create: |order| Ok(Box::new(PngSink::new(order)?)),
 };
@@ -246,7 +247,13 @@ impl GridSink for PngSink {
         (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
     }
 
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         out.clear();
         match heights {
             Heights::F32(heights) => self.write_rows(rect, heights, out),

@@ -17,6 +17,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         accepts: Words(&["256", "512", "1024"]),
         about: "side of a tile [512]",
     }],
+    several_bands: false,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(StoreSink::new(order)?)),
 };
@@ -50,7 +51,13 @@ impl GridSink for StoreSink {
     }
 
     /// Writes the piece to its place; `out` is a buffer.
-    fn encode(&self, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         self.writer.write(rect, heights, out)
     }
 

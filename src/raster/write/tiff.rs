@@ -38,6 +38,12 @@ const STRIP_OFFSETS: u16 = 273;
 const ROWS_PER_STRIP: u16 = 278;
 const STRIP_BYTES: u16 = 279;
 const PREDICTOR_TAG: u16 = 317;
+const EXTRA_SAMPLES: u16 = 338;
+/// The bands after the first are neither colours nor opacity.
+const UNSPECIFIED: u16 = 0;
+/// Bands side by side in one block, or in blocks of their own.
+const CHUNKY: u16 = 1;
+const PLANAR: u16 = 2;
 
 /// How samples are coded, by COMPRESS, LEVEL and PREDICTOR.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +91,8 @@ pub(super) struct Image {
     pub(super) tiled: bool,
     pub(super) sample_type: SampleType,
     pub(super) coding: Coding,
+    /// Bands, each with blocks of its own.
+    pub(super) bands: u32,
 }
 
 impl Image {
@@ -95,17 +103,17 @@ impl Image {
         limits::check("bytes of one block", bytes, limits::MAX_BLOCK_BYTES)
     }
 
-    /// Number of blocks.
+    /// Number of blocks, of all bands.
     pub(super) fn blocks(&self) -> u64 {
         let across = u64::from(self.width.div_ceil(self.block.0));
-        across * u64::from(self.height.div_ceil(self.block.1))
+        across * u64::from(self.height.div_ceil(self.block.1)) * u64::from(self.bands)
     }
 
     /// Bytes of all blocks without compression; the last strip ends with the image.
     pub(super) fn plain_bytes(&self) -> u64 {
         let rows = match self.tiled {
             true => self.blocks() * u64::from(self.block.1),
-            false => u64::from(self.height),
+            false => u64::from(self.height) * u64::from(self.bands),
         };
         rows.saturating_mul(self.row_bytes() as u64)
     }
@@ -120,17 +128,21 @@ impl Image {
         let (bits, format) = sample_tags(self.sample_type);
         let short = |value| Values::Short(vec![value]);
         let long = |value| Values::Long(vec![value]);
+        let by_band = |value| Values::Short(vec![value; self.bands as usize]);
         let mut tags = facts;
         tags.extend([
             (tag::WIDTH, long(self.width)),
             (tag::HEIGHT, long(self.height)),
-            (tag::BITS, short(bits)),
+            (tag::BITS, by_band(bits)),
             (tag::COMPRESSION, short(self.coding.compression.code())),
             (tag::PHOTOMETRIC, short(1)),
-            (tag::SAMPLES_PER_PIXEL, short(1)),
-            (tag::PLANAR, short(1)),
-            (tag::SAMPLE_FORMAT, short(format)),
+            (tag::SAMPLES_PER_PIXEL, short(self.bands as u16)),
+            (tag::PLANAR, short(if self.bands == 1 { CHUNKY } else { PLANAR })),
+            (tag::SAMPLE_FORMAT, by_band(format)),
         ]);
+        if self.bands > 1 {
+            tags.push((EXTRA_SAMPLES, Values::Short(vec![UNSPECIFIED; self.bands as usize - 1])));
+        }
         if is_overview {
             tags.push((SUBFILE_TYPE, long(1)));
         }
@@ -140,10 +152,12 @@ impl Image {
         let (block_width, block_height) = self.block;
         if !self.tiled {
             tags.push((ROWS_PER_STRIP, long(block_height)));
-            return Directory::new(tags, [STRIP_OFFSETS, STRIP_BYTES], self.blocks());
+            let tables = [STRIP_OFFSETS, STRIP_BYTES];
+            return Directory::new(tags, tables, self.blocks(), self.bands);
         }
         tags.extend([(tag::TILE_WIDTH, long(block_width)), (tag::TILE_HEIGHT, long(block_height))]);
-        Directory::new(tags, [tag::TILE_OFFSETS, tag::TILE_BYTES], self.blocks())
+        let tables = [tag::TILE_OFFSETS, tag::TILE_BYTES];
+        Directory::new(tags, tables, self.blocks(), self.bands)
     }
 
     /// Codes the block of the heights of `rect` into `out`; tiles are filled up with voids.

@@ -122,6 +122,15 @@ impl Survey {
         Flight::new(self).leg(part).pulses() * u64::from(pulse::MOST_RETURNS)
     }
 
+    /// Where the points of a part lie: x min, y min, x max, y max.
+    ///
+    /// # Panics
+    /// When there is no such part.
+    pub fn area(&self, part: usize) -> [f64; 4] {
+        let [west, south, east, north] = Flight::new(self).leg(part).area();
+        [west - pulse::LEAN, south, east + pulse::LEAN, north]
+    }
+
     /// Makes the points of a part, in the order of flight, in place of what `echoes` holds.
     ///
     /// # Panics

@@ -8,6 +8,10 @@ use crate::geom::Point;
 /// Most returns of a pulse.
 pub(super) const MOST_RETURNS: u32 = 4;
 
+/// Metres by which a return may lie beside the place where its pulse meets the ground: trees are at
+/// most 23 m high, and the tangent of the beam's angle is at most 0.2.
+pub(super) const LEAN: f64 = 5.0;
+
 /// A return above the ground, and what it is of.
 #[derive(Clone, Copy)]
 struct Hit {

@@ -48,14 +48,14 @@ pub fn verify_cloud(
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let mesh = output::open(&job.mesh)?;
-    let source = cloud::open(&job.inputs, &job.options)?;
+    let source = cloud::synth::source(&job.inputs, &job.options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
     let cloud = job.inputs.join(" ");
-    surface_bounds(&source).map_err(|e| e.in_file(Path::new(&cloud)))?;
-    let proved = prove_cloud(&*mesh, &source, tolerance, &job.resources, progress, cancel);
+    surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
+    let proved = prove_cloud(&*mesh, &*source, tolerance, &job.resources, progress, cancel);
     let report = proved.map_err(|e| match e.kind() {
         ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
         _ => e,

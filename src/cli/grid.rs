@@ -1,0 +1,342 @@
+//! `terrane grid`: clouds of points become grids.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use crate::cli::{Outcome, args, check, cloud, parse, say, text, tin};
+use crate::error::{Error, Result};
+use crate::gridding::{self, Asked, Statistic};
+use crate::pipeline::Cancel;
+use crate::pipeline::grid::{self, Compat, GridJob, GridReport, Placement};
+use crate::raster::SampleType;
+
+/// Make a grid of a cloud of points: statistics of the points in each cell
+///
+/// Cells take points at their western and southern border, and their corners lie at multiples of the
+/// cell size. One pass over the points, whatever the extent; the bytes are the same for any order of
+/// points and files, any number of threads and any memory.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Cloud of points: files (.las, .laz, or text with a point in each line), folders, patterns in
+    /// quotes, or lists are one cloud
+    #[arg(required = true)]
+    input: Vec<String>,
+    /// File to write
+    output: PathBuf,
+    /// Statistics, a band for each, such as mean,max,p95,idw:radius=2,power=1
+    #[arg(long, value_name = "LIST", default_value = "mean", value_parser = parse_stats)]
+    stat: Stats,
+    #[command(flatten)]
+    cells: Cells,
+    #[command(flatten)]
+    method: Method,
+    #[command(flatten)]
+    points: cloud::Points,
+    #[command(flatten)]
+    out: Output,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// The statistics of one list.
+#[derive(Clone, Debug)]
+struct Stats(Vec<Asked>);
+
+/// Where the cells lie.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Cells")]
+struct Cells {
+    /// Side of a cell, or its width and height, in the units of the CRS
+    #[arg(long, value_name = "SIZE", value_parser = parse_cell, required_unless_present = "like")]
+    cell: Option<[f64; 2]>,
+    /// A corner of some cell [default: 0,0]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pair)]
+    align: Option<[f64; 2]>,
+    /// All cells that this box overlaps, instead of those of the whole cloud
+    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
+    bbox: Option<[f64; 4]>,
+    /// The very cells of this grid
+    #[arg(long, value_name = "GRID", conflicts_with_all = ["cell", "align", "bbox"])]
+    like: Option<String>,
+    /// Follow the conventions of another program: pdal takes all points within --radius of a cell's
+    /// centre for every statistic, from the lowest x and y on; lasr gives points on a border to the
+    /// cell south of it
+    #[arg(long, value_name = "PROGRAM", value_enum, default_value_t = CompatName::None)]
+    compat: CompatName,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum CompatName {
+    None,
+    Pdal,
+    Lasr,
+}
+
+/// How values are made.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Method")]
+struct Method {
+    /// Points nearer than this to a cell's centre, for idw and nearest [default: the cell's longer
+    /// side times the root of 2]
+    #[arg(long, value_name = "R", value_parser = parse::positive)]
+    radius: Option<f64>,
+    /// Weights of idw are distance to the power of minus P, 4 at most [default: 1]
+    #[arg(long, value_name = "P", value_parser = parse::positive)]
+    power: Option<f64>,
+    /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
+    /// larger of the two
+    #[arg(long, visible_alias = "window", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    fill: Option<u32>,
+}
+
+/// What is written.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct Output {
+    /// Format to write [default: by the output's ending; GTiff in tiles for a .tif]
+    #[arg(short, long, value_name = "NAME")]
+    format: Option<String>,
+    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
+    #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value)]
+    co: Vec<(String, String)>,
+    /// Type of the written samples; floats hold the nearest value
+    #[arg(long = "type", value_name = "NAME", value_parser = parse::sample_type, default_value = "float32")]
+    sample_type: SampleType,
+    /// Write the nearest value where a type of whole numbers does not hold one exactly
+    #[arg(long)]
+    round: bool,
+    /// Written value for voids
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan, default_value = "-9999")]
+    nodata: f64,
+    /// Replace files that exist
+    #[arg(long)]
+    overwrite: bool,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.out.report {
+        tin::write_report(path, args.out.overwrite, &report)?;
+    }
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&report))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &Args) -> Result<GridJob> {
+    args.check_options()?;
+    let resources = args.machine.resources();
+    let (cells, out) = (&args.cells, &args.out);
+    let job = GridJob {
+        input: args.input.clone(),
+        cloud: args.points.open_options(&resources)?,
+        output: args.output.clone(),
+        format: out.format.clone(),
+        creation: out.co.clone(),
+        stats: args.stat.0.clone(),
+        placement: Placement {
+            cell: cells.cell,
+            align: cells.align,
+            bbox: cells.bbox,
+            like: cells.like.clone(),
+        },
+        compat: match cells.compat {
+            CompatName::None => Compat::None,
+            CompatName::Pdal => Compat::Pdal,
+            CompatName::Lasr => Compat::Lasr,
+        },
+        radius: args.method.radius,
+        power: args.method.power,
+        fill: args.method.fill.unwrap_or(0),
+        sample_type: out.sample_type,
+        round: out.round,
+        nodata: out.nodata,
+        overwrite: out.overwrite,
+        resources,
+    };
+    job.check()?;
+    args.check_files()?;
+    Ok(job)
+}
+
+impl Args {
+    /// Fails when an option was given that cannot act.
+    fn check_options(&self) -> Result<()> {
+        let any = |is_it: fn(&Statistic) -> bool| self.stat.0.iter().any(|a| is_it(&a.statistic));
+        let around = self.cells.compat == CompatName::Pdal
+            || any(|s| {
+                matches!(
+                    s,
+                    Statistic::Idw { radius: None, .. } | Statistic::Nearest { radius: None }
+                )
+            });
+        let weighs = any(|s| matches!(s, Statistic::Idw { power: None, .. }));
+        let fills = any(|s| s.is_height());
+        let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
+        let idle = [
+            (
+                "--radius",
+                self.method.radius.is_some() && !around,
+                "for idw and nearest without one",
+            ),
+            ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
+            ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
+            (
+                "--round",
+                self.out.round && floats.contains(&self.out.sample_type),
+                "for whole numbers: floats hold the nearest value anyway",
+            ),
+        ];
+        match idle.into_iter().find(|(_, idle, _)| *idle) {
+            Some((option, _, why)) => {
+                Err(Error::usage(format!("{option} cannot act: it is {why}"))
+                    .remedy(format!("leave {option} out")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Fails when an output is an input, or cannot be made.
+    fn check_files(&self) -> Result<()> {
+        let report = self.out.report.as_deref();
+        let outputs: Vec<&Path> =
+            [Some(self.output.as_path()), report].into_iter().flatten().collect();
+        check::not_among(&crate::cloud::files(&self.input)?, &outputs)?;
+        let new = |path: &&Path| check::new_file(path, self.out.overwrite);
+        outputs.iter().try_for_each(new)
+    }
+}
+
+/// A list of statistics.
+fn parse_stats(text: &str) -> std::result::Result<Stats, String> {
+    gridding::parse_list(text).map(Stats).map_err(|e| e.to_string())
+}
+
+/// "size" or "width,height".
+fn parse_cell(text: &str) -> std::result::Result<[f64; 2], String> {
+    let (width, height) = text.split_once(',').unwrap_or((text, text));
+    match (parse::positive(width), parse::positive(height)) {
+        (Ok(width), Ok(height)) => Ok([width, height]),
+        _ => Err("expected a number above zero, or two: width,height".to_owned()),
+    }
+}
+
+/// "x,y".
+fn parse_pair(text: &str) -> std::result::Result<[f64; 2], String> {
+    let pair = text.split_once(',').map(|(x, y)| (parse::finite(x), parse::finite(y)));
+    match pair {
+        Some((Ok(x), Ok(y))) => Ok([x, y]),
+        _ => Err("expected x,y".to_owned()),
+    }
+}
+
+/// A made grid for people.
+fn summary(r: &GridReport) -> String {
+    let unit = r.vertical_unit.as_deref().unwrap_or("unit of height unknown");
+    let [width, height] = r.cell.map(text::number);
+    let mut rows = vec![
+        ("points", points(r)),
+        (
+            "grid",
+            format!(
+                "{} x {} cells of {width} x {height}, {}, {unit}",
+                text::count(r.width.into()),
+                text::count(r.height.into()),
+                r.crs
+            ),
+        ),
+        ("bands", bands(r)),
+        ("file", format!("{}, {}, {}", text::bytes(r.output_bytes), r.format, r.sample_type)),
+        ("time", time(r)),
+    ];
+    if let Some(peak) = r.peak_memory {
+        let spilled = match r.spilled_bytes {
+            0 => String::new(),
+            bytes => format!(", {} through a temporary file", text::bytes(bytes)),
+        };
+        let budget = text::bytes(r.memory_budget);
+        let peak = text::bytes(peak);
+        rows.push(("memory", format!("{peak} at the peak, {budget} allowed{spilled}")));
+    }
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
+
+fn points(r: &GridReport) -> String {
+    let p = &r.points;
+    let dropped = [
+        (p.withheld, "withheld"),
+        (p.filtered, "filtered out"),
+        (p.outside, "outside the bounds of their file"),
+        (p.lost, "lost"),
+        (r.outside_grid, "outside the grid"),
+    ];
+    let dropped = dropped.into_iter().filter(|(count, _)| *count > 0);
+    let dropped = dropped.map(|(count, why)| format!(", {} {why}", text::count(count)));
+    format!("{} read", text::count(p.read)) + &dropped.collect::<String>()
+}
+
+fn bands(r: &GridReport) -> String {
+    let share = |valid: u64| text::percent(valid as f64 / r.cells.max(1) as f64);
+    let band = |b: &grid::BandReport| format!("{} ({} of the cells)", b.name, share(b.valid));
+    r.bands.iter().map(band).collect::<Vec<_>>().join(", ")
+}
+
+fn time(r: &GridReport) -> String {
+    let rate = text::rate(r.points_per_second, "points");
+    let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
+    let stages = r.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
+    let threads =
+        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
+    format!("{}, {rate}, {threads} ({stages})", text::seconds(r.wall_seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_corners_are_read() {
+        assert_eq!(parse_cell("1"), Ok([1.0, 1.0]));
+        assert_eq!(parse_cell("0.5,2"), Ok([0.5, 2.0]));
+        assert!(["0", "-1", "a", "1,2,3", "1,0"].iter().all(|text| parse_cell(text).is_err()));
+        assert_eq!(parse_pair("-1.5,2"), Ok([-1.5, 2.0]));
+        assert!(parse_pair("1").is_err());
+        assert!(parse_stats("mean,mode").is_err());
+    }
+
+    #[test]
+    fn a_summary_tells_what_became_of_the_points() {
+        let report = GridReport {
+            points: crate::cloud::Census {
+                read: 1234,
+                kept: 1200,
+                withheld: 34,
+                ..Default::default()
+            },
+            outside_grid: 7,
+            bands: vec![grid::BandReport { name: "mean".into(), valid: 5 }],
+            cells: 10,
+            spilled_bytes: 2048,
+            peak_memory: Some(1),
+            ..GridReport::default()
+        };
+        let told = summary(&report);
+        for part in
+            ["1,234 read, 34 withheld, 7 outside the grid", "mean (50.00 % of", "2.0 KiB through"]
+        {
+            assert!(told.contains(part), "{part} in\n{told}");
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! Parts of a LAS or LAZ file: runs of records, compressed chunks, nodes of an octree.
+
+use std::io::BufReader;
+
+use crate::cloud::copc::Node;
+use crate::cloud::laz::{self, Chunk, Damage, Layout, Table, Wanted};
+use crate::error::{Error, Result};
+use crate::files::RawFile;
+
+use super::{Header, LasFile};
+
+/// Uncompressed points of a part.
+const PLAIN_POINTS: u64 = 1 << 17;
+/// Bytes of records that are read at a time: they and their points stay in the cache.
+const BLOCK_BYTES: u64 = 1 << 18;
+/// Bytes of a compressed stream that are read at a time.
+const STREAM_BYTES: usize = 1 << 18;
+
+/// A part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::cloud) struct Part {
+    /// Number in the file of its first point.
+    pub(in crate::cloud) first: u64,
+    /// Points that may be read.
+    pub(in crate::cloud) points: u64,
+    /// Points after these that are not there.
+    pub(in crate::cloud) lost: u64,
+    at: u64,
+    bytes: u64,
+    kind: Kind,
+    /// World box of an octree's node.
+    pub(in crate::cloud) cube: Option<[[f64; 3]; 2]>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Plain,
+    Chunk,
+    Stream,
+}
+
+/// Room that a thread keeps for reading.
+#[derive(Default)]
+pub(in crate::cloud) struct Room {
+    /// As in the file.
+    bytes: Vec<u8>,
+    /// Uncompressed records.
+    block: Vec<u8>,
+}
+
+impl Part {
+    fn new(kind: Kind, first: u64, chunk: Chunk) -> Self {
+        let Chunk { at, bytes, points } = chunk;
+        Self { first, points, lost: 0, at, bytes, kind, cube: None }
+    }
+}
+
+/// Runs of uncompressed records.
+pub(super) fn plain(header: &Header, len: u64, salvage: bool) -> Result<Vec<Part>> {
+    let record = u64::from(header.record);
+    let there = (len - header.points_at) / record;
+    let count = header.count.min(there);
+    if count < header.count && !salvage {
+        return Err(lacking(header.count, there));
+    }
+    let part = |first: u64| {
+        let points = PLAIN_POINTS.min(count - first);
+        let (at, bytes) = (header.points_at + first * record, points * record);
+        Part::new(Kind::Plain, first, Chunk { at, bytes, points })
+    };
+    let parts = (0..count).step_by(PLAIN_POINTS as usize).map(part).collect();
+    Ok(with_lost(parts, header.count))
+}
+
+fn lacking(claimed: u64, there: u64) -> Error {
+    Error::bad_input(format!(
+        "file is truncated or damaged: {claimed} points claimed, {there} there"
+    ))
+    .remedy("copy the file again, or read the good part with --salvage")
+}
+
+/// The nodes of an octree.
+pub(super) fn octree(nodes: Vec<Node>) -> Vec<Part> {
+    let mut first = 0;
+    let part = |node: Node| {
+        let part = Part { cube: Some(node.cube), ..Part::new(Kind::Chunk, first, node.chunk) };
+        first += node.chunk.points;
+        part
+    };
+    nodes.into_iter().map(part).collect()
+}
+
+/// Compressed chunks, or one stream.
+pub(super) fn packed(
+    file: &RawFile,
+    header: &Header,
+    layout: &Layout,
+    salvage: bool,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Part>> {
+    let (table, note) = laz::table(file, header, layout, salvage)?;
+    notes.extend(note);
+    let parts = match table {
+        Table::Stream(chunk) if chunk.points == 0 => Vec::new(),
+        Table::Stream(chunk) => vec![Part::new(Kind::Stream, 0, chunk)],
+        Table::Chunks(chunks) => {
+            let mut first = 0;
+            let part = |chunk: Chunk| {
+                let part = Part::new(Kind::Chunk, first, chunk);
+                first += chunk.points;
+                part
+            };
+            chunks.into_iter().map(part).collect()
+        }
+    };
+    let there = parts.iter().map(|part| part.points).sum();
+    if there < header.count && !salvage {
+        return Err(lacking(header.count, there));
+    }
+    Ok(with_lost(parts, header.count))
+}
+
+/// The parts, the last of which knows what is missing to `claimed`.
+fn with_lost(mut parts: Vec<Part>, claimed: u64) -> Vec<Part> {
+    let there: u64 = parts.iter().map(|part| part.points).sum();
+    let lost = claimed.saturating_sub(there);
+    match parts.last_mut() {
+        Some(last) => last.lost = lost,
+        None if lost > 0 => {
+            let nothing = Part::new(Kind::Plain, 0, Chunk { at: 0, bytes: 0, points: 0 });
+            parts.push(Part { lost, ..nothing });
+        }
+        None => {}
+    }
+    parts
+}
+
+/// What hands records on: the number of the first one, and the records.
+type Each<'a> = dyn FnMut(u64, &[u8]) -> Result<()> + 'a;
+
+impl LasFile {
+    /// Hands on the records of a part; returns how many of its points cannot be read.
+    ///
+    /// # Errors
+    /// Damage, unless it is passed over, and whatever `each` returns.
+    pub(in crate::cloud) fn records(
+        &self,
+        part: usize,
+        wanted: Wanted,
+        salvage: bool,
+        room: &mut Room,
+        each: &mut Each<'_>,
+    ) -> Result<u64> {
+        let found = &self.parts[part];
+        let lost = match found.kind {
+            Kind::Plain => self.read_plain(found, room, each).map(|()| 0),
+            _ => self.read_packed(part, wanted, salvage, room, each),
+        };
+        Ok(lost.map_err(|e| e.in_file(&self.path))? + found.lost)
+    }
+
+    fn read_plain(&self, part: &Part, room: &mut Room, each: &mut Each<'_>) -> Result<()> {
+        let (file, record) = (self.reopen()?, u64::from(self.header.record));
+        let step = (BLOCK_BYTES / record).max(1);
+        for first in (0..part.points).step_by(step as usize) {
+            let bytes = step.min(part.points - first) * record;
+            room.bytes.resize(room.bytes.len().max(bytes as usize), 0);
+            let block = &mut room.bytes[..bytes as usize];
+            file.read_at(part.at + first * record, block)?;
+            each(part.first + first, block)?;
+        }
+        Ok(())
+    }
+
+    fn read_packed(
+        &self,
+        number: usize,
+        wanted: Wanted,
+        salvage: bool,
+        room: &mut Room,
+        each: &mut Each<'_>,
+    ) -> Result<u64> {
+        let (Some(layout), part) = (&self.layout, self.parts[number]) else { return Ok(0) };
+        let file = self.reopen()?;
+        let mut next = part.first;
+        let mut each = |records: &[u8]| {
+            let first = next;
+            next += (records.len() / layout.record) as u64;
+            each(first, records)
+        };
+        let decoded = match part.kind {
+            Kind::Stream => {
+                let source = BufReader::with_capacity(STREAM_BYTES, file.reader_at(part.at));
+                laz::stream(layout, source, part.points, &mut room.block, &mut each)?
+            }
+            _ => {
+                room.bytes.resize(crate::files::to_usize("chunk", part.bytes)?, 0);
+                file.read_at(part.at, &mut room.bytes)?;
+                let Room { bytes, block } = room;
+                laz::decode(layout, bytes, part.points, wanted, block, &mut each)?
+            }
+        };
+        match decoded {
+            Ok(()) => Ok(0),
+            Err(damage) if salvage => Ok(part.points - damage.good),
+            Err(Damage { good, what }) => Err(Error::bad_input(format!("it is damaged: {what}"))
+                .at(format_args!("chunk {number}, point {}", part.first + good))
+                .remedy("copy the file again, or read the good part with --salvage")),
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! The chunk table of a LAZ file, checked entry by entry against the file's length, and what can be
+//! known of the chunks where there is none.
+
+use std::io::Cursor;
+
+use laz::decoders::ArithmeticDecoder;
+use laz::decompressors::IntegerDecompressorBuilder;
+
+use crate::cloud::las::{Bytes, Header};
+use crate::error::{Error, Result};
+use crate::files::RawFile;
+
+use super::{Compressor, Layout, layers};
+
+/// Bytes of the table's place, before the first chunk and, where that could not be written later, at
+/// the file's end.
+const POINTER_BYTES: u64 = 8;
+/// Bytes of the table's version and number of entries.
+const HEAD_BYTES: u64 = 8;
+/// Most bytes of an entry, by far: two numbers of at most 32 bits and their lengths.
+const MOST_ENTRY_BYTES: u64 = 16;
+
+/// An independently compressed run of points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::cloud) struct Chunk {
+    pub(in crate::cloud) at: u64,
+    pub(in crate::cloud) bytes: u64,
+    pub(in crate::cloud) points: u64,
+}
+
+/// The chunks of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::cloud) enum Table {
+    /// Each on its own.
+    Chunks(Vec<Chunk>),
+    /// One after the other; where one ends is known when it is decoded.
+    Stream(Chunk),
+}
+
+/// The table of `file`; with `salvage`, what can be made out without it where it is damaged.
+pub(in crate::cloud) fn read(
+    file: &RawFile,
+    header: &Header,
+    layout: &Layout,
+    salvage: bool,
+) -> Result<(Table, Option<String>)> {
+    let start = header.points_at;
+    if layout.compressor == Compressor::Stream {
+        let bytes = file.len() - start;
+        return Ok((Table::Stream(Chunk { at: start, bytes, points: header.count }), None));
+    }
+    if header.count == 0 {
+        return Ok((Table::Chunks(Vec::new()), None));
+    }
+    let first = start.saturating_add(POINTER_BYTES);
+    let found = entries(file, header, layout, first);
+    match found {
+        Ok(chunks) => Ok((Table::Chunks(chunks), None)),
+        Err(missing) if salvage || missing.is_unfinished => {
+            let table = without(file, header, layout, first)?;
+            let note = format!("{}; chunks were found without it", missing.what);
+            Ok((table, Some(note)))
+        }
+        Err(missing) => Err(Error::bad_input(missing.what)
+            .remedy("copy the file again, or read the good part with --salvage")),
+    }
+}
+
+/// Why there is no table.
+struct Missing {
+    what: String,
+    /// The writer did not come to it; nothing is damaged.
+    is_unfinished: bool,
+}
+
+fn missing(what: impl Into<String>) -> Missing {
+    Missing { what: what.into(), is_unfinished: false }
+}
+
+/// The table's place: before the first chunk, or at the file's end.
+fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
+    let at = |offset: u64| {
+        let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
+        Some(Bytes(&bytes).u64(0) as i64)
+    };
+    let told =
+        at(first - POINTER_BYTES).ok_or_else(|| missing("the file ends before its points"))?;
+    let inside = |at: i64| u64::try_from(at).ok().filter(|at| *at >= first);
+    let last = file.len().checked_sub(POINTER_BYTES).filter(|at| *at >= first);
+    let place = inside(told).or_else(|| inside(at(last?)?).filter(|at| *at < file.len()));
+    let Some(place) = place else {
+        let what = "the chunk table was not written".to_owned();
+        return Err(Missing { what, is_unfinished: told <= 0 });
+    };
+    match place.checked_add(HEAD_BYTES) {
+        Some(end) if end <= file.len() => Ok(place),
+        _ => Err(missing(format!(
+            "file is truncated: its chunk table is said to be at byte {place}, and it ends at {}",
+            file.len()
+        ))),
+    }
+}
+
+/// The entries, which lie in the file one after the other from `first` on and hold all points.
+fn entries(
+    file: &RawFile,
+    header: &Header,
+    layout: &Layout,
+    first: u64,
+) -> std::result::Result<Vec<Chunk>, Missing> {
+    let place = place(file, first)?;
+    let unreadable = |e: Error| missing(e.to_string());
+    let head = file.read_vec(place, HEAD_BYTES).map_err(unreadable)?;
+    let (version, count) = (Bytes(&head).u32(0), u64::from(Bytes(&head).u32(4)));
+    // A chunk begins with a whole point.
+    let most = (place - first) / layout.record.max(1) as u64 + 1;
+    if version != 0 || count > most {
+        return Err(missing(format!("the chunk table claims {count} chunks, version {version}")));
+    }
+    let bytes = (count * MOST_ENTRY_BYTES + MOST_ENTRY_BYTES).min(file.len() - place - HEAD_BYTES);
+    let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
+    let sizes = unpack(&packed, count, layout.chunk_points.is_none())
+        .ok_or_else(|| missing("the chunk table is damaged"))?;
+    placed(&sizes, header.count, layout.chunk_points, first..place)
+}
+
+/// Points, where they are known, and bytes of each chunk.
+fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>> {
+    if count == 0 {
+        return Some(Vec::new());
+    }
+    let mut numbers = IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized();
+    let mut decoder = ArithmeticDecoder::new(Cursor::new(packed));
+    decoder.read_init_bytes().ok()?;
+    let mut sizes: Vec<(u32, u32)> = Vec::with_capacity(count as usize);
+    let mut last = (0_u32, 0_u32);
+    for _ in 0..count {
+        if has_points {
+            last.0 = numbers.decompress(&mut decoder, last.0 as i32, 0).ok()? as u32;
+        }
+        last.1 = numbers.decompress(&mut decoder, last.1 as i32, 1).ok()? as u32;
+        sizes.push(last);
+    }
+    Some(sizes)
+}
+
+fn placed(
+    sizes: &[(u32, u32)],
+    count: u64,
+    chunk_points: Option<u32>,
+    room: std::ops::Range<u64>,
+) -> std::result::Result<Vec<Chunk>, Missing> {
+    let (mut at, mut left) = (room.start, count);
+    let mut chunks = Vec::with_capacity(sizes.len());
+    for (number, (points, bytes)) in sizes.iter().enumerate() {
+        let bytes = u64::from(*bytes);
+        if bytes > room.end - at {
+            return Err(missing(format!(
+                "the chunk table claims {bytes} bytes for chunk {number}, where {} are left",
+                room.end - at
+            )));
+        }
+        let points = u64::from(chunk_points.unwrap_or(*points)).min(left);
+        if points > 0 {
+            chunks.push(Chunk { at, bytes, points });
+        }
+        (at, left) = (at + bytes, left - points);
+    }
+    if left > 0 {
+        let has = count - left;
+        return Err(missing(format!("the chunk table has {has} of {count} points")));
+    }
+    Ok(chunks)
+}
+
+/// The chunks of a file without a table: layered ones tell their own lengths.
+fn without(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Table> {
+    let first = first.min(file.len());
+    if layout.compressor == Compressor::Layers {
+        return Ok(Table::Chunks(walk(file, header, layout, first)?));
+    }
+    if layout.chunk_points.is_none() {
+        let what = "without its chunk table, the chunks of this file cannot be told apart";
+        return Err(Error::bad_input(what).remedy("copy the file again"));
+    }
+    let bytes = file.len() - first;
+    Ok(Table::Stream(Chunk { at: first, bytes, points: header.count }))
+}
+
+/// Layered chunks by their own heads, as far as they are whole.
+fn walk(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Vec<Chunk>> {
+    let head = layers::head_bytes(layout);
+    let (mut at, mut left, mut chunks) = (first, header.count, Vec::new());
+    while left > 0 && head <= file.len() - at {
+        let bytes = file.read_vec(at, head)?;
+        let (points, bytes) = layers::claims(layout, &bytes);
+        let fits = bytes <= file.len() - at;
+        let is_full = layout.chunk_points.is_none_or(|full| points == u64::from(full).min(left));
+        if !fits || !is_full || points == 0 || points > left {
+            break;
+        }
+        chunks.push(Chunk { at, bytes, points });
+        (at, left) = (at + bytes, left - points);
+    }
+    Ok(chunks)
+}

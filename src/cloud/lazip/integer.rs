@@ -1,0 +1,87 @@
+//! Integers that were coded as differences to what was expected of them.
+
+use super::coder::Coder;
+use super::machine::Machine;
+use super::model::{Bit, Model};
+use std::hint::select_unpredictable;
+
+/// Bits of a difference that are modelled; those below are stored as they are.
+const MODELLED: u32 = 8;
+
+/// Decoder of integers that come in `C` circumstances.
+///
+/// An integer comes in three steps, so that the steps of several streams can take turns.
+pub(super) struct Integer<const C: usize> {
+    /// How many bits the difference has, by circumstance.
+    sizes: [Model<4>; C],
+    /// A difference of zero or one.
+    bit: Bit,
+    /// The upper bits of a difference, by its size.
+    parts: [Model<16>; 32],
+    /// Symbols of `sizes`.
+    symbols: usize,
+}
+
+impl<const C: usize> Integer<C> {
+    /// A decoder of integers of `bits` bits, at most 32.
+    pub(super) const fn new(bits: usize) -> Self {
+        Self {
+            sizes: [const { Model::new() }; C],
+            bit: Bit::new(),
+            parts: [const { Model::new() }; 32],
+            symbols: bits + 1,
+        }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.sizes.iter_mut().for_each(Model::clear);
+        self.bit = Bit::new();
+        self.parts.iter_mut().for_each(Model::clear);
+    }
+
+    /// The next difference, and how many bits it has.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(
+        &mut self,
+        coder: &mut Coder<M>,
+        circumstance: usize,
+    ) -> (i32, u32) {
+        let size = self.size(coder, circumstance);
+        let upper = self.upper(coder, size);
+        (lower(coder, size, upper), size)
+    }
+
+    /// How many bits the next difference has.
+    #[inline(always)]
+    pub(super) fn size<M: Machine>(&mut self, coder: &mut Coder<M>, circumstance: usize) -> u32 {
+        coder.symbol(self.sizes[circumstance % C].ready(self.symbols)) as u32
+    }
+
+    /// The upper bits of a difference of `size` bits.
+    #[inline(always)]
+    pub(super) fn upper<M: Machine>(&mut self, coder: &mut Coder<M>, size: u32) -> u32 {
+        match size {
+            0 => u32::from(coder.bit(&mut self.bit)),
+            1..32 => {
+                let part = self.parts[size as usize].ready(1 << size.min(MODELLED));
+                coder.symbol(part) as u32
+            }
+            _ => 0,
+        }
+    }
+}
+
+/// A difference of `size` bits with these upper bits: one from -(2^size - 1) to 2^size that does not
+/// fit a lesser size.
+#[inline(always)]
+pub(super) fn lower<M: Machine>(coder: &mut Coder<M>, size: u32, upper: u32) -> i32 {
+    let place = match size {
+        0 => return upper as i32,
+        1..=MODELLED => upper,
+        32.. => return i32::MIN,
+        _ => upper << (size - MODELLED) | coder.raw(size - MODELLED),
+    };
+    let is_positive = place >> (size - 1) != 0;
+    place.wrapping_add(select_unpredictable(is_positive, 1, 1_u32.wrapping_sub(1 << size))) as i32
+}

@@ -1,0 +1,99 @@
+//! What the machine can do: the steps of decoding that pay to be written for it.
+#![allow(unsafe_code)]
+
+use std::marker::PhantomData;
+
+/// Numbers that are compared at once.
+pub(super) type Lanes = [u16; 16];
+
+/// A kind of machine. Its values show that the program runs on one.
+pub(super) trait Machine: Copy {
+    /// Index of the last of ascending numbers that is at most `place`; the first always is.
+    fn last_at_most(numbers: &Lanes, place: u16) -> usize;
+
+    /// Does some work, compiled for this machine.
+    fn run<W: Work>(self, work: W) -> W::Result;
+}
+
+/// Something to do on any machine.
+pub(super) trait Work {
+    type Result;
+    /// To be inlined, and all that it calls.
+    fn work<M: Machine>(self, machine: M) -> Self::Result;
+}
+
+/// Does some work on the best kind of machine that this one is.
+pub(super) fn run<W: Work>(work: W) -> W::Result {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(machine) = x86::Avx2::found() {
+        return machine.run(work);
+    }
+    Plain.run(work)
+}
+
+/// Any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Plain;
+
+impl Machine for Plain {
+    #[inline(always)]
+    fn last_at_most(numbers: &Lanes, place: u16) -> usize {
+        let is_at_most = numbers.map(|number| u16::from(number <= place));
+        usize::from(is_at_most.iter().sum::<u16>()).wrapping_sub(1)
+    }
+
+    fn run<W: Work>(self, work: W) -> W::Result {
+        work.work(self)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Lanes, Machine, PhantomData, Work};
+    use std::arch::x86_64::*;
+
+    /// A machine with AVX2 and what came with it.
+    #[derive(Clone, Copy)]
+    pub(super) struct Avx2(PhantomData<()>);
+
+    impl Avx2 {
+        /// Shows that this is one.
+        pub(super) fn found() -> Option<Self> {
+            let is_one = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("lzcnt")
+                && is_x86_feature_detected!("movbe")
+                && is_x86_feature_detected!("popcnt");
+            is_one.then_some(Self(PhantomData))
+        }
+    }
+
+    impl Machine for Avx2 {
+        #[inline(always)]
+        fn last_at_most(numbers: &Lanes, place: u16) -> usize {
+            // SAFETY: called by work that `run` does for a machine that was found.
+            unsafe { last_at_most(numbers, place) }
+        }
+
+        fn run<W: Work>(self, work: W) -> W::Result {
+            // SAFETY: `self` was found.
+            unsafe { run(self, work) }
+        }
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,movbe,popcnt")]
+    fn run<W: Work>(machine: Avx2, work: W) -> W::Result {
+        work.work(machine)
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,movbe,popcnt")]
+    fn last_at_most(numbers: &Lanes, place: u16) -> usize {
+        let numbers: __m256i = bytemuck::cast(*numbers);
+        let places = _mm256_set1_epi16(place as i16);
+        let is_at_most = _mm256_cmpeq_epi16(_mm256_min_epu16(numbers, places), numbers);
+        let mask = _mm256_movemask_epi8(is_at_most);
+        (mask.count_ones() as usize / 2).wrapping_sub(1)
+    }
+}

@@ -1,0 +1,270 @@
+//! A decoder of compressed chunks of points (LASzip), for the fields that grids and meshes need.
+//!
+//! Pure functions on bytes: no file, no thread. Bytes may be hostile: whatever they are, the decoder
+//! yields the points asked for or says what is damaged, in time and memory proportional to the bytes
+//! and points it is given.
+//!
+//! Most of the time of decoding is spent waiting: each symbol narrows an interval that the next one
+//! depends on. So symbols are found without branches that depend on them, and streams that do not
+//! depend on each other take turns: the layers of a chunk, and two chunks at a time where the caller
+//! has two (see [`Decoder::pair`]).
+
+mod channel;
+mod coder;
+mod follow;
+mod integer;
+mod lane;
+mod layered;
+mod machine;
+mod median;
+mod model;
+mod old;
+mod pointwise;
+mod returns;
+mod schema;
+
+use channel::Point;
+use layered::{Job, Layered};
+use pointwise::{Pointwise, Run};
+use schema::Layout;
+use std::fmt;
+
+pub use schema::{Item, Schema};
+
+/// Which fields to decode besides x, y and the return numbers. Those left out cost nothing where
+/// fields are layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// The height.
+    pub z: bool,
+    /// The class.
+    pub class: bool,
+    /// The flags.
+    pub flags: bool,
+}
+
+impl Wanted {
+    /// Every field that the decoder knows.
+    pub const ALL: Self = Self { z: true, class: true, flags: true };
+}
+
+/// Fields of points, an element per point; those that are not wanted hold no meaning.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Fields {
+    /// x, y, z as stored.
+    pub places: Vec<[i32; 3]>,
+    /// Classes.
+    pub classes: Vec<u8>,
+    /// Return number in the low half, number of returns of the pulse in the high half.
+    pub returns: Vec<u8>,
+    /// Synthetic (1), key point (2), withheld (4), overlap (8), scan direction (16), edge of flight
+    /// line (32).
+    pub flags: Vec<u8>,
+}
+
+impl Fields {
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Removes all points, and keeps their room.
+    pub fn clear(&mut self) {
+        self.truncate(0);
+    }
+
+    fn truncate(&mut self, count: usize) {
+        self.places.truncate(count);
+        self.classes.truncate(count);
+        self.returns.truncate(count);
+        self.flags.truncate(count);
+    }
+
+    fn reserve(&mut self, count: usize) {
+        self.places.reserve(count);
+        self.classes.reserve(count);
+        self.returns.reserve(count);
+        self.flags.reserve(count);
+    }
+
+    #[inline(always)]
+    fn push(&mut self, point: &Point) {
+        self.places.push(point.place);
+        self.classes.push(point.class);
+        self.returns.push(point.returns.0);
+        self.flags.push(point.flags);
+    }
+}
+
+/// A compressed chunk.
+#[derive(Clone, Copy, Debug)]
+pub struct Chunk<'a> {
+    /// Its bytes, from the record of the first point on; bytes that follow are passed over.
+    pub bytes: &'a [u8],
+    /// How many points to decode.
+    pub count: usize,
+}
+
+/// A stream within a chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// x, y, return numbers, scanner channel.
+    Places,
+    /// z.
+    Heights,
+    /// Classes.
+    Classes,
+    /// Flags.
+    Flags,
+    /// Whole records, where fields are no layers.
+    Records,
+}
+
+impl fmt::Display for Layer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Places => "places and returns",
+            Self::Heights => "heights",
+            Self::Classes => "classes",
+            Self::Flags => "flags",
+            Self::Records => "records",
+        })
+    }
+}
+
+/// What is wrong with a chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damage {
+    /// The bytes end before the streams do.
+    Short,
+    /// The chunk says that it holds fewer points than asked for: this many.
+    Count(u32),
+    /// A stream ends before its last point, or holds what no encoder writes.
+    Layer(Layer),
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Short => f.write_str("the chunk ends before its last stream does"),
+            Self::Count(held) => write!(f, "the chunk holds only {held} points"),
+            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends early"),
+        }
+    }
+}
+
+/// Decodes chunks; one per thread, used again and again. It keeps some 2 MiB.
+#[derive(Default)]
+pub struct Decoder {
+    layered: [Layered; 2],
+    pointwise: Pointwise,
+}
+
+impl Decoder {
+    /// A decoder that has seen nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Appends the points of a chunk to `fields`.
+    ///
+    /// # Errors
+    /// Damage, found wherever it shows; none of the chunk's points are appended then.
+    pub fn chunk(
+        &mut self,
+        schema: &Schema,
+        chunk: Chunk,
+        wanted: Wanted,
+        fields: &mut Fields,
+    ) -> Result<(), Damage> {
+        let [layered, _] = &mut self.layered;
+        let before = fields.len();
+        let done = match &schema.layout {
+            _ if chunk.count == 0 => Ok(()),
+            &Layout::Layered(layers) => {
+                layered::read(Job { layered, chunk, layers, wanted, fields: &mut *fields })
+            }
+            Layout::Pointwise(_) => self
+                .stream(schema, chunk.bytes)
+                .unwrap_or(Err(Damage::Short))
+                .and_then(|mut stream| stream.read(chunk.count, fields)),
+        };
+        done.inspect_err(|_| fields.truncate(before))
+    }
+
+    /// The points of a chunk of records, to be read in batches; `None` where fields are layers.
+    ///
+    /// # Errors
+    /// The chunk ends within its first record.
+    pub fn stream<'d, 'a>(
+        &'d mut self,
+        schema: &Schema,
+        bytes: &'a [u8],
+    ) -> Option<Result<Stream<'d, 'a>, Damage>> {
+        let Layout::Pointwise(records) = &schema.layout else { return None };
+        let pointwise = &mut self.pointwise;
+        Some(Run::new(pointwise, records, bytes).map(|run| Stream { pointwise, run }))
+    }
+
+    /// Appends the points of two chunks to `fields`, each to its own: the same as decoding one after
+    /// the other, but in less time where fields are layers and the counts are alike.
+    ///
+    /// # Errors
+    /// As for [`chunk`](Self::chunk), for each chunk.
+    pub fn pair(
+        &mut self,
+        schema: &Schema,
+        chunks: [Chunk; 2],
+        wanted: Wanted,
+        fields: &mut [Fields; 2],
+    ) -> [Result<(), Damage>; 2] {
+        let [a, b] = &mut *fields;
+        let layers = match schema.layout {
+            Layout::Layered(layers) if chunks.iter().all(|chunk| chunk.count > 0) => layers,
+            _ => {
+                let [first, second] = chunks;
+                let first = self.chunk(schema, first, wanted, a);
+                return [first, self.chunk(schema, second, wanted, b)];
+            }
+        };
+        let before = [a.len(), b.len()];
+        let [first, second] = &mut self.layered;
+        let done = layered::read_two([
+            Job { layered: first, chunk: chunks[0], layers, wanted, fields: a },
+            Job { layered: second, chunk: chunks[1], layers, wanted, fields: b },
+        ]);
+        for ((done, fields), before) in done.iter().zip(fields).zip(before) {
+            if done.is_err() {
+                fields.truncate(before);
+            }
+        }
+        done
+    }
+}
+
+/// Points of a chunk of records, a batch after another: for old files that are one chunk.
+pub struct Stream<'d, 'a> {
+    pointwise: &'d mut Pointwise,
+    run: Run<'a>,
+}
+
+impl Stream<'_, '_> {
+    /// Appends the next `count` points to `fields`.
+    ///
+    /// # Errors
+    /// Damage so far; none of the `count` points are appended then.
+    pub fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
+        let before = fields.len();
+        fields.reserve(count);
+        let done = self.run.read(self.pointwise, count, fields);
+        done.inspect_err(|_| fields.truncate(before))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,199 @@
+//! Adaptive models: how likely each symbol is, learnt from the symbols that came before.
+
+use super::machine::{Lanes, Machine};
+
+/// Symbols that are told apart at once.
+const LANES: usize = 16;
+/// Largest sum of the counts of a model.
+const MOST_COUNTS: u32 = 1 << 15;
+/// Largest sum of the counts of a model of one bit.
+const MOST_BITS: u32 = 1 << 13;
+/// Stands where there is no further symbol; larger than any place in the interval.
+const NONE: u16 = u16::MAX;
+
+/// A model of at most 16 * `B` symbols; `B` is a power of two.
+///
+/// A model that was cleared begins anew when it is next used.
+#[derive(Clone)]
+pub(super) struct Model<const B: usize> {
+    /// Where each symbol begins in an interval of 2^15, then [`NONE`].
+    starts: [Lanes; B],
+    /// The first of each of `starts`, or of every so many that there are 16.
+    coarse: Lanes,
+    counts: [Lanes; B],
+    symbols: u16,
+    /// Sum of the counts when `starts` were last set.
+    total: u16,
+    /// Symbols between the last and the next setting of `starts`.
+    cycle: u16,
+    /// Symbols left until then; none for a model that was cleared.
+    left: u16,
+}
+
+/// A symbol and its part of the interval, of 2^15 in all.
+pub(super) struct Found {
+    pub(super) symbol: usize,
+    pub(super) low: u32,
+    pub(super) high: u32,
+    /// Whether this is the last symbol, whose part reaches to the end of the interval.
+    pub(super) is_last: bool,
+}
+
+impl<const B: usize> Model<B> {
+    /// Blocks from one of `coarse` to the next.
+    const STRIDE: usize = B.div_ceil(LANES);
+
+    /// A model that was cleared.
+    pub(super) const fn new() -> Self {
+        Self {
+            starts: [[NONE; LANES]; B],
+            coarse: [NONE; LANES],
+            counts: [[0; LANES]; B],
+            symbols: 0,
+            total: 0,
+            cycle: 0,
+            left: 0,
+        }
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.left = 0;
+    }
+
+    /// Makes ready for use, with `symbols` symbols that are all alike if the model was cleared.
+    #[inline(always)]
+    pub(super) fn ready(&mut self, symbols: usize) -> &mut Self {
+        if self.left == 0 {
+            self.begin(symbols);
+        }
+        self
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn begin(&mut self, symbols: usize) {
+        let symbols = symbols.min(LANES * B);
+        self.symbols = symbols as u16;
+        self.counts.as_flattened_mut()[..symbols].fill(1);
+        self.starts.as_flattened_mut()[symbols..].fill(NONE);
+        self.total = self.symbols;
+        self.set();
+        self.cycle = (self.symbols + 6) / 2;
+        self.left = self.cycle;
+    }
+
+    /// The symbol at `place` of the interval.
+    #[inline(always)]
+    pub(super) fn find<M: Machine>(&self, place: u32) -> Found {
+        let place = place as u16;
+        let block = match B {
+            1 => 0,
+            2..=4 => self.blocks_before(place, 1),
+            5..=16 => M::last_at_most(&self.coarse, place),
+            _ => {
+                let block = M::last_at_most(&self.coarse, place) * Self::STRIDE;
+                block + self.blocks_before(place, block + 1)
+            }
+        } % B;
+        let symbol = LANES * block + M::last_at_most(&self.starts[block], place) % LANES;
+        let starts = self.starts.as_flattened();
+        Found {
+            symbol,
+            low: u32::from(starts[symbol]),
+            high: u32::from(starts[(symbol + 1) % (LANES * B)]),
+            is_last: symbol + 1 == usize::from(self.symbols),
+        }
+    }
+
+    /// How many blocks from `first` on begin before `place`, as far as `coarse` leaves it open.
+    #[inline(always)]
+    fn blocks_before(&self, place: u16, first: usize) -> usize {
+        let blocks = self.starts.iter().skip(first).take(Self::STRIDE.max(4) - 1);
+        blocks.take_while(|lanes| lanes[0] <= place).count()
+    }
+
+    /// Notes that `symbol` came.
+    #[inline(always)]
+    pub(super) fn count(&mut self, symbol: usize) {
+        self.counts.as_flattened_mut()[symbol % (LANES * B)] += 1;
+        self.left -= 1;
+        if self.left == 0 {
+            self.learn();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn learn(&mut self) {
+        let mut total = u32::from(self.total) + u32::from(self.cycle);
+        if total > MOST_COUNTS {
+            let counts = &mut self.counts.as_flattened_mut()[..usize::from(self.symbols)];
+            counts.iter_mut().for_each(|count| *count = count.div_ceil(2));
+            total = counts.iter().map(|&count| u32::from(count)).sum();
+        }
+        self.total = total as u16;
+        self.set();
+        self.cycle = (self.cycle * 5 / 4).min((self.symbols + 6) * 8);
+        self.left = self.cycle;
+    }
+
+    /// Sets the parts of the interval by the counts.
+    fn set(&mut self) {
+        let scale = (1 << 31) / u32::from(self.total);
+        let symbols = usize::from(self.symbols);
+        let starts = &mut self.starts.as_flattened_mut()[..symbols];
+        let mut sum = 0;
+        for (start, count) in starts.iter_mut().zip(self.counts.as_flattened()) {
+            *start = ((scale * sum) >> 16) as u16;
+            sum += u32::from(*count);
+        }
+        for (coarse, lanes) in self.coarse.iter_mut().zip(self.starts.iter().step_by(Self::STRIDE))
+        {
+            *coarse = lanes[0];
+        }
+    }
+}
+
+/// A model of one bit.
+#[derive(Clone, Copy)]
+pub(super) struct Bit {
+    /// How likely zero is, of 2^13.
+    pub(super) zero: u32,
+    zeros: u32,
+    total: u32,
+    cycle: u32,
+    left: u32,
+}
+
+impl Bit {
+    /// A model that holds both bits alike.
+    pub(super) const fn new() -> Self {
+        Self { zero: MOST_BITS / 2, zeros: 1, total: 2, cycle: 4, left: 4 }
+    }
+
+    /// Notes that `bit` came.
+    #[inline(always)]
+    pub(super) fn count(&mut self, bit: bool) {
+        self.zeros += u32::from(!bit);
+        self.left -= 1;
+        if self.left == 0 {
+            self.learn();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn learn(&mut self) {
+        self.total += self.cycle;
+        if self.total > MOST_BITS {
+            self.total = self.total.div_ceil(2);
+            self.zeros = self.zeros.div_ceil(2);
+            self.total += u32::from(self.zeros == self.total);
+        }
+        let scale = (1 << 31) / self.total;
+        self.zero = (self.zeros * scale) >> 18;
+        self.cycle = (self.cycle * 5 / 4).min(64);
+        self.left = self.cycle;
+    }
+}

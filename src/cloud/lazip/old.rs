@@ -1,0 +1,244 @@
+//! The part that all records of point formats 0 to 5 share, in its two versions.
+
+use super::channel::Point;
+use super::coder::Coder;
+use super::integer::Integer;
+use super::machine::Machine;
+use super::median::Median;
+use super::model::Model;
+use super::returns::Returns;
+
+/// Bytes of that part.
+pub(super) const OLD_RECORD: usize = 20;
+
+/// Bits of the symbol that says what differs from the point before.
+const INTENSITY: usize = 1 << 4;
+const BITS: usize = 1 << 5;
+const CLASS: usize = 1 << 3;
+const ANGLE: usize = 1 << 2;
+const USER: usize = 1 << 1;
+const SOURCE: usize = 1;
+
+/// Fields that later points depend on.
+#[derive(Clone, Copy)]
+pub(super) struct First {
+    place: [i32; 3],
+    /// Return number, number of returns, scan direction, edge of flight line.
+    bits: u8,
+    /// The class, and flags in its upper bits.
+    class: u8,
+    user: u8,
+}
+
+impl First {
+    /// The fields of a record.
+    pub(super) fn new(record: &[u8; OLD_RECORD]) -> Self {
+        let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
+        Self {
+            place: [axis(0), axis(4), axis(8)],
+            bits: record[14],
+            class: record[15],
+            user: record[17],
+        }
+    }
+
+    fn returns(self) -> Returns {
+        Returns::new(self.bits & 7, self.bits >> 3 & 7)
+    }
+
+    fn point(self) -> Point {
+        Point {
+            place: self.place,
+            returns: self.returns(),
+            class: self.class & 31,
+            flags: self.class >> 5 | self.bits >> 2 & 0x30,
+            is_later: false,
+        }
+    }
+}
+
+/// Everything that is learnt while decoding.
+pub(super) struct Old {
+    version: u16,
+    last: First,
+    /// Recent steps along x and y, by group of returns.
+    steps: [[Median; 2]; 16],
+    /// The last three steps along x and y, and which of them is the oldest (first version).
+    recent: [[i32; 2]; 3],
+    oldest: usize,
+    /// Last height, by depth of the return.
+    heights: [i32; 8],
+    changes: Model<4>,
+    bits: Vec<Model<16>>,
+    classes: Vec<Model<16>>,
+    users: Vec<Model<16>>,
+    angles: [Model<16>; 2],
+    angle: Integer<2>,
+    intensity: Integer<4>,
+    source: Integer<1>,
+    x: Integer<2>,
+    y: Integer<22>,
+    z: Integer<20>,
+}
+
+impl Old {
+    #[cold]
+    #[inline(never)]
+    pub(super) fn boxed() -> Box<Self> {
+        Box::new(Self {
+            version: 2,
+            last: First::new(&[0; OLD_RECORD]),
+            steps: [[const { Median::new() }; 2]; 16],
+            recent: [[0; 2]; 3],
+            oldest: 0,
+            heights: [0; 8],
+            changes: Model::new(),
+            bits: vec![Model::new(); 256],
+            classes: vec![Model::new(); 256],
+            users: vec![Model::new(); 256],
+            angles: [const { Model::new() }; 2],
+            angle: Integer::new(8),
+            intensity: Integer::new(16),
+            source: Integer::new(16),
+            x: Integer::new(32),
+            y: Integer::new(32),
+            z: Integer::new(32),
+        })
+    }
+
+    /// Begins anew after the first point.
+    pub(super) fn begin(&mut self, version: u16, first: First) -> Point {
+        self.version = version;
+        self.last = first;
+        self.steps = [[Median::new(); 2]; 16];
+        self.recent = [[0; 2]; 3];
+        self.oldest = 0;
+        self.heights = [0; 8];
+        self.changes.clear();
+        for models in [&mut self.bits, &mut self.classes, &mut self.users] {
+            models.iter_mut().for_each(Model::clear);
+        }
+        self.angles.iter_mut().for_each(Model::clear);
+        self.angle.clear();
+        self.intensity.clear();
+        self.source.clear();
+        self.x.clear();
+        self.y.clear();
+        self.z.clear();
+        first.point()
+    }
+
+    /// Takes in the next point.
+    #[inline(always)]
+    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>) -> Point {
+        match self.version {
+            1 => self.next_1(coder),
+            _ => self.next_2(coder),
+        }
+        self.last.point()
+    }
+
+    #[inline(always)]
+    fn next_2<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let changes = coder.symbol(self.changes.ready(64));
+        if changes & BITS != 0 {
+            self.next_bits(coder);
+        }
+        let returns = self.last.returns();
+        let group = returns.old_group();
+        if changes & INTENSITY != 0 {
+            self.intensity.next(coder, group.min(3));
+        }
+        if changes & CLASS != 0 {
+            self.next_class(coder);
+        }
+        if changes & ANGLE != 0 {
+            let direction = usize::from(self.last.bits >> 6 & 1);
+            coder.symbol(self.angles[direction].ready(256));
+        }
+        if changes & USER != 0 {
+            self.next_user(coder);
+        }
+        if changes & SOURCE != 0 {
+            self.source.next(coder, 0);
+        }
+        let is_single = usize::from(returns.is_single());
+        let [x_steps, y_steps] = &mut self.steps[group];
+        let (x, x_size) = self.x.next(coder, is_single);
+        let detail = (x_size & !1).min(20) as usize;
+        let (y, y_size) = self.y.next(coder, detail | is_single);
+        let detail = (((x_size + y_size) / 2) & !1).min(18) as usize;
+        let (z, _) = self.z.next(coder, detail | is_single);
+        let step = [x_steps.get().wrapping_add(x), y_steps.get().wrapping_add(y)];
+        x_steps.add(step[0]);
+        y_steps.add(step[1]);
+        let height = &mut self.heights[returns.depth()];
+        *height = height.wrapping_add(z);
+        let [last_x, last_y, _] = self.last.place;
+        self.last.place = [last_x.wrapping_add(step[0]), last_y.wrapping_add(step[1]), *height];
+    }
+
+    #[inline(always)]
+    fn next_1<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let (x, x_size) = self.x.next(coder, 0);
+        let (y, y_size) = self.y.next(coder, x_size.min(19) as usize);
+        let size = (x_size + y_size) / 2;
+        let (z, _) = self.z.next(coder, size.min(19) as usize);
+        self.go([x, y, z]);
+        let changes = coder.symbol(self.changes.ready(64));
+        // The first version has these two the other way round.
+        if changes & BITS != 0 {
+            self.intensity.next(coder, 0);
+        }
+        if changes & INTENSITY != 0 {
+            self.next_bits(coder);
+        }
+        if changes & CLASS != 0 {
+            self.next_class(coder);
+        }
+        if changes & ANGLE != 0 {
+            self.angle.next(coder, usize::from(size < 3));
+        }
+        if changes & USER != 0 {
+            self.next_user(coder);
+        }
+        if changes & SOURCE != 0 {
+            self.source.next(coder, 0);
+        }
+    }
+
+    /// Goes on by the middle one of the last three steps along x and y, and differences to it.
+    #[inline(always)]
+    fn go(&mut self, difference: [i32; 3]) {
+        let [a, b, c] = self.recent;
+        let middle = |axis: usize| {
+            let [a, b, c] = [a[axis], b[axis], c[axis]];
+            a.min(b).max(a.max(b).min(c))
+        };
+        let step = [0, 1].map(|axis| middle(axis).wrapping_add(difference[axis]));
+        self.recent[self.oldest] = step;
+        self.oldest = (self.oldest + 1) % 3;
+        let [x, y, z] = self.last.place;
+        let [east, north] = step;
+        self.last.place =
+            [x.wrapping_add(east), y.wrapping_add(north), z.wrapping_add(difference[2])];
+    }
+
+    #[inline(always)]
+    fn next_bits<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let bits = &mut self.last.bits;
+        *bits = coder.symbol(self.bits[usize::from(*bits)].ready(256)) as u8;
+    }
+
+    #[inline(always)]
+    fn next_class<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let class = &mut self.last.class;
+        *class = coder.symbol(self.classes[usize::from(*class)].ready(256)) as u8;
+    }
+
+    #[inline(always)]
+    fn next_user<M: Machine>(&mut self, coder: &mut Coder<M>) {
+        let user = &mut self.last.user;
+        *user = coder.symbol(self.users[usize::from(*user)].ready(256)) as u8;
+    }
+}

@@ -1,0 +1,86 @@
+//! Chunks of point formats 0 to 5: one stream, record after record.
+
+use super::channel::Point;
+use super::coder::Coder;
+use super::follow::Follow;
+use super::machine::{Machine, Plain, Work, run};
+use super::old::{First, OLD_RECORD, Old};
+use super::schema::Records;
+use super::{Damage, Fields, Layer};
+
+/// What is kept from chunk to chunk, to be used again.
+#[derive(Default)]
+pub(super) struct Pointwise {
+    old: Option<Box<Old>>,
+    follow: Vec<Follow>,
+}
+
+/// A stream on its way.
+pub(super) struct Run<'a> {
+    first: Option<Point>,
+    coder: Option<Coder<'a, Plain>>,
+    bytes: &'a [u8],
+}
+
+impl<'a> Run<'a> {
+    /// Begins with the record of the first point.
+    pub(super) fn new(
+        pointwise: &mut Pointwise,
+        records: &Records,
+        bytes: &'a [u8],
+    ) -> Result<Self, Damage> {
+        let record: &[u8; OLD_RECORD] = bytes.first_chunk().ok_or(Damage::Short)?;
+        let bytes = bytes.get(OLD_RECORD + records.bytes..).ok_or(Damage::Short)?;
+        let old = pointwise.old.get_or_insert_with(Old::boxed);
+        pointwise.follow.clear();
+        pointwise.follow.extend(records.follow.iter().map(Follow::new));
+        Ok(Self { first: Some(old.begin(records.version, First::new(record))), coder: None, bytes })
+    }
+
+    /// Decodes the next `count` points.
+    pub(super) fn read(
+        &mut self,
+        pointwise: &mut Pointwise,
+        count: usize,
+        fields: &mut Fields,
+    ) -> Result<(), Damage> {
+        let first = self.first.take_if(|_| count > 0);
+        first.iter().for_each(|first| fields.push(first));
+        let count = count - usize::from(first.is_some());
+        if count == 0 {
+            return Ok(());
+        }
+        let damage = Damage::Layer(Layer::Records);
+        let coder = self.coder.or_else(|| Coder::new(self.bytes)).ok_or(damage)?;
+        let Some(old) = &mut pointwise.old else { return Err(damage) };
+        let coder = run(Points { old, follow: &mut pointwise.follow, coder, count, fields });
+        self.coder = Some(coder);
+        if coder.is_sound() { Ok(()) } else { Err(damage) }
+    }
+}
+
+/// Points to be decoded.
+struct Points<'a, 'b> {
+    old: &'a mut Old,
+    follow: &'a mut [Follow],
+    coder: Coder<'b, Plain>,
+    count: usize,
+    fields: &'a mut Fields,
+}
+
+impl<'b> Work for Points<'_, 'b> {
+    type Result = Coder<'b, Plain>;
+
+    #[inline(always)]
+    fn work<M: Machine>(self, _: M) -> Self::Result {
+        let mut coder = self.coder.on::<M>();
+        for _ in 0..self.count {
+            let point = self.old.next(&mut coder);
+            for item in &mut *self.follow {
+                item.next(&mut coder);
+            }
+            self.fields.push(&point);
+        }
+        coder.on()
+    }
+}

@@ -1,0 +1,319 @@
+//! Where the cells of a grid lie among the points: which cell a point is in, and how far it is from
+//! the centre of another, decided alike wherever the grid begins.
+
+use crate::geom::{Affine, Frame, Point};
+
+/// Which two borders belong to a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Edges {
+    /// The lower ones: [W, E) x [S, N).
+    #[default]
+    LowerClosed,
+    /// The western and the northern one: [W, E) x (S, N].
+    NorthClosed,
+}
+
+/// A lattice of cells: all cells of one size that share their corners with a given one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// From west to east.
+    pub x: Axis,
+    /// From north to south; its lattice indices count to the north all the same.
+    pub y: Axis,
+}
+
+impl Lattice {
+    /// Cells of `cell` (x, y) world units with a corner at `anchor`, over points of `frame`.
+    pub fn new(frame: &Frame, anchor: [f64; 2], cell: [f64; 2], edges: Edges) -> Self {
+        let x = Axis::new(frame, 0, anchor[0], cell[0]);
+        let y = Axis::new(frame, 1, anchor[1], cell[1]).down();
+        let y = if edges == Edges::NorthClosed { y.upper_closed() } else { y };
+        Self { x, y }
+    }
+
+    /// The lattice indices of the cells (x, y) that hold the lowest and highest of two points.
+    pub fn span(&self, [low, high]: [Point; 2]) -> [[i64; 2]; 2] {
+        [[self.x.index(low.x), self.x.index(high.x)], [self.y.index(low.y), self.y.index(high.y)]]
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.x.count, self.y.count)
+    }
+
+    /// World position of the centres of cells.
+    pub fn transform(&self) -> Affine {
+        let [x0, y0] = [self.x.world_centre(0), self.y.world_centre(0)];
+        Affine { x0, a: self.x.world_cell, b: 0.0, y0, d: 0.0, e: -self.y.world_cell }
+    }
+
+    /// World area of a cell.
+    pub fn area(&self) -> f64 {
+        self.x.world_cell * self.y.world_cell
+    }
+}
+
+/// One axis of a lattice, and the stretch of it that a grid covers.
+///
+/// Where the cell size is a whole number of steps, points are put into cells in whole numbers.
+/// Elsewhere the cell of a point with world coordinate w (in `f64`) is the one of lattice index
+/// floor((w - anchor) / cell), or ceil(...) - 1 where the upper border belongs to a cell: a rule that
+/// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    rule: Rule,
+    world_anchor: f64,
+    world_cell: f64,
+    upper_closed: bool,
+    down: bool,
+    /// Lattice index of the lowest cell of the grid.
+    first: i64,
+    /// Cells of the grid.
+    count: u32,
+}
+
+/// How a coordinate in steps is compared with cell borders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Rule {
+    /// In steps: the anchor is at `anchor`, which need not be whole, and `cell` is.
+    Steps { anchor: f64, cell: i64, scale: f64 },
+    /// In world coordinates: steps * scale + offset.
+    World { scale: f64, offset: f64 },
+}
+
+/// Largest relative difference from a whole number that is rounding: over the 2^30 steps that
+/// points can lie apart it grows to a thousandth of a step.
+const WHOLE: f64 = 1e-12;
+/// An anchor this near to a step (in steps) lies on it.
+const NEAR_STEP: f64 = 1e-4;
+/// Cells of more steps than this are measured in world coordinates.
+const MOST_STEPS: f64 = (1_u64 << 31) as f64;
+/// Lattice indices beyond this are cut off: no grid reaches so far.
+const FAR: i64 = 1 << 40;
+
+impl Axis {
+    fn new(frame: &Frame, axis: usize, anchor: f64, cell: f64) -> Self {
+        let (scale, offset) = (frame.scale[axis], frame.offset[axis]);
+        let steps = (cell / scale).round();
+        let is_whole =
+            (1.0..MOST_STEPS).contains(&steps) && (cell / scale / steps - 1.0).abs() < WHOLE;
+        let at = (anchor - offset) / scale;
+        let at = if (at - at.round()).abs() < NEAR_STEP { at.round() } else { at };
+        let rule = match is_whole && at.abs() < 1e15 {
+            true => Rule::Steps { anchor: at, cell: steps as i64, scale },
+            false => Rule::World { scale, offset },
+        };
+        let (upper_closed, down) = (false, false);
+        Self {
+            rule,
+            world_anchor: anchor,
+            world_cell: cell,
+            upper_closed,
+            down,
+            first: 0,
+            count: 0,
+        }
+    }
+
+    /// The upper border belongs to a cell, not the lower one.
+    fn upper_closed(self) -> Self {
+        Self { upper_closed: true, ..self }
+    }
+
+    /// Cells are numbered from the upper end of the grid.
+    fn down(self) -> Self {
+        Self { down: true, ..self }
+    }
+
+    /// The same lattice, for a grid of the `count` cells from lattice index `first` upwards.
+    pub fn covering(self, first: i64, count: u32) -> Self {
+        Self { first, count, ..self }
+    }
+
+    /// Lattice index of the grid's lowest cell.
+    pub fn first(&self) -> i64 {
+        self.first
+    }
+
+    /// World size of a cell.
+    pub fn world_cell(&self) -> f64 {
+        self.world_cell
+    }
+
+    /// True when points are put into cells in whole numbers.
+    pub fn is_exact(&self) -> bool {
+        matches!(self.rule, Rule::Steps { .. })
+    }
+
+    /// Lattice index of the cell that a coordinate in steps lies in.
+    pub fn index(&self, steps: i32) -> i64 {
+        match self.rule {
+            Rule::Steps { cell, .. } => (i64::from(steps) - self.border()).div_euclid(cell),
+            Rule::World { scale, offset } => {
+                let cells =
+                    (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
+                let index = if self.upper_closed { cells.ceil() - 1.0 } else { cells.floor() };
+                (index as i64).clamp(-FAR, FAR)
+            }
+        }
+    }
+
+    /// First whole step of the cell of lattice index 0.
+    fn border(&self) -> i64 {
+        match self.rule {
+            Rule::Steps { anchor, .. } if self.upper_closed => anchor.floor() as i64 + 1,
+            Rule::Steps { anchor, .. } => anchor.ceil() as i64,
+            Rule::World { .. } => 0,
+        }
+    }
+
+    /// The number of a cell of the grid, or beyond it, from its lattice index; and back.
+    fn turned(&self, number: i64) -> i64 {
+        if self.down { i64::from(self.count) - 1 - number } else { number }
+    }
+
+    /// Numbers of the grid's cells (columns, or rows from the north) that coordinates lie in;
+    /// negative, or not less than the number of cells, for those outside.
+    pub fn numbers(&self, steps: impl Iterator<Item = i32>, out: &mut Vec<i32>) {
+        out.clear();
+        match self.rule {
+            Rule::Steps { cell, .. } => {
+                let low = self.border() + self.first * cell;
+                let within = u64::from(self.count) * cell as u64;
+                let divide = Divide::by(cell as u64);
+                out.extend(steps.map(|steps| {
+                    let from = (i64::from(steps) - low) as u64;
+                    match from < within.min(1 << 32) {
+                        true => self.turned(divide.quotient(from) as i64) as i32,
+                        false => self.number(steps),
+                    }
+                }));
+            }
+            Rule::World { .. } => out.extend(steps.map(|steps| self.number(steps))),
+        }
+    }
+
+    fn number(&self, steps: i32) -> i32 {
+        let number = self.turned(self.index(steps) - self.first);
+        number.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+    }
+
+    /// How far a coordinate lies from the centre of cell `number`, in world units.
+    #[inline]
+    pub fn from_centre(&self, steps: i32, number: i64) -> f64 {
+        let index = (self.turned(number) + self.first) as f64 + 0.5;
+        match self.rule {
+            Rule::Steps { anchor, cell, scale } => {
+                (f64::from(steps) - (anchor + index * cell as f64)) * scale
+            }
+            Rule::World { scale, offset } => {
+                f64::from(steps) * scale + offset - (self.world_anchor + index * self.world_cell)
+            }
+        }
+    }
+
+    /// World coordinate of the centre of cell `number`.
+    pub fn world_centre(&self, number: i64) -> f64 {
+        let index = (self.turned(number) + self.first) as f64 + 0.5;
+        self.world_anchor + index * self.world_cell
+    }
+}
+
+/// Division of numbers below 2^32 by one and the same number, by multiplying.
+#[derive(Clone, Copy)]
+struct Divide {
+    by: u64,
+    inverse: u64,
+}
+
+impl Divide {
+    fn by(by: u64) -> Self {
+        Self { by, inverse: (u64::MAX / by).wrapping_add(1) }
+    }
+
+    /// Exact: the inverse is too large by less than 2^-64 of a unit, and the dividend below 2^32.
+    #[inline(always)]
+    fn quotient(self, value: u64) -> u64 {
+        match self.by {
+            1 => value,
+            _ => ((u128::from(value) * u128::from(self.inverse)) >> 64) as u64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(scale: f64, offset: f64) -> Frame {
+        Frame { scale: [scale; 3], offset: [offset; 3] }
+    }
+
+    #[test]
+    fn quotients_are_exact() {
+        for by in [1_u64, 2, 3, 7, 100, 1000, 65_537, (1 << 31) - 1] {
+            let divide = Divide::by(by);
+            for value in [0, 1, by - 1, by, by + 1, 3 * by - 1, 3 * by, u64::from(u32::MAX)] {
+                assert_eq!(divide.quotient(value), value / by, "{value} / {by}");
+            }
+        }
+    }
+
+    #[test]
+    fn borders_belong_to_one_cell() {
+        // Cells of 1 in steps of 0.01, from -3 to 4.
+        let lattice = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);
+        let north = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::NorthClosed);
+        let [x, y, z] = [lattice.x, lattice.y, north.y].map(|axis| axis.covering(-3, 7));
+        assert!(x.is_exact());
+        let numbers = |axis: Axis, steps: &[i32]| {
+            let mut out = Vec::new();
+            axis.numbers(steps.iter().copied(), &mut out);
+            out
+        };
+        let steps = [-301, -300, -201, -200, 0, 99, 100, 399, 400];
+        assert_eq!(numbers(x, &steps), [-1, 0, 0, 1, 3, 3, 4, 6, 7]);
+        assert_eq!(numbers(y, &steps), [7, 6, 6, 5, 3, 3, 2, 0, -1]);
+        assert_eq!(numbers(z, &steps), [7, 7, 6, 6, 4, 3, 3, 0, 0]);
+        assert_eq!(north.x, lattice.x);
+    }
+
+    #[test]
+    fn anchors_between_steps_leave_membership_whole() {
+        let lattice = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::LowerClosed);
+        let x = lattice.x.covering(0, 2);
+        assert!(x.is_exact());
+        assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| x.number(steps)), [-1, 0, 0, 1, 1, 2]);
+        assert_eq!(x.from_centre(2, 0), 0.0);
+        let north = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::NorthClosed);
+        let y = north.y.covering(0, 2);
+        assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| y.number(steps)), [2, 1, 1, 0, 0, -1]);
+    }
+
+    #[test]
+    fn a_part_sees_what_the_whole_sees() {
+        for (scale, cell) in [(0.01, 1.0), (0.01, 0.333), (0.3, 0.7), (1e-7, 1.0 / 3600.0)] {
+            for edges in [Edges::LowerClosed, Edges::NorthClosed] {
+                let lattice = Lattice::new(&frame(scale, 12.34), [0.1; 2], [cell; 2], edges);
+                let [whole, part] = [(-500, 1000), (-20, 100)]
+                    .map(|(first, count)| lattice.y.covering(first, count));
+                for steps in (-70_000..70_000).step_by(7) {
+                    let number = whole.number(steps);
+                    assert_eq!(part.number(steps), number - 420, "{scale} {cell}");
+                    let far = whole.from_centre(steps, 400);
+                    assert_eq!(far, part.from_centre(steps, 400 - 420));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn both_rules_agree_between_borders() {
+        let exact = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25; 2], Edges::LowerClosed);
+        let near = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25 + 1e-9; 2], Edges::LowerClosed);
+        assert!(exact.x.is_exact() && !near.x.is_exact());
+        for steps in (1..100_000).filter(|steps| steps % 25 != 0) {
+            assert_eq!(exact.x.index(steps), near.x.index(steps), "{steps}");
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! From the statistics asked for to what has to be kept of the points: statistics share what they
+//! have in common, and nothing else is kept.
+
+use super::method::{Asked, Statistic};
+use super::plane::{Falloff, Primitive};
+
+/// Which points a cell takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// Those in it.
+    Cell,
+    /// Those nearer to its centre than this, in world units.
+    Disc(f64),
+}
+
+/// What holds for all statistics that do not say otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Radius of idw and nearest, in world units.
+    pub radius: f64,
+    /// Power of distance for idw.
+    pub power: f64,
+    /// Every statistic is of the points within the radius, not only of those in the cell.
+    pub around: bool,
+}
+
+/// What is kept of the points, and the bands that are made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recipe {
+    pub(super) regions: Vec<Region>,
+    /// What is kept of the points of which region.
+    pub(super) planes: Vec<(usize, Primitive)>,
+    bands: Vec<Band>,
+}
+
+/// One band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// What it is called.
+    pub label: String,
+    /// What it holds.
+    pub statistic: Statistic,
+    /// The planes it is made of, in the order that the statistic wants.
+    pub(super) planes: Vec<usize>,
+}
+
+impl Band {
+    /// True when a cell without points has a value, which is 0.
+    pub fn counts(&self) -> bool {
+        matches!(self.statistic, Statistic::Count | Statistic::Density)
+    }
+}
+
+impl Recipe {
+    /// For these statistics by these rules.
+    pub fn new(asked: &[Asked], rules: &Rules) -> Self {
+        let mut recipe = Self { regions: Vec::new(), planes: Vec::new(), bands: Vec::new() };
+        for one in asked {
+            let (region, primitives) = needs(one.statistic, rules);
+            let region = position(&mut recipe.regions, region);
+            let planes = primitives.into_iter();
+            let planes = planes.map(|p| position(&mut recipe.planes, (region, p))).collect();
+            let (label, statistic) = (one.label.clone(), one.statistic);
+            recipe.bands.push(Band { label, statistic, planes });
+        }
+        recipe
+    }
+
+    /// The bands, in the order asked for.
+    pub fn bands(&self) -> &[Band] {
+        &self.bands
+    }
+
+    /// The regions that points are needed of.
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// The largest radius that a cell looks around in; 0 when it looks at its own points only.
+    pub fn reach(&self) -> f64 {
+        self.regions.iter().fold(0.0, |most, region| match *region {
+            Region::Cell => most,
+            Region::Disc(radius) => radius.max(most),
+        })
+    }
+
+    /// Bytes that are kept of each cell, whatever the points.
+    pub fn bytes_per_cell(&self) -> usize {
+        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_cell()).sum()
+    }
+
+    /// Bytes that are kept of each point in a cell.
+    pub fn bytes_per_point(&self) -> usize {
+        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_point()).sum()
+    }
+}
+
+/// Where an item is, after adding it if it is new.
+fn position<T: PartialEq>(items: &mut Vec<T>, item: T) -> usize {
+    items.iter().position(|other| *other == item).unwrap_or_else(|| {
+        items.push(item);
+        items.len() - 1
+    })
+}
+
+/// The points that a statistic is of, and what it needs to know of them.
+fn needs(statistic: Statistic, rules: &Rules) -> (Region, Vec<Primitive>) {
+    use Primitive::{Count, High, Hit, Low, Nearest, Squares, Sum, Values, Weights};
+    let own = if rules.around { Region::Disc(rules.radius) } else { Region::Cell };
+    match statistic {
+        Statistic::Count | Statistic::Density => (own, vec![Count]),
+        Statistic::Min => (own, vec![Low]),
+        Statistic::Max => (own, vec![High]),
+        Statistic::Range => (own, vec![Low, High]),
+        Statistic::Mean => (own, vec![Count, Sum]),
+        Statistic::Std { .. } => (own, vec![Count, Sum, Squares]),
+        Statistic::Percentile { .. } => (own, vec![Values]),
+        Statistic::Idw { radius, power } => {
+            let radius = radius.unwrap_or(rules.radius);
+            let falloff = Falloff::new(radius, power.unwrap_or(rules.power));
+            (Region::Disc(radius), vec![Weights(falloff), Hit])
+        }
+        Statistic::Nearest { radius } => {
+            (Region::Disc(radius.unwrap_or(rules.radius)), vec![Nearest])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+    use super::*;
+
+    #[test]
+    fn bands_share_what_they_have_in_common() {
+        let recipe = |list: &str, around| {
+            let rules = Rules { radius: 2.0, power: 1.0, around };
+            Recipe::new(&parse_list(list).unwrap(), &rules)
+        };
+        let own = recipe("mean,std,min,range,count", false);
+        assert_eq!(own.regions, [Region::Cell]);
+        assert_eq!(own.bytes_per_cell(), 4 + 8 + 16 + 4 + 4);
+        let wide = recipe("mean,idw,idw:power=2,idw:radius=3,nearest,count", false);
+        assert_eq!(wide.regions.len(), 3);
+        assert_eq!(wide.bytes_per_cell(), 4 + 8 + (32 + 4) + 32 + (32 + 4) + 24);
+        assert_eq!((wide.reach(), own.reach()), (3.0, 0.0));
+        assert_eq!(recipe("mean,idw", true).regions, [Region::Disc(2.0)]);
+        assert_eq!(recipe("median,p95", false).bytes_per_point(), 8);
+    }
+}

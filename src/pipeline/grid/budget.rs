@@ -1,0 +1,95 @@
+//! How the memory of a cloud-to-grid job is divided.
+//!
+//! | share | bytes |
+//! |---|---|
+//! | the program itself | [`PROGRAM`] |
+//! | the table of blocks | 64 for each |
+//! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
+//! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::gridding::Recipe;
+use crate::pipeline::Resources;
+use crate::raster::write::{GridFormat, GridSink};
+
+use super::GridJob;
+use super::extent::Extent;
+
+const PROGRAM: u64 = 12 << 20;
+const WORKER: u64 = 12 << 20;
+/// Least for blocks.
+const LEAST: u64 = 8 << 20;
+/// Bytes of a block's place in the table.
+const SLOT: u64 = 64;
+/// Blocks have 2^8 x 2^8 cells, or fewer where memory is short, down to 2^4 x 2^4.
+const MOST_SHIFT: u32 = 8;
+const LEAST_SHIFT: u32 = 4;
+/// Blocks that should fit into memory for each thread.
+const AT_HAND: u64 = 24;
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    pub(super) threads: usize,
+    /// Bytes for cells.
+    pub(super) blocks: u64,
+    /// A block has 2^shift columns and rows.
+    pub(super) shift: u32,
+}
+
+impl Budget {
+    pub(super) fn divide(
+        job: &GridJob,
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+        points: u64,
+    ) -> Result<Self> {
+        let Resources { threads, memory, .. } = job.resources;
+        let worker = WORKER.max(writing(format, sink, extent, recipe));
+        let (width, height) = extent.lattice.size();
+        let cells = u64::from(width).saturating_mul(u64::from(height)).max(1);
+        let cell = recipe.bytes_per_cell() as u64
+            + recipe.bytes_per_point() as u64 * points.div_ceil(cells);
+        let slots = |shift: u32| cells.div_ceil(1 << (2 * shift)).saturating_mul(SLOT);
+        let left = |threads: u64, shift: u32| {
+            memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
+        };
+        let fits = |threads: &u64| left(*threads, MOST_SHIFT).is_some_and(|left| left >= LEAST);
+        let threads = (1..=threads.max(1) as u64)
+            .rev()
+            .find(fits)
+            .ok_or_else(|| too_small(memory, PROGRAM + slots(MOST_SHIFT) + worker + LEAST))?;
+        let good = |shift: &u32| {
+            let room = left(threads, *shift).unwrap_or(0);
+            (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
+        };
+        let shift = (LEAST_SHIFT..=MOST_SHIFT).rev().find(good).unwrap_or_else(|| {
+            let held = |shift: &u32| left(threads, *shift).is_some_and(|left| left >= LEAST);
+            (LEAST_SHIFT..=MOST_SHIFT).find(held).unwrap_or(MOST_SHIFT)
+        });
+        let blocks = left(threads, shift).unwrap_or(LEAST);
+        Ok(Self { threads: threads as usize, blocks, shift })
+    }
+}
+
+/// Bytes a thread needs to write a block of the output, with what its voids are filled from.
+fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+    let (width, height) = sink.block();
+    let (width, height) = (width.min(extent.output.width), height.min(extent.output.height));
+    let (width, height) = (u64::from(width), u64::from(height));
+    let around = 2 * u64::from(extent.fill);
+    let coded = 8 * recipe.bands().len() as u64;
+    let samples = width.saturating_mul(height).saturating_mul(format.bytes_per_sample + coded);
+    samples.saturating_add((width + around).saturating_mul(height + around).saturating_mul(8))
+}
+
+fn too_small(memory: u64, least: u64) -> Error {
+    let needed = least.div_ceil(1 << 20);
+    let allowed = memory as f64 / f64::from(1 << 20);
+    let message =
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {needed}M or more, or choose larger cells"))
+}

@@ -1,0 +1,289 @@
+//! Reading the points of a cloud into the blocks of a grid.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::blocks::Blocks;
+use super::extent::Extent;
+use super::queue::Queue;
+use crate::cloud::{Census, PointSource};
+use crate::error::Result;
+use crate::geom::{Point, Rect};
+use crate::gridding::{Hits, Recipe, Region, Scatter};
+use crate::pipeline::{Cancel, Progress};
+
+/// A cloud and the blocks it goes into.
+pub(super) struct Feed<'a> {
+    pub(super) source: &'a dyn PointSource,
+    pub(super) extent: &'a Extent,
+    pub(super) recipe: &'a Recipe,
+    pub(super) blocks: &'a Blocks<'a>,
+}
+
+/// What became of the points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fed {
+    pub(super) census: Census,
+    /// Points kept that lie in no cell that is written.
+    pub(super) outside: u64,
+}
+
+impl Feed<'_> {
+    /// Reads all parts on so many threads.
+    pub(super) fn run(
+        &self,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Fed> {
+        progress.begin("points", self.source.info().count);
+        let queue = Queue::new(self.source.parts(), threads);
+        let failed = AtomicBool::new(false);
+        let work = |thread| {
+            let fed = self.work(&queue, thread, &failed, progress, cancel);
+            failed.fetch_or(fed.is_err(), Ordering::Relaxed);
+            fed
+        };
+        let all: Result<Vec<Fed>> = std::thread::scope(|scope| {
+            let work = &work;
+            let workers: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
+            let joined = workers.into_iter().map(|worker| worker.join());
+            joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        });
+        progress.end();
+        let mut sum = Fed::default();
+        for fed in all? {
+            sum.census.add(&fed.census);
+            sum.outside += fed.outside;
+        }
+        Ok(sum)
+    }
+
+    fn work(
+        &self,
+        queue: &Queue,
+        thread: usize,
+        failed: &AtomicBool,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Fed> {
+        let mut worker = Worker::new(self);
+        let mut census = Census::default();
+        while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
+            cancel.check()?;
+            census.add(&self.source.read(part, &mut |points| worker.take(points))?);
+            progress.advance(self.source.points_of(part));
+        }
+        Ok(Fed { census, outside: worker.outside })
+    }
+}
+
+/// What one thread needs to hand points to blocks.
+struct Worker<'a> {
+    feed: &'a Feed<'a>,
+    outside: u64,
+    /// For the regions of the recipe that are discs.
+    scatters: Vec<Option<Scatter>>,
+    cols: Vec<i32>,
+    rows: Vec<i32>,
+    /// Points with their cells, each for one block.
+    batch: Batch,
+    spare: Batch,
+    /// The part of a run that lies in the block itself.
+    own: Batch,
+}
+
+/// Points for blocks.
+#[derive(Default)]
+struct Batch {
+    blocks: Vec<u32>,
+    /// Column and row of the cell that holds the point.
+    places: Vec<(i32, i32)>,
+    points: Vec<Point>,
+    /// The cell's place in the block, where it lies in it.
+    cells: Vec<u32>,
+}
+
+/// Points to a block in a run, on average, below which a batch is put in order first.
+const SHORT_RUN: usize = 16;
+
+impl<'a> Worker<'a> {
+    fn new(feed: &'a Feed<'a>) -> Self {
+        let scatters = feed.recipe.regions().iter().map(|region| match *region {
+            Region::Cell => None,
+            Region::Disc(radius) => Some(Scatter::new(&feed.extent.lattice, radius)),
+        });
+        Self {
+            feed,
+            outside: 0,
+            scatters: scatters.collect(),
+            cols: Vec::new(),
+            rows: Vec::new(),
+            batch: Batch::default(),
+            spare: Batch::default(),
+            own: Batch::default(),
+        }
+    }
+
+    /// Hands a batch of points to the blocks they touch.
+    fn take(&mut self, points: &[Point]) -> Result<()> {
+        let lattice = &self.feed.extent.lattice;
+        lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
+        lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);
+        self.batch.clear();
+        let reach = self.reach();
+        match reach {
+            (0, 0) => self.place_own(points),
+            _ => self.place_around(points, reach),
+        }
+        if self.batch.runs().count() * SHORT_RUN > self.batch.points.len() {
+            self.batch.sort(&mut self.spare);
+        }
+        let mut batch = std::mem::take(&mut self.batch);
+        let done = batch.runs().try_for_each(|run| self.hand_over(&batch.run(run)));
+        batch.clear();
+        self.batch = batch;
+        done
+    }
+
+    /// Most columns and rows that any region reaches beyond a point's cell.
+    fn reach(&self) -> (i64, i64) {
+        let reaches = self.scatters.iter().flatten().map(Scatter::reach);
+        reaches.fold((0, 0), |(x, y), (a, b)| (x.max(a), y.max(b)))
+    }
+
+    /// Each point goes to the block of its cell.
+    fn place_own(&mut self, points: &[Point]) {
+        let (width, height) = self.feed.extent.lattice.size();
+        let output = self.feed.extent.output;
+        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        for (point, (&col, &row)) in points.iter().zip(self.cols.iter().zip(&self.rows)) {
+            self.outside += u64::from(!is_in(output, col, row));
+            // Numbers below zero are large ones here.
+            if (col as u32) < width && (row as u32) < height {
+                let block = (row as u32 >> shift) * across + (col as u32 >> shift);
+                self.batch.push(block, (col, row), *point, shift);
+            }
+        }
+    }
+
+    /// Each point goes to all blocks with cells that it may reach.
+    fn place_around(&mut self, points: &[Point], (reach_x, reach_y): (i64, i64)) {
+        let (width, height) = self.feed.extent.lattice.size();
+        let output = self.feed.extent.output;
+        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        let blocks = |at: i32, reach: i64, side: u32| {
+            let least = (i64::from(at) - reach).max(0);
+            let end = (i64::from(at) + reach + 1).min(i64::from(side));
+            (least < end).then(|| (least >> shift) as u32..((end - 1) >> shift) as u32 + 1)
+        };
+        for (point, (&col, &row)) in points.iter().zip(self.cols.iter().zip(&self.rows)) {
+            self.outside += u64::from(!is_in(output, col, row));
+            let (cols, rows) = (blocks(col, reach_x, width), blocks(row, reach_y, height));
+            let (Some(cols), Some(rows)) = (cols, rows) else { continue };
+            for down in rows {
+                for block in cols.clone() {
+                    self.batch.push(down * across + block, (col, row), *point, shift);
+                }
+            }
+        }
+    }
+
+    /// Hands points to one block.
+    fn hand_over(&mut self, run: &Run<'_>) -> Result<()> {
+        let Feed { blocks, extent, .. } = *self.feed;
+        let window = blocks.window(run.block);
+        let stride = 1 << blocks.shift();
+        let (scatters, own) = (&mut self.scatters, &mut self.own);
+        blocks.change(run.block, |block| {
+            scatters.iter_mut().enumerate().try_for_each(|(region, scatter)| match scatter {
+                Some(scatter) => {
+                    let cells = (&extent.lattice, window, stride);
+                    scatter.add(cells, run.points, run.places, (&mut *block, region))
+                }
+                None => block.add(region, run.inside(window, own)),
+            })
+        })
+    }
+}
+
+fn is_in(rect: Rect, col: i32, row: i32) -> bool {
+    (col as u32).wrapping_sub(rect.col) < rect.width
+        && (row as u32).wrapping_sub(rect.row) < rect.height
+}
+
+/// Consecutive points for one block.
+struct Run<'a> {
+    block: u32,
+    places: &'a [(i32, i32)],
+    points: &'a [Point],
+    cells: &'a [u32],
+}
+
+impl Run<'_> {
+    /// The points in the cells of the block itself.
+    fn inside<'a>(&'a self, window: Rect, own: &'a mut Batch) -> Hits<'a> {
+        let outside = |(col, row): &(i32, i32)| !is_in(window, *col, *row);
+        if !self.places.iter().any(outside) {
+            return Hits { cells: self.cells, points: self.points, squares: &[] };
+        }
+        own.clear();
+        let points = self.places.iter().zip(self.points.iter().zip(self.cells));
+        for (_, (point, cell)) in points.filter(|(place, _)| !outside(place)) {
+            own.points.push(*point);
+            own.cells.push(*cell);
+        }
+        Hits { cells: &own.cells, points: &own.points, squares: &[] }
+    }
+}
+
+impl Batch {
+    fn clear(&mut self) {
+        self.blocks.clear();
+        self.places.clear();
+        self.points.clear();
+        self.cells.clear();
+    }
+
+    #[inline(always)]
+    fn push(&mut self, block: u32, (col, row): (i32, i32), point: Point, shift: u32) {
+        let mask = (1 << shift) - 1;
+        self.blocks.push(block);
+        self.places.push((col, row));
+        self.points.push(point);
+        self.cells.push(((row as u32 & mask) << shift) | (col as u32 & mask));
+    }
+
+    /// Stretches of points for one and the same block.
+    fn runs(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        let mut start = 0;
+        self.blocks.chunk_by(|a, b| a == b).map(move |run| {
+            let range = start..start + run.len();
+            start = range.end;
+            range
+        })
+    }
+
+    fn run(&self, run: std::ops::Range<usize>) -> Run<'_> {
+        Run {
+            block: self.blocks[run.start],
+            places: &self.places[run.clone()],
+            points: &self.points[run.clone()],
+            cells: &self.cells[run],
+        }
+    }
+
+    /// Puts points for the same block side by side.
+    fn sort(&mut self, spare: &mut Self) {
+        let mut order: Vec<u32> = (0..self.blocks.len() as u32).collect();
+        order.sort_unstable_by_key(|at| (self.blocks[*at as usize], *at));
+        spare.clear();
+        for at in order {
+            let at = at as usize;
+            spare.blocks.push(self.blocks[at]);
+            spare.places.push(self.places[at]);
+            spare.points.push(self.points[at]);
+            spare.cells.push(self.cells[at]);
+        }
+        std::mem::swap(self, spare);
+    }
+}

@@ -1,0 +1,57 @@
+//! Who reads which part: each thread its own stretch of the files, so that threads work far apart,
+//! and when that is done half of the longest stretch left.
+
+use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The parts that are not yet taken, by thread.
+pub(super) struct Queue(Vec<Mutex<Range<usize>>>);
+
+impl Queue {
+    /// `parts` parts for so many threads, at least one.
+    pub(super) fn new(parts: usize, threads: usize) -> Self {
+        let start = |thread: usize| (parts as u128 * thread as u128 / threads as u128) as usize;
+        Self((0..threads).map(|thread| Mutex::new(start(thread)..start(thread + 1))).collect())
+    }
+
+    /// The next part for `thread`.
+    pub(super) fn take(&self, thread: usize) -> Option<usize> {
+        loop {
+            if let Some(part) = lock(&self.0[thread]).next() {
+                return Some(part);
+            }
+            let stolen = self.steal()?;
+            *lock(&self.0[thread]) = stolen;
+        }
+    }
+
+    /// The later half of the longest stretch; `None` when nothing is left.
+    fn steal(&self) -> Option<Range<usize>> {
+        let longest = self.0.iter().max_by_key(|stretch| lock(stretch).len())?;
+        let mut stretch = lock(longest);
+        let middle = stretch.start + stretch.len() / 2;
+        let stolen = middle..stretch.end;
+        stretch.end = middle;
+        (!stolen.is_empty()).then_some(stolen)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_part_is_taken_once() {
+        for (parts, threads) in [(0, 1), (1, 3), (10, 1), (10, 3), (1000, 7)] {
+            let queue = Queue::new(parts, threads);
+            let mut taken: Vec<usize> = std::iter::from_fn(|| queue.take(threads - 1)).collect();
+            assert_eq!(taken.len(), parts, "one thread does all when the others do nothing");
+            taken.sort_unstable();
+            assert!(taken.into_iter().eq(0..parts));
+        }
+    }
+}

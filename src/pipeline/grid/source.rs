@@ -1,0 +1,140 @@
+//! The bands of a grid whose points are all in, as grids that sinks are fed from.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::blocks::Blocks;
+use super::extent::Extent;
+use crate::error::{Error, Result};
+use crate::geom::Rect;
+use crate::gridding::{Band, Recipe, Statistic, Units, fill};
+use crate::raster::{GridInfo, GridSource};
+
+/// A grid whose points are all in.
+pub(super) struct Finished<'a> {
+    pub(super) blocks: Blocks<'a>,
+    pub(super) recipe: &'a Recipe,
+    pub(super) extent: &'a Extent,
+    pub(super) units: Units,
+}
+
+impl Finished<'_> {
+    /// The values of a band in `rect` of all cells computed, NaN where void.
+    fn values(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        out.fill(if band.counts() { 0.0 } else { f64::NAN });
+        let (stride, shift) = (rect.width as usize, self.blocks.shift());
+        for index in self.blocks.touching(rect) {
+            let window = self.blocks.window(index);
+            let part = window.intersect(&rect);
+            self.blocks.read(index, |block| {
+                for row in part.row..part.row + part.height {
+                    let from = ((row - window.row) << shift) + (part.col - window.col);
+                    let to = (row - rect.row) as usize * stride + (part.col - rect.col) as usize;
+                    let line = &mut out[to..to + part.width as usize];
+                    for (out, at) in line.iter_mut().zip(from as usize..) {
+                        *out = block.value(band, at, &self.units);
+                    }
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The same with voids filled.
+    fn filled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        let reach = self.extent.fill;
+        if reach == 0 || band.counts() {
+            return self.values(band, rect, out);
+        }
+        // What is written has a margin of the reach all around.
+        let (width, height) = (rect.width + 2 * reach, rect.height + 2 * reach);
+        let around = Rect::new(rect.col - reach, rect.row - reach, width, height);
+        let mut values = vec![0.0; around.len()];
+        self.values(band, around, &mut values)?;
+        let mut own = vec![0.0; rect.len()];
+        self.values(band, rect, &mut own)?;
+        void_beyond(&mut values, around, self.extent.known);
+        // A cell outside the cloud's bounds is no source, but keeps its own value.
+        fill(&values, around, rect, reach, out);
+        let known = out.iter_mut().zip(own).filter(|(_, own)| !own.is_nan());
+        known.for_each(|(out, own)| *out = own);
+        Ok(())
+    }
+}
+
+/// Makes the cells of `around` that are not in `known` void.
+fn void_beyond(values: &mut [f64], around: Rect, known: Rect) {
+    for (row, line) in (around.row..).zip(values.chunks_exact_mut(around.width as usize)) {
+        let inside = (known.row..known.row + known.height).contains(&row);
+        for (col, value) in (around.col..).zip(line) {
+            if !inside || !(known.col..known.col + known.width).contains(&col) {
+                *value = f64::NAN;
+            }
+        }
+    }
+}
+
+/// One band.
+pub(super) struct BandSource<'a> {
+    finished: &'a Finished<'a>,
+    band: &'a Band,
+    info: GridInfo,
+    is_last: bool,
+    valid: AtomicU64,
+}
+
+/// Counts beyond this are not all `f32`.
+const EXACT: f64 = (1 << 24) as f64;
+
+impl<'a> BandSource<'a> {
+    pub(super) fn new(finished: &'a Finished<'a>, band: &'a Band, info: &GridInfo) -> Self {
+        let is_last = finished.recipe.bands().last() == Some(band);
+        Self { finished, band, info: info.clone(), is_last, valid: AtomicU64::new(0) }
+    }
+
+    /// Cells read that have a value; a count of 0 is none.
+    pub(super) fn valid(&self) -> u64 {
+        self.valid.load(Ordering::Relaxed)
+    }
+
+    /// A rectangle of what is written, among all cells computed.
+    fn computed(&self, rect: Rect) -> Rect {
+        let Rect { col, row, .. } = self.finished.extent.output;
+        Rect::new(rect.col + col, rect.row + row, rect.width, rect.height)
+    }
+
+    fn tally(&self, values: &[f64]) {
+        let void = |value: &f64| value.is_nan() || (self.band.counts() && *value == 0.0);
+        let valid = values.iter().filter(|value| !void(value)).count();
+        self.valid.fetch_add(valid as u64, Ordering::Relaxed);
+    }
+}
+
+impl GridSource for BandSource<'_> {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        let mut values = vec![0.0; rect.len()];
+        self.read_f64(rect, &mut values)?;
+        let is_count = self.band.statistic == Statistic::Count;
+        if is_count && let Some(most) = values.iter().copied().find(|count| *count > EXACT) {
+            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
+                .remedy("pass --type float64"));
+        }
+        out.iter_mut().zip(values).for_each(|(out, value)| *out = value as f32);
+        Ok(())
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.finished.filled(self.band, self.computed(rect), out)?;
+        self.tally(out);
+        Ok(())
+    }
+
+    fn release(&self, rect: Rect) {
+        if self.is_last {
+            self.finished.blocks.release(self.computed(rect));
+        }
+    }
+}
