@@ -6,6 +6,8 @@
 mod parts;
 mod points;
 mod report;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
