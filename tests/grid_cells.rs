@@ -58,7 +58,8 @@ fn around(statistic: Statistic, points: &[Point], frame: &Frame, [x, y]: [f64; 2
         unreachable!()
     };
     let near = points.iter().map(|point| (point, frame.world(*point)));
-    let near = near.map(|(point, [px, py, z])| (((px - x).powi(2) + (py - y).powi(2)).sqrt(), point, z));
+    let near =
+        near.map(|(point, [px, py, z])| (((px - x).powi(2) + (py - y).powi(2)).sqrt(), point, z));
     let near: Vec<_> = near.filter(|(distance, ..)| *distance < radius - 1e-9).collect();
     let hit = near.iter().filter(|(distance, ..)| *distance < 1e-9).map(|(.., z)| *z);
     match statistic {
@@ -155,7 +156,10 @@ fn quarters_are_what_the_whole_is() {
                 let (part, outside) = make(Some(bbox), bands);
                 inside += points.len() as u64 - outside;
                 for (part, whole) in part.iter().zip(&whole) {
-                    assert_eq!((part.width, part.values.len() / part.width), (cols.len(), rows.len()));
+                    assert_eq!(
+                        (part.width, part.values.len() / part.width),
+                        (cols.len(), rows.len())
+                    );
                     for (i, value) in part.values.iter().enumerate() {
                         let (col, row) = (cols.start + i % part.width, rows.start + i / part.width);
                         let other = whole.values[row * whole.width + col];
@@ -180,7 +184,8 @@ fn values(source: &Memory, job: &GridJob) -> (usize, Vec<f64>, [f64; 2]) {
 fn borders_belong_to_cells_by_convention() {
     let folder = tempdir().unwrap();
     // On a corner, a western border, a southern border, inside.
-    let points = [[0, 0, 1], [0, 5, 2], [5, 10, 4], [15, 5, 8]].map(|[x, y, z]| Point::new(x, y, z));
+    let points =
+        [[0, 0, 1], [0, 5, 2], [5, 10, 4], [15, 5, 8]].map(|[x, y, z]| Point::new(x, y, z));
     let source = Memory::new(frame(0.1, [10.0, 20.0, 0.0]), &points, 9);
     let path = folder.path().join("a.tif");
     let base = GridJob { overwrite: true, ..wide(&path, "count", 1.0) };
@@ -199,7 +204,8 @@ fn pdal_takes_all_points_within_the_radius_and_fills_by_chebyshev_distance() {
     let folder = tempdir().unwrap();
     let path = folder.path().join("a.tif");
     // The lowest x and y are 0.2; cells of 1 have centres at 0.7, 1.7, 2.7 ...
-    let points = [[2, 2, 10], [12, 2, 20], [17, 7, 40], [52, 2, 90]].map(|[x, y, z]| Point::new(x, y, z));
+    let points =
+        [[2, 2, 10], [12, 2, 20], [17, 7, 40], [52, 2, 90]].map(|[x, y, z]| Point::new(x, y, z));
     let source = Memory::new(frame(0.1, [0.0; 3]), &points, 9);
     let pdal = |stats, fill| GridJob {
         compat: Compat::Pdal,
@@ -246,14 +252,17 @@ fn several_bands_in_every_layout_and_format() {
         let path = folder.path().join("a.tif");
         let creation = creation.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
         let format = Some(format.to_owned());
-        let job = GridJob { format, creation, overwrite: true, ..job(&path, "count,mean,max", 1.0) };
+        let job =
+            GridJob { format, creation, overwrite: true, ..job(&path, "count,mean,max", 1.0) };
         run(&source, &job);
         let bits = |band| read(&path, band).values.iter().map(|v| v.to_bits()).collect();
         let bands: Vec<Vec<u64>> = (1..=3).map(bits).collect();
         assert!(bands[0] != bands[1] && bands[1] != bands[2]);
         assert!(first.get_or_insert_with(|| bands.clone()) == &bands, "{:?}", job.creation);
         let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
-        for line in ["sample=\"0\" role=\"description\">count<", "sample=\"2\" role=\"description\">max<"] {
+        for line in
+            ["sample=\"0\" role=\"description\">count<", "sample=\"2\" role=\"description\">max<"]
+        {
             assert!(text.contains(line), "{line}");
         }
     }
@@ -277,12 +286,16 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     };
     fails(&job(&path("a.asc"), "mean,max", 1.0), "AAIGrid cannot hold several bands");
     let little = Resources { threads: 1, memory: 8 << 20, temp_dir: None };
-    fails(&GridJob { resources: little, ..job(&path("a.tif"), "mean", 1.0) }, "MiB of memory are needed");
+    fails(
+        &GridJob { resources: little, ..job(&path("a.tif"), "mean", 1.0) },
+        "MiB of memory are needed",
+    );
     let typed = GridJob { sample_type: SampleType::I16, ..job(&path("a.tif"), "mean", 1.0) };
     fails(&typed, "int16");
     fails(&job(&path("a.tif"), "mean", 1e-9), "more than the limit");
     let align = Placement { align: Some([0.0; 2]), ..Placement::new([1.0; 2]) };
-    let pdal = GridJob { placement: align, compat: Compat::Pdal, ..job(&path("a.tif"), "mean", 1.0) };
+    let pdal =
+        GridJob { placement: align, compat: Compat::Pdal, ..job(&path("a.tif"), "mean", 1.0) };
     fails(&pdal, "PDAL's grids begin at the lowest point");
     let like = Placement { like: Some("x.tif".into()), ..Placement::new([1.0; 2]) };
     fails(&GridJob { placement: like, ..job(&path("a.tif"), "mean", 1.0) }, "--like has cells");
@@ -294,11 +307,16 @@ fn cells_may_be_those_of_another_grid() {
     let [a, b] = ["a.tif", "b.tif"].map(|name| folder.path().join(name));
     let points = points(3000, 2000, 70, 9);
     let source = Memory::new(FAR, &points, 500);
-    let placement = Placement { bbox: Some([199_990.0, 4_999_990.0, 200_005.0, 5_000_004.0]), ..Placement::new([0.7; 2]) };
+    let placement = Placement {
+        bbox: Some([199_990.0, 4_999_990.0, 200_005.0, 5_000_004.0]),
+        ..Placement::new([0.7; 2])
+    };
     run(&source, &GridJob { placement, ..wide(&a, ALL, 0.7) });
-    let like = Placement { cell: None, like: Some(a.display().to_string()), align: None, bbox: None };
+    let like =
+        Placement { cell: None, like: Some(a.display().to_string()), align: None, bbox: None };
     run(&source, &GridJob { placement: like, ..wide(&b, ALL, 0.7) });
-    let [a, b] = [a, b].map(|path| (1..=9).map(|band| read(&path, band).values).collect::<Vec<_>>());
+    let [a, b] =
+        [a, b].map(|path| (1..=9).map(|band| read(&path, band).values).collect::<Vec<_>>());
     for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
         assert!(near(*a, *b, 1e-6), "{a} {b}");
     }

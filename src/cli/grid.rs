@@ -17,6 +17,7 @@ use crate::raster::SampleType;
 /// cell size. One pass over the points, whatever the extent; the bytes are the same for any order of
 /// points and files, any number of threads and any memory.
 #[derive(Clone, Debug, clap::Args)]
+#[group(id = "grid")]
 pub(super) struct Args {
     /// Cloud of points: files (.las, .laz, or text with a point in each line), folders, patterns in
     /// quotes, or lists are one cloud
@@ -176,13 +177,20 @@ impl Args {
         let any = |is_it: fn(&Statistic) -> bool| self.stat.0.iter().any(|a| is_it(&a.statistic));
         let around = self.cells.compat == CompatName::Pdal
             || any(|s| {
-                matches!(s, Statistic::Idw { radius: None, .. } | Statistic::Nearest { radius: None })
+                matches!(
+                    s,
+                    Statistic::Idw { radius: None, .. } | Statistic::Nearest { radius: None }
+                )
             });
         let weighs = any(|s| matches!(s, Statistic::Idw { power: None, .. }));
         let fills = any(|s| s.is_height());
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
         let idle = [
-            ("--radius", self.method.radius.is_some() && !around, "for idw and nearest without one"),
+            (
+                "--radius",
+                self.method.radius.is_some() && !around,
+                "for idw and nearest without one",
+            ),
             ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
             ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
             (
@@ -192,8 +200,10 @@ impl Args {
             ),
         ];
         match idle.into_iter().find(|(_, idle, _)| *idle) {
-            Some((option, _, why)) => Err(Error::usage(format!("{option} cannot act: it is {why}"))
-                .remedy(format!("leave {option} out"))),
+            Some((option, _, why)) => {
+                Err(Error::usage(format!("{option} cannot act: it is {why}"))
+                    .remedy(format!("leave {option} out")))
+            }
             None => Ok(()),
         }
     }
@@ -201,7 +211,8 @@ impl Args {
     /// Fails when an output is an input, or cannot be made.
     fn check_files(&self) -> Result<()> {
         let report = self.out.report.as_deref();
-        let outputs: Vec<&Path> = [Some(self.output.as_path()), report].into_iter().flatten().collect();
+        let outputs: Vec<&Path> =
+            [Some(self.output.as_path()), report].into_iter().flatten().collect();
         check::not_among(&crate::cloud::files(&self.input)?, &outputs)?;
         let new = |path: &&Path| check::new_file(path, self.out.overwrite);
         outputs.iter().try_for_each(new)
@@ -309,7 +320,12 @@ mod tests {
     #[test]
     fn a_summary_tells_what_became_of_the_points() {
         let report = GridReport {
-            points: crate::cloud::Census { read: 1234, kept: 1200, withheld: 34, ..Default::default() },
+            points: crate::cloud::Census {
+                read: 1234,
+                kept: 1200,
+                withheld: 34,
+                ..Default::default()
+            },
             outside_grid: 7,
             bands: vec![grid::BandReport { name: "mean".into(), valid: 5 }],
             cells: 10,
@@ -318,7 +334,9 @@ mod tests {
             ..GridReport::default()
         };
         let told = summary(&report);
-        for part in ["1,234 read, 34 withheld, 7 outside the grid", "mean (50.00 % of", "2.0 KiB through"] {
+        for part in
+            ["1,234 read, 34 withheld, 7 outside the grid", "mean (50.00 % of", "2.0 KiB through"]
+        {
             assert!(told.contains(part), "{part} in\n{told}");
         }
     }

@@ -19,12 +19,7 @@ fn lists(verb: &str) -> String {
         "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
         "synth" => vec![characters(), parameters()],
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
-        "grid" => vec![
-            statistics(),
-            grids_written(),
-            creation_options(),
-            EXIT_CODES.to_owned(),
-        ],
+        "grid" => vec![statistics(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
     parts.join("\n\n")

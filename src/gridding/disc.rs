@@ -61,11 +61,18 @@ impl Scatter {
             let cols = clip(i64::from(*col), self.across, window.col, window.width);
             let rows = clip(i64::from(*row), self.down, window.row, window.height);
             self.columns.clear();
-            self.columns.extend(cols.clone().map(|col| lattice.x.from_centre(point.x, col).powi(2)));
+            self.columns
+                .extend(cols.clone().map(|col| lattice.x.from_centre(point.x, col).powi(2)));
             for row in rows {
                 let down = lattice.y.from_centre(point.y, row).powi(2);
                 let first = (row - i64::from(window.row)) * i64::from(stride);
-                self.row(*point, (first + cols.start - i64::from(window.col)) as u32, down, block, region)?;
+                self.row(
+                    *point,
+                    (first + cols.start - i64::from(window.col)) as u32,
+                    down,
+                    block,
+                    region,
+                )?;
             }
         }
         self.flush(block, region)
@@ -101,7 +108,6 @@ impl Scatter {
         let (cells, points) = (&self.cells[..filled], &self.points[..filled]);
         block.add(region, Hits { cells, points, squares: &self.squares[..filled] })
     }
-
 }
 
 /// The least square whose root is not below `radius`.

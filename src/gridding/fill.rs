@@ -15,7 +15,8 @@ pub fn fill(values: &[f64], around: Rect, rect: Rect, reach: u32, out: &mut [f64
     for (row, line) in (top..).zip(out.chunks_exact_mut(rect.width as usize)) {
         for (col, out) in (left..).zip(line) {
             let value = values[row * stride + col];
-            *out = if value.is_nan() { from_around(values, stride, [col, row], reach) } else { value };
+            *out =
+                if value.is_nan() { from_around(values, stride, [col, row], reach) } else { value };
         }
     }
 }

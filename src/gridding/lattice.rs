@@ -95,8 +95,8 @@ impl Axis {
     fn new(frame: &Frame, axis: usize, anchor: f64, cell: f64) -> Self {
         let (scale, offset) = (frame.scale[axis], frame.offset[axis]);
         let steps = (cell / scale).round();
-        let is_whole = (1.0..MOST_STEPS).contains(&steps)
-            && (cell / scale / steps - 1.0).abs() < WHOLE;
+        let is_whole =
+            (1.0..MOST_STEPS).contains(&steps) && (cell / scale / steps - 1.0).abs() < WHOLE;
         let at = (anchor - offset) / scale;
         let at = if (at - at.round()).abs() < NEAR_STEP { at.round() } else { at };
         let rule = match is_whole && at.abs() < 1e15 {
@@ -104,7 +104,15 @@ impl Axis {
             false => Rule::World { scale, offset },
         };
         let (upper_closed, down) = (false, false);
-        Self { rule, world_anchor: anchor, world_cell: cell, upper_closed, down, first: 0, count: 0 }
+        Self {
+            rule,
+            world_anchor: anchor,
+            world_cell: cell,
+            upper_closed,
+            down,
+            first: 0,
+            count: 0,
+        }
     }
 
     /// The upper border belongs to a cell, not the lower one.
@@ -142,7 +150,8 @@ impl Axis {
         match self.rule {
             Rule::Steps { cell, .. } => (i64::from(steps) - self.border()).div_euclid(cell),
             Rule::World { scale, offset } => {
-                let cells = (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
+                let cells =
+                    (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
                 let index = if self.upper_closed { cells.ceil() - 1.0 } else { cells.floor() };
                 (index as i64).clamp(-FAR, FAR)
             }
@@ -253,8 +262,7 @@ mod tests {
     #[test]
     fn borders_belong_to_one_cell() {
         // Cells of 1 in steps of 0.01, from -3 to 4.
-        let lattice =
-            Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);
+        let lattice = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);
         let north = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::NorthClosed);
         let [x, y, z] = [lattice.x, lattice.y, north.y].map(|axis| axis.covering(-3, 7));
         assert!(x.is_exact());

@@ -306,8 +306,7 @@ fn values(method: &Method, text: &str) -> Result<Vec<(String, f64)>> {
 
 fn refusal(method: &Method, pair: &str) -> Error {
     let error = Error::usage(format!("\"{pair}\" is no parameter of {}", method.name));
-    let keys: Vec<String> =
-        method.parameters.iter().map(|p| format!("{}=NUMBER", p.key)).collect();
+    let keys: Vec<String> = method.parameters.iter().map(|p| format!("{}=NUMBER", p.key)).collect();
     match keys.is_empty() {
         true => error.remedy(format!("{} takes none", method.name)),
         false => error.remedy(format!("it takes {}", keys.join(", "))),
@@ -340,8 +339,18 @@ mod tests {
     #[test]
     fn what_is_not_known_is_told_with_what_is() {
         for wrong in [
-            "", "mode", "mean:radius=2", "idw:power=0", "idw:power=9", "idw:radius=-1", "p101",
-            "idw:radius", "idw:radius=1,radius=2", "std:ddof=2", "idw:radius=nan", "mean,,max",
+            "",
+            "mode",
+            "mean:radius=2",
+            "idw:power=0",
+            "idw:power=9",
+            "idw:radius=-1",
+            "p101",
+            "idw:radius",
+            "idw:radius=1,radius=2",
+            "std:ddof=2",
+            "idw:radius=nan",
+            "mean,,max",
         ] {
             assert!(parse_list(wrong).is_err(), "{wrong}");
         }

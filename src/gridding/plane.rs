@@ -122,8 +122,8 @@ impl Near {
     /// The nearer of two, of equally near ones the lowest.
     #[inline]
     fn or(self, other: Self) -> Self {
-        let nearer = other.square < self.square
-            || (other.square == self.square && other.point < self.point);
+        let nearer =
+            other.square < self.square || (other.square == self.square && other.point < self.point);
         if nearer { other } else { self }
     }
 }
@@ -189,9 +189,11 @@ impl Plane {
                 let at_centre = each().zip(hits.squares).filter(|(_, square)| **square == 0.0);
                 at_centre.for_each(|((at, p), _)| lows[at] = lows[at].min(p.z));
             }
-            Self::Nearest(nearest) => each().zip(hits.squares).for_each(|((at, &point), &square)| {
-                nearest[at] = nearest[at].or(Near { square, point, unused: 0 });
-            }),
+            Self::Nearest(nearest) => {
+                each().zip(hits.squares).for_each(|((at, &point), &square)| {
+                    nearest[at] = nearest[at].or(Near { square, point, unused: 0 });
+                })
+            }
             Self::Values(values) => {
                 let cells = hits.cells.iter().zip(hits.points);
                 values.extend(cells.map(|(&cell, point)| Value { cell, height: point.z }));

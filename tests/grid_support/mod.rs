@@ -10,7 +10,7 @@ use terrane::geom::{Crs, Frame, Point};
 use terrane::gridding::{Statistic, parse_list};
 use terrane::pipeline::grid::{GridJob, GridReport, grid};
 use terrane::pipeline::{Cancel, Silent};
-use terrane::raster::{self, GridSource};
+use terrane::raster;
 
 /// Points in memory.
 pub struct Memory {
@@ -22,7 +22,8 @@ impl Memory {
     /// These points, in parts of `size`.
     pub fn new(frame: Frame, points: &[Point], size: usize) -> Self {
         let fold = |pick: fn(i32, i32) -> i32| {
-            let join = |a: Point, b: &Point| Point::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z));
+            let join =
+                |a: Point, b: &Point| Point::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z));
             points.iter().skip(1).fold(points[0], join)
         };
         let bounds = (!points.is_empty()).then(|| [fold(i32::min), fold(i32::max)]);
@@ -61,7 +62,8 @@ pub struct Lots(pub u64);
 
 impl Lots {
     pub fn below(&mut self, end: u32) -> i32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 33) % u64::from(end)) as i32
     }
 }

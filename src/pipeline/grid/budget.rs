@@ -57,9 +57,10 @@ impl Budget {
             memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
         };
         let fits = |threads: &u64| left(*threads, MOST_SHIFT).is_some_and(|left| left >= LEAST);
-        let threads = (1..=threads.max(1) as u64).rev().find(fits).ok_or_else(|| {
-            too_small(memory, PROGRAM + slots(MOST_SHIFT) + worker + LEAST)
-        })?;
+        let threads = (1..=threads.max(1) as u64)
+            .rev()
+            .find(fits)
+            .ok_or_else(|| too_small(memory, PROGRAM + slots(MOST_SHIFT) + worker + LEAST))?;
         let good = |shift: &u32| {
             let room = left(threads, *shift).unwrap_or(0);
             (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
@@ -87,7 +88,8 @@ fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &R
 fn too_small(memory: u64, least: u64) -> Error {
     let needed = least.div_ceil(1 << 20);
     let allowed = memory as f64 / f64::from(1 << 20);
-    let message = format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
+    let message =
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
     Error::new(ErrorKind::Resource, message)
         .remedy(format!("pass --memory {needed}M or more, or choose larger cells"))
 }

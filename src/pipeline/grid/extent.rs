@@ -44,7 +44,8 @@ impl Placement {
 
     /// Fails when the wishes contradict each other.
     pub(super) fn check(&self, compat: Compat) -> Result<()> {
-        let refuse = |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
+        let refuse =
+            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
         let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
         match (&self.like, &self.cell) {
             (Some(_), Some(_)) => return refuse("--like has cells of its own beside --cell"),
@@ -148,8 +149,7 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
         Compat::Pdal => bbox.map(|b| [b[0], b[1]]).or_else(lowest),
         Compat::None | Compat::Lasr => *align,
     };
-    let edges =
-        if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
     let anchor = anchor.unwrap_or([0.0; 2]);
     let lattice = Lattice::new(&cloud.frame, anchor, cell, edges);
     let spans = match (bbox, cloud.bounds) {
@@ -157,14 +157,19 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
             let pdal = job.compat == Compat::Pdal;
             let span = |axis: usize, low: f64, high: f64| match pdal {
                 true => Ok([0, ((high - low) / cell[axis]).floor() as i64 + 1]),
-                false => overlapped((low - anchor[axis]) / cell[axis], (high - anchor[axis]) / cell[axis]),
+                false => overlapped(
+                    (low - anchor[axis]) / cell[axis],
+                    (high - anchor[axis]) / cell[axis],
+                ),
             };
             [span(0, *x0, *x1)?, span(1, *y0, *y1)?]
         }
         (None, Some(bounds)) => lattice.span(bounds).map(|[low, high]| [low, high - low + 1]),
         (None, None) => {
-            return Err(Error::bad_input("the cloud has no points, so nothing says where its grid lies")
-                .remedy("give --bbox or --like"));
+            return Err(Error::bad_input(
+                "the cloud has no points, so nothing says where its grid lies",
+            )
+            .remedy("give --bbox or --like"));
         }
     };
     Ok((lattice, spans))
@@ -196,8 +201,7 @@ fn like_grid(
         return Err(Error::unsupported("a grid that --like goes by must lie somewhere, north up")
             .in_file(path));
     }
-    let edges =
-        if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
     let corner = [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e];
     let lattice = Lattice::new(&cloud.frame, corner, [t.a, -t.e], edges);
     let (width, height) = (i64::from(width), i64::from(height));

@@ -185,13 +185,7 @@ impl GridSink for CogSink {
         self.layers[self.current].image.block
     }
 
-    fn encode(
-        &self,
-        band: u32,
-        rect: Rect,
-        heights: Heights<'_>,
-        out: &mut Vec<u8>,
-    ) -> Result<()> {
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
         match heights {
             Heights::F32(heights) => self.encode_heights(band, rect, heights, out),
             Heights::F64(heights) => self.encode_heights(band, rect, heights, out),

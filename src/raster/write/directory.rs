@@ -183,9 +183,9 @@ impl Directory {
     ) -> io::Result<()> {
         match content {
             Content::Values(values) => out.write_all(&values.bytes()),
-            Content::Sizes => self
-                .by_band(sizes)
-                .try_for_each(|size| out.write_all(&size.to_le_bytes())),
+            Content::Sizes => {
+                self.by_band(sizes).try_for_each(|size| out.write_all(&size.to_le_bytes()))
+            }
             Content::Offsets => {
                 let mut next = data;
                 let places = sizes.iter().map(|size| {

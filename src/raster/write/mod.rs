@@ -118,13 +118,7 @@ pub trait GridSink: Send + Sync {
     ///
     /// # Errors
     /// A height that the format cannot hold, with its column and row.
-    fn encode(
-        &self,
-        band: u32,
-        rect: Rect,
-        heights: Heights<'_>,
-        out: &mut Vec<u8>,
-    ) -> Result<()>;
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()>;
 
     /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time; those of
     /// all bands one after the other before the next block.
