@@ -19,6 +19,8 @@ pub const MAX_DIRECTORIES: u64 = 65_536;
 pub const MAX_UNPACKED_BYTES: u64 = 16 << 30;
 /// Most entries of one TIFF directory.
 pub const MAX_IFD_ENTRIES: u64 = 4096;
+/// Most points of one cloud file: sums over all files stay far from overflow.
+pub const MAX_POINTS: u64 = 1 << 44;
 /// Most files of one mosaic, those of mosaics within it included.
 pub const MAX_MEMBERS: u64 = 1 << 18;
 /// Most bytes of a VRT, those of VRTs within it included.

@@ -42,11 +42,17 @@ impl Grid {
 
     /// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
     pub(super) fn check(&self, input: &str) -> Result<()> {
+        self.given().map_or(Ok(()), |option| only_grid_files(option, input))
+    }
+
+    /// Fails when an option was given, because `input` is a point cloud.
+    pub(super) fn refuse_cloud(&self, input: &str) -> Result<()> {
+        self.given().map_or(Ok(()), |option| Err(refusal(option, input, "a point cloud")))
+    }
+
+    fn given(&self) -> Option<&'static str> {
         let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];
-        match options.into_iter().find(|(_, given)| *given) {
-            Some((option, _)) => only_grid_files(option, input),
-            None => Ok(()),
-        }
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 }
 

@@ -7,11 +7,13 @@ use std::sync::Arc;
 use crate::cli::parse;
 use crate::cloud::{Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
+use crate::geom::wkt;
 use crate::pipeline::Resources;
 
 /// Which points of a cloud are read, and how.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Points")]
+#[group(id = "cloud")]
 pub(super) struct Args {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
@@ -37,6 +39,9 @@ pub(super) struct Args {
     /// Only every N-th point of each file
     #[arg(long, value_name = "N")]
     every: Option<NonZeroU32>,
+    /// The coordinate system of files that name none, such as EPSG:2154 or well-known text
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    crs: Option<String>,
     /// Go on with the good part of damaged files; the points lost are counted
     #[arg(long)]
     salvage: bool,
@@ -60,7 +65,8 @@ impl Args {
             every: self.every,
         };
         let (salvage, threads) = (self.salvage, resources.threads);
-        Ok(OpenOptions { filter, salvage, crs: None, threads })
+        let crs = self.crs.as_deref().map(wkt::of_srs);
+        Ok(OpenOptions { filter, salvage, crs, threads })
     }
 
     /// The first of these options that was given.
@@ -74,6 +80,7 @@ impl Args {
             ("--polygon", self.polygon.is_some()),
             ("--z-range", self.z_range.is_some()),
             ("--every", self.every.is_some()),
+            ("--crs", self.crs.is_some()),
             ("--salvage", self.salvage),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
@@ -86,6 +93,14 @@ impl Args {
             .in_file(Path::new(input))
             .remedy(format!("leave {option} out, or name a .las or .laz file")))
     }
+}
+
+/// A system that is known by its code or text.
+fn parse_crs(text: &str) -> std::result::Result<String, String> {
+    let crs = wkt::of_srs(text);
+    let known = crs.epsg.is_some() || crs.wkt.is_some();
+    let wrong = "expected EPSG:CODE or well-known text";
+    if known { Ok(text.to_owned()) } else { Err(wrong.to_owned()) }
 }
 
 /// A return by name or number.

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, args, check, say, text};
+use crate::cli::{Outcome, args, check, cloud, cloud_info, say, text};
+use crate::cloud::is_cloud;
 use crate::error::Result;
 use crate::geom::Point3;
 use crate::output::MeshInfo;
@@ -11,21 +12,24 @@ use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
 use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 
-/// Tell what grids and meshes are, what is odd about them, and what a TIN would take
+/// Tell what grids, meshes and point clouds are, what is odd about them, and what a TIN would take
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid and mesh files, or synthetic terrains by name; a folder, a list or a pattern in quotes is
-    /// one mosaic
+    /// Grid, mesh and cloud files, or synthetic terrains by name; a folder, a list or a pattern in
+    /// quotes is one mosaic or one cloud
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
-    /// Take all files together for one mosaic
+    /// Take all files together for one mosaic or one cloud
     #[arg(long)]
     mosaic: bool,
-    /// Read all samples: share of valid ones, lowest, highest and mean height
+    /// Read all samples: share of valid ones, lowest, highest and mean height; of a cloud all points:
+    /// counts by class and return, bounds found
     #[arg(long)]
     stats: bool,
     #[command(flatten)]
     grid: args::Grid,
+    #[command(flatten)]
+    cloud: cloud::Args,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
@@ -58,6 +62,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 enum Facts {
     Grid(Box<GridFacts>),
     Mesh(Box<MeshFacts>),
+    Cloud(Box<cloud_info::Facts>),
 }
 
 fn told(files: &[String]) -> String {
@@ -70,8 +75,12 @@ fn describe(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Facts> {
+    if files.iter().any(|file| is_cloud(file)) {
+        return describe_cloud(files, args, progress, cancel);
+    }
     check::inputs(files)?;
     args.grid.check_all(files)?;
+    files.iter().try_for_each(|file| args.cloud.refuse(file))?;
     files.iter().try_for_each(|file| args.machine.check(file))?;
     if args.stats {
         files.iter().try_for_each(|file| args::only_grids("--stats", file))?;
@@ -92,11 +101,25 @@ fn describe(
     }
 }
 
+fn describe_cloud(
+    files: &[String],
+    args: &Args,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Facts> {
+    files.iter().try_for_each(|file| args.grid.refuse_cloud(file))?;
+    let (resources, told) = (args.machine.resources(), told(files));
+    let at = (files, told.as_str());
+    let facts = cloud_info::describe(at, &args.cloud, args.stats, &resources, (progress, cancel))?;
+    Ok(Facts::Cloud(Box::new(facts)))
+}
+
 impl Facts {
     fn text(&self, file: &str) -> String {
         let rows = match self {
             Facts::Grid(grid) => grid.rows(),
             Facts::Mesh(mesh) => mesh.rows(),
+            Facts::Cloud(cloud) => cloud.rows(),
         };
         format!("{file}\n{}", text::table(&rows))
     }

@@ -6,6 +6,7 @@
 mod args;
 mod check;
 mod cloud;
+mod cloud_info;
 mod complete;
 mod convert;
 mod demo;

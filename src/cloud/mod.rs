@@ -2,6 +2,7 @@
 
 mod agree;
 mod copc;
+mod facts;
 mod filter;
 mod frame;
 mod las;

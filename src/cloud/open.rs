@@ -76,6 +76,10 @@ impl Cloud {
         }
     }
 
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
+        self.members.iter().map(|member| &member.file)
+    }
+
     /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
     /// bounds claimed: for looking closely, where [`PointSource::read`] is for speed. All points are
     /// kept that are in the returned counts, but for those lost.
@@ -153,9 +157,13 @@ pub fn files(inputs: &[String]) -> Result<Vec<String>> {
 /// extents that a frame cannot hold.
 pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
     let names = files(inputs)?;
-    let files = on_threads(options.threads, || {
-        names.par_iter().map(|name| open_file(Path::new(name), options)).collect()
-    })?;
+    let files = match names.as_slice() {
+        // Nothing to share among threads.
+        [name] if is_member(Path::new(name)) => vec![open_file(Path::new(name), options)?],
+        _ => on_threads(options.threads, || {
+            names.par_iter().map(|name| open_file(Path::new(name), options)).collect()
+        })?,
+    };
     join(names, files, options)
 }
 
@@ -186,7 +194,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let wanted: Vec<Claim> = touching.iter().flatten().copied().collect();
     let common = match wanted.is_empty() {
         true => nowhere(&files),
-        false => frame::common(&wanted)?,
+        false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
     };
     let bounds = bounds(&wanted, &common);
     let mut maps = common.maps.iter();
@@ -203,6 +211,15 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, common.moved);
     Ok(Cloud { info, names, members, parts, filter: options.filter.clone(), notes })
+}
+
+/// The error with the first file that is beyond reach on its own.
+fn named(error: Error, names: &[String], claims: &[Option<Claim>]) -> Error {
+    let is_it = |claim: &Option<Claim>| claim.is_some_and(|claim| frame::common(&[claim]).is_err());
+    match claims.iter().position(is_it) {
+        Some(file) => error.in_file(Path::new(&names[file])),
+        None => error,
+    }
 }
 
 /// The frame of a cloud without points.

@@ -9,12 +9,23 @@ use crate::limits;
 
 /// Polygons with holes: inside is where an odd number of rings goes around. Of two polygons that
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
-/// one, and points on an edge count as right of it.
+/// one, and points on an edge are right of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polygon {
     /// From the lower to the upper end.
     edges: Vec<[[f64; 2]; 2]>,
+    /// x low, y low, x high, y high.
+    bounds: [f64; 4],
+    /// Bands of equal height from the lowest to the highest corner: where the list of each begins.
+    starts: Vec<u32>,
+    /// The edges that touch each band, band by band.
+    lists: Vec<u32>,
 }
+
+/// Most bands: lists of long edges stay short against the edges.
+const MOST_BANDS: usize = 1024;
+/// Most corners.
+const MOST_CORNERS: u64 = 1 << 24;
 
 impl Polygon {
     /// Of closed rings; a ring that ends off its start is closed.
@@ -25,7 +36,35 @@ impl Polygon {
             let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
             edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         }
-        Self { edges }
+        let bounds = edges.iter().flatten().fold(EMPTY, |[west, south, east, north], [x, y]| {
+            [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
+        });
+        let mut polygon = Self { edges, bounds, starts: Vec::new(), lists: Vec::new() };
+        polygon.fill_bands();
+        polygon
+    }
+
+    /// Lists the edges of each band, in O(edges x bands they touch).
+    fn fill_bands(&mut self) {
+        let bands = self.edges.len().clamp(1, MOST_BANDS);
+        let mut lists = vec![Vec::new(); bands];
+        for (number, [low, high]) in (0_u32..).zip(&self.edges) {
+            let touched = self.band(low[1], bands)..=self.band(high[1], bands);
+            lists[touched].iter_mut().for_each(|list| list.push(number));
+        }
+        self.starts = std::iter::once(0)
+            .chain(lists.iter().scan(0, |end, list| {
+                *end += list.len() as u32;
+                Some(*end)
+            }))
+            .collect();
+        self.lists = lists.concat();
+    }
+
+    /// The band of a height within the bounds; it rises with the height.
+    fn band(&self, y: f64, bands: usize) -> usize {
+        let [_, south, _, north] = self.bounds;
+        ((y - south) / (north - south) * bands as f64).min((bands - 1) as f64) as usize
     }
 
     /// The polygons of a GeoJSON file, all of them together.
@@ -49,6 +88,8 @@ impl Polygon {
             .map_err(|e| Error::bad_input(format!("is not GeoJSON: {e}")))?;
         let mut rings = Vec::new();
         collect(&value, &mut rings)?;
+        let corners = rings.iter().map(|ring| ring.len() as u64).sum();
+        limits::check("corners of polygons", corners, MOST_CORNERS)?;
         if rings.is_empty() {
             let remedy = "name a file with a Polygon or MultiPolygon";
             return Err(Error::bad_input("holds no polygon").remedy(remedy));
@@ -58,22 +99,28 @@ impl Polygon {
 
     /// The box around it: x low, y low, x high, y high; empty where no ring has an inside.
     pub fn bounds(&self) -> [f64; 4] {
-        let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        self.edges.iter().flatten().fold(empty, |[west, south, east, north], [x, y]| {
-            [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
-        })
+        self.bounds
     }
 
-    /// Whether the place is inside.
+    /// Whether the place is inside. Time: the edges at its height.
     pub fn contains(&self, x: f64, y: f64) -> bool {
-        let crossed = self.edges.iter().filter(|[low, high]| {
-            low[1] <= y && y < high[1] && {
-                let across = (high[0] - low[0]) * (y - low[1]) - (x - low[0]) * (high[1] - low[1]);
-                across >= 0.0
-            }
-        });
-        crossed.count() % 2 == 1
+        let [west, south, east, north] = self.bounds;
+        if !(west <= x && x <= east && south <= y && y <= north) {
+            return false;
+        }
+        let band = self.band(y, self.starts.len() - 1);
+        let list = &self.lists[self.starts[band] as usize..self.starts[band + 1] as usize];
+        let edges = list.iter().map(|edge| &self.edges[*edge as usize]);
+        edges.filter(|edge| is_left(edge, x, y)).count() % 2 == 1
     }
+}
+
+const EMPTY: [f64; 4] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+
+/// Whether an edge holds the height of a place and is left of it, or the place is on it.
+fn is_left([low, high]: &[[f64; 2]; 2], x: f64, y: f64) -> bool {
+    let across = (high[0] - low[0]) * (y - low[1]) - (x - low[0]) * (high[1] - low[1]);
+    low[1] <= y && y < high[1] && across <= 0.0
 }
 
 /// Gathers the rings of all polygons in a GeoJSON object. The parser bounds its depth.
@@ -104,8 +151,10 @@ fn collect_rings(polygon: &Value, rings: &mut Vec<Vec<[f64; 2]>>) -> Result<()> 
     Ok(())
 }
 
+/// Its magnitude is bounded so that areas are finite.
 fn corner(value: &Value) -> Option<[f64; 2]> {
-    Some([value.get(0)?.as_f64()?, value.get(1)?.as_f64()?])
+    let number = |i: usize| value.get(i)?.as_f64().filter(|v| v.abs() < 1e100);
+    Some([number(0)?, number(1)?])
 }
 
 fn list(value: &Value) -> Result<&Vec<Value>> {

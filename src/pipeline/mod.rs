@@ -1,5 +1,6 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
+pub mod cloud_stats;
 pub mod convert;
 mod disk;
 pub mod grid;

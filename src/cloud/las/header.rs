@@ -2,6 +2,7 @@
 //! file's length.
 
 use crate::error::{Error, Result};
+use crate::limits;
 
 use super::bytes::Bytes;
 
@@ -48,7 +49,8 @@ impl Header {
     /// From the first bytes of a file of `len` bytes.
     pub(super) fn parse(head: &[u8], len: u64) -> Result<Self> {
         if !head.starts_with(b"LASF") {
-            return Err(Error::bad_input("is not a LAS or LAZ file: it does not begin with LASF"));
+            return Err(Error::bad_input("is not a LAS or LAZ file: it does not begin with LASF")
+                .remedy("copy it again, or name another file"));
         }
         if head.len() < usize::from(SIZES[0]) {
             return Err(Error::bad_input(format!(
@@ -104,6 +106,8 @@ impl Header {
     }
 
     fn check_layout(&self, len: u64) -> Result<()> {
+        limits::check("number of points", self.count, limits::MAX_POINTS)
+            .map_err(|e| e.remedy("copy the file again"))?;
         let size = SIZES[usize::from(self.version[1].saturating_sub(2))];
         let damaged = |message: String| Err(Error::bad_input(message).remedy("copy it again"));
         if self.size < size {

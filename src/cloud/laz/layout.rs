@@ -24,6 +24,17 @@ pub(in crate::cloud) enum Compressor {
     Layers,
 }
 
+impl Compressor {
+    /// For people.
+    pub(in crate::cloud) fn name(self) -> &'static str {
+        match self {
+            Self::Stream => "point by point in one stream",
+            Self::Chunks => "point by point",
+            Self::Layers => "by layers",
+        }
+    }
+}
+
 /// What a decoder must know of a file.
 #[derive(Clone, Debug)]
 pub(in crate::cloud) struct Layout {

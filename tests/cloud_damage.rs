@@ -1,0 +1,233 @@
+//! Damaged clouds: the good part with exact counts of what was lost, or one clear error; never a
+//! panic, a hang, or more points or memory than a file has.
+
+mod cloud_support;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use cloud_support::{Made, Packing, Place, Random, copc, data_files, keep_all, read_file};
+use terrane::Result;
+use terrane::cloud::{Census, OpenOptions};
+
+/// Far below what any of the lying headers asks for.
+const MOST_MEMORY: u64 = 512 << 20;
+/// A file that takes longer is one that hangs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+type Found = Result<(Vec<[f64; 3]>, Census)>;
+
+fn salvage() -> OpenOptions {
+    OpenOptions { salvage: true, ..keep_all() }
+}
+
+/// Reads strictly and with salvage; checks what holds for any file.
+fn both(name: &str) -> (Found, Found) {
+    let start = Instant::now();
+    let (strict, loose) = (read_file(name, &keep_all()), read_file(name, &salvage()));
+    assert!(start.elapsed() < PATIENCE, "{name} hangs");
+    for error in [&strict, &loose].into_iter().filter_map(|found| found.as_ref().err()) {
+        let told = error.to_string();
+        assert!(told.contains(Path::new(name).file_name().unwrap().to_str().unwrap()), "{told}");
+        assert!(!told.contains('\n') && told.len() < 1000, "{told}");
+    }
+    if let (Ok(strict), Ok(loose)) = (&strict, &loose) {
+        assert_eq!(strict, loose, "salvage changes nothing about sound files");
+        assert_eq!((strict.1.lost, strict.1.outside), (0, 0));
+    }
+    (strict, loose)
+}
+
+fn peak_is_low() -> bool {
+    terrane::pipeline::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
+}
+
+/// Small files, one of each kind.
+fn small(count: usize) -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("old.las", Made::new(1, Packing::Plain, count).bytes()),
+        ("new.las", Made::new(6, Packing::Plain, count).bytes()),
+        ("wise.laz", Made::new(3, Packing::Fixed(7), count).bytes()),
+        ("stream.laz", Made::new(1, Packing::Stream, count).bytes()),
+        ("layers.laz", Made::new(7, Packing::Fixed(7), count).bytes()),
+        ("variable.laz", Made::new(6, Packing::Variable(5), count).with_extra(2).bytes()),
+        ("tree.copc.laz", copc(count / 9)),
+    ]
+}
+
+#[test]
+fn cut_off_anywhere() {
+    let place = Place::new();
+    for (name, bytes) in small(9) {
+        let file = place.write(name, &bytes);
+        let whole = both(&file).0.unwrap();
+        for length in 1..bytes.len() {
+            let file = place.write(name, &bytes[..length]);
+            let (strict, loose) = both(&file);
+            for (points, census) in [strict, loose].into_iter().flatten() {
+                assert!(whole.0.starts_with(&points), "{name} cut at {length}");
+                assert_eq!(census.read, whole.1.read, "{name} cut at {length}");
+                assert_eq!(census.lost, whole.1.read - points.len() as u64);
+            }
+        }
+    }
+    assert!(peak_is_low());
+}
+
+#[test]
+fn a_cut_file_gives_its_whole_records_or_chunks() {
+    let place = Place::new();
+    let made = Made::new(6, Packing::Plain, 100);
+    let bytes = made.bytes();
+    let (strict, loose) = both(&place.write("a.las", &bytes[..bytes.len() - 31]));
+    let told = strict.unwrap_err().to_string();
+    assert!(told.contains("100 points claimed, 98 there") && told.contains("--salvage"), "{told}");
+    let (points, census) = loose.unwrap();
+    assert_eq!((points.as_slice(), census.lost), (&made.world()[..98], 2));
+    let made = Made::new(6, Packing::Fixed(30), 100);
+    let bytes = made.bytes();
+    let (strict, loose) = both(&place.write("a.laz", &bytes[..bytes.len() - 200]));
+    let told = strict.unwrap_err().to_string();
+    assert!(told.contains("chunk table") && told.contains("--salvage"), "{told}");
+    let (points, census) = loose.unwrap();
+    assert_eq!((points.as_slice(), census.lost), (&made.world()[..90], 10));
+}
+
+#[test]
+fn a_broken_chunk_leaves_the_others() {
+    let place = Place::new();
+    let made = Made::new(6, Packing::Fixed(50), 200);
+    let mut bytes = made.bytes();
+    let at = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize + 8;
+    // The number of points of the first chunk.
+    bytes[at + 30] ^= 1;
+    let (strict, loose) = both(&place.write("a.laz", &bytes));
+    let told = strict.unwrap_err().to_string();
+    assert!(told.contains("a.laz: chunk 0, point 0:") && told.contains("--salvage"), "{told}");
+    let (points, census) = loose.unwrap();
+    assert_eq!((points.as_slice(), census.lost), (&made.world()[50..], 50));
+}
+
+#[test]
+fn points_outside_the_bounds_claimed() {
+    let place = Place::new();
+    let made = Made::new(1, Packing::Plain, 100);
+    let mut bytes = made.bytes();
+    let at = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize + 28 * 60;
+    bytes[at..at + 4].copy_from_slice(&1_000_000_i32.to_le_bytes());
+    let (strict, loose) = both(&place.write("a.las", &bytes));
+    let told = strict.unwrap_err().to_string();
+    assert!(told.contains("a.las: point 60:") && told.contains("outside"), "{told}");
+    let (points, census) = loose.unwrap();
+    assert_eq!((points.len(), census.outside, census.read), (99, 1, 100));
+    let mut options = keep_all();
+    options.filter.classes = Some(vec![99]);
+    let name = place.write("b.las", &bytes);
+    assert!(read_file(&name, &options).is_ok(), "filters come first");
+}
+
+#[test]
+fn headers_that_make_no_sense() {
+    let place = Place::new();
+    let sound = Made::new(6, Packing::Plain, 10).bytes();
+    let f64s = |value: f64| value.to_le_bytes().to_vec();
+    for (at, value, told) in [
+        (0, b"LASX".to_vec(), "does not begin with LASF"),
+        (24, vec![2, 0], "version 2.0"),
+        (104, vec![11], "point format 11"),
+        (104, vec![0x80 | 6], "LASzip record is missing"),
+        (105, vec![29, 0], "29 bytes"),
+        (94, vec![0, 0], "header claims 0 bytes"),
+        (96, vec![255; 4], "begin at byte 4294967295"),
+        (247, vec![255; 8], "number of points"),
+        (131, f64s(0.0), "scale of x is 0"),
+        (139, f64s(f64::NAN), "scale of y is NaN"),
+        (147, f64s(-0.01), "scale of z is -0.01"),
+        (155, f64s(f64::INFINITY), "offset inf"),
+        (179, f64s(f64::NAN), "bounds of x"),
+        (179, f64s(-1e9), "bounds of x"),
+        (179, f64s(1e12), "steps"),
+    ] {
+        let mut bytes = sound.clone();
+        bytes[at..at + value.len()].copy_from_slice(&value);
+        let error = both(&place.write("a.las", &bytes)).0.unwrap_err().to_string();
+        assert!(error.contains(told) && error.contains("; "), "{error}");
+    }
+    assert!(both(&place.write("empty.las", b"")).0.unwrap_err().to_string().contains("empty"));
+}
+
+/// Changes a few bytes, to anything or to values that tend to hurt.
+fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
+    for _ in 0..1 + random.below(4) {
+        // Headers decide most.
+        let most = if random.below(2) == 0 { bytes.len().min(700) } else { bytes.len() };
+        let at = random.below(most);
+        match random.below(6) {
+            0 => bytes[at] = 0,
+            1 => bytes[at] = 0xff,
+            2 => bytes[at] ^= 1 << random.below(8),
+            3 => {
+                let numbers = [0, 1, 0x7fff_ffff, u64::MAX >> 1, u64::MAX, bytes.len() as u64];
+                let number = numbers[random.below(numbers.len())].to_le_bytes();
+                let width = [2, 4, 8][random.below(3)].min(bytes.len() - at);
+                bytes[at..at + width].copy_from_slice(&number[..width]);
+            }
+            _ => bytes[at] = random.below(256) as u8,
+        }
+    }
+    match random.below(20) {
+        0 => bytes.truncate(1 + random.below(bytes.len())),
+        1 => bytes.extend((0..random.below(100)).map(|i| i as u8)),
+        _ => {}
+    }
+}
+
+#[test]
+fn ten_thousand_mutations() {
+    let place = Place::new();
+    let kinds = small(12);
+    let (mut sound, mut saved) = (0, 0);
+    for number in 0..10_000 {
+        // The octree has many chunks, and each makes the decoder anew.
+        let kind = if number % 20 == 0 { kinds.len() - 1 } else { number % (kinds.len() - 1) };
+        let (name, bytes) = &kinds[kind];
+        let mut bytes = bytes.clone();
+        mutate(&mut bytes, &mut Random::of(number));
+        let file = place.write(name, &bytes);
+        let start = Instant::now();
+        match read_file(&file, &keep_all()) {
+            Ok(_) => sound += 1,
+            Err(error) => {
+                assert!(error.path().is_some_and(|path| path.ends_with(name)), "{error}");
+                saved += usize::from(read_file(&file, &salvage()).is_ok());
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "mutation {number} hangs");
+    }
+    assert!((1000..9000).contains(&sound) && saved > 500, "{sound} sound, {saved} saved");
+    assert!(peak_is_low());
+}
+
+#[test]
+fn malformed_files_of_the_corpus() {
+    let mut seen = 0;
+    for path in data_files("malformed/las") {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        let (strict, loose) = both(path.to_str().unwrap());
+        let count = |found: &Found| found.as_ref().map_or(-1, |(points, _)| points.len() as i64);
+        let expected = match name {
+            "Semis_2022_0906_6665_LA93_IGN69_nok.laz" => (-1, -1),
+            "bad-geotiff-keys.las" | "bad_vlr_count.las" => (10, 10),
+            "garbage_nVariableLength.las" => (-1, 718),
+            "lots_of_vlr.las" => (1, 1),
+            "no-points.las" => (0, 0),
+            "spurious.las" => (-1, 1064),
+            "test_pdalfail_0643_6319_LA93_IGN69.laz" => (89, 89),
+            "wontcompress3.las" => (1000, 1000),
+            _ => panic!("{name} is new: say what it should give"),
+        };
+        assert_eq!((count(&strict), count(&loose)), expected, "{name}");
+        seen += 1;
+    }
+    assert!(seen == 0 || seen == 9 && peak_is_low());
+}
