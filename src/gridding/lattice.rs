@@ -301,6 +301,16 @@ mod tests {
     }
 
     #[test]
+    fn borders_on_steps_belong_to_one_cell_where_cells_are_no_whole_steps() {
+        // Cells of one and a half steps: every second border lies on a step.
+        let new = |edges| Lattice::new(&frame(0.5, 0.0), [0.0; 2], [0.75; 2], edges).y;
+        let [south, north] = [Edges::LowerClosed, Edges::NorthClosed].map(new);
+        assert!(!south.is_exact() && !north.is_exact());
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| south.index(steps)), [-2, 0, 0, 1, 2, 4]);
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| north.index(steps)), [-3, -1, 0, 1, 1, 3]);
+    }
+
+    #[test]
     fn a_part_sees_what_the_whole_sees() {
         for (scale, cell) in [(0.01, 1.0), (0.01, 0.333), (0.3, 0.7), (1e-7, 1.0 / 3600.0)] {
             for edges in [Edges::LowerClosed, Edges::NorthClosed] {
