@@ -5,8 +5,8 @@ mod cli_support;
 use cli_support::Place;
 use terrane::{output, raster, synth};
 
-const VERBS: [&str; 9] =
-    ["tin", "verify", "info", "view", "convert", "synth", "demo", "completions", "man"];
+const VERBS: [&str; 10] =
+    ["tin", "verify", "info", "view", "convert", "grid", "synth", "demo", "completions", "man"];
 
 #[test]
 fn help_and_version_go_to_stdout() {

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::Cancel;
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, Placement};
+use crate::pipeline::surface::is_synthetic;
 use crate::raster::SampleType;
 
 /// Make a grid of a cloud of points: statistics of the points in each cell
@@ -17,6 +18,7 @@ use crate::raster::SampleType;
 /// cell size. One pass over the points, whatever the extent; the bytes are the same for any order of
 /// points and files, any number of threads and any memory.
 #[derive(Clone, Debug, clap::Args)]
+#[group(id = "grid")]
 pub(super) struct Args {
     /// Cloud of points: files (.las, .laz, or text with a point in each line), folders, patterns in
     /// quotes, or lists are one cloud
@@ -218,10 +220,20 @@ impl Args {
         let report = self.out.report.as_deref();
         let outputs: Vec<&Path> =
             [Some(self.output.as_path()), report].into_iter().flatten().collect();
-        check::not_among(&crate::cloud::files(&self.input)?, &outputs)?;
+        let files = crate::cloud::files(&self.input)?;
+        files.iter().try_for_each(|file| is_there(file))?;
+        check::not_among(&files, &outputs)?;
         let new = |path: &&Path| check::new_file(path, self.out.overwrite);
         outputs.iter().try_for_each(new)
     }
+}
+
+/// Fails when a file is missing.
+fn is_there(file: &str) -> Result<()> {
+    if is_synthetic(file) || Path::new(file).exists() {
+        return Ok(());
+    }
+    Err(Error::bad_input("no such file").in_file(Path::new(file)).remedy("check the name"))
 }
 
 /// A list of statistics.

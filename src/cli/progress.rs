@@ -1,14 +1,15 @@
 //! Progress on stderr: a bar with the time left, or one line after another.
 
+use std::fmt;
 use std::io::{IsTerminal, Write, stderr};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::cli::say;
+use crate::cli::{say, text};
 use crate::pipeline::{Progress, Silent};
 
 /// How progress is shown.
@@ -37,7 +38,7 @@ pub(super) fn display(how: How) -> Box<dyn Progress> {
 /// A bar that shows the current stage and vanishes with it.
 struct Bar(Mutex<Option<ProgressBar>>);
 
-const TEMPLATE: &str = "{msg:>10} [{bar:36}] {percent:>3} %  {eta_precise} left";
+const TEMPLATE: &str = "{msg:>10} [{bar:36}] {percent:>3} %  {rate}  {eta_precise} left";
 
 impl Bar {
     fn new() -> Self {
@@ -61,7 +62,11 @@ impl Progress for Bar {
             Self::clear(slot);
             let bar =
                 ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10));
-            let style = ProgressStyle::with_template(TEMPLATE);
+            let style = ProgressStyle::with_template(TEMPLATE).map(|style| {
+                style.with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
+                    let _ = out.write_str(&rate(state.per_sec()));
+                })
+            });
             bar.set_style(
                 style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "),
             );
@@ -113,7 +118,8 @@ struct Status<'a> {
     done: u64,
     total: u64,
     seconds: f64,
-    /// Absent until it can be told.
+    /// Absent until they can be told.
+    per_second: Option<f64>,
     seconds_left: Option<f64>,
 }
 
@@ -121,8 +127,15 @@ impl Stage {
     fn status(&self) -> Status<'_> {
         let seconds = self.begun.elapsed().as_secs_f64();
         let left = self.total.saturating_sub(self.done) as f64 / self.done as f64 * seconds;
-        let seconds_left = (self.done > 0).then_some(left);
-        Status { stage: &self.name, done: self.done, total: self.total, seconds, seconds_left }
+        let told = self.done > 0 && seconds > 0.0;
+        Status {
+            stage: &self.name,
+            done: self.done,
+            total: self.total,
+            seconds,
+            per_second: told.then_some(self.done as f64 / seconds),
+            seconds_left: told.then_some(left),
+        }
     }
 }
 
@@ -175,7 +188,13 @@ fn json(status: &Status<'_>) -> String {
 fn plain(status: &Status<'_>) -> String {
     let share = status.done as f64 / status.total.max(1) as f64 * 100.0;
     let left = status.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
-    format!("{}: {share:.0} %, {:.1} s{left}", status.stage, status.seconds)
+    let rate = status.per_second.map_or(String::new(), |units| format!(", {}", rate(units)));
+    format!("{}: {share:.0} %, {:.1} s{rate}{left}", status.stage, status.seconds)
+}
+
+/// Units (samples, points, triangles) by second.
+fn rate(units: f64) -> String {
+    text::rate(units, "").replace(" /s", "/s")
 }
 
 #[cfg(test)]
@@ -196,7 +215,7 @@ mod tests {
             (&value["stage"], &value["done"], &value["total"]),
             (&"tiles".into(), &25.into(), &100.into())
         );
-        assert!(value["seconds_left"].is_number());
+        assert!(value["seconds_left"].is_number() && value["per_second"].is_number());
         assert!(plain(&stage.status()).starts_with("tiles: 25 %"));
     }
 

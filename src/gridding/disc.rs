@@ -18,7 +18,9 @@ pub struct Scatter {
     points: Vec<Point>,
     squares: Vec<f64>,
     filled: usize,
+    /// Squared distances of a point from the columns and rows around it.
     columns: Vec<f64>,
+    rows: Vec<f64>,
 }
 
 /// Hits that are handed over at once.
@@ -37,6 +39,7 @@ impl Scatter {
             squares: vec![0.0; ROOM],
             filled: 0,
             columns: Vec::new(),
+            rows: Vec::new(),
         }
     }
 
@@ -60,19 +63,13 @@ impl Scatter {
         for (point, (col, row)) in points.iter().zip(places) {
             let cols = clip(i64::from(*col), self.across, window.col, window.width);
             let rows = clip(i64::from(*row), self.down, window.row, window.height);
-            self.columns.clear();
-            self.columns
-                .extend(cols.clone().map(|col| lattice.x.from_centre(point.x, col).powi(2)));
-            for row in rows {
-                let down = lattice.y.from_centre(point.y, row).powi(2);
-                let first = (row - i64::from(window.row)) * i64::from(stride);
-                self.row(
-                    *point,
-                    (first + cols.start - i64::from(window.col)) as u32,
-                    down,
-                    block,
-                    region,
-                )?;
+            let first = (cols.start - i64::from(window.col)) as u32;
+            let down = (rows.start - i64::from(window.row)) as u32;
+            lattice.x.squares(point.x, cols, &mut self.columns);
+            lattice.y.squares(point.y, rows, &mut self.rows);
+            for i in 0..self.rows.len() {
+                let first = (down + i as u32) * stride + first;
+                self.row(*point, first, self.rows[i], block, region)?;
             }
         }
         self.flush(block, region)

@@ -1,6 +1,8 @@
 //! Where the cells of a grid lie among the points: which cell a point is in, and how far it is from
 //! the centre of another, decided alike wherever the grid begins.
 
+use std::ops::Range;
+
 use crate::geom::{Affine, Frame, Point};
 
 /// Which two borders belong to a cell.
@@ -198,17 +200,23 @@ impl Axis {
         number.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
     }
 
-    /// How far a coordinate lies from the centre of cell `number`, in world units.
-    #[inline]
-    pub fn from_centre(&self, steps: i32, number: i64) -> f64 {
-        let index = (self.turned(number) + self.first) as f64 + 0.5;
+    /// Squared distances along the axis from a coordinate to the centres of cells, in world units, into
+    /// `out` (emptied first). Each is computed by itself, so that it is the same for any grid on this
+    /// lattice.
+    pub fn squares(&self, steps: i32, numbers: Range<i64>, out: &mut Vec<f64>) {
+        out.clear();
+        let index = |number: i64| (self.turned(number) + self.first) as f64 + 0.5;
+        let steps = f64::from(steps);
         match self.rule {
-            Rule::Steps { anchor, cell, scale } => {
-                (f64::from(steps) - (anchor + index * cell as f64)) * scale
-            }
-            Rule::World { scale, offset } => {
-                f64::from(steps) * scale + offset - (self.world_anchor + index * self.world_cell)
-            }
+            Rule::Steps { anchor, cell, scale } => out.extend(numbers.map(|number| {
+                let apart = (steps - (anchor + index(number) * cell as f64)) * scale;
+                apart * apart
+            })),
+            Rule::World { scale, offset } => out.extend(numbers.map(|number| {
+                let centre = self.world_anchor + index(number) * self.world_cell;
+                let apart = steps * scale + offset - centre;
+                apart * apart
+            })),
         }
     }
 
@@ -284,10 +292,22 @@ mod tests {
         let x = lattice.x.covering(0, 2);
         assert!(x.is_exact());
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| x.number(steps)), [-1, 0, 0, 1, 1, 2]);
-        assert_eq!(x.from_centre(2, 0), 0.0);
+        let mut squares = Vec::new();
+        x.squares(2, 0..2, &mut squares);
+        assert_eq!(squares, [0.0, 9.0]);
         let north = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::NorthClosed);
         let y = north.y.covering(0, 2);
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| y.number(steps)), [2, 1, 1, 0, 0, -1]);
+    }
+
+    #[test]
+    fn borders_on_steps_belong_to_one_cell_where_cells_are_no_whole_steps() {
+        // Cells of one and a half steps: every second border lies on a step.
+        let new = |edges| Lattice::new(&frame(0.5, 0.0), [0.0; 2], [0.75; 2], edges).y;
+        let [south, north] = [Edges::LowerClosed, Edges::NorthClosed].map(new);
+        assert!(!south.is_exact() && !north.is_exact());
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| south.index(steps)), [-2, 0, 0, 1, 2, 4]);
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| north.index(steps)), [-3, -1, 0, 1, 1, 3]);
     }
 
     #[test]
@@ -300,8 +320,10 @@ mod tests {
                 for steps in (-70_000..70_000).step_by(7) {
                     let number = whole.number(steps);
                     assert_eq!(part.number(steps), number - 420, "{scale} {cell}");
-                    let far = whole.from_centre(steps, 400);
-                    assert_eq!(far, part.from_centre(steps, 400 - 420));
+                    let [mut a, mut b] = [Vec::new(), Vec::new()];
+                    whole.squares(steps, 400..403, &mut a);
+                    part.squares(steps, 400 - 420..403 - 420, &mut b);
+                    assert_eq!(a, b);
                 }
             }
         }

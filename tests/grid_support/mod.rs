@@ -10,7 +10,7 @@ use terrane::geom::{Crs, Frame, Point};
 use terrane::gridding::{Statistic, parse_list};
 use terrane::pipeline::grid::{GridJob, GridReport, grid};
 use terrane::pipeline::{Cancel, Silent};
-use terrane::raster::{self, GridSource};
+use terrane::raster;
 
 /// Points in memory.
 pub struct Memory {

@@ -136,13 +136,16 @@ impl<'a> Worker<'a> {
         let lattice = &self.feed.extent.lattice;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
         lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);
-        self.batch.clear();
         let reach = self.reach();
+        if reach == (0, 0) && self.is_inside() && self.index_own() {
+            return self.hand_over_own(points);
+        }
+        self.batch.clear();
         match reach {
             (0, 0) => self.place_own(points),
             _ => self.place_around(points, reach),
         }
-        if self.batch.runs().count() * SHORT_RUN > self.batch.points.len() {
+        if self.batch.is_scattered() {
             self.batch.sort(&mut self.spare);
         }
         let mut batch = std::mem::take(&mut self.batch);
@@ -156,6 +159,45 @@ impl<'a> Worker<'a> {
     fn reach(&self) -> (i64, i64) {
         let reaches = self.scatters.iter().flatten().map(Scatter::reach);
         reaches.fold((0, 0), |(x, y), (a, b)| (x.max(a), y.max(b)))
+    }
+
+    /// True when all points of the batch lie in the grid.
+    fn is_inside(&self) -> bool {
+        let (width, height) = self.feed.extent.lattice.size();
+        let places = self.cols.iter().zip(&self.rows);
+        // Numbers below zero are large ones here.
+        places
+            .fold(true, |all, (col, row)| all & ((*col as u32) < width) & ((*row as u32) < height))
+    }
+
+    /// Finds the cell of each point, all of which lie in the grid; returns whether points of a block
+    /// follow each other.
+    fn index_own(&mut self) -> bool {
+        let (shift, across) = (self.feed.blocks.shift(), self.feed.blocks.across());
+        let mask = (1 << shift) - 1;
+        let (cols, rows) = (&self.cols, &self.rows);
+        let places = || cols.iter().zip(rows).map(|(col, row)| (*col as u32, *row as u32));
+        self.batch.clear();
+        let blocks = places().map(|(col, row)| (row >> shift) * across + (col >> shift));
+        self.batch.blocks.extend(blocks);
+        self.batch.cells.extend(places().map(|(col, row)| ((row & mask) << shift) | (col & mask)));
+        !self.batch.is_scattered()
+    }
+
+    /// Hands the points of a batch over as they are.
+    fn hand_over_own(&mut self, points: &[Point]) -> Result<()> {
+        let Feed { blocks, extent, .. } = *self.feed;
+        if extent.fill > 0 {
+            let places = self.cols.iter().zip(&self.rows);
+            let outside = places.filter(|(col, row)| !is_in(extent.output, **col, **row));
+            self.outside += outside.count() as u64;
+        }
+        let batch = &self.batch;
+        batch.runs().try_for_each(|run| {
+            let (cells, points) = (&batch.cells[run.clone()], &points[run.clone()]);
+            let hits = Hits { cells, points, squares: &[] };
+            blocks.change(batch.blocks[run.start], |block| block.add(0, hits))
+        })
     }
 
     /// Each point goes to the block of its cell.
@@ -268,6 +310,11 @@ impl Batch {
             start = range.end;
             range
         })
+    }
+
+    /// True when points for one block hardly follow each other.
+    fn is_scattered(&self) -> bool {
+        self.runs().count() * SHORT_RUN > self.blocks.len()
     }
 
     fn run(&self, run: std::ops::Range<usize>) -> Run<'_> {

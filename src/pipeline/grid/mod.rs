@@ -152,6 +152,19 @@ impl GridJob {
         }
     }
 
+    /// How the cloud is read: where only a box of cells is wanted, without the points that are too far
+    /// away from it to be in any of its values, so that files and parts beyond are not even read.
+    fn reading(&self) -> OpenOptions {
+        let mut options = self.cloud.clone();
+        if let (Some([x0, y0, x1, y1]), None) = (self.placement.bbox, options.filter.bounds) {
+            let cell = self.placement.cell.unwrap_or_default();
+            let reach = Recipe::new(&self.stats, &self.rules(cell)).reach();
+            let [x, y] = cell.map(|side| reach + f64::from(self.fill + 2) * side);
+            options.filter.bounds = Some([x0 - x, y0 - y, x1 + x, y1 + y]);
+        }
+        options
+    }
+
     /// Folder for what does not fit into memory.
     fn spill_folder(&self) -> &Path {
         let beside = self.output.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -182,7 +195,7 @@ const PLAIN: &str = "GTiff";
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
     let start = Instant::now();
-    let cloud = cloud::open(&job.input, &job.cloud)?;
+    let cloud = cloud::open(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
     let report = grid(&cloud, job, progress, cancel)?;
     let stages = [vec![opened], report.stages].concat();
