@@ -83,6 +83,16 @@ pub trait PointSource: Send + Sync {
     /// # Errors
     /// Damage that the source was not told to pass over, and whatever `each` returns.
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census>;
+
+    /// The files behind it, by name.
+    fn files(&self) -> &[String] {
+        &[]
+    }
+
+    /// What is odd about it, or easily overlooked, one line each.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// Most points of a batch.

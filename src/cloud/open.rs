@@ -58,16 +58,6 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// Its files, by name.
-    pub fn files(&self) -> &[String] {
-        &self.names
-    }
-
-    /// What is odd about it, or easily overlooked, one line each.
-    pub fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
     /// Its only file, where it is a LAS or LAZ file.
     pub(super) fn las(&self) -> Option<&LasFile> {
         match self.members.as_slice() {
@@ -100,6 +90,14 @@ impl Cloud {
 }
 
 impl PointSource for Cloud {
+    fn files(&self) -> &[String] {
+        &self.names
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     fn info(&self) -> &CloudInfo {
         &self.info
     }

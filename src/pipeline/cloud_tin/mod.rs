@@ -62,6 +62,7 @@ pub struct CloudTinReport {
     pub input: String,
     pub output: String,
     pub format: String,
+    pub files: u64,
     pub crs: String,
     pub horizontal_unit: String,
     pub vertical_unit: String,
@@ -89,6 +90,8 @@ pub struct CloudTinReport {
     pub wall_seconds: f64,
     pub points_per_second: f64,
     pub stages: Vec<StageReport>,
+    /// What is odd about the cloud.
+    pub notes: Vec<String>,
 }
 
 /// What every stage works with.
@@ -129,6 +132,8 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let mut report = make(job, &*source, format, progress, cancel)?;
+    report.files = source.files().len() as u64;
+    report.notes = source.notes().to_vec();
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
     Ok(report)

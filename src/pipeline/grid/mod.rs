@@ -195,9 +195,9 @@ const PLAIN: &str = "GTiff";
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
     let start = Instant::now();
-    let cloud = cloud::open(&job.input, &job.reading())?;
+    let cloud = cloud::synth::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let report = grid(&cloud, job, progress, cancel)?;
+    let report = grid(&*cloud, job, progress, cancel)?;
     let stages = [vec![opened], report.stages].concat();
     let wall_seconds = start.elapsed().as_secs_f64();
     let notes = [cloud.notes().to_vec(), report.notes].concat();
