@@ -221,7 +221,7 @@ pub(crate) fn copc(each: usize) -> Vec<u8> {
     for (number, record) in made.records.iter_mut().enumerate() {
         let node = number / each;
         for axis in 0..3 {
-            let low = if node == 0 { 0 } else { (node - 1 >> axis & 1) * half };
+            let low = if node == 0 { 0 } else { ((node - 1) >> axis & 1) * half };
             let size = if node == 0 { 2 * half } else { half };
             let steps = (low + random.below(size)) as i32;
             record[4 * axis..4 * axis + 4].copy_from_slice(&steps.to_le_bytes());
