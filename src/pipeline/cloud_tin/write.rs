@@ -91,35 +91,34 @@ fn part(
     for square in region.squares(tiling) {
         own.extend_from_slice(local.vertices_of(square)?);
     }
+    let squares: Vec<usize> = local.mesh.points().iter().map(|&p| tiling.square_of(p)).collect();
+    let regions: Vec<usize> = squares.iter().map(|&square| work.regions.of(square)).collect();
+    let mut ids: Vec<Option<u64>> = vec![None; squares.len()];
     let mut part = Part { vertices: own, triangles: Vec::new(), corners: Vec::new() };
     for triangle in 0..local.mesh.triangles().len() as u32 {
         let Some(corners) = local.mesh.corners(triangle) else { continue };
-        let squares = corners.map(|corner| tiling.square_of(corner));
-        let last = squares.map(|square| work.regions.of(square)).into_iter().max();
-        if last == Some(number) && squares.iter().any(|&s| work.regions.of(s) == number) {
-            part.triangles.push(ids(&mut local, firsts, corners, squares)?);
-            part.corners.push(corners);
+        let at = local.mesh.triangles()[triangle as usize].corners.map(|v| v as usize);
+        if at.into_iter().map(|v| regions[v]).max() != Some(number) {
+            continue;
         }
+        for (v, corner) in at.into_iter().zip(corners) {
+            if ids[v].is_none() {
+                ids[v] = Some(id(&mut local, firsts, corner, squares[v])?);
+            }
+        }
+        part.triangles.push(at.map(|v| ids[v].unwrap_or_default()));
+        part.corners.push(corners);
     }
     sort(&mut part);
     Ok(part)
 }
 
-/// The numbers of a triangle's corners, the lowest first.
-fn ids(
-    local: &mut Local<'_>,
-    firsts: &[u64],
-    corners: [Point; 3],
-    squares: [usize; 3],
-) -> Result<[u64; 3]> {
-    let mut ids = [0; 3];
-    for k in 0..3 {
-        let found = local.vertices_of(squares[k])?.binary_search(&corners[k]);
-        let rank =
-            found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;
-        ids[k] = firsts[squares[k]] + rank as u64;
-    }
-    Ok(ids)
+/// The number of a vertex.
+fn id(local: &mut Local<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
+    let found = local.vertices_of(square)?.binary_search(&vertex);
+    let rank =
+        found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;
+    Ok(firsts[square] + rank as u64)
 }
 
 /// Turns each triangle to begin with its lowest vertex, and puts them in order.
