@@ -79,6 +79,15 @@ impl Hull {
         &self.ring
     }
 
+    /// The corners of the boundary, counter-clockwise from the lowest point, without the points that
+    /// lie on its edges; none where all points are collinear.
+    pub fn corners(&self) -> Vec<Point> {
+        let (ring, count) = (&self.ring, self.ring.len());
+        let at = |i: usize| [ring[i % count].x, ring[i % count].y];
+        let turns = |i: &usize| orient(at(i + count - 1), at(*i), at(i + 1)) > 0;
+        (0..count).filter(turns).map(|i| ring[i]).collect()
+    }
+
     /// The points of the boundary, in order, once each.
     pub fn sorted(&self) -> Vec<Point> {
         let mut all: Vec<_> = self.points().copied().collect();

@@ -40,14 +40,14 @@ pub(super) struct Errors {
 }
 
 /// Chooses the vertices for the tolerance (in steps of z). The hull's corners are among them.
-pub(super) fn choose(work: &Work<'_>, tolerance: f64, hull: &Hull) -> Result<(PointStore, Errors)> {
+pub(super) fn choose(work: &Work<'_>, tolerance: f64, hull: &[Point]) -> Result<(PointStore, Errors)> {
     let vertices = PointStore::empty(*work.points.tiling(), work.folder, work.vertex_bytes);
     first_choice(work, tolerance, hull, &vertices)?;
     let errors = settle(work, tolerance, hull, &vertices)?;
     Ok((vertices, errors))
 }
 
-fn first_choice(work: &Work<'_>, tolerance: f64, hull: &Hull, vertices: &PointStore) -> Result<()> {
+fn first_choice(work: &Work<'_>, tolerance: f64, hull: &[Point], vertices: &PointStore) -> Result<()> {
     work.progress.begin("choose", work.regions.all.len() as u64);
     let choose = |_: &mut (), number: u64| {
         let region = work.regions.all[number as usize];
@@ -65,21 +65,21 @@ fn choose_in(
     store: &PointStore,
     region: &Region,
     tolerance: f64,
-    hull: &Hull,
+    hull: &[Point],
 ) -> Result<Vec<Point>> {
     let tiling = store.tiling();
     let points = points_around(store, region)?;
     let is_own = |p: &Point| contains(region, tiling, *p);
-    let rim = Hull::of(points.clone());
-    let Some(mut mesh) = Mesh::of_first(rim.ring()) else {
+    let rim = Hull::of(points.clone()).corners();
+    let Some(mut mesh) = Mesh::of_first(&rim) else {
         return Ok(points.into_iter().filter(is_own).collect());
     };
-    rim.ring().iter().for_each(|&point| {
+    rim.iter().for_each(|&point| {
         mesh.insert(point);
     });
     Fit::new(&mut mesh, &points, tolerance).run();
     let mut chosen: Vec<Point> =
-        mesh.points().iter().chain(hull.ring()).copied().filter(is_own).collect();
+        mesh.points().iter().chain(hull).copied().filter(is_own).collect();
     chosen.sort_unstable();
     chosen.dedup();
     Ok(chosen)
@@ -102,7 +102,7 @@ fn contains(region: &Region, tiling: &Tiling, point: Point) -> bool {
 }
 
 /// Adds vertices until every point is within the tolerance.
-fn settle(work: &Work<'_>, tolerance: f64, hull: &Hull, vertices: &PointStore) -> Result<Errors> {
+fn settle(work: &Work<'_>, tolerance: f64, hull: &[Point], vertices: &PointStore) -> Result<Errors> {
     let unseen = Look { open: Vec::new(), influence: Window::ALL, errors: Errors::default() };
     let mut looks = vec![unseen; work.regions.all.len()];
     let mut due: Vec<usize> = (0..looks.len()).collect();
@@ -135,7 +135,7 @@ fn look_at(
     work: &Work<'_>,
     vertices: &PointStore,
     tolerance: f64,
-    hull: &Hull,
+    hull: &[Point],
     region: &Region,
 ) -> Result<Look> {
     let mut local = Local::new(vertices, *region, hull)?;

@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use super::regions::Region;
-use crate::delaunay::{Disc, Hull, Window};
+use crate::delaunay::{Disc, Window};
 use crate::error::Result;
 use crate::geom::Point;
 use crate::pipeline::points::PointStore;
@@ -31,14 +31,14 @@ pub(super) struct Local<'a> {
 }
 
 impl<'a> Local<'a> {
-    /// The triangulation of `vertices` as far as `region` sees it. `hull` is the convex hull
-    /// of all vertices, and has an area.
-    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &Hull) -> Result<Self> {
-        let mesh = Mesh::of_first(hull.ring()).ok_or_else(super::no_surface)?;
+    /// The triangulation of `vertices` as far as `region` sees it. `hull` has the corners of
+    /// the convex hull of all vertices, at least three.
+    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {
+        let mesh = Mesh::of_first(hull).ok_or_else(super::no_surface)?;
         let tiling = vertices.tiling();
         let whole = region.window(tiling).grown(tiling.side());
         let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };
-        local.insert(hull.ring());
+        local.insert(hull);
         local.insert(&skeleton(vertices, &region));
         tiling.touching(whole).try_for_each(|square| local.load(square))?;
         while local.complete()? {}

@@ -206,8 +206,8 @@ fn triangulate(
     clock: &mut Clock,
 ) -> Result<Made> {
     let kept = work.points.census().kept;
-    let hull = work.points.hull()?;
-    if hull.is_flat() {
+    let hull = work.points.hull()?.corners();
+    if hull.len() < 3 {
         return Err(no_surface());
     }
     if tolerance == 0.0 {

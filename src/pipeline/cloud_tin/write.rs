@@ -5,7 +5,6 @@ use std::sync::Mutex;
 
 use super::Work;
 use super::local::Local;
-use crate::delaunay::Hull;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Frame, Point, Point3};
 use crate::output::{MeshBatch, MeshSink};
@@ -31,7 +30,7 @@ struct Part {
 pub(super) fn write(
     work: &Work<'_>,
     vertices: &PointStore,
-    hull: &Hull,
+    hull: &[Point],
     frame: &Frame,
     mut sink: Box<dyn MeshSink>,
 ) -> Result<Written> {
@@ -81,7 +80,7 @@ fn firsts(work: &Work<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
 fn part(
     work: &Work<'_>,
     vertices: &PointStore,
-    hull: &Hull,
+    hull: &[Point],
     firsts: &[u64],
     number: usize,
 ) -> Result<Part> {
