@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::geom::{Crs, Frame, Point};
 
 use super::frame::Claim;
-use super::las::{self, LasFile, New, Old};
-use super::laz::Wanted;
+use super::las::{self, Block, LasFile, New, Old, unpacked};
+use super::lazip::Wanted;
 use super::sieve::{Raw, Sieve};
 use super::text::{self, TextFile};
 use super::{BATCH, Census, Filter, Flags, Record, Verdict};
@@ -188,8 +188,7 @@ impl Member {
     ) -> Result<Census> {
         let Some(claim) = self.file.claim() else { return Ok(Census::default()) };
         let mut look = Look { filter, claim, census: Census::default(), each };
-        let wanted = Wanted { z: true, class: true, flags: true };
-        let lost = take_room(|room| self.visit(part, wanted, &mut room.records, &mut look))?;
+        let lost = take_room(|room| self.visit(part, Wanted::ALL, &mut room.records, &mut look))?;
         Ok(with_lost(look.census, lost))
     }
 
@@ -205,11 +204,16 @@ impl Member {
             File::Las(file) => {
                 let in_file = |e: crate::error::Error| e.in_file(&file.path);
                 let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(part, wanted, self.salvage, room, &mut |first, bytes| {
-                    let records = bytes.chunks_exact(record);
-                    match is_new {
-                        true => visitor.visit(first, records.map(New::of)),
-                        false => visitor.visit(first, records.map(Old::of)),
+                file.records(part, wanted, self.salvage, room, &mut |first, block| {
+                    match (block, is_new) {
+                        (Block::Fields(f), true) => visitor.visit(first, unpacked::<true>(f)),
+                        (Block::Fields(f), false) => visitor.visit(first, unpacked::<false>(f)),
+                        (Block::Records(r), true) => {
+                            visitor.visit(first, r.chunks_exact(record).map(New::of))
+                        }
+                        (Block::Records(r), false) => {
+                            visitor.visit(first, r.chunks_exact(record).map(Old::of))
+                        }
                     }
                     .map_err(in_file)
                 })

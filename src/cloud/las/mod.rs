@@ -15,8 +15,8 @@ use crate::geom::Crs;
 
 pub(super) use bytes::Bytes;
 pub(super) use header::Header;
-pub(super) use parts::{Part, Room};
-pub(super) use record::{New, Old};
+pub(super) use parts::{Block, Part, Room};
+pub(super) use record::{New, Old, unpacked};
 pub(super) use vlr::Vlr;
 
 use super::copc;

@@ -3,7 +3,8 @@
 use std::io::BufReader;
 
 use crate::cloud::copc::Node;
-use crate::cloud::laz::{self, Chunk, Damage, Layout, Table, Wanted};
+use crate::cloud::laz::{self, Chunk, Damage, Layout, Table, Unpacker};
+use crate::cloud::lazip::{Fields, Wanted};
 use crate::error::{Error, Result};
 use crate::files::RawFile;
 
@@ -46,6 +47,16 @@ pub(in crate::cloud) struct Room {
     bytes: Vec<u8>,
     /// Uncompressed records.
     block: Vec<u8>,
+    unpacker: Unpacker,
+}
+
+/// Points that are handed on together.
+#[derive(Clone, Copy)]
+pub(in crate::cloud) enum Block<'a> {
+    /// Whole records.
+    Records(&'a [u8]),
+    /// The fields that were wanted.
+    Fields(&'a Fields),
 }
 
 impl Part {
@@ -135,11 +146,11 @@ fn with_lost(mut parts: Vec<Part>, claimed: u64) -> Vec<Part> {
     parts
 }
 
-/// What hands records on: the number of the first one, and the records.
-type Each<'a> = dyn FnMut(u64, &[u8]) -> Result<()> + 'a;
+/// What takes points: the number of the first one, and the points.
+type Each<'a> = dyn FnMut(u64, Block<'_>) -> Result<()> + 'a;
 
 impl LasFile {
-    /// Hands on the records of a part; returns how many of its points cannot be read.
+    /// Hands on the points of a part; returns how many of its points cannot be read.
     ///
     /// # Errors
     /// Damage, unless it is passed over, and whatever `each` returns.
@@ -167,7 +178,7 @@ impl LasFile {
             room.bytes.resize(room.bytes.len().max(bytes as usize), 0);
             let block = &mut room.bytes[..bytes as usize];
             file.read_at(part.at + first * record, block)?;
-            each(part.first + first, block)?;
+            each(part.first + first, Block::Records(block))?;
         }
         Ok(())
     }
@@ -183,21 +194,25 @@ impl LasFile {
         let (Some(layout), part) = (&self.layout, self.parts[number]) else { return Ok(0) };
         let file = self.reopen()?;
         let mut next = part.first;
-        let mut each = |records: &[u8]| {
+        let mut each = |block: Block<'_>, points: usize| {
             let first = next;
-            next += (records.len() / layout.record) as u64;
-            each(first, records)
+            next += points as u64;
+            each(first, block)
         };
         let decoded = match part.kind {
             Kind::Stream => {
                 let source = BufReader::with_capacity(STREAM_BYTES, file.reader_at(part.at));
-                laz::stream(layout, source, part.points, &mut room.block, &mut each)?
+                laz::stream(layout, source, part.points, &mut room.block, &mut |records| {
+                    each(Block::Records(records), records.len() / layout.record)
+                })?
             }
             _ => {
                 room.bytes.resize(crate::files::to_usize("chunk", part.bytes)?, 0);
                 file.read_at(part.at, &mut room.bytes)?;
-                let Room { bytes, block } = room;
-                laz::decode(layout, bytes, part.points, wanted, block, &mut each)?
+                let Room { bytes, unpacker, .. } = room;
+                unpacker.decode(layout, bytes, part.points, wanted, &mut |fields| {
+                    each(Block::Fields(fields), fields.len())
+                })?
             }
         };
         match decoded {

@@ -1,6 +1,7 @@
-//! Fields of uncompressed point records (ASPRS LAS 1.4 R15, tables 7 and 15).
+//! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or as they were decompressed.
 
 use crate::cloud::Flags;
+use crate::cloud::lazip::Fields;
 use crate::cloud::sieve::Raw;
 
 /// A record of formats 0 to 5.
@@ -30,6 +31,12 @@ impl<'a> New<'a> {
 /// The class that stands for the mark of overlap in formats without it.
 const OVERLAP_CLASS: u8 = 12;
 
+#[inline(always)]
+fn old_flags(bits: u8, class: u8) -> Flags {
+    let overlap = if class == OVERLAP_CLASS { Flags::OVERLAP } else { Flags::default() };
+    Flags(bits & 7).and(overlap)
+}
+
 fn xyz(bytes: &[u8]) -> [i32; 3] {
     let (fours, _) = bytes.as_chunks::<4>();
     [fours[0], fours[1], fours[2]].map(i32::from_le_bytes)
@@ -53,8 +60,7 @@ impl Raw for Old<'_> {
 
     #[inline(always)]
     fn flags(self) -> Flags {
-        let overlap = if self.class() == OVERLAP_CLASS { Flags::OVERLAP } else { Flags::default() };
-        Flags(self.0[15] >> 5).and(overlap)
+        old_flags(self.0[15] >> 5, self.class())
     }
 }
 
@@ -77,5 +83,52 @@ impl Raw for New<'_> {
     #[inline(always)]
     fn flags(self) -> Flags {
         Flags(self.0[15] & 15)
+    }
+}
+
+/// A decompressed point, of formats 6 to 10 if it is `NEW`.
+#[derive(Clone, Copy)]
+pub(in crate::cloud) struct Unpacked<const NEW: bool> {
+    place: [i32; 3],
+    class: u8,
+    returns: u8,
+    flags: u8,
+}
+
+/// Decompressed points.
+pub(in crate::cloud) fn unpacked<const NEW: bool>(
+    fields: &Fields,
+) -> impl ExactSizeIterator<Item = Unpacked<NEW>> + Clone {
+    let bytes = fields.classes.iter().zip(&fields.returns).zip(&fields.flags);
+    fields.places.iter().zip(bytes).map(|(place, ((class, returns), flags))| Unpacked {
+        place: *place,
+        class: *class,
+        returns: *returns,
+        flags: *flags,
+    })
+}
+
+impl<const NEW: bool> Raw for Unpacked<NEW> {
+    #[inline(always)]
+    fn xyz(self) -> [i32; 3] {
+        self.place
+    }
+
+    #[inline(always)]
+    fn class(self) -> u8 {
+        self.class
+    }
+
+    #[inline(always)]
+    fn returns(self) -> [u8; 2] {
+        [self.returns & 15, self.returns >> 4]
+    }
+
+    #[inline(always)]
+    fn flags(self) -> Flags {
+        match NEW {
+            true => Flags(self.flags & 15),
+            false => old_flags(self.flags, self.class),
+        }
     }
 }

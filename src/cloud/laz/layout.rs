@@ -3,6 +3,7 @@
 use laz::{LazItemType, LazVlr};
 
 use crate::cloud::las::{Bytes, Header};
+use crate::cloud::lazip::{Item, Schema};
 use crate::error::{Error, Result};
 
 /// Bytes before the items, and of an item.
@@ -45,7 +46,9 @@ pub(in crate::cloud) struct Layout {
     pub(in crate::cloud) record: usize,
     /// Streams of a layered chunk.
     pub(super) layers: usize,
-    /// For the decoder.
+    /// For the decoder of chunks.
+    pub(super) schema: Schema,
+    /// For the decoder of streams.
     pub(super) vlr: LazVlr,
 }
 
@@ -59,20 +62,37 @@ impl Layout {
             (3, 0) => Compressor::Layers,
             (kind, coder) => {
                 let message = format!("compressor {kind} with coder {coder} is not known");
-                return Err(Error::unsupported(message).remedy("decompress it with laszip first"));
+                return Err(unsupported(message));
             }
         };
-        check_items(b, data.len(), compressor, header)?;
+        let schema = schema(&items(b, data.len(), compressor, header)?)?;
         let vlr = LazVlr::from_buffer(data).map_err(|e| damaged(e.to_string()))?;
         let layers = vlr.items().iter().map(|item| layers(item.item_type())).sum();
         let chunk_points = Some(b.u32(12)).filter(|points| !VARIABLE.contains(points));
-        Ok(Self { compressor, chunk_points, record: header.record.into(), layers, vlr })
+        Ok(Self { compressor, chunk_points, record: header.record.into(), layers, schema, vlr })
     }
 }
 
-/// Fails unless the items are those of the header's point format, in this order, all of versions
-/// that belong to the compressor.
-fn check_items(b: Bytes<'_>, len: usize, compressor: Compressor, header: &Header) -> Result<()> {
+/// Fails where the decoder does not know an item, by its name.
+fn schema(items: &[[u16; 3]]) -> Result<Schema> {
+    let item =
+        |[kind, size, version]: &[u16; 3]| Item { kind: *kind, size: *size, version: *version };
+    Schema::new(&items.iter().map(item).collect::<Vec<_>>())
+        .map_err(|item| unsupported(format!("its compression of {item}, is not known")))
+}
+
+fn unsupported(what: String) -> Error {
+    Error::unsupported(what).remedy("decompress it with laszip first")
+}
+
+/// Kind, bytes and version of each item. Fails unless they are those of the header's point format, in
+/// this order, all of versions that belong to the compressor.
+fn items(
+    b: Bytes<'_>,
+    len: usize,
+    compressor: Compressor,
+    header: &Header,
+) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
     if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
         return Err(damaged(format!("{count} items in {len} bytes")));
@@ -89,10 +109,9 @@ fn check_items(b: Bytes<'_>, len: usize, compressor: Compressor, header: &Header
     // Waves have had no second version.
     let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
     if !versions.contains(&version) || items.iter().any(is_odd) {
-        return Err(Error::unsupported(format!("items of version {version} are not known"))
-            .remedy("decompress it with laszip first"));
+        return Err(unsupported(format!("items of version {version} are not known")));
     }
-    Ok(())
+    Ok(items)
 }
 
 /// Kind and bytes of the items of a point format.

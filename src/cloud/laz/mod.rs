@@ -5,16 +5,10 @@ mod decode;
 mod layers;
 mod layout;
 mod quiet;
+mod stream;
 mod table;
 
-pub(super) use decode::{Damage, decode, stream};
+pub(super) use decode::{Damage, Unpacker};
 pub(super) use layout::{Compressor, Layout};
+pub(super) use stream::stream;
 pub(super) use table::{Chunk, Table, read as table};
-
-/// Fields that are decompressed beside x, y and the return numbers, where a format lets one choose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wanted {
-    pub(super) z: bool,
-    pub(super) class: bool,
-    pub(super) flags: bool,
-}

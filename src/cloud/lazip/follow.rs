@@ -38,6 +38,18 @@ impl Follow {
         }
     }
 
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        match self {
+            Self::OldTime(time) => **time = OldTime::new(),
+            Self::Time(time) => **time = Time::new(),
+            Self::OldColour(colour) => **colour = OldColour::new(),
+            Self::Colour(colour) => **colour = Colour::new(),
+            Self::Packet(packet) => **packet = Packet::new(),
+            Self::Bytes(bytes) => bytes.iter_mut().for_each(Model::clear),
+        }
+    }
+
     /// Gets past the part in the next record.
     #[inline(always)]
     pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>) {

@@ -3,10 +3,11 @@
 use super::channel::{CHANNEL, Channel, TIME};
 use super::coder::Coder;
 use super::integer::lower;
-use super::machine::Machine;
+use super::machine::{Machine, Plain};
 use super::{Damage, Fields, Layer};
 
 /// The streams that are decoded. A stream that is absent leaves its field as it was.
+#[derive(Clone, Copy)]
 pub(super) struct Streams<'a, M> {
     pub(super) places: Coder<'a, M>,
     pub(super) heights: Option<Coder<'a, M>>,
@@ -14,13 +15,38 @@ pub(super) struct Streams<'a, M> {
     pub(super) flags: Option<Coder<'a, M>>,
 }
 
+impl<'a, M: Machine> Streams<'a, M> {
+    /// The same, for another machine.
+    pub(super) fn on<N: Machine>(self) -> Streams<'a, N> {
+        Streams {
+            places: self.places.on(),
+            heights: self.heights.map(Coder::on),
+            classes: self.classes.map(Coder::on),
+            flags: self.flags.map(Coder::on),
+        }
+    }
+
+    /// Says which layer is damaged, if any is.
+    pub(super) fn check(&self) -> Result<(), Damage> {
+        let layers = [
+            (Layer::Places, Some(self.places)),
+            (Layer::Heights, self.heights),
+            (Layer::Classes, self.classes),
+            (Layer::Flags, self.flags),
+        ];
+        let is_off = |coder: Option<Coder<M>>| coder.is_some_and(|coder| !coder.is_sound());
+        let off = layers.into_iter().find(|(_, coder)| is_off(*coder));
+        off.map_or(Ok(()), |(layer, _)| Err(Damage::Layer(layer)))
+    }
+}
+
 /// A chunk on its way. Each step of a point decodes one symbol, so that steps of several chunks can
 /// take turns: a step has to wait for the one before it, but not for those of other chunks.
-pub(super) struct Lane<'a, M> {
-    channels: &'a mut [Channel; 4],
+pub(super) struct Lane<'r, 'a, M> {
+    channels: &'r mut [Channel; 4],
     current: usize,
     streams: Streams<'a, M>,
-    fields: &'a mut Fields,
+    fields: &'r mut Fields,
     changes: usize,
     /// Whether the return is expected to be the only one of its pulse.
     is_single: usize,
@@ -31,13 +57,13 @@ pub(super) struct Lane<'a, M> {
     upper: u32,
 }
 
-impl<'a, M: Machine> Lane<'a, M> {
-    /// A chunk whose first point, in channel `current`, has begun that channel.
+impl<'r, 'a, M: Machine> Lane<'r, 'a, M> {
+    /// A chunk whose last point so far is in channel `current`.
     pub(super) fn new(
-        channels: &'a mut [Channel; 4],
+        channels: &'r mut [Channel; 4],
         current: usize,
         streams: Streams<'a, M>,
-        fields: &'a mut Fields,
+        fields: &'r mut Fields,
     ) -> Self {
         Self {
             channels,
@@ -52,17 +78,9 @@ impl<'a, M: Machine> Lane<'a, M> {
         }
     }
 
-    /// Ends the chunk; says which layer is damaged, if any is.
-    pub(super) fn close(self) -> Result<(), Damage> {
-        let layers = [
-            (Layer::Places, Some(self.streams.places)),
-            (Layer::Heights, self.streams.heights),
-            (Layer::Classes, self.streams.classes),
-            (Layer::Flags, self.streams.flags),
-        ];
-        let is_off = |coder: Option<Coder<M>>| coder.is_some_and(|coder| !coder.is_sound());
-        let off = layers.into_iter().find(|(_, coder)| is_off(*coder));
-        off.map_or(Ok(()), |(layer, _)| Err(Damage::Layer(layer)))
+    /// The channel of the last point, and the streams, to go on with later.
+    pub(super) fn close(self) -> (usize, Streams<'a, Plain>) {
+        (self.current, self.streams.on())
     }
 
     #[inline(always)]

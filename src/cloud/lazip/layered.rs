@@ -3,7 +3,7 @@
 use super::channel::{Channel, Point, RECORD};
 use super::coder::Coder;
 use super::lane::{Lane, Streams};
-use super::machine::{Machine, Work, run};
+use super::machine::{Machine, Plain, Work, run};
 use super::schema::Layers;
 use super::{Chunk, Damage, Fields, Layer, Wanted};
 
@@ -74,87 +74,93 @@ fn word(rest: &mut &[u8]) -> Result<u32, Damage> {
     Ok(u32::from_le_bytes(*four))
 }
 
-/// A chunk to be decoded.
-pub(super) struct Job<'a> {
-    pub(super) layered: &'a mut Layered,
-    pub(super) chunk: Chunk<'a>,
-    pub(super) layers: Layers,
-    pub(super) wanted: Wanted,
-    pub(super) fields: &'a mut Fields,
+/// A chunk on its way, between batches of points.
+pub(super) struct Run<'d, 'a> {
+    channels: &'d mut [Channel; 4],
+    current: usize,
+    streams: Streams<'a, Plain>,
+    first: Option<Point>,
 }
 
-impl<'a> Job<'a> {
-    fn lane<M: Machine>(self) -> Result<Lane<'a, M>, Damage> {
-        let body = Body::new(self.chunk, self.layers)?;
-        let streams = body.streams(self.wanted)?;
+impl<'d, 'a> Run<'d, 'a> {
+    /// Begins with the record of the first point.
+    pub(super) fn new(
+        layered: &'d mut Layered,
+        layers: Layers,
+        chunk: Chunk<'a>,
+        wanted: Wanted,
+    ) -> Result<Self, Damage> {
+        let body = Body::new(chunk, layers)?;
+        let streams = body.streams(wanted)?;
         let (first, current) = Point::new(body.record);
-        let channels = self.layered.channels();
+        let channels = layered.channels();
         channels.iter_mut().for_each(|channel| channel.is_used = false);
         channels[current].begin(first);
-        self.fields.reserve(self.chunk.count);
-        self.fields.push(&first);
-        Ok(Lane::new(channels, current, streams, self.fields))
+        Ok(Self { channels, current, streams, first: Some(first) })
+    }
+
+    /// Decodes the next `count` points.
+    pub(super) fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
+        let left = self.begin(count, fields);
+        run(One(self, fields, left));
+        self.streams.check()
+    }
+
+    /// Hands on the first point; returns how many of `count` are left.
+    fn begin(&mut self, count: usize, fields: &mut Fields) -> usize {
+        fields.reserve(count);
+        let first = self.first.take_if(|_| count > 0);
+        first.iter().for_each(|first| fields.push(first));
+        count - usize::from(first.is_some())
+    }
+
+    fn lane<'r, M: Machine>(&'r mut self, fields: &'r mut Fields) -> Lane<'r, 'a, M> {
+        Lane::new(self.channels, self.current, self.streams.on(), fields)
     }
 }
 
-/// Decodes a chunk of at least one point.
-pub(super) fn read(job: Job) -> Result<(), Damage> {
-    run(One(job))
+/// Decodes the next points of two chunks at the same time, so many of each.
+pub(super) fn read_two(
+    runs: &mut [Run; 2],
+    counts: [usize; 2],
+    fields: &mut [Fields; 2],
+) -> [Result<(), Damage>; 2] {
+    let left = [0, 1].map(|i| runs[i].begin(counts[i], &mut fields[i]));
+    let together = left[0].min(left[1]);
+    let [a, b] = &mut *fields;
+    run(Two(runs, [a, b], together));
+    [0, 1].map(|i| runs[i].read(left[i] - together, &mut fields[i]))
 }
 
-/// Decodes two chunks of at least one point each at the same time.
-pub(super) fn read_two(jobs: [Job; 2]) -> [Result<(), Damage>; 2] {
-    run(Two(jobs))
-}
+/// Points of a chunk.
+struct One<'r, 'd, 'a>(&'r mut Run<'d, 'a>, &'r mut Fields, usize);
 
-struct One<'a>(Job<'a>);
-
-impl Work for One<'_> {
-    type Result = Result<(), Damage>;
+impl Work for One<'_, '_, '_> {
+    type Result = ();
 
     #[inline(always)]
-    fn work<M: Machine>(self, machine: M) -> Self::Result {
-        let left = self.0.chunk.count - 1;
-        machine.run(Rest(self.0.lane::<M>()?, left))
-    }
-}
-
-struct Two<'a>([Job<'a>; 2]);
-
-impl Work for Two<'_> {
-    type Result = [Result<(), Damage>; 2];
-
-    #[inline(always)]
-    fn work<M: Machine>(self, machine: M) -> Self::Result {
-        let left = self.0.each_ref().map(|job| job.chunk.count - 1);
-        match self.0.map(Job::lane::<M>) {
-            [Ok(a), Ok(b)] => {
-                let mut lanes = [a, b];
-                let together = left[0].min(left[1]);
-                advance(&mut lanes, together);
-                let [a, b] = lanes;
-                [machine.run(Rest(a, left[0] - together)), machine.run(Rest(b, left[1] - together))]
-            }
-            [a, b] => [
-                a.and_then(|lane| machine.run(Rest(lane, left[0]))),
-                b.and_then(|lane| machine.run(Rest(lane, left[1]))),
-            ],
-        }
-    }
-}
-
-/// The last points of a chunk.
-struct Rest<'a, M>(Lane<'a, M>, usize);
-
-impl<N: Machine> Work for Rest<'_, N> {
-    type Result = Result<(), Damage>;
-
-    #[inline(always)]
-    fn work<M: Machine>(self, _: M) -> Self::Result {
-        let mut lanes = [self.0];
-        advance(&mut lanes, self.1);
+    fn work<M: Machine>(self, _: M) {
+        let mut lanes = [self.0.lane::<M>(self.1)];
+        advance(&mut lanes, self.2);
         let [lane] = lanes;
-        lane.close()
+        (self.0.current, self.0.streams) = lane.close();
+    }
+}
+
+/// As many points of each chunk.
+struct Two<'r, 'd, 'a>(&'r mut [Run<'d, 'a>; 2], [&'r mut Fields; 2], usize);
+
+impl Work for Two<'_, '_, '_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn work<M: Machine>(self, _: M) {
+        let ([first, second], [a, b]) = (self.0, self.1);
+        let mut lanes = [first.lane::<M>(a), second.lane::<M>(b)];
+        advance(&mut lanes, self.2);
+        let [one, other] = lanes.map(Lane::close);
+        (first.current, first.streams) = one;
+        (second.current, second.streams) = other;
     }
 }
 

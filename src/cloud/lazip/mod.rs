@@ -24,8 +24,8 @@ mod returns;
 mod schema;
 
 use channel::Point;
-use layered::{Job, Layered};
-use pointwise::{Pointwise, Run};
+use layered::Layered;
+use pointwise::Pointwise;
 use schema::Layout;
 use std::fmt;
 
@@ -182,33 +182,32 @@ impl Decoder {
         wanted: Wanted,
         fields: &mut Fields,
     ) -> Result<(), Damage> {
-        let [layered, _] = &mut self.layered;
-        let before = fields.len();
-        let done = match &schema.layout {
-            _ if chunk.count == 0 => Ok(()),
-            &Layout::Layered(layers) => {
-                layered::read(Job { layered, chunk, layers, wanted, fields: &mut *fields })
-            }
-            Layout::Pointwise(_) => self
-                .stream(schema, chunk.bytes)
-                .unwrap_or(Err(Damage::Short))
-                .and_then(|mut stream| stream.read(chunk.count, fields)),
-        };
-        done.inspect_err(|_| fields.truncate(before))
+        match chunk.count {
+            0 => Ok(()),
+            count => self.stream(schema, chunk, wanted)?.read(count, fields),
+        }
     }
 
-    /// The points of a chunk of records, to be read in batches; `None` where fields are layers.
+    /// The points of a chunk, to be read in batches.
     ///
     /// # Errors
-    /// The chunk ends within its first record.
+    /// Damage to the chunk's head.
     pub fn stream<'d, 'a>(
         &'d mut self,
         schema: &Schema,
-        bytes: &'a [u8],
-    ) -> Option<Result<Stream<'d, 'a>, Damage>> {
-        let Layout::Pointwise(records) = &schema.layout else { return None };
-        let pointwise = &mut self.pointwise;
-        Some(Run::new(pointwise, records, bytes).map(|run| Stream { pointwise, run }))
+        chunk: Chunk<'a>,
+        wanted: Wanted,
+    ) -> Result<Stream<'d, 'a>, Damage> {
+        let [layered, _] = &mut self.layered;
+        Ok(Stream(match &schema.layout {
+            &Layout::Layered(layers) => {
+                Way::Layered(layered::Run::new(layered, layers, chunk, wanted)?)
+            }
+            Layout::Pointwise(records) => {
+                let run = pointwise::Run::new(&mut self.pointwise, records, chunk.bytes)?;
+                Way::Pointwise(&mut self.pointwise, run)
+            }
+        }))
     }
 
     /// Appends the points of two chunks to `fields`, each to its own: the same as decoding one after
@@ -223,34 +222,30 @@ impl Decoder {
         wanted: Wanted,
         fields: &mut [Fields; 2],
     ) -> [Result<(), Damage>; 2] {
-        let [a, b] = &mut *fields;
-        let layers = match schema.layout {
-            Layout::Layered(layers) if chunks.iter().all(|chunk| chunk.count > 0) => layers,
-            _ => {
-                let [first, second] = chunks;
-                let first = self.chunk(schema, first, wanted, a);
-                return [first, self.chunk(schema, second, wanted, b)];
-            }
-        };
-        let before = [a.len(), b.len()];
-        let [first, second] = &mut self.layered;
-        let done = layered::read_two([
-            Job { layered: first, chunk: chunks[0], layers, wanted, fields: a },
-            Job { layered: second, chunk: chunks[1], layers, wanted, fields: b },
-        ]);
-        for ((done, fields), before) in done.iter().zip(fields).zip(before) {
-            if done.is_err() {
-                fields.truncate(before);
+        let counts = chunks.map(|chunk| chunk.count);
+        if let Layout::Layered(layers) = schema.layout
+            && !counts.contains(&0)
+        {
+            let [first, second] = &mut self.layered;
+            let [one, other] = chunks;
+            let first = layered::Run::new(first, layers, one, wanted);
+            let second = layered::Run::new(second, layers, other, wanted);
+            if let (Ok(first), Ok(second)) = (first, second) {
+                let before = fields.each_ref().map(Fields::len);
+                let done = layered::read_two(&mut [first, second], counts, fields);
+                return [0, 1].map(|i| done[i].inspect_err(|_| fields[i].truncate(before[i])));
             }
         }
-        done
+        [0, 1].map(|i| self.chunk(schema, chunks[i], wanted, &mut fields[i]))
     }
 }
 
-/// Points of a chunk of records, a batch after another: for old files that are one chunk.
-pub struct Stream<'d, 'a> {
-    pointwise: &'d mut Pointwise,
-    run: Run<'a>,
+/// Points of a chunk, a batch after another.
+pub struct Stream<'d, 'a>(Way<'d, 'a>);
+
+enum Way<'d, 'a> {
+    Layered(layered::Run<'d, 'a>),
+    Pointwise(&'d mut Pointwise, pointwise::Run<'a>),
 }
 
 impl Stream<'_, '_> {
@@ -261,7 +256,10 @@ impl Stream<'_, '_> {
     pub fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
         let before = fields.len();
         fields.reserve(count);
-        let done = self.run.read(self.pointwise, count, fields);
+        let done = match &mut self.0 {
+            Way::Layered(run) => run.read(count, fields),
+            Way::Pointwise(pointwise, run) => run.read(pointwise, count, fields),
+        };
         done.inspect_err(|_| fields.truncate(before))
     }
 }

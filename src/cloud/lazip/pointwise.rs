@@ -5,7 +5,7 @@ use super::coder::Coder;
 use super::follow::Follow;
 use super::machine::{Machine, Plain, Work, run};
 use super::old::{First, OLD_RECORD, Old};
-use super::schema::Records;
+use super::schema::{Item, Records};
 use super::{Damage, Fields, Layer};
 
 /// What is kept from chunk to chunk, to be used again.
@@ -13,6 +13,20 @@ use super::{Damage, Fields, Layer};
 pub(super) struct Pointwise {
     old: Option<Box<Old>>,
     follow: Vec<Follow>,
+    /// What `follow` decodes.
+    items: Vec<Item>,
+}
+
+impl Pointwise {
+    /// Makes ready for a chunk, in the room of the one before where records are alike.
+    fn begin(&mut self, items: &[Item]) {
+        if self.items == items {
+            self.follow.iter_mut().for_each(Follow::clear);
+            return;
+        }
+        self.items = items.to_vec();
+        self.follow = items.iter().map(Follow::new).collect();
+    }
 }
 
 /// A stream on its way.
@@ -31,9 +45,8 @@ impl<'a> Run<'a> {
     ) -> Result<Self, Damage> {
         let record: &[u8; OLD_RECORD] = bytes.first_chunk().ok_or(Damage::Short)?;
         let bytes = bytes.get(OLD_RECORD + records.bytes..).ok_or(Damage::Short)?;
+        pointwise.begin(&records.follow);
         let old = pointwise.old.get_or_insert_with(Old::boxed);
-        pointwise.follow.clear();
-        pointwise.follow.extend(records.follow.iter().map(Follow::new));
         Ok(Self { first: Some(old.begin(records.version, First::new(record))), coder: None, bytes })
     }
 

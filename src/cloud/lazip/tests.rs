@@ -147,21 +147,24 @@ fn chunks_of_records_are_decoded_as_they_were() {
 
 #[test]
 fn a_stream_is_read_batch_by_batch() {
-    let (items, size) = items(3, 1);
-    let records = old_records(Style::Walk, size, 1000, 4);
-    let bytes = compress(&items, &records);
     let mut decoder = Decoder::new();
-    let schema = schema(&items);
-    let mut fields = Fields::default();
-    let mut stream = decoder.stream(&schema, &bytes).unwrap().unwrap();
-    for count in [0, 1, 400, 0, 599] {
-        stream.read(count, &mut fields).unwrap();
+    for format in [3, 7] {
+        let (items, size) = items(format, 1);
+        let is_new = is_layered(&items);
+        let make = if is_new { new_records } else { old_records };
+        let records = make(Style::Walk, size, 1000, 4);
+        let bytes = compress(&items, &records);
+        let schema = schema(&items);
+        let mut fields = Fields::default();
+        let chunk = Chunk { bytes: &bytes, count: 1000 };
+        let mut stream = decoder.stream(&schema, chunk, Wanted::ALL).unwrap();
+        for count in [0, 1, 400, 0, 599] {
+            stream.read(count, &mut fields).unwrap();
+        }
+        assert!(fields == if is_new { new_fields } else { old_fields }(&records, size));
+        assert!(stream.read(5000, &mut fields).is_err());
+        assert_eq!(fields.len(), 1000);
     }
-    assert!(fields == old_fields(&records, size));
-    assert_eq!(stream.read(5000, &mut fields), Err(Damage::Layer(Layer::Records)));
-    assert_eq!(fields.len(), 1000);
-    let layered = Schema::new(&[Item { kind: 10, size: 30, version: 3 }]).unwrap();
-    assert!(decoder.stream(&layered, &bytes).is_none());
 }
 
 #[test]
