@@ -40,14 +40,23 @@ pub(super) struct Errors {
 }
 
 /// Chooses the vertices for the tolerance (in steps of z). The hull's corners are among them.
-pub(super) fn choose(work: &Work<'_>, tolerance: f64, hull: &[Point]) -> Result<(PointStore, Errors)> {
+pub(super) fn choose(
+    work: &Work<'_>,
+    tolerance: f64,
+    hull: &[Point],
+) -> Result<(PointStore, Errors)> {
     let vertices = PointStore::empty(*work.points.tiling(), work.folder, work.vertex_bytes);
     first_choice(work, tolerance, hull, &vertices)?;
     let errors = settle(work, tolerance, hull, &vertices)?;
     Ok((vertices, errors))
 }
 
-fn first_choice(work: &Work<'_>, tolerance: f64, hull: &[Point], vertices: &PointStore) -> Result<()> {
+fn first_choice(
+    work: &Work<'_>,
+    tolerance: f64,
+    hull: &[Point],
+    vertices: &PointStore,
+) -> Result<()> {
     work.progress.begin("choose", work.regions.all.len() as u64);
     let choose = |_: &mut (), number: u64| {
         let region = work.regions.all[number as usize];
@@ -78,8 +87,7 @@ fn choose_in(
         mesh.insert(point);
     });
     Fit::new(&mut mesh, &points, tolerance).run();
-    let mut chosen: Vec<Point> =
-        mesh.points().iter().chain(hull).copied().filter(is_own).collect();
+    let mut chosen: Vec<Point> = mesh.points().iter().chain(hull).copied().filter(is_own).collect();
     chosen.sort_unstable();
     chosen.dedup();
     Ok(chosen)
@@ -102,7 +110,12 @@ fn contains(region: &Region, tiling: &Tiling, point: Point) -> bool {
 }
 
 /// Adds vertices until every point is within the tolerance.
-fn settle(work: &Work<'_>, tolerance: f64, hull: &[Point], vertices: &PointStore) -> Result<Errors> {
+fn settle(
+    work: &Work<'_>,
+    tolerance: f64,
+    hull: &[Point],
+    vertices: &PointStore,
+) -> Result<Errors> {
     let unseen = Look { open: Vec::new(), influence: Window::ALL, errors: Errors::default() };
     let mut looks = vec![unseen; work.regions.all.len()];
     let mut due: Vec<usize> = (0..looks.len()).collect();

@@ -400,8 +400,11 @@ mod tests {
         Few { info, points }
     }
 
+    /// Vertices and triangles.
+    type Parts = (Vec<Point3>, Vec<[u64; 3]>);
+
     #[derive(Clone, Default)]
-    struct Collected(Arc<Mutex<(Vec<Point3>, Vec<[u64; 3]>)>>);
+    struct Collected(Arc<Mutex<Parts>>);
 
     impl MeshSink for Collected {
         fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
