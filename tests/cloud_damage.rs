@@ -109,6 +109,40 @@ fn a_broken_chunk_leaves_the_others() {
 }
 
 #[test]
+fn a_layer_that_ends_early_leaves_the_points_before() {
+    let place = Place::new();
+    let made = Made::new(6, Packing::Fixed(30_000), 40_000);
+    let mut bytes = made.bytes();
+    let first = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize + 8;
+    // The length of the layer of heights.
+    let length = &mut bytes[first + 30 + 4 + 4..][..4];
+    let shorter = u32::from_le_bytes((&*length).try_into().unwrap()) / 5 * 4;
+    length.copy_from_slice(&shorter.to_le_bytes());
+    let (strict, loose) = both(&place.write("a.laz", &bytes));
+    let (points, census) = loose.unwrap();
+    let good = 30_000 - census.lost as usize;
+    // Not only whole blocks.
+    assert!((20_000..28_000).contains(&good) && good % 1024 != 0, "{good}");
+    let world = made.world();
+    assert!(points[..good] == world[..good] && points[good..] == world[30_000..]);
+    let told = strict.unwrap_err().to_string();
+    assert!(told.contains(&format!("a.laz: chunk 0, point {good}: it is damaged")), "{told}");
+}
+
+#[test]
+fn items_that_are_not_known_are_named() {
+    let place = Place::new();
+    let mut bytes = Made::new(1, Packing::Fixed(50), 100).with_extra(2).bytes();
+    let items = 227 + 54 + 34;
+    // Of version 1.
+    (0..3).for_each(|item| bytes[items + 6 * item + 4] = 1);
+    let (strict, loose) = both(&place.write("a.laz", &bytes));
+    for told in [strict, loose].map(|found| found.unwrap_err().to_string()) {
+        assert!(told.contains("extra bytes (type 0) of 2 bytes, version 1"), "{told}");
+    }
+}
+
+#[test]
 fn points_outside_the_bounds_claimed() {
     let place = Place::new();
     let made = Made::new(1, Packing::Plain, 100);
