@@ -144,7 +144,7 @@ impl Survey {
     }
 
     /// Height of the ground in metres at a place of the survey: a uniform bicubic B-spline over the
-    /// samples of a rough terrain every [`spline::GROUND`] metres, twice continuously differentiable.
+    /// samples of a rough terrain a fixed number of metres apart, twice continuously differentiable.
     /// For many places use [`ground_rows`](Self::ground_rows): this costs some microseconds.
     pub fn ground(&self, x: f64, y: f64) -> f64 {
         land::ground(self, [x, y, x, y]).at(x, y)
