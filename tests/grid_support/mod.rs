@@ -150,6 +150,7 @@ pub fn plain(statistic: Statistic, heights: &[f64], area: f64) -> f64 {
             low + (high - low) * place.fract()
         }
         Statistic::Idw { .. } | Statistic::Nearest { .. } => unreachable!("of a radius"),
+        Statistic::Tin { .. } | Statistic::Natural => unreachable!("of all points"),
     }
 }
 
