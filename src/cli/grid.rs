@@ -8,7 +8,7 @@ use crate::cli::{Outcome, args, check, cloud, parse, say, text, tin};
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::Cancel;
-use crate::pipeline::grid::{self, Compat, GridJob, GridReport, Placement};
+use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
 use crate::pipeline::surface::is_synthetic;
 use crate::raster::SampleType;
 
@@ -30,6 +30,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "LIST", default_value = "mean", value_parser = parse_stats)]
     stat: Stats,
     #[command(flatten)]
+    model: Model,
+    #[command(flatten)]
     cells: Cells,
     #[command(flatten)]
     method: Method,
@@ -46,6 +48,48 @@ pub(super) struct Args {
 /// The statistics of one list.
 #[derive(Clone, Debug)]
 struct Stats(Vec<Asked>);
+
+/// A model of the terrain, in place of statistics.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Models of the terrain")]
+struct Model {
+    /// The ground: its points, linear in their triangulation at the centres of cells
+    #[arg(long, conflicts_with_all = ["stat", "dsm", "chm"])]
+    dtm: bool,
+    /// What is seen from above: first returns, linear in their triangulation, without the pits that
+    /// pulses leave which went deep into a crown
+    #[arg(long, conflicts_with_all = ["stat", "chm"])]
+    dsm: bool,
+    /// The height of the second above the first
+    #[arg(long, conflicts_with = "stat")]
+    chm: bool,
+    /// Which points are ground: those of class 2 (or --class), those that a filter finds among last
+    /// returns, or auto: by class if there are any, else by filter [default: auto]
+    #[arg(long, value_name = "HOW", value_enum)]
+    ground: Option<GroundName>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum GroundName {
+    Auto,
+    Class,
+    Filter,
+}
+
+impl Model {
+    fn preset(&self) -> Option<Preset> {
+        let presets = [(self.dtm, Preset::Dtm), (self.dsm, Preset::Dsm), (self.chm, Preset::Chm)];
+        presets.into_iter().find(|(wanted, _)| *wanted).map(|(_, preset)| preset)
+    }
+
+    fn ground(&self) -> GroundFrom {
+        match self.ground {
+            None | Some(GroundName::Auto) => GroundFrom::Auto,
+            Some(GroundName::Class) => GroundFrom::Class,
+            Some(GroundName::Filter) => GroundFrom::Filter,
+        }
+    }
+}
 
 /// Where the cells lie.
 #[derive(Clone, Debug, clap::Args)]
@@ -88,7 +132,7 @@ struct Method {
     /// Weights of idw are distance to the power of minus P, 4 at most [default: 1]
     #[arg(long, value_name = "P", value_parser = parse::positive)]
     power: Option<f64>,
-    /// For tin: triangles with an edge longer than this are no surface [default: all are]
+    /// For tin and models of the terrain: triangles with an edge longer than this are no surface [default: all are]
     #[arg(long, value_name = "LENGTH", value_parser = parse::positive)]
     max_edge: Option<f64>,
     /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
@@ -149,7 +193,9 @@ fn job(args: &Args) -> Result<GridJob> {
         output: args.output.clone(),
         format: out.format.clone(),
         creation: out.co.clone(),
-        stats: args.stat.0.clone(),
+        stats: args.stats(),
+        preset: args.model.preset(),
+        ground: args.model.ground(),
         placement: Placement {
             cell: cells.cell,
             align: cells.align,
@@ -177,9 +223,15 @@ fn job(args: &Args) -> Result<GridJob> {
 }
 
 impl Args {
+    /// The statistics asked for, or what stands for a model.
+    fn stats(&self) -> Vec<Asked> {
+        self.model.preset().map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()])
+    }
+
     /// Fails when an option was given that cannot act.
     fn check_options(&self) -> Result<()> {
-        let any = |is_it: fn(&Statistic) -> bool| self.stat.0.iter().any(|a| is_it(&a.statistic));
+        let stats = self.stats();
+        let any = |is_it: fn(&Statistic) -> bool| stats.iter().any(|a| is_it(&a.statistic));
         let around = self.cells.compat == CompatName::Pdal
             || any(|s| {
                 matches!(
@@ -197,8 +249,17 @@ impl Args {
                 self.method.radius.is_some() && !around,
                 "for idw and nearest without one",
             ),
+            (
+                "--ground",
+                self.model.ground.is_some() && self.model.preset().is_none(),
+                "for --dtm, --dsm and --chm",
+            ),
             ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
-            ("--max-edge", self.method.max_edge.is_some() && !spans, "for tin without one"),
+            (
+                "--max-edge",
+                self.method.max_edge.is_some() && !spans,
+                "for tin without one, --dtm, --dsm and --chm",
+            ),
             ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
             (
                 "--round",

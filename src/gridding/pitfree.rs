@@ -49,6 +49,11 @@ impl PitFree {
         1 + self.thresholds.len()
     }
 
+    /// Longest edge of triangles that count in all but the first triangulation.
+    pub fn max_edge(&self) -> f64 {
+        self.max_edge
+    }
+
     /// In how many of the triangulations, from the first one on, a point is that lies so high above
     /// the ground. All are in the first.
     pub fn layers_of(&self, above_ground: f64) -> usize {
@@ -70,23 +75,23 @@ impl PitFree {
         for layer in 1..self.layers() {
             // Points of a higher layer are in all lower ones, and so are their hulls.
             let Some(found) = facet(layer)? else { break };
-            if found.z > highest && self.is_short(&found.corners, scale) {
+            if found.z > highest && is_short(&found.corners, scale, self.max_edge) {
                 highest = found.z;
             }
         }
         Ok(Some(highest))
     }
+}
 
-    /// Whether no edge of a triangle is too long.
-    fn is_short(&self, corners: &[Point; 3], scale: [f64; 2]) -> bool {
-        let [a, b, c] = *corners;
-        let most = self.max_edge * self.max_edge;
-        [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| {
-            let dx = f64::from(to.x - from.x) * scale[0];
-            let dy = f64::from(to.y - from.y) * scale[1];
-            dx * dx + dy * dy <= most
-        })
-    }
+/// Whether no edge of a triangle, on the ground, is longer than `most`; `scale` is the size of steps in
+/// x and y.
+pub fn is_short(corners: &[Point; 3], scale: [f64; 2], most: f64) -> bool {
+    let [a, b, c] = *corners;
+    [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| {
+        let dx = (f64::from(to.x) - f64::from(from.x)) * scale[0];
+        let dy = (f64::from(to.y) - f64::from(from.y)) * scale[1];
+        dx * dx + dy * dy <= most * most
+    })
 }
 
 #[cfg(test)]

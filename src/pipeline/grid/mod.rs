@@ -5,6 +5,7 @@ mod blocks;
 mod budget;
 mod extent;
 mod feed;
+mod preset;
 mod queue;
 mod report;
 mod source;
@@ -25,10 +26,12 @@ use blocks::Blocks;
 use budget::Budget;
 use extent::Extent;
 pub use extent::{Compat, Placement};
-use feed::Feed;
+use feed::{Fed, Feed};
+pub use preset::{GroundFrom, Preset};
+use preset::{Making, Model};
 pub use report::{BandReport, GridReport, GridStage};
 use source::{BandSource, Finished};
-use surface::Surfaces;
+use surface::{Heights, Surfaces};
 
 /// A cloud-to-grid job.
 #[derive(Clone, Debug)]
@@ -46,6 +49,10 @@ pub struct GridJob {
     pub creation: Vec<(String, String)>,
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<Asked>,
+    /// The model of the terrain that the only band is ([`Preset::band`]), if it is one.
+    pub preset: Option<Preset>,
+    /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
+    pub ground: GroundFrom,
     /// Where the cells lie.
     pub placement: Placement,
     /// Whose conventions are followed.
@@ -89,6 +96,8 @@ impl GridJob {
             format: None,
             creation: Vec::new(),
             stats,
+            preset: None,
+            ground: GroundFrom::default(),
             placement: Placement::new([cell; 2]),
             compat: Compat::None,
             radius: None,
@@ -101,6 +110,16 @@ impl GridJob {
             overwrite: false,
             resources: Resources::default(),
         }
+    }
+
+    /// As [`new`](Self::new), for a model of the terrain.
+    pub fn of_preset(
+        input: impl IntoIterator<Item = impl Into<String>>,
+        output: impl Into<PathBuf>,
+        preset: Preset,
+        cell: f64,
+    ) -> Self {
+        Self { preset: Some(preset), ..Self::new(input, output, vec![preset.band()], cell) }
     }
 
     /// The format to write.
@@ -153,12 +172,16 @@ impl GridJob {
     }
 
     /// How the cloud is read: where only a box of cells is wanted, without the points that are too far
-    /// away from it to be in any of its values, so that files and parts beyond are not even read.
+    /// away from it to be in any of its values, so that files and parts beyond are not even read. A
+    /// triangle may have corners anywhere.
     fn reading(&self) -> OpenOptions {
         let mut options = self.cloud.clone();
-        if let (Some([x0, y0, x1, y1]), None) = (self.placement.bbox, options.filter.bounds) {
-            let cell = self.placement.cell.unwrap_or_default();
-            let reach = Recipe::new(&self.stats, &self.rules(cell)).reach();
+        let cell = self.placement.cell.unwrap_or_default();
+        let recipe = Recipe::new(&self.stats, &self.rules(cell));
+        if let (Some([x0, y0, x1, y1]), None, false) =
+            (self.placement.bbox, options.filter.bounds, recipe.triangulates())
+        {
+            let reach = recipe.reach();
             let [x, y] = cell.map(|side| reach + f64::from(self.fill + 2) * side);
             options.filter.bounds = Some([x0 - x, y0 - y, x1 + x, y1 + y]);
         }
@@ -179,6 +202,7 @@ impl GridJob {
         if self.stats.is_empty() {
             return Err(Error::usage("no statistic is asked for").remedy("add --stat mean"));
         }
+        self.preset.map_or(Ok(()), |preset| preset::check(preset, self))?;
         self.placement.check(self.compat)?;
         crate::atomic::refuse_existing(&self.output, self.overwrite)
     }
@@ -197,7 +221,7 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let start = Instant::now();
     let cloud = cloud::synth::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let report = grid(&*cloud, job, progress, cancel)?;
+    let report = make(&*cloud, job, progress, cancel)?;
     let stages = [vec![opened], report.stages].concat();
     let wall_seconds = start.elapsed().as_secs_f64();
     let notes = [cloud.notes().to_vec(), report.notes].concat();
@@ -212,6 +236,19 @@ pub fn grid(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<GridReport> {
+    if job.preset.is_some() {
+        let message = "a preset reads its cloud several times, by class and return";
+        return Err(Error::usage(message).remedy("run the job with the cloud's name"));
+    }
+    make(points, job, progress, cancel)
+}
+
+fn make(
+    points: &dyn PointSource,
+    job: &GridJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<GridReport> {
     let start = Instant::now();
     job.check()?;
     let extent = Extent::new(points.info(), job)?;
@@ -220,24 +257,38 @@ pub fn grid(
     let format = job.format()?;
     let mut sink = format.create(&job.output, &info, &job.write_options())?;
     let share = if recipe.triangulates() { job.resources.memory / 2 } else { 0 };
-    let store = (share > 0).then(|| surface::store(points.info(), job.spill_folder(), share));
     let rest = Resources { memory: job.resources.memory - share, ..job.resources.clone() };
     let budget =
         Budget::divide(&rest, format, sink.as_ref(), &extent, &recipe, points.info().count)?;
-    let blocks = Blocks::new(&recipe, &extent, &budget, job.spill_folder());
-    let (source, into) = (points, store.as_ref());
-    let feed = Feed { source, extent: &extent, recipe: &recipe, blocks: &blocks, store: into };
-    let fed = feed.run(budget.threads, progress, cancel)?;
-    let frame = points.info().frame;
-    let surfaces = store.map(|store| Surfaces::new(store, frame)).transpose()?;
+    let folder = job.spill_folder();
+    let blocks = Blocks::new(&recipe, &extent, &budget, folder);
+    let (threads, memory) = (budget.threads, share);
+    let (fed, heights) = match job.preset {
+        Some(preset) => {
+            let reading = job.reading();
+            let making = Making { job, reading, threads, memory, progress, cancel };
+            let model = Model::new(preset, points.info(), &making)?;
+            (Fed { census: model.census, outside: 0 }, Some(Heights::Model(Box::new(model))))
+        }
+        None => {
+            let store = (memory > 0).then(|| surface::store(points.info(), folder, memory));
+            let (source, into) = (points, store.as_ref());
+            let (extent, recipe, blocks) = (&extent, &recipe, &blocks);
+            let feed = Feed { source, extent, recipe, blocks, store: into };
+            let fed = feed.run(threads, progress, cancel)?;
+            let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
+            (fed, surfaces.transpose()?.map(Box::new).map(Heights::Surfaces))
+        }
+    };
     let accumulated = GridStage::since("points", start);
     let begun = Instant::now();
     let units = units(&extent, points);
     let (recipe, extent, max_edge) = (&recipe, &extent, job.max_edge);
-    let finished = Finished { blocks, recipe, extent, units, surfaces, max_edge };
+    let finished = Finished { blocks, recipe, extent, units, heights, max_edge };
     let valid = write_bands(&finished, &info, sink.as_mut(), budget.threads, progress, cancel)?;
     cancel.check()?;
-    let through = finished.surfaces.as_ref().map_or(0, Surfaces::spilled_bytes);
+    let through = finished.heights.as_ref().map_or(0, Heights::spilled_bytes);
+    let made_of = finished.heights.as_ref().map_or(&[][..], Heights::notes).to_vec();
     let (spilled, notes) = (finished.blocks.spilled_bytes() + through, sink.notes());
     let output_bytes = sink.finish()?;
     let written = GridStage::since("write", begun);
@@ -248,7 +299,7 @@ pub fn grid(
         points: fed.census,
         outside_grid: fed.outside,
         bands: bands.map(|(band, valid)| BandReport { name: band.label.clone(), valid }).collect(),
-        notes: [extent.notes.clone(), notes].concat(),
+        notes: [extent.notes.clone(), made_of, notes].concat(),
         output_bytes,
         spilled_bytes: spilled,
         threads: budget.threads,

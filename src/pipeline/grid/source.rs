@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
 use super::extent::Extent;
-use super::surface::Surfaces;
+use super::surface::Heights;
 use crate::error::{Error, Result};
 use crate::geom::Rect;
 use crate::gridding::{Band, Recipe, Statistic, Units, fill};
@@ -17,7 +17,7 @@ pub(super) struct Finished<'a> {
     pub(super) extent: &'a Extent,
     pub(super) units: Units,
     /// Where a band needs it.
-    pub(super) surfaces: Option<Surfaces>,
+    pub(super) heights: Option<Heights>,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
 }
@@ -25,8 +25,8 @@ pub(super) struct Finished<'a> {
 impl Finished<'_> {
     /// The values of a band in `rect` of all cells computed, NaN where void.
     fn values(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
-        if let (Some(surfaces), true) = (&self.surfaces, band.is_triangulated()) {
-            return surfaces.values(band.statistic, self.max_edge, self.extent, rect, out);
+        if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
+            return heights.values(band.statistic, self.max_edge, self.extent, rect, out);
         }
         out.fill(if band.counts() { 0.0 } else { f64::NAN });
         let (stride, shift) = (rect.width as usize, self.blocks.shift());

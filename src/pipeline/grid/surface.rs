@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use super::extent::Extent;
+use super::preset::Model;
 use crate::cloud::CloudInfo;
-use crate::delaunay::Hull;
+use crate::delaunay::{Found, Hull, Position, Window, interpolate};
 use crate::error::Result;
 use crate::geom::{Frame, Point, Rect};
 use crate::gridding::Statistic;
-use crate::pipeline::points::{PointStore, Positions, Shape, Surface, Tiling};
+use crate::pipeline::points::{Around, PointStore, Positions, Shape, Surface, Tiling};
 
 /// Bytes that a thread holds for the points around the cells it is at.
 pub(super) const WORKER: u64 = 32 << 20;
@@ -20,10 +21,54 @@ pub(super) struct Surfaces {
     frame: Frame,
 }
 
+/// What bands are made of that are not statistics of the points of a cell.
+pub(super) enum Heights {
+    Surfaces(Box<Surfaces>),
+    Model(Box<Model>),
+}
+
+impl Heights {
+    /// The values of a band at the centres of the cells of `rect`, NaN where there is none.
+    pub(super) fn values(
+        &self,
+        statistic: Statistic,
+        max_edge: Option<f64>,
+        extent: &Extent,
+        rect: Rect,
+        out: &mut [f64],
+    ) -> Result<()> {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.values(statistic, max_edge, extent, rect, out),
+            Self::Model(model) => model.values(max_edge, extent, rect, out),
+        }
+    }
+
+    /// Which points they are made of, where not of all.
+    pub(super) fn notes(&self) -> &[String] {
+        match self {
+            Self::Surfaces(_) => &[],
+            Self::Model(model) => &model.notes,
+        }
+    }
+
+    /// Bytes that went to temporary files.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.spilled_bytes(),
+            Self::Model(model) => model.spilled_bytes(),
+        }
+    }
+}
+
 /// A store for the points of a cloud, of which about `memory` bytes may be in memory.
 pub(super) fn store(cloud: &CloudInfo, folder: &Path, memory: u64) -> PointStore {
+    PointStore::empty(tiling(cloud), folder, memory)
+}
+
+/// Squares for the points of a cloud.
+pub(super) fn tiling(cloud: &CloudInfo) -> Tiling {
     let nowhere = [Point::default(); 2];
-    PointStore::empty(Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count), folder, memory)
+    Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count)
 }
 
 impl Surfaces {
@@ -54,11 +99,50 @@ impl Surfaces {
         };
         let Self { store, hull, frame } = self;
         let surface = Surface { store, hull, frame: *frame, shape };
+        let centres = Centres::new(extent, rect, frame);
+        surface.fill(centres.positions(), out)
+    }
+
+    /// The height in steps of the linear surface at each of `points`, which lie near each other; `None`
+    /// beyond it.
+    pub(super) fn under(
+        &self,
+        points: &[Point],
+        mut each: impl FnMut(&Point, Option<f64>),
+    ) -> Result<()> {
+        let site = |p: &Point| [p.x, p.y];
+        let Some(window) = Window::of(points.iter().map(site)) else { return Ok(()) };
+        let mut around = Around::new(&self.store, window)?;
+        let (positions, mut left) = (points.iter().map(|p| Position::of(site(p))), points.iter());
+        around.find_all(&self.hull, positions, |position, found| {
+            let height = match found {
+                Found::At(point) => Some(f64::from(point.z)),
+                Found::Triangle(corners) => Some(interpolate(&corners, position)),
+                Found::Outside => None,
+            };
+            left.next().into_iter().for_each(|point| each(point, height));
+        })
+    }
+}
+
+/// The centres of cells, in steps.
+pub(super) struct Centres {
+    xs: Vec<f64>,
+    ys: Vec<f64>,
+}
+
+impl Centres {
+    /// Of the cells of `rect`.
+    pub(super) fn new(extent: &Extent, rect: Rect, frame: &Frame) -> Self {
         let (x, y) = (extent.lattice.x, extent.lattice.y);
         let cols = rect.col..rect.col + rect.width;
         let rows = rect.row..rect.row + rect.height;
-        let xs: Vec<f64> = cols.map(|col| frame.steps(0, x.world_centre(col.into()))).collect();
-        let ys: Vec<f64> = rows.map(|row| frame.steps(1, y.world_centre(row.into()))).collect();
-        surface.fill(Positions { xs: &xs, ys: &ys }, out)
+        let xs = cols.map(|col| frame.steps(0, x.world_centre(col.into()))).collect();
+        let ys = rows.map(|row| frame.steps(1, y.world_centre(row.into()))).collect();
+        Self { xs, ys }
+    }
+
+    pub(super) fn positions(&self) -> Positions<'_> {
+        Positions { xs: &self.xs, ys: &self.ys }
     }
 }

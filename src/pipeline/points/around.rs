@@ -57,6 +57,52 @@ impl<'a> Around<'a> {
         Ok(())
     }
 
+    /// What lies at each position, in their order, as far as it is a point or a triangle that
+    /// `is_small`: of any other triangle, only that there is none that small. Those have no edge longer
+    /// than `reach` steps, by which the window exceeds the positions.
+    ///
+    /// A small triangle of all points has its corners in the window, so it is that of the points known,
+    /// too: what is not small among those needs no further look, however far its disc reaches. Where no
+    /// point is within reach, none is looked for.
+    pub(in crate::pipeline) fn find_small(
+        &mut self,
+        hull: &Hull,
+        positions: impl Iterator<Item = Position>,
+        reach: i32,
+        is_small: impl Fn(&[Point; 3]) -> bool,
+        mut each: impl FnMut(Position, Found),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let known = Known(self);
+            let mut finder = Finder::new(&known, hull);
+            while let Some(&position) = left.peek() {
+                let found = match self.is_near(position, reach) {
+                    true => finder.find(position).unwrap_or(Found::Outside),
+                    false => Found::Outside,
+                };
+                if let Found::Triangle(corners) = &found
+                    && is_small(corners)
+                    && self.certify(&Disc::around(corners.map(|p| [p.x, p.y]))).is_err()
+                {
+                    break;
+                }
+                each(position, found);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// Whether a known point may be within `reach` steps, along both axes.
+    fn is_near(&self, position: Position, reach: i32) -> bool {
+        let at = position.floor();
+        let (window, mut any) = (Window { low: at, high: at }.grown(reach + 1), false);
+        self.visit(&window, |run| any |= !run.is_empty());
+        any
+    }
+
     /// The natural neighbour height at each position of `window`, in their order.
     pub(in crate::pipeline) fn natural(
         &mut self,
@@ -146,6 +192,31 @@ impl Space for Around<'_> {
     }
 }
 
+/// The points around a place as if there were no others.
+struct Known<'a, 'b>(&'a Around<'b>);
+
+impl Space for Known<'_, '_> {
+    fn pitch(&self) -> i32 {
+        self.0.pitch()
+    }
+
+    fn visit(&self, window: &Window, each: impl FnMut(&[Point])) {
+        self.0.visit(window, each);
+    }
+
+    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point])) {
+        self.0.visit_disc(disc, window, each);
+    }
+
+    fn extent(&self) -> Window {
+        self.0.extent()
+    }
+
+    fn certify(&self, _: &Disc) -> std::result::Result<(), Needs> {
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,5 +265,48 @@ mod tests {
             beyond += around.beyond.len();
         }
         assert!(asked == 40_000 && beyond > 100, "{asked} {beyond}");
+    }
+
+    #[test]
+    fn small_triangles_are_those_of_the_whole() {
+        let points = points();
+        let folder = tempfile::tempdir().unwrap();
+        let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
+        store.add(&points).unwrap();
+        let hull = store.hull().unwrap();
+        let bins = Bins::new(&points);
+        let space = Loaded::whole(&bins);
+        let reach = 130;
+        let is_small = |found: &Found| match found {
+            Found::Triangle([a, b, c]) => [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|(p, q)| (p.x - q.x).pow(2) + (p.y - q.y).pow(2) <= reach * reach),
+            Found::At(_) => true,
+            Found::Outside => false,
+        };
+        let (mut whole, mut small, mut large) = (Finder::new(&space, &hull), 0, 0);
+        for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
+            let window = Window { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = Around::new(&store, window.grown(reach)).unwrap();
+            let positions = (0..400).map(|i| {
+                let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
+                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+            });
+            let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
+            around
+                .find_small(&hull, positions, reach, is, |position, found| {
+                    let expected = whole.find(position).unwrap();
+                    assert_eq!(is_small(&found), is_small(&expected), "{position:?}");
+                    if is_small(&expected) {
+                        assert_eq!(found, expected);
+                        small += 1;
+                    } else {
+                        large += 1;
+                    }
+                })
+                .unwrap();
+        }
+        assert!(small > 5000 && large > 5000, "{small} {large}");
     }
 }

@@ -13,7 +13,7 @@ use std::sync::Mutex;
 
 pub(in crate::pipeline) use around::Around;
 use buckets::Buckets;
-pub(in crate::pipeline) use surface::{Positions, Shape, Surface};
+pub(in crate::pipeline) use surface::{Part, Positions, Shape, Surface};
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};
@@ -144,6 +144,26 @@ impl PointStore {
         self.points.read(square, |run| out.extend_from_slice(run))?;
         out.sort_unstable();
         Ok(())
+    }
+
+    /// Hands out the points of a square, a run at a time, in an order that means nothing.
+    pub(in crate::pipeline) fn visit(
+        &self,
+        square: usize,
+        each: impl FnMut(&[Point]),
+    ) -> Result<()> {
+        self.points.read(square, each)
+    }
+
+    /// Points in the store.
+    pub(in crate::pipeline) fn count(&self) -> u64 {
+        self.summaries.iter().map(|summary| lock(summary).count).sum()
+    }
+
+    /// Points of the squares that a window touches.
+    pub(in crate::pipeline) fn points_near(&self, window: Window) -> u64 {
+        let squares = self.tiling.touching(window);
+        squares.filter_map(|square| Some(self.summary(square)?.count)).sum()
     }
 
     /// The points of a square at distinct positions, in canonical order, in place of what `out` held:

@@ -42,9 +42,28 @@ pub(in crate::pipeline) struct Positions<'a> {
 
 /// Some of the columns and rows.
 #[derive(Clone)]
-struct Part {
-    cols: Range<usize>,
-    rows: Range<usize>,
+pub(in crate::pipeline) struct Part {
+    pub(in crate::pipeline) cols: Range<usize>,
+    pub(in crate::pipeline) rows: Range<usize>,
+}
+
+impl Positions<'_> {
+    /// Hands on parts, each with what it lies in, near which there are few enough points to be held.
+    pub(in crate::pipeline) fn in_parts(
+        self,
+        points_near: impl Fn(Window) -> u64,
+        mut each: impl FnMut(&Part, Window) -> Result<()>,
+    ) -> Result<()> {
+        let mut parts = vec![Part { cols: 0..self.xs.len(), rows: 0..self.ys.len() }];
+        while let Some(part) = parts.pop() {
+            let Some(window) = window(self, &part) else { continue };
+            match part.halves() {
+                Some(halves) if points_near(window) > MOST_POINTS => parts.extend(halves),
+                _ => each(&part, window)?,
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Part {
@@ -67,21 +86,8 @@ impl Surface<'_> {
     /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
     /// the points and its position alone.
     pub(in crate::pipeline) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
-        let mut parts = vec![Part { cols: 0..at.xs.len(), rows: 0..at.ys.len() }];
-        while let Some(part) = parts.pop() {
-            let Some(window) = window(at, &part) else { continue };
-            match part.halves() {
-                Some(halves) if self.points_near(window) > MOST_POINTS => parts.extend(halves),
-                _ => self.fill_part(at, &part, window, out)?,
-            }
-        }
-        Ok(())
-    }
-
-    /// Points of the squares that a window touches.
-    fn points_near(&self, window: Window) -> u64 {
-        let squares = self.store.tiling().touching(window);
-        squares.filter_map(|square| Some(self.store.summary(square)?.count)).sum()
+        let near = |window| self.store.points_near(window);
+        at.in_parts(near, |part, window| self.fill_part(at, part, window, out))
     }
 
     fn fill_part(
