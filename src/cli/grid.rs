@@ -60,7 +60,7 @@ struct Model {
     /// pulses leave which went deep into a crown
     #[arg(long, conflicts_with_all = ["stat", "chm"])]
     dsm: bool,
-    /// The height of the second above the first
+    /// The height of --dsm above --dtm, 0 where it would be below
     #[arg(long, conflicts_with = "stat")]
     chm: bool,
     /// Which points are ground: those of class 2 (or --class), those that a filter finds among last
