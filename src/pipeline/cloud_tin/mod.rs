@@ -536,6 +536,38 @@ mod tests {
     }
 
     #[test]
+    fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
+        let source = source(ground(6000), 6000 * 200);
+        let folder = tempfile::tempdir().unwrap();
+        let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
+        let store = PointStore::empty(tiling, folder.path(), 1 << 20);
+        store.add(&source.points).unwrap();
+        let hull = store.hull().unwrap().corners();
+        let (mut state, mut beyond) = (3, 0);
+        for &region in &Regions::new(&store, 500).all {
+            let local = local::Local::new(&store, region, &hull).unwrap();
+            let (influence, window) = (local.influence(), region.window(&tiling));
+            let all =
+                (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
+            let sites = all.map(|corners| corners.map(|p| [p.x, p.y]));
+            let touches = |t: &[[i32; 2]; 3]| {
+                crate::delaunay::Window::of(*t).unwrap().intersection(&window).is_some()
+            };
+            let own: Vec<_> = sites.filter(touches).collect();
+            for _ in 0..300 {
+                let at = [random(&mut state, 20_000), random(&mut state, 20_000)];
+                if !influence.contains(at) {
+                    let is_hit =
+                        |[a, b, c]: &[[i32; 2]; 3]| crate::delaunay::in_circle(*a, *b, *c, at);
+                    assert!(!own.iter().any(is_hit), "{at:?} is beyond {influence:?}");
+                    beyond += 1;
+                }
+            }
+        }
+        assert!(beyond > 500, "{beyond}");
+    }
+
+    #[test]
     fn threads_memory_and_the_order_of_points_leave_no_trace() {
         let first = source(ground(20_000), 20_000 * 50);
         let mut points = first.points.clone();
