@@ -7,6 +7,7 @@ pub mod delaunay;
 mod disk;
 pub mod grid;
 pub mod memory;
+pub mod plan;
 mod points;
 pub mod surface;
 pub mod survey;
