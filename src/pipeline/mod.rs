@@ -5,6 +5,8 @@ pub mod cloud_tin;
 pub mod convert;
 pub mod delaunay;
 mod disk;
+#[cfg(test)]
+mod few;
 pub mod grid;
 pub mod memory;
 pub mod plan;
