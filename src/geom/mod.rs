@@ -4,6 +4,7 @@ mod affine;
 mod crs;
 mod geokeys;
 mod point;
+pub mod plane;
 pub mod predicates;
 mod rect;
 pub mod wkt;
