@@ -16,7 +16,7 @@ pub(super) struct Piece {
 impl Piece {
     /// True when the piece is a segment of the chain, with nothing left out.
     pub(super) fn is_original(self) -> bool {
-        self.to - self.from == 1
+        self.to - self.from <= 1
     }
 }
 

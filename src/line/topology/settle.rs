@@ -61,13 +61,16 @@ impl<'a> Settling<'a> {
         settling
     }
 
-    /// Adds the pieces between kept vertices.
+    /// Adds the pieces between kept vertices; a chain that is one vertex is a piece, too.
     fn add(&mut self, kept: &[u32]) {
         for &v in kept {
             self.kept.insert(v as usize);
         }
         let pieces = kept.windows(2).map(|pair| Piece { from: pair[0], to: pair[1] });
         self.pieces.extend(pieces);
+        if let &[v] = kept {
+            self.pieces.push(Piece { from: v, to: v });
+        }
         self.alive.resize(self.pieces.len(), true);
     }
 

@@ -64,7 +64,7 @@ fn ways() -> impl Iterator<Item = Options> {
 }
 
 /// Checks an outcome in every way that is sure to hold for its world.
-fn check(world: &World, tolerance: f64, options: Options, name: &str) {
+fn check(world: &World, is_clean: bool, tolerance: f64, options: Options, name: &str) {
     let outcome = solve(world, tolerance, options);
     let kept = &outcome.kept;
     let name = format!("{name}, tolerance {tolerance}, {options:?}");
@@ -75,7 +75,7 @@ fn check(world: &World, tolerance: f64, options: Options, name: &str) {
     let new = crossings.iter().filter(|pair| pair.iter().any(|s| s[1] - s[0] != 1)).count();
     assert_eq!(new, 0, "{name}: new crossings");
     assert_eq!(crossings.len() as u64, outcome.input_crossings, "{name}: crossings reported");
-    if world.is_clean() {
+    if is_clean {
         twin::sides(world, kept, &name);
     }
 }
@@ -86,10 +86,11 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_a
     for seed in 0..count {
         let mut dice = Dice::new(seed);
         let world = make(&mut dice);
-        clean += u64::from(world.is_clean());
+        let is_clean = world.is_clean();
+        clean += u64::from(is_clean);
         let tolerance = f64::from(1 << dice.below(12));
         for options in ways() {
-            check(&world, tolerance, options, &format!("{name} {seed}"));
+            check(&world, is_clean, tolerance, options, &format!("{name} {seed}"));
         }
     }
     assert!(clean as f64 >= clean_at_least * count as f64, "{name}: only {clean} clean worlds");
@@ -97,27 +98,27 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_a
 
 #[test]
 fn archipelagos() {
-    check_kind(600, worlds::archipelago, "archipelago", 0.9);
+    check_kind(200, worlds::archipelago, "archipelago", 0.9);
 }
 
 #[test]
 fn nested_rings() {
-    check_kind(400, worlds::nested, "nested", 0.5);
+    check_kind(200, worlds::nested, "nested", 0.5);
 }
 
 #[test]
 fn rings_that_wind_tightly() {
-    check_kind(300, worlds::spiral, "spiral", 0.9);
+    check_kind(150, worlds::spiral, "spiral", 0.9);
 }
 
 #[test]
 fn coverages() {
-    check_kind(400, worlds::coverage, "coverage", 0.5);
+    check_kind(150, worlds::coverage, "coverage", 0.5);
 }
 
 #[test]
 fn anything_on_a_small_lattice() {
-    check_kind(1500, worlds::lattice, "lattice", 0.01);
+    check_kind(3000, worlds::lattice, "lattice", 0.01);
 }
 
 #[test]
