@@ -1,5 +1,7 @@
 //! Looking for what is wrong among pieces: crossings, and vertices on another side.
 
+use std::ops::Range;
+
 use super::chains::{Bits, Chains};
 use super::cross::conflict;
 use super::region::{Bands, holds};
@@ -37,6 +39,46 @@ pub(super) struct Found {
     held: Vec<(u32, Xy)>,
 }
 
+/// Pieces of one round: boxes of their chains' parts, and beside them what else a test looks at.
+#[derive(Debug)]
+pub(super) struct Layer {
+    pub(super) tree: Tree,
+    /// In the order of the tree.
+    spans: Vec<Span>,
+}
+
+/// A piece and its segment.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    piece: Piece,
+    ends: [Xy; 2],
+}
+
+impl Layer {
+    /// Of `(number, box)`.
+    pub(super) fn new(items: &[(u32, Bounds)], pieces: &[Piece], points: &[Xy]) -> Self {
+        let tree = Tree::new(items);
+        let span = |&id: &u32| {
+            let piece = pieces[id as usize];
+            Span { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
+        };
+        Self { spans: tree.ids.iter().map(span).collect(), tree }
+    }
+
+    #[inline(always)]
+    fn item(&self, at: usize) -> Item<'_> {
+        Item { id: self.tree.ids[at], bounds: self.tree.bounds(at), span: &self.spans[at] }
+    }
+}
+
+/// A piece in a layer.
+#[derive(Clone, Copy, Debug)]
+struct Item<'a> {
+    id: u32,
+    bounds: &'a Bounds,
+    span: &'a Span,
+}
+
 /// All pieces, dead or alive, for reading only: scans of different groups can go on at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
@@ -49,100 +91,98 @@ pub(super) struct View<'a> {
 }
 
 impl View<'_> {
-    /// Tests every pair of pieces of `tree` once.
-    pub(super) fn within(&self, tree: &Tree, found: &mut Found) {
+    /// Tests every pair of pieces of a layer, all of them alive, once.
+    pub(super) fn within(&self, layer: &Layer, found: &mut Found) {
+        let tree = &layer.tree;
         let mut groups = Vec::new();
         for group in 0..tree.groups() {
-            tree.groups_meeting(&tree.around(group), group, &mut groups);
-            for &other in &groups {
-                self.groups((tree, group), (tree, other), found);
+            let around = tree.around(group);
+            tree.groups_meeting(&around, group + 1, &mut groups);
+            for q in tree.group(group) {
+                let rest = q + 1..tree.group(group).end;
+                self.one_to_many(layer.item(q), (layer, rest), found);
+            }
+            for q in groups.iter().flat_map(|&g| tree.group(g)) {
+                if tree.bounds(q).meets(&around) {
+                    self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
+                }
             }
             self.test_held(found, MOST_HELD);
         }
     }
 
-    /// Tests every piece of `fresh` against every living one of `old`.
-    pub(super) fn between(&self, fresh: &Tree, old: &Tree, found: &mut Found) {
+    /// Tests every piece of `fresh` against every living one of `old`. Fresh pieces are few and lie
+    /// here and there, so each looks for itself.
+    pub(super) fn between(&self, fresh: &Layer, old: &Layer, found: &mut Found) {
         let mut groups = Vec::new();
-        for group in 0..fresh.groups() {
-            old.groups_meeting(&fresh.around(group), 0, &mut groups);
-            for &other in &groups {
-                self.groups((fresh, group), (old, other), found);
+        for item in (0..fresh.spans.len()).map(|at| fresh.item(at)) {
+            old.tree.groups_meeting(item.bounds, 0, &mut groups);
+            for q in groups.iter().flat_map(|&g| old.tree.group(g)) {
+                if old.tree.bounds(q).meets(item.bounds) && self.alive[old.tree.ids[q] as usize] {
+                    self.pair(item, old.item(q), found);
+                }
             }
             self.test_held(found, MOST_HELD);
         }
     }
 
     /// Tests every piece of `fresh` against given points; the ids of `tree` are their numbers.
-    pub(super) fn points(&self, fresh: &Tree, tree: &Tree, points: &[Xy], found: &mut Found) {
+    pub(super) fn points(&self, fresh: &Layer, tree: &Tree, points: &[Xy], found: &mut Found) {
         let mut groups = Vec::new();
-        for group in 0..fresh.groups() {
-            tree.groups_meeting(&fresh.around(group), 0, &mut groups);
-            for at in fresh.group(group) {
-                for other in groups.iter().flat_map(|&g| tree.group(g)) {
-                    let point = points[tree.ids[other] as usize];
-                    self.candidate(fresh.ids[at], fresh.bounds(at), point, found);
+        for group in 0..fresh.tree.groups() {
+            tree.groups_meeting(&fresh.tree.around(group), 0, &mut groups);
+            for other in groups.iter().flat_map(|&g| tree.group(g)) {
+                for at in fresh.tree.group(group) {
+                    self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
                 }
             }
             self.test_held(found, MOST_HELD);
         }
     }
 
-    /// Tests the pairs of two groups, or those within one.
-    fn groups(&self, (tree, g): (&Tree, usize), (other, h): (&Tree, usize), found: &mut Found) {
-        let around = tree.around(g);
-        let same = std::ptr::eq(tree, other) && g == h;
-        for q in other.group(h) {
-            let id = other.ids[q];
-            if !other.bounds(q).meets(&around) || !self.alive[id as usize] {
-                continue;
-            }
-            let first = if same { q + 1 } else { tree.group(g).start };
-            for p in first..tree.group(g).end {
-                if tree.bounds(p).meets(other.bounds(q)) {
-                    self.pair((tree.ids[p], tree.bounds(p)), (id, other.bounds(q)), found);
-                }
+    #[inline(always)]
+    fn one_to_many(&self, one: Item<'_>, (layer, many): (&Layer, Range<usize>), found: &mut Found) {
+        for p in many {
+            if layer.tree.bounds(p).meets(one.bounds) {
+                self.pair(layer.item(p), one, found);
             }
         }
     }
 
     #[inline]
-    fn pair(&self, (i, in_i): (u32, &Bounds), (j, in_j): (u32, &Bounds), found: &mut Found) {
-        let (p, q) = (self.pieces[i as usize], self.pieces[j as usize]);
-        let (s, t) = (self.segment(p), self.segment(q));
+    fn pair(&self, p: Item<'_>, q: Item<'_>, found: &mut Found) {
+        let (s, t) = (p.span.ends, q.span.ends);
         if conflict(s, t) && s[0] != s[1] && t[0] != t[1] {
-            found.crossings.push((i, j));
+            found.crossings.push((p.id, q.id));
         }
-        self.side((i, p, in_i), q, found);
-        self.side((j, q, in_j), p, found);
+        self.side(p, q.span, found);
+        self.side(q, p.span, found);
     }
 
-    /// Tests the kept vertices that `q` stands for against piece `p`.
+    /// Tests the kept vertices that `other` stands for against a piece.
     #[inline]
-    fn side(&self, (i, p, bounds): (u32, Piece, &Bounds), q: Piece, found: &mut Found) {
-        if p.is_original() {
-            return;
-        }
-        if q.from != p.to {
-            self.candidate(i, bounds, self.chains.points[q.from as usize], found);
-        }
-        if self.ends.has(q.to as usize) {
-            self.candidate(i, bounds, self.chains.points[q.to as usize], found);
+    fn side(&self, item: Item<'_>, other: &Span, found: &mut Found) {
+        self.candidate(item, other.ends[0], found);
+        if self.ends.has(other.piece.to as usize) {
+            self.candidate(item, other.ends[1], found);
         }
     }
 
-    /// Tests a position that must not lie between chain and segment of piece `i`.
+    /// Tests a position that must not lie between chain and segment of a piece.
     #[inline]
-    fn candidate(&self, i: u32, bounds: &Bounds, v: Xy, found: &mut Found) {
-        let piece = self.pieces[i as usize];
-        let [a, b] = self.segment(piece);
-        if !bounds.holds(v) || v == a || v == b || found.wrong.last() == Some(&i) {
+    fn candidate(&self, item: Item<'_>, v: Xy, found: &mut Found) {
+        let Span { piece, ends } = *item.span;
+        if piece.is_original()
+            || !item.bounds.holds(v)
+            || ends.contains(&v)
+            || found.wrong.last() == Some(&item.id)
+        {
             return;
         }
         if piece.to - piece.from > LONG {
-            found.held.push((i, v));
+            found.held.push((item.id, v));
         } else if holds(self.chains.piece(piece.from, piece.to), v) {
-            found.wrong.push(i);
+            found.wrong.push(item.id);
         }
     }
 
@@ -159,10 +199,6 @@ impl View<'_> {
                 found.wrong.push(run[0].0);
             }
         }
-    }
-
-    fn segment(&self, piece: Piece) -> [Xy; 2] {
-        [piece.from, piece.to].map(|v| self.chains.points[v as usize])
     }
 }
 

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 use super::chains::{Bits, Chains, Kept};
 use super::region::farthest;
-use super::scan::{Found, Piece, View};
-use super::tree::{Bounds, Tree};
+use super::scan::{Found, Layer, Piece, View};
+use super::tree::Bounds;
 use super::{Points, Refine};
 use crate::geom::plane::area_sign;
 
@@ -13,8 +13,8 @@ use crate::geom::plane::area_sign;
 /// logarithmic, whatever the chains look like.
 const ROUNDS_AT_FARTHEST: u64 = 40;
 
-/// Trees of pieces that are kept apart; more are made one.
-const MOST_TREES: usize = 6;
+/// Layers that are kept apart; more are made one.
+const MOST_LAYERS: usize = 6;
 
 /// The state of the chains between rounds.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ pub(super) struct Settling<'a> {
     pieces: Vec<Piece>,
     alive: Vec<bool>,
     /// Pieces of earlier rounds.
-    trees: Vec<Tree>,
+    layers: Vec<Layer>,
     /// The first piece made since rings were last looked at whether they turned over.
     pub(super) unturned: usize,
     pub(super) input_crossings: u64,
@@ -45,7 +45,7 @@ impl<'a> Settling<'a> {
             ends: Bits::new(n),
             pieces: Vec::with_capacity(kept.vertices.len()),
             alive: Vec::new(),
-            trees: Vec::new(),
+            layers: Vec::new(),
             unturned: 0,
             input_crossings: 0,
             refined: 0,
@@ -78,9 +78,9 @@ impl<'a> Settling<'a> {
     pub(super) fn run(&mut self, points: &Points<'_>, refine: &mut Refine<'_>) {
         let mut first = 0;
         while first < self.pieces.len() {
-            let fresh = self.tree_from(first);
+            let fresh = self.layer_from(first);
             let found = self.scan(&fresh, points);
-            self.trees.push(fresh);
+            self.layers.push(fresh);
             self.rounds += 1;
             let mut wrong = self.judge(found);
             if wrong.is_empty() {
@@ -90,31 +90,32 @@ impl<'a> Settling<'a> {
             for i in wrong {
                 self.split(i, refine);
             }
-            if self.trees.len() > MOST_TREES {
-                self.merge_trees();
+            if self.layers.len() > MOST_LAYERS {
+                self.merge_layers();
             }
         }
     }
 
-    fn tree_from(&self, first: usize) -> Tree {
+    fn layer_from(&self, first: usize) -> Layer {
         let bounds = |piece: &Piece| Bounds::of(self.chains.piece(piece.from, piece.to));
         let fresh = self.pieces[first..].iter().map(bounds);
         let items: Vec<_> = (first as u32..).zip(fresh).collect();
-        Tree::new(&items)
+        Layer::new(&items, &self.pieces, self.chains.points)
     }
 
-    /// Makes all trees but the first one tree.
-    fn merge_trees(&mut self) {
+    /// Makes all layers but the first one layer.
+    fn merge_layers(&mut self) {
         let mut items = Vec::new();
-        for tree in self.trees.drain(1..) {
+        for Layer { tree, .. } in self.layers.drain(1..) {
             let all = tree.ids.iter().enumerate();
             items.extend(all.filter(|(_, id)| self.alive[**id as usize]).map(|(at, &id)| (id, *tree.bounds(at))));
         }
         items.sort_by_key(|&(id, _)| id);
-        self.trees.push(Tree::new(&items));
+        let merged = Layer::new(&items, &self.pieces, self.chains.points);
+        self.layers.push(merged);
     }
 
-    fn scan(&self, fresh: &Tree, points: &Points<'_>) -> Found {
+    fn scan(&self, fresh: &Layer, points: &Points<'_>) -> Found {
         let view = View {
             chains: self.chains,
             pieces: &self.pieces,
@@ -123,7 +124,7 @@ impl<'a> Settling<'a> {
         };
         let mut found = Found::default();
         view.within(fresh, &mut found);
-        for old in &self.trees {
+        for old in &self.layers {
             view.between(fresh, old, &mut found);
         }
         view.points(fresh, &points.tree, points.at, &mut found);

@@ -3,7 +3,7 @@
 use crate::geom::plane::Xy;
 
 /// Boxes of a group, and groups of a group.
-const FAN: usize = 8;
+const FAN: usize = 16;
 
 /// A closed box.
 #[derive(Clone, Copy, Debug, PartialEq)]
