@@ -3,8 +3,8 @@
 mod affine;
 mod crs;
 mod geokeys;
-mod point;
 pub mod plane;
+mod point;
 pub mod predicates;
 mod rect;
 pub mod wkt;

@@ -7,14 +7,16 @@
 //! like others, lines of two vertices or fewer are kept as they are, and a tolerance of 0 drops what
 //! lies on its segment. Nothing recurses.
 
+pub mod arcs;
 pub mod cone;
 pub mod hierarchy;
 pub mod imai_iri;
 pub mod metric;
 pub mod rdp;
-pub mod registry;
 mod regions;
+pub mod registry;
 pub mod ring;
+pub mod topology;
 pub mod visvalingam;
 pub mod wedge;
 

@@ -122,7 +122,8 @@ impl Chain {
 
     fn ring(count: usize) -> Self {
         let n = count as u32;
-        let around = |i: u32| [if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 }];
+        let around =
+            |i: u32| [if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 }];
         Self { neighbours: (0..n).map(around).collect(), start: 0, end: n, least: 3 }
     }
 
@@ -132,7 +133,8 @@ impl Chain {
             area(&points[before as usize], &points[i as usize], &points[after as usize])
         };
         let mut areas = vec![f64::INFINITY; points.len()];
-        let first = (self.start..self.end).map(|i| Entry { key: of(i, self.neighbours[i as usize]), i });
+        let first =
+            (self.start..self.end).map(|i| Entry { key: of(i, self.neighbours[i as usize]), i });
         let mut heap = Heap::new(first.collect(), points.len());
         let mut order = Vec::with_capacity(heap.entries.len().saturating_sub(self.least));
         let mut most = 0.0_f64;

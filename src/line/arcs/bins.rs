@@ -89,8 +89,7 @@ impl Bins {
         let near = |p: Xy, q: Xy| p != q && within(p, q, reach);
         let has_near = |&v: &u32| {
             let p = points[v as usize];
-            let [low, high] =
-                [-reach, reach].map(|by| self.column_row([p[0] + by, p[1] + by]));
+            let [low, high] = [-reach, reach].map(|by| self.column_row([p[0] + by, p[1] + by]));
             (low[1]..=high[1]).any(|row| {
                 let first = self.starts[row * self.size[0] + low[0]] as usize;
                 let end = self.starts[row * self.size[0] + high[0] + 1] as usize;

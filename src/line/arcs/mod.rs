@@ -18,7 +18,7 @@ mod tests;
 use crate::error::{Error, Result};
 use crate::geom::plane::Xy;
 
-use super::topology::{Chains, Kept};
+use super::topology::{Chains, Kept, open_at};
 use bins::Bins;
 use cut::Cutter;
 
@@ -97,9 +97,17 @@ impl Arcs {
         Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
     }
 
+    /// Lets a closed arc that is a ring by itself begin at another of its vertices, `at` from its first.
+    pub fn open_at(&mut self, arc: usize, at: usize) {
+        let range = self.starts[arc]..self.starts[arc + 1];
+        open_at(&mut self.points[range.clone()], at);
+        open_at(&mut self.sources[range], at);
+    }
+
     /// The parts, of what is kept of the arcs. A ring begins with its first arc. O(output).
     pub fn rebuild(&self, kept: &Kept) -> Parts {
-        let mut parts = Parts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
+        let mut parts =
+            Parts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
         for pair in self.parts.windows(2) {
             let start = parts.vertices.len();
             for passage in &self.passages[pair[0]..pair[1]] {

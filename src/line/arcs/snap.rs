@@ -40,9 +40,8 @@ fn lowest(
     p: Xy,
     distance: f64,
 ) -> Option<Xy> {
-    let around = (0..9).map(|k| {
-        [cell[0].saturating_add(k % 3 - 1), cell[1].saturating_add(k / 3 - 1)]
-    });
+    let around =
+        (0..9).map(|k| [cell[0].saturating_add(k % 3 - 1), cell[1].saturating_add(k / 3 - 1)]);
     around
         .filter_map(|cell| anchors.get(&cell))
         .flatten()

@@ -102,7 +102,7 @@ fn tangle(dice: &mut Dice) -> Vec<Vec<Cell>> {
 fn repeats(part: &[Cell]) -> bool {
     let ring = canonical(part);
     let n = ring.len().saturating_sub(1);
-    (1..n).any(|k| n % k == 0 && (0..n).all(|i| ring[i] == ring[(i + k) % n]))
+    (1..n).any(|k| n.is_multiple_of(k) && (0..n).all(|i| ring[i] == ring[(i + k) % n]))
 }
 
 /// Junctions by definition: from the pairs of neighbours at each position.
@@ -116,7 +116,10 @@ fn junctions(parts: &[Vec<Cell>]) -> BTreeSet<Cell> {
         for i in 0..n {
             let last = n - 1;
             let [before, after] = match is_ring && n > 1 {
-                true => [Some(line[if i == 0 { last - 1 } else { i - 1 }]), Some(line[if i == last { 1 } else { i + 1 }])],
+                true => [
+                    Some(line[if i == 0 { last - 1 } else { i - 1 }]),
+                    Some(line[if i == last { 1 } else { i + 1 }]),
+                ],
                 false => [i.checked_sub(1).map(|k| line[k]), line.get(i + 1).copied()],
             };
             seen.entry(line[i]).or_default().insert([before.min(after), before.max(after)]);
@@ -168,7 +171,11 @@ fn subdivision(dice: &mut Dice) -> Vec<Vec<Cell>> {
     let (across, down) = (1 + dice.below(4) as usize, 1 + dice.below(4) as usize);
     let rough = 1 + dice.below(300);
     let corner: Vec<Vec<Cell>> = (0..=down as i64)
-        .map(|y| (0..=across as i64).map(|x| [x * 1000 + dice.below(300), y * 1000 + dice.below(300)]).collect())
+        .map(|y| {
+            (0..=across as i64)
+                .map(|x| [x * 1000 + dice.below(300), y * 1000 + dice.below(300)])
+                .collect()
+        })
         .collect();
     let mut line = |a: Cell, b: Cell| -> Vec<Cell> {
         let n = 1 + dice.below(25);
@@ -279,24 +286,35 @@ fn neighbours_keep_their_borders() {
         simplified += usize::from(outcome.kept.vertices.len() < arcs.points.len());
         // The outline may change, but no cell gains what its neighbour does not lose.
         let (before, after) = (segments(&rings), segments(&result));
-        let is_shared = |all: &BTreeMap<[Cell; 2], u32>, s: [Cell; 2]| all.contains_key(&[s[1], s[0]]);
+        let is_shared =
+            |all: &BTreeMap<[Cell; 2], u32>, s: [Cell; 2]| all.contains_key(&[s[1], s[0]]);
         for &s in after.keys() {
             // A segment is shared if the arc it stands for was: both ends were on a shared border.
-            let ends_shared = s.iter().all(|p| before.keys().any(|t| t.contains(p) && is_shared(&before, *t)));
+            let ends_shared =
+                s.iter().all(|p| before.keys().any(|t| t.contains(p) && is_shared(&before, *t)));
             let outline = before.keys().any(|t| t[0] == s[0] && !is_shared(&before, *t));
             assert!(is_shared(&after, s) || outline || !ends_shared, "seed {seed}: {s:?}");
         }
-        let outline: i64 = after.keys().filter(|s| !is_shared(&after, **s)).map(|s| area(&s[..])).sum();
+        let outline: i64 =
+            after.keys().filter(|s| !is_shared(&after, **s)).map(|s| area(&s[..])).sum();
         let sum: i64 = result.iter().map(|r| area(r)).sum();
         assert_eq!(sum, outline, "seed {seed}: cells and their union");
         if outcome.input_crossings == 0 {
             clean += 1;
-            let undirected: Vec<[Cell; 2]> = after.keys().copied().filter(|s| s[0] < s[1] || !is_shared(&after, *s)).collect();
+            let undirected: Vec<[Cell; 2]> =
+                after.keys().copied().filter(|s| s[0] < s[1] || !is_shared(&after, *s)).collect();
             for (i, s) in undirected.iter().enumerate() {
-                assert!(undirected[..i].iter().all(|t| !meet(*s, *t)), "seed {seed}: {s:?} crosses");
+                assert!(
+                    undirected[..i].iter().all(|t| !meet(*s, *t)),
+                    "seed {seed}: {s:?} crosses"
+                );
             }
             for (old, new) in rings.iter().zip(&result) {
-                assert_eq!(area(old).signum(), area(new).signum(), "seed {seed}: a cell turned over");
+                assert_eq!(
+                    area(old).signum(),
+                    area(new).signum(),
+                    "seed {seed}: a cell turned over"
+                );
             }
         }
     }
@@ -368,7 +386,8 @@ fn snapping_follows_its_rule() {
 #[test]
 fn borders_that_nearly_match_are_one_after_snapping() {
     let a: Vec<Cell> = vec![[0, 0], [1000, 0], [1001, 500], [999, 1000], [0, 1000], [0, 0]];
-    let b: Vec<Cell> = vec![[1001, 1], [2000, 0], [2000, 1000], [1000, 1001], [1000, 500], [1001, 1]];
+    let b: Vec<Cell> =
+        vec![[1001, 1], [2000, 0], [2000, 1000], [1000, 1001], [1000, 500], [1001, 1]];
     let flat = Flat::new(&[a, b]);
     assert_eq!(Arcs::new(&flat.chains(), 0.0).unwrap().closed, [true, true]);
     let arcs = Arcs::new(&flat.chains(), 3.0).unwrap();

@@ -1,5 +1,6 @@
 //! Chains of vertices, and which of their vertices are kept.
 
+use super::Refine;
 use crate::error::{Error, Result};
 use crate::geom::plane::{MOST, Xy};
 
@@ -96,6 +97,24 @@ impl Kept {
         self.starts.push(self.vertices.len());
     }
 
+    /// What a method keeps of every chain, as [`super::Refine`] has it.
+    pub fn simplified(chains: &Chains<'_>, method: &mut Refine<'_>) -> Self {
+        let mut kept = Self::new();
+        for chain in 0..chains.count() {
+            let range = chains.range(chain);
+            let (first, last) = (range.start as u32, range.end.saturating_sub(1) as u32);
+            if !range.is_empty() {
+                kept.vertices.push(first);
+            }
+            if first < last {
+                method(chain, first, last, &mut kept.vertices);
+                kept.vertices.push(last);
+            }
+            kept.close();
+        }
+        kept
+    }
+
     /// Every vertex of every chain.
     pub fn all(chains: &Chains<'_>) -> Self {
         let count = u32::try_from(chains.points.len()).unwrap_or(u32::MAX);
@@ -126,6 +145,15 @@ impl Kept {
     }
 }
 
+/// Lets a closed chain begin, and end, at another of its vertices: one that a method for rings keeps,
+/// where it drops the first.
+pub fn open_at<T: Clone>(ring: &mut [T], at: usize) {
+    if let Some(last) = ring.len().checked_sub(1) {
+        ring[..last].rotate_left(at);
+        ring[last] = ring[0].clone();
+    }
+}
+
 /// A set of vertices.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bits(Vec<u64>);
@@ -151,7 +179,10 @@ impl Bits {
     }
 
     /// The members within a range, ascending.
-    pub(super) fn within(&self, range: std::ops::Range<usize>) -> impl Iterator<Item = usize> + Clone {
+    pub(super) fn within(
+        &self,
+        range: std::ops::Range<usize>,
+    ) -> impl Iterator<Item = usize> + Clone {
         let (first, end) = (range.start / 64, range.end.div_ceil(64));
         (first..end).flat_map(move |word| ones(self.0[word], word * 64)).filter({
             let range = range.clone();
@@ -181,6 +212,16 @@ mod tests {
         assert_eq!(bits.within(0..200).collect::<Vec<_>>(), [0, 63, 64, 199]);
         assert_eq!(bits.within(63..199).collect::<Vec<_>>(), [63, 64]);
         assert_eq!(bits.within(5..5).count(), 0);
+    }
+
+    #[test]
+    fn rings_open_anywhere() {
+        let mut ring = [1, 2, 3, 4, 1];
+        open_at(&mut ring, 2);
+        assert_eq!(ring, [3, 4, 1, 2, 3]);
+        open_at(&mut ring, 0);
+        assert_eq!(ring, [3, 4, 1, 2, 3]);
+        open_at::<i32>(&mut [], 0);
     }
 
     #[test]

@@ -41,7 +41,7 @@ mod settle;
 mod tests;
 mod tree;
 
-pub use chains::{Chains, Kept};
+pub use chains::{Chains, Kept, open_at};
 
 use crate::error::Result;
 use crate::geom::plane::Xy;
@@ -84,6 +84,21 @@ pub struct Options {
 /// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
 /// vertices of a chain: `(chain, from, to, kept)`.
 pub type Refine<'a> = dyn FnMut(usize, u32, u32, &mut Vec<u32>) + 'a;
+
+/// A method of [`super::METHODS`] as [`Refine`]: `method` appends the indices of what it keeps of a
+/// slice of `vertices`, first and last included.
+pub fn refining<'a, V>(
+    vertices: &'a [V],
+    mut method: impl FnMut(&[V], &mut Vec<u32>) + 'a,
+) -> impl FnMut(usize, u32, u32, &mut Vec<u32>) + 'a {
+    let mut indices = Vec::new();
+    move |_, from, to, kept| {
+        indices.clear();
+        method(&vertices[from as usize..=to as usize], &mut indices);
+        let last = indices.len().saturating_sub(1);
+        kept.extend(indices.iter().take(last).skip(1).map(|i| i + from));
+    }
+}
 
 /// Simplified chains that cross nothing, and how they came to be.
 #[derive(Clone, Debug, Default)]

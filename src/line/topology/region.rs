@@ -69,7 +69,8 @@ impl Bands {
         let wished = (3.0 * chain.len() as f64 * height / climb).min(chain.len() as f64);
         let count = if wished >= 1.0 { wished as usize } else { 1 };
         let scale = count as f64 / height;
-        let mut bands = Self { low: bounds.low[1], scale, starts: vec![0; count + 1], edges: vec![] };
+        let mut bands =
+            Self { low: bounds.low[1], scale, starts: vec![0; count + 1], edges: vec![] };
         for (p, q) in edges() {
             for band in bands.reach(p, q) {
                 bands.starts[band] += 1;

@@ -108,7 +108,10 @@ impl<'a> Settling<'a> {
         let mut items = Vec::new();
         for Layer { tree, .. } in self.layers.drain(1..) {
             let all = tree.ids.iter().enumerate();
-            items.extend(all.filter(|(_, id)| self.alive[**id as usize]).map(|(at, &id)| (id, *tree.bounds(at))));
+            items.extend(
+                all.filter(|(_, id)| self.alive[**id as usize])
+                    .map(|(at, &id)| (id, *tree.bounds(at))),
+            );
         }
         items.sort_by_key(|&(id, _)| id);
         let merged = Layer::new(&items, &self.pieces, self.chains.points);

@@ -27,30 +27,12 @@ pub(super) fn rdp(points: &[Xy], from: u32, to: u32, tolerance: f64, out: &mut V
     }
 }
 
-/// What plain RDP keeps of every chain.
-fn plain(chains: &Chains<'_>, tolerance: f64) -> Kept {
-    let mut kept = Kept::new();
-    for chain in 0..chains.count() {
-        let range = chains.range(chain);
-        if !range.is_empty() {
-            let (first, last) = (range.start as u32, range.end as u32 - 1);
-            kept.vertices.push(first);
-            if last > first {
-                rdp(chains.points, first, last, tolerance, &mut kept.vertices);
-                kept.vertices.push(last);
-            }
-        }
-        kept.close();
-    }
-    kept
-}
-
 fn solve(world: &World, tolerance: f64, options: Options) -> Outcome {
     let chains = world.chains();
-    let kept = plain(&chains, tolerance);
     let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
         rdp(chains.points, from, to, tolerance, out);
     };
+    let kept = Kept::simplified(&chains, &mut refine);
     untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
 }
 

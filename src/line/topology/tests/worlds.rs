@@ -177,9 +177,8 @@ pub(super) fn coverage(dice: &mut Dice) -> World {
     let mut corner = |_: i64, x: i64, y: i64| {
         [x * step + (250.0 * dice.signed()) as i64, y * step + (250.0 * dice.signed()) as i64]
     };
-    let corners: Vec<Vec<Cell>> = (0..=down)
-        .map(|y| (0..=across).map(|x| corner(0, x, y)).collect())
-        .collect();
+    let corners: Vec<Vec<Cell>> =
+        (0..=down).map(|y| (0..=across).map(|x| corner(0, x, y)).collect()).collect();
     let rough = (dice.signed() + 1.0) / 2.0 * 250.0;
     let mut rings = Vec::new();
     for y in 0..=down as usize {
