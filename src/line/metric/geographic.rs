@@ -43,7 +43,10 @@ impl Located {
     /// The difference to `other`, in metres at this vertex.
     #[inline(always)]
     fn to(&self, other: &Self) -> Xy {
-        [(other.at[0] - self.at[0]) * self.scale[0], (other.at[1] - self.at[1]) * self.scale[1]]
+        [
+            (other.at[0] - self.at[0]) * self.scale[0],
+            (other.at[1] - self.at[1]) * self.scale[1],
+        ]
     }
 }
 
@@ -96,6 +99,11 @@ impl Metric<Located> for Geographic {
     #[inline(always)]
     fn squared(_: &Course, reach: f64) -> f64 {
         reach
+    }
+
+    #[inline(always)]
+    fn within(_: &Course, tolerance2: f64) -> f64 {
+        tolerance2
     }
 
     #[inline(always)]
