@@ -2,11 +2,17 @@
 //! the registry that names them. Features are read and written one by one; files may be larger than
 //! memory.
 
+mod crs;
 mod feature;
+mod geojson;
 mod geometry;
+mod json;
 mod keep;
+mod number;
+mod out;
 mod sink;
 mod source;
+mod window;
 
 use std::path::Path;
 
@@ -21,7 +27,7 @@ pub use source::{FeatureSource, OpenOptions};
 
 /// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
 /// order.
-pub const FORMATS: &[VectorFormat] = &[];
+pub const FORMATS: &[VectorFormat] = &[geojson::LINES, geojson::FORMAT];
 
 /// One format: an entry of [`FORMATS`].
 #[derive(Debug)]
