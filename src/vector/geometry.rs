@@ -261,9 +261,9 @@ impl Geometry {
         Ok(collection)
     }
 
-    /// The same kind of geometry with other coordinates, which fit it.
-    pub(super) fn with_coordinates(&self, coordinates: Coordinates) -> Self {
-        Self { kind: self.kind, coordinates, members: Vec::new(), depth: 0 }
+    /// Of coordinates that are known to fit the kind.
+    pub(super) fn of_kind(kind: Kind, coordinates: Coordinates) -> Self {
+        Self { kind, coordinates, members: Vec::new(), depth: 0 }
     }
 
     /// A collection of as many levels as are known to be few enough.
@@ -280,6 +280,11 @@ impl Geometry {
     /// Its own positions; a collection has none.
     pub fn coordinates(&self) -> &Coordinates {
         &self.coordinates
+    }
+
+    /// Its own positions, for another geometry.
+    pub(super) fn into_coordinates(self) -> Coordinates {
+        Coordinates { polygons: Vec::new(), ..self.coordinates }
     }
 
     /// The members of a collection.

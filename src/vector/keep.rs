@@ -51,10 +51,10 @@ impl Geometry {
                     self.keep_part(at, &choose(*index + at, part), part, &mut left);
                 });
                 *index += self.coordinates().ends.len();
-                self.with_coordinates(left)
+                Geometry::of_kind(self.kind(), left)
             }
             Kind::Polygon | Kind::MultiPolygon => {
-                self.with_coordinates(self.keep_rings(index, choose))
+                Geometry::of_kind(self.kind(), self.keep_rings(index, choose))
             }
         }
     }

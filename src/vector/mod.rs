@@ -3,16 +3,31 @@
 //! memory.
 
 mod crs;
+mod csv;
+mod dbf;
 mod feature;
+mod flatgeobuf;
 mod geojson;
 mod geometry;
+mod gpx;
 mod json;
 mod keep;
 mod number;
 mod out;
+mod pages;
+mod rings;
+#[cfg(test)]
+mod sample;
+mod shp;
 mod sink;
 mod source;
+mod table;
+#[cfg(test)]
+mod tests;
+mod topojson;
+mod tree;
 mod window;
+mod wkt;
 
 use std::path::Path;
 
@@ -27,7 +42,16 @@ pub use source::{FeatureSource, OpenOptions};
 
 /// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
 /// order.
-pub const FORMATS: &[VectorFormat] = &[geojson::LINES, geojson::FORMAT];
+pub const FORMATS: &[VectorFormat] = &[
+    topojson::FORMAT,
+    geojson::LINES,
+    geojson::FORMAT,
+    shp::FORMAT,
+    flatgeobuf::FORMAT,
+    gpx::FORMAT,
+    wkt::FORMAT,
+    csv::FORMAT,
+];
 
 /// One format: an entry of [`FORMATS`].
 #[derive(Debug)]

@@ -174,7 +174,7 @@ fn geometries(cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
 }
 
 /// Fails unless positions are as deep as in a `kind`; 0 is that of no positions.
-pub(super) fn check_depth(kind: Kind, found: usize) -> std::result::Result<(), String> {
+pub(crate) fn check_depth(kind: Kind, found: usize) -> std::result::Result<(), String> {
     let deep = match kind {
         Kind::Point => 1,
         Kind::MultiPoint | Kind::LineString => 2,

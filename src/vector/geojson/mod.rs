@@ -7,7 +7,7 @@ mod write;
 
 use super::{Holds, Kind, VectorFormat};
 
-pub(super) use feature::Reader as FeatureReader;
+pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
 
 /// What both hold.
 const HOLDS: Holds =
