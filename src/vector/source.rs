@@ -52,7 +52,8 @@ impl FeatureSource for Guarded {
             feature.as_ref().map_or(Ok(()), |feature| feature.geometry.check_finite())?;
             Ok(feature)
         });
-        self.count += u64::from(matches!(next, Ok(Some(_))));
+        // One that cannot be read counts too: the error is about it.
+        self.count += u64::from(!matches!(next, Ok(None)));
         next.map_err(|e| e.at(self.place()).in_file(&self.path))
     }
 

@@ -81,7 +81,7 @@ fn text(features: &[Feature]) -> Vec<String> {
 #[test]
 fn what_a_format_can_hold_comes_back() {
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
-        let mut runner = TestRunner::new(ProptestConfig::with_cases(60));
+        let mut runner = TestRunner::new(ProptestConfig::with_cases(40));
         let ran = runner.run(&features(format), |features| {
             let features = numbered(features);
             let folder = tempfile::tempdir().unwrap();
@@ -238,7 +238,7 @@ fn cut_and_flipped_files_give_errors_and_nothing_worse() {
             std::iter::once(path.clone()).chain(sidecars.into_iter().filter(|p| p.is_file()));
         for target in targets {
             let sound = std::fs::read(&target).unwrap();
-            let step = (sound.len() / 300).max(1);
+            let step = (sound.len() / 100).max(1);
             for at in (0..sound.len()).step_by(step) {
                 std::fs::write(&target, &sound[..at]).unwrap();
                 survive(&path);

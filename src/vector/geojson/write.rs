@@ -57,6 +57,10 @@ impl Sink {
             false => Prj::new(path, &layer.crs, options.overwrite)?,
         };
         let mut notes = Vec::new();
+        if layer.crs.is_unknown() {
+            let what = "programs will take coordinates for longitude and latitude on WGS 84";
+            notes.push(format!("the CRS is not known, and {what}"));
+        }
         if !crs::is_wgs84(&layer.crs) {
             let how = match (is_held, &prj) {
                 (true, _) => "named in a \"crs\" member, as before RFC 7946",

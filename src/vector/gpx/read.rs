@@ -309,3 +309,73 @@ fn reference(c: Option<char>, name: &str) -> Result<Node> {
         Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::{Kept, WriteOptions, by_path, create, open};
+
+    const TRACK: &str = r#"<?xml version="1.0"?>
+        <gpx version="1.1"><metadata><name>x</name></metadata>
+        <trk><name>up &amp; down</name><extensions><g:a xmlns:g="u">7</g:a></extensions>
+        <trkseg><trkpt lat="46.5" lon="7.5"><ele>1000.5</ele><time>2020-01-01T00:00:00Z</time></trkpt>
+        <trkpt lat="46.6" lon="7.6"><ele>1001</ele><time>2020-01-01T00:00:01.500Z</time></trkpt>
+        <trkpt lat="46.7" lon="7.7"><ele>1002</ele><time>2020-01-01T00:00:03Z</time></trkpt></trkseg>
+        <trkseg><trkpt lat="1" lon="2"/><trkpt lat="3" lon="4"/></trkseg></trk>
+        <wpt lat="5" lon="6"><sym>Flag</sym><link href="y"><text>t</text></link></wpt></gpx>"#;
+
+    fn read(path: &Path) -> Result<(Layer, Vec<Feature>)> {
+        let mut source = open(path, &OpenOptions::default())?;
+        let layer = source.layer().clone();
+        let features: Result<Vec<Feature>> =
+            std::iter::from_fn(|| source.next().transpose()).collect();
+        Ok((layer, features?))
+    }
+
+    #[test]
+    fn times_stay_with_the_vertices_that_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = ["a.gpx", "b.gpx"].map(|name| folder.path().join(name));
+        std::fs::write(&from, TRACK).unwrap();
+        let (layer, found) = read(&from).unwrap();
+        assert_eq!(found[0].properties.get("name"), Some(&Value::Text("up & down".into())));
+        assert_eq!(found[0].geometry.coordinates().ends, [3, 5]);
+        assert_eq!(found[1].properties.get("sym"), Some(&Value::Text("Flag".into())));
+        let options = WriteOptions::default();
+        let mut sink = create(&to, by_path(&to, None).unwrap(), &layer, &options).unwrap();
+        for feature in found {
+            let geometry = feature.geometry.keep(|part, _| match part {
+                0 => Kept::Vertices(vec![0, 2]),
+                _ => Kept::All,
+            });
+            sink.write(&Feature { geometry, ..feature }).unwrap();
+        }
+        assert!(sink.finish(&[]).unwrap().notes.is_empty());
+        let text = std::fs::read_to_string(&to).unwrap();
+        let last = "lat=\"46.7\" lon=\"7.7\"><ele>1002</ele><time>2020-01-01T00:00:03Z</time>";
+        assert!(text.contains(last) && !text.contains("46.6"), "{text}");
+        assert!(text.contains("<name>up &amp; down</name>") && text.contains("<sym>Flag</sym>"));
+        let kept = read(&to).unwrap().1.swap_remove(1);
+        let m = &kept.geometry.coordinates().m;
+        assert!(m[1] - m[0] == 3.0 && m[2].is_nan());
+    }
+
+    #[test]
+    fn damage_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gpx");
+        for (from, to, told) in [
+            ("lat=\"46.5\"", "lat=\"x\"", "no lat or lon"),
+            ("lat=\"46.5\"", "", "no lat or lon"),
+            ("1000.5", "high", "an elevation is no number"),
+            ("</gpx>", "", "in the middle"),
+            ("<gpx ", "<!DOCTYPE a><gpx ", "document type"),
+            ("&amp;", "&x;", "entity &x;"),
+            ("</trkseg>", "</trk>", "well-formed"),
+        ] {
+            std::fs::write(&path, TRACK.replacen(from, to, 1)).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(told), "{to}: {error}");
+        }
+    }
+}

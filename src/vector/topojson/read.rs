@@ -277,6 +277,7 @@ impl Maker<'_> {
                 }
                 cursor.expect(b']')?;
                 if open == deep {
+                    fill_up(if kind.is_polygons() { 4 } else { 2 }, &mut found);
                     found.end_part();
                 } else if open + 1 == deep {
                     found.end_polygon();
@@ -308,5 +309,82 @@ impl Maker<'_> {
             false => to.xy.extend(arc.iter().skip(skip)),
         }
         Ok(())
+    }
+}
+
+/// Repeats the first vertex of the part at hand until it has `least`, as the reference implementation
+/// does: small rings may have collapsed onto one place when they were quantised.
+fn fill_up(least: usize, part: &mut Coordinates) {
+    let start = part.ends.last().copied().unwrap_or(0);
+    if let Some(&first) = part.xy.get(start) {
+        let wanted = part.xy.len().max(start + least);
+        part.xy.resize(wanted, first);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::{Id, open};
+
+    fn read(text: &str, layer: Option<&str>) -> Result<Vec<Feature>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        std::fs::write(&path, text).unwrap();
+        let mut source = open(&path, &OpenOptions { layer: layer.map(str::to_owned) })?;
+        std::iter::from_fn(|| source.next().transpose()).collect()
+    }
+
+    const TWO_SQUARES: &str = r#"{"type":"Topology","transform":{"scale":[0.1,0.5],"translate":[10,0]},
+        "objects":{"cells":{"type":"GeometryCollection","geometries":[
+        {"arcs":[[0,1]],"type":"Polygon","id":"left","properties":{"n":1}},
+        {"type":"MultiPolygon","arcs":[[[-1,2]],[[3]]]},{"type":null}]},
+        "border":{"type":"LineString","arcs":[0,1]},
+        "at":{"type":"MultiPoint","coordinates":[[3,1],[0,0]]}},
+        "arcs":[[[3,0],[0,3]],[[3,3],[-3,0],[0,-3],[3,0]],[[3,0],[3,0],[0,3],[-3,0]],[[9,9],[0,0]]]}"#;
+
+    #[test]
+    fn arcs_are_joined_turned_and_shared_to_the_bit() {
+        let found = read(TWO_SQUARES, None).unwrap();
+        assert_eq!((found.len(), found[0].id.clone()), (3, Some(Id::Text("left".into()))));
+        let x = 3.0 * 0.1 + 10.0;
+        let left = [[x, 0.0], [x, 1.5], [10.0, 1.5], [10.0, 0.0], [x, 0.0]];
+        assert_eq!(found[0].geometry.coordinates().xy, left);
+        let right = &found[1].geometry;
+        let far = 6.0 * 0.1 + 10.0;
+        assert_eq!(
+            right.coordinates().xy[..5],
+            [[x, 1.5], [x, 0.0], [far, 0.0], [far, 1.5], [x, 1.5]]
+        );
+        // A ring on one place is filled up.
+        assert_eq!((right.coordinates().xy.len(), &right.coordinates().polygons), (9, &vec![1, 2]));
+        assert_eq!(found[2].geometry.kind(), Kind::Null);
+    }
+
+    #[test]
+    fn other_objects_by_name() {
+        let border = read(TWO_SQUARES, Some("border")).unwrap();
+        assert_eq!(border[0].geometry.coordinates().xy.len(), 5);
+        let at = read(TWO_SQUARES, Some("at")).unwrap();
+        assert_eq!(at[0].geometry.coordinates().xy, [[3.0 * 0.1 + 10.0, 0.5], [10.0, 0.0]]);
+        let error = read(TWO_SQUARES, Some("x")).unwrap_err().to_string();
+        assert!(error.contains("cells, border, at"), "{error}");
+    }
+
+    #[test]
+    fn damage_is_told() {
+        let bomb = format!("[[{}]]", vec!["0"; 100_000].join(","));
+        for (from, to, told) in [
+            ("[[0,1]]", "[[0,7]]", "arc 7 does not exist, of 4"),
+            ("[[0,1]]", "[[0,-9]]", "arc -9 does not exist"),
+            ("[[0,1]]", "[0,1]", "arcs are not 2 lists deep"),
+            ("[[0,1]]", "[[0.5]]", "no whole number"),
+            ("[[0,1]]", &bomb, "again and again"),
+            ("\"scale\":[0.1,0.5],", "", "lacks scale"),
+            ("\"arcs\":[[[3,0]", "\"arx\":[[[3,0]", "no arcs"),
+        ] {
+            let error = read(&TWO_SQUARES.replace(from, to), None).unwrap_err().to_string();
+            assert!(error.contains(told), "{to}: {error}");
+        }
     }
 }
