@@ -4,7 +4,7 @@ use super::geometry::{Coordinates, Geometry, Kind};
 use super::tree::{Bounds, NOTHING, Tree, around};
 use crate::error::{Error, Result};
 
-/// Most edges of rings that are looked at to tell which ring is in which.
+/// Most edges and rectangles that are looked at to tell which ring is in which.
 const MOST_LOOKS: u64 = 1 << 31;
 
 /// The polygons that rings are, clockwise ones outer rings and the others holes of the smallest outer
@@ -56,7 +56,7 @@ impl<'a> Rings<'a> {
         for hole in (0..is_outer.len()).filter(|&at| !is_outer[at]) {
             let owner = match only {
                 Some(only) => Some(only),
-                None => self.around(hole, |at| is_outer[at])?.into_iter().next(),
+                None => self.around(hole, |at| is_outer[at])?.1,
             };
             let Some(owner) = owner else { return Ok(None) };
             owners[hole] = owner;
@@ -66,34 +66,48 @@ impl<'a> Rings<'a> {
 
     /// As [`owners`](Self::owners), by the number of rings around each.
     fn by_nesting(&mut self) -> Result<Vec<usize>> {
-        let rings = self.areas.len();
-        let around: Result<Vec<Vec<usize>>> =
-            (0..rings).map(|at| self.around(at, |_| true)).collect();
-        let around = around?;
-        let owner = |at: usize| match around[at].len() % 2 {
-            0 => at,
-            _ => around[at][0],
-        };
+        let mut owners = Vec::with_capacity(self.areas.len());
+        for at in 0..self.areas.len() {
+            let (count, smallest) = self.around(at, |_| true)?;
+            owners.push(smallest.filter(|_| count % 2 == 1).unwrap_or(at));
+        }
         // The smallest ring around a hole may itself be none that is outer, where rings cross.
-        Ok((0..rings)
-            .map(|at| if owner(owner(at)) == owner(at) { owner(at) } else { at })
-            .collect())
+        let is_outer: Vec<bool> = owners.iter().enumerate().map(|(at, &own)| own == at).collect();
+        let settled = owners.iter().enumerate();
+        Ok(settled.map(|(at, &owner)| if is_outer[owner] { owner } else { at }).collect())
     }
 
-    /// The rings among those that `counts` names that are around ring `inner`, smallest first.
-    fn around(&mut self, inner: usize, counts: impl Fn(usize) -> bool) -> Result<Vec<usize>> {
+    /// How many of the rings that `counts` names are around ring `inner`, and the smallest of them.
+    fn around(
+        &mut self,
+        inner: usize,
+        counts: impl Fn(usize) -> bool,
+    ) -> Result<(usize, Option<usize>)> {
         let mut found = Vec::new();
         self.tree.containing(&self.bounds[inner], &mut found);
-        self.looks += found.len() as u64;
-        let mut around = Vec::new();
+        self.look(found.len())?;
+        let (mut count, mut smallest) = (0, None);
         for outer in found.into_iter().map(|at| at as usize) {
-            if outer != inner && counts(outer) && self.is_inside(inner, outer)? {
-                around.push(outer);
+            if outer == inner || !counts(outer) || !self.is_inside(inner, outer)? {
+                continue;
+            }
+            count += 1;
+            let size = self.areas[outer].abs();
+            if smallest.is_none_or(|known: usize| size < self.areas[known].abs()) {
+                smallest = Some(outer);
             }
         }
-        let size = |at: &usize| self.areas[*at].abs();
-        around.sort_by(|a, b| size(a).total_cmp(&size(b)).then(a.cmp(b)));
-        Ok(around)
+        Ok((count, smallest))
+    }
+
+    /// Counts looks at edges or rectangles.
+    fn look(&mut self, times: usize) -> Result<()> {
+        self.looks += times as u64;
+        if self.looks <= MOST_LOOKS {
+            return Ok(());
+        }
+        Err(Error::bad_input("rings are too entangled to tell holes from islands")
+            .remedy("mend the geometry, or write it as GeoJSON"))
     }
 
     /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
@@ -105,11 +119,7 @@ impl<'a> Rings<'a> {
         }
         let edges = ring(self.coordinates, outer);
         for vertex in ring(self.coordinates, inner) {
-            self.looks += edges.len() as u64;
-            if self.looks > MOST_LOOKS {
-                return Err(Error::bad_input("rings are too entangled to tell holes from islands")
-                    .remedy("mend the geometry, or write it as GeoJSON"));
-            }
+            self.look(edges.len())?;
             if let Some(is_inside) = contains(edges, vertex) {
                 return Ok(is_inside);
             }
@@ -233,6 +243,15 @@ mod tests {
         let squares: Vec<_> = islands.chain((0..20_000).map(|i| (place(i), 2.0, false))).collect();
         let found = polygons(&squares);
         assert!(found.len() == 20_000 && found.iter().all(|rings| *rings == [4.0, 2.0]));
+    }
+
+    #[test]
+    fn rings_in_rings_in_rings_do_not_take_forever() {
+        let two = [([-9e9, 0.0], 1.0, true), ([9e9, 0.0], 1.0, true)];
+        let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
+        let mut all = Coordinates::default();
+        two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
+        assert!(group(all).unwrap_err().to_string().contains("entangled"));
     }
 
     #[test]

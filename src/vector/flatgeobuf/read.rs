@@ -197,6 +197,8 @@ fn geometry(
         let mut parts = Vec::new();
         for table in view.tables(slot::GEOMETRY_PARTS)? {
             spend(budget, 8)?;
+            let count = parts.len() as u64;
+            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
             parts.push(geometry(table?, part, depth + 1, budget)?);
         }
         return match kind {
