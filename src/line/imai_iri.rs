@@ -12,13 +12,21 @@
 //! - Where few vertices in reach are unvisited, each is tested for itself, first against the vertex that
 //!   spoiled the last segment to it.
 //!
-//! A segment is taken only when the formula of [`super::metric`] holds for all it passes, and turned away
-//! only when it does not, so the result is that of an exhaustive search. Memory O(n); O(n^2) at worst.
+//! Segments whose ends are as far apart as anything they pass are taken on the word of the wedge; when
+//! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
+//! fails by rounding, the search is made again with all segments held against it before they are
+//! taken. So the result is that of an exhaustive search by the formula, with one exception: where that
+//! second search takes more than [`LOOKS`] looks a vertex, which happens when the tolerance is below
+//! what rounding makes of long straight lines, the failing segments of the first are replaced by those of
+//! the [cone](super::cone).
+//!
+//! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
 
-use super::metric::Metric;
-use super::regions::{last_above, surely_within};
+use super::metric::{Metric, larger};
+use super::cone::cone;
+use super::regions::last_above;
 use super::wedge::{MOST_SIDES, Step, Wedge};
-use super::{Scratch, keep_short};
+use super::{Scratch, first_beyond, keep_short};
 
 /// No vertex.
 const NONE: u32 = u32::MAX;
@@ -37,6 +45,12 @@ pub(super) struct Node {
 /// Unvisited vertices are tested one by one when they are fewer than this share of those in reach.
 const FEW: usize = 6;
 
+/// Vertices looked at, for each of the line's, before the second search is given up.
+const LOOKS: u64 = 2000;
+
+/// The least number of looks.
+const FEWEST_LOOKS: u64 = 1 << 20;
+
 /// Appends to `kept` the fewest vertices whose segments pass all others within `tolerance`.
 pub fn imai_iri<V: Copy, M: Metric<V>>(
     metric: &M,
@@ -48,31 +62,32 @@ pub fn imai_iri<V: Copy, M: Metric<V>>(
     if keep_short(points.len(), kept) {
         return;
     }
-    let Scratch { nodes, layer, next_layer, .. } = scratch;
-    nodes.clear();
-    nodes.extend((0..points.len() as u32).map(|i| Node { parent: NONE, spoiler: 0, next: i }));
-    let witness = Witness { cutters: [NONE; MOST_SIDES], killer: 0 };
-    let tolerance2 = tolerance * tolerance;
-    let mut search =
-        Search { metric, points, tolerance, tolerance2, nodes, found: next_layer, witness };
-    search.found.clear();
-    search.visit(0, 0);
-    let last = points.len() - 1;
-    while !search.is_visited(last) && !search.found.is_empty() {
-        std::mem::swap(layer, search.found);
-        search.found.clear();
-        // The farthest first: they leave the least to the others.
-        layer.sort_unstable_by(|a, b| b.cmp(a));
-        layer.iter().for_each(|from| search.expand(*from as usize));
-    }
     let from = kept.len();
-    let mut at = last as u32;
-    while at != 0 {
-        kept.push(at);
-        at = search.nodes[at as usize].parent;
+    Search::run(metric, points, tolerance, None, scratch, kept);
+    let holds = |pair: &[u32]| {
+        let (from, to) = (pair[0] as usize, pair[1] as usize);
+        first_beyond(metric, points, from, to, tolerance * tolerance).is_none()
+    };
+    if kept[from..].windows(2).all(holds) {
+        return;
+    }
+    let path = kept.split_off(from);
+    let looks = FEWEST_LOOKS + LOOKS * points.len() as u64;
+    if Search::run(metric, points, tolerance, Some(looks), scratch, kept) {
+        return;
     }
     kept.push(0);
-    kept[from..].reverse();
+    for pair in path.windows(2) {
+        if holds(pair) {
+            kept.push(pair[1]);
+            continue;
+        }
+        let at = kept.len();
+        let part = &points[pair[0] as usize..=pair[1] as usize];
+        cone(metric, part, tolerance, scratch, kept);
+        kept[at..].iter_mut().for_each(|i| *i += pair[0]);
+        kept.remove(at);
+    }
 }
 
 /// Vertices that leave no direction from some vertex.
@@ -94,9 +109,65 @@ struct Search<'a, V, M> {
     /// Vertices of the next layer.
     found: &'a mut Vec<u32>,
     witness: Witness,
+    /// Looks left, when every segment is held against the formula.
+    looks: Option<u64>,
 }
 
-impl<V: Copy, M: Metric<V>> Search<'_, V, M> {
+impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
+    /// Searches, and appends the path: `false`, and nothing is appended, when it ran out of looks.
+    fn run(
+        metric: &'a M,
+        points: &'a [V],
+        tolerance: f64,
+        looks: Option<u64>,
+        scratch: &'a mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> bool {
+        let Scratch { nodes, layer, next_layer: found, .. } = scratch;
+        nodes.clear();
+        nodes.extend((0..points.len() as u32).map(|i| Node { parent: NONE, spoiler: 0, next: i }));
+        found.clear();
+        let witness = Witness { cutters: [NONE; MOST_SIDES], killer: 0 };
+        let tolerance2 = tolerance * tolerance;
+        let mut search =
+            Self { metric, points, tolerance, tolerance2, nodes, found, witness, looks };
+        search.visit(0, 0);
+        search.reach(points.len() - 1, layer);
+        let is_found = search.is_visited(points.len() - 1);
+        if is_found {
+            search.path(points.len() - 1, kept);
+        }
+        is_found
+    }
+
+    /// Visits layer after layer until `last` is visited.
+    fn reach(&mut self, last: usize, layer: &mut Vec<u32>) {
+        while !self.is_visited(last) && !self.found.is_empty() {
+            std::mem::swap(layer, self.found);
+            self.found.clear();
+            // The farthest first: they leave the least to the others.
+            layer.sort_unstable_by(|a, b| b.cmp(a));
+            for from in layer.iter() {
+                self.expand(*from as usize);
+                if self.is_visited(last) || self.looks == Some(0) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Appends the path to `last`.
+    fn path(&self, last: usize, kept: &mut Vec<u32>) {
+        let from = kept.len();
+        let mut at = last as u32;
+        while at != 0 {
+            kept.push(at);
+            at = self.nodes[at as usize].parent;
+        }
+        kept.push(0);
+        kept[from..].reverse();
+    }
+
     #[inline(always)]
     fn is_visited(&self, i: usize) -> bool {
         self.nodes[i].parent != NONE
@@ -179,16 +250,23 @@ impl<V: Copy, M: Metric<V>> Search<'_, V, M> {
     fn sweep(&mut self, from: usize) {
         let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
         let mut cutters = [NONE; MOST_SIDES];
+        let mut span2 = 0.0;
         for to in from + 1..self.points.len() {
-            match wedge.step(&self.points[to]) {
-                Step::Stops => {
-                    self.witness = Witness { cutters, killer: to as u32 };
-                    return;
-                }
-                Step::Ends if !self.is_visited(to) && self.is_valid(from, to) => {
-                    self.visit(to, from);
-                }
-                _ => {}
+            let p = &self.points[to];
+            let step = wedge.step(p);
+            if step == Step::Stops {
+                self.witness = Witness { cutters, killer: to as u32 };
+                return;
+            }
+            let span = wedge.span2(p);
+            let is_outermost = span >= span2;
+            span2 = larger(span, span2);
+            let is_taken = || is_outermost && self.looks.is_none();
+            if step == Step::Ends
+                && !self.is_visited(to)
+                && (is_taken() || self.is_valid(from, to))
+            {
+                self.visit(to, from);
             }
             let mut cuts = wedge.cuts();
             while cuts != 0 {
@@ -200,15 +278,22 @@ impl<V: Copy, M: Metric<V>> Search<'_, V, M> {
 
     /// True when the segment passes all vertices between within the tolerance.
     fn is_valid(&mut self, from: usize, to: usize) -> bool {
-        let segment = self.metric.segment(&self.points[from], &self.points[to]);
+        let (points, tolerance2) = (self.points, self.tolerance2);
+        let segment = self.metric.segment(&points[from], &points[to]);
         let is_beyond = |i: usize| {
-            M::squared(&segment, M::reach(&segment, &self.points[i])) > self.tolerance2
+            M::squared(&segment, M::reach(&segment, &points[i])) > tolerance2
         };
         let spoiler = self.nodes[to].spoiler as usize;
         if spoiler > from && is_beyond(spoiler) {
             return false;
         }
-        let limit = surely_within::<V, M>(&segment, self.tolerance2);
+        if let Some(looks) = &mut self.looks {
+            *looks = looks.saturating_sub((to - from) as u64);
+            if *looks == 0 {
+                return false;
+            }
+        }
+        let limit = M::within(&segment, self.tolerance2);
         let mut end = to;
         while let Some(i) = last_above::<V, M>(&segment, self.points, from + 1, end, limit) {
             if is_beyond(i) {

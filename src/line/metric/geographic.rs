@@ -102,6 +102,11 @@ impl Metric<Located> for Geographic {
     }
 
     #[inline(always)]
+    fn within(_: &Course, tolerance2: f64) -> f64 {
+        tolerance2
+    }
+
+    #[inline(always)]
     fn region(p: &Located) -> Zone {
         Zone { at: p.at.map(Range::of), scale: p.scale.map(Range::of) }
     }

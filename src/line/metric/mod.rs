@@ -51,6 +51,10 @@ pub trait Metric<V: Copy>: Sync {
     /// The squared distance that `reach` stands for; never decreases as `reach` grows.
     fn squared(segment: &Self::Segment, reach: f64) -> f64;
 
+    /// A reach which is surely within: [`Metric::squared`] of it, or less, is at most `tolerance2`.
+    /// A reach above it has to be squared to know.
+    fn within(segment: &Self::Segment, tolerance2: f64) -> f64;
+
     /// The region of one vertex.
     fn region(p: &V) -> Self::Region;
 
@@ -78,9 +82,12 @@ pub trait Metric<V: Copy>: Sync {
     fn coordinates(p: &V) -> [f64; 3];
 }
 
+/// Leaves room for the rounding of a product or a quotient.
+pub(super) const SURELY: f64 = 1.0 - 1e-14;
+
 /// The larger of two numbers that are not NaN, as one instruction.
 #[inline(always)]
-pub(super) fn larger(a: f64, b: f64) -> f64 {
+pub(in crate::line) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
@@ -207,6 +214,11 @@ impl Metric<Xy> for Plane {
     #[inline(always)]
     fn squared(segment: &PlaneSegment, reach: f64) -> f64 {
         reach / segment.scale
+    }
+
+    #[inline(always)]
+    fn within(segment: &PlaneSegment, tolerance2: f64) -> f64 {
+        tolerance2 * segment.scale * SURELY
     }
 
     #[inline(always)]

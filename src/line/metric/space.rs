@@ -1,6 +1,6 @@
 //! The Euclidean distance in space: heights take part.
 
-use super::{Metric, Range, cosine, over};
+use super::{Metric, Range, SURELY, cosine, over};
 use crate::line::wedge::{SpaceWedge, difference};
 
 /// The Euclidean distance in space; x, y and z in one unit.
@@ -45,6 +45,11 @@ impl Metric<[f64; 3]> for Space {
     #[inline(always)]
     fn squared(segment: &SpaceSegment, reach: f64) -> f64 {
         reach / segment.scale
+    }
+
+    #[inline(always)]
+    fn within(segment: &SpaceSegment, tolerance2: f64) -> f64 {
+        tolerance2 * segment.scale * SURELY
     }
 
     #[inline(always)]

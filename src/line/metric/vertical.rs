@@ -1,6 +1,6 @@
 //! The vertical distance of a profile.
 
-use super::{Metric, Range, cosine};
+use super::{Metric, Range, SURELY, cosine};
 use crate::line::Xy;
 use crate::line::wedge::SlopeWedge;
 
@@ -54,6 +54,11 @@ impl Metric<Xy> for Vertical {
     #[inline(always)]
     fn squared(chord: &Chord, reach: f64) -> f64 {
         reach / (chord.along[0] * chord.along[0])
+    }
+
+    #[inline(always)]
+    fn within(chord: &Chord, tolerance2: f64) -> f64 {
+        tolerance2 * (chord.along[0] * chord.along[0]) * SURELY
     }
 
     #[inline(always)]
