@@ -67,3 +67,6 @@ fn first_beyond<V: Copy, M: Metric<V>>(
     }
     None
 }
+
+#[cfg(test)]
+mod tests;

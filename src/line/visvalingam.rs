@@ -4,8 +4,11 @@
 //! Visvalingam & Whyatt, "Line generalisation by repeated elimination of points" (1993). The effective
 //! area of a vertex is that of its triangle when it goes, or the largest before it if that is more, so a
 //! threshold and a number of vertices are both filters. Ties go by index, the lowest first. The method
-//! bounds no distance: measure it with [`super::metric::largest_distance2`]. O(n log n) with an indexed
-//! heap.
+//! bounds no distance: measure it with [`super::metric::largest_distance2`]. O(n log n), with a queue of
+//! buckets and a heap.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 use super::metric::Metric;
 use super::{Scratch, keep_short};
@@ -103,6 +106,9 @@ fn by_angle<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
     |a, b, c| metric.area(a, b, c) * (1.0 - ANGLE * metric.cosine(a, b, c))
 }
 
+/// In place of neighbours, when a vertex went.
+const GONE: u32 = u32::MAX;
+
 /// The vertices still there, each with its neighbours.
 struct Chain {
     neighbours: Vec<[u32; 2]>,
@@ -131,123 +137,121 @@ impl Chain {
         let of = |i: u32, [before, after]: [u32; 2]| {
             area(&points[before as usize], &points[i as usize], &points[after as usize])
         };
+        let inner = self.start..self.end;
         let mut areas = vec![f64::INFINITY; points.len()];
-        let first = (self.start..self.end).map(|i| Entry { key: of(i, self.neighbours[i as usize]), i });
-        let mut heap = Heap::new(first.collect(), points.len());
-        let mut order = Vec::with_capacity(heap.entries.len().saturating_sub(self.least));
+        for i in inner.clone() {
+            areas[i as usize] = of(i, self.neighbours[i as usize]);
+        }
+        let mut queue = Queue::new(inner.clone().map(|i| Entry { key: areas[i as usize], i }));
+        let gone = inner.len().saturating_sub(self.least);
+        let mut order = Vec::with_capacity(gone);
         let mut most = 0.0_f64;
-        while heap.entries.len() > self.least {
-            let Entry { key, i } = heap.pop();
-            most = most.max(key);
-            areas[i as usize] = most;
-            order.push(i);
+        while order.len() < gone {
+            let Some(Entry { key, i }) = queue.pop() else { break };
             let [before, after] = self.neighbours[i as usize];
+            // Left behind when the area changed, or the vertex went.
+            if before == GONE || areas[i as usize] != key {
+                continue;
+            }
+            most = most.max(key);
+            order.push(i);
+            areas[i as usize] = most;
+            self.neighbours[i as usize] = [GONE; 2];
             self.neighbours[before as usize][1] = after;
             self.neighbours[after as usize][0] = before;
             for near in [before, after] {
-                if (self.start..self.end).contains(&near) {
-                    heap.change(near, of(near, self.neighbours[near as usize]));
+                if inner.contains(&near) {
+                    let key = of(near, self.neighbours[near as usize]);
+                    if key != areas[near as usize] {
+                        areas[near as usize] = key;
+                        queue.push(Entry { key, i: near });
+                    }
                 }
             }
+        }
+        for i in inner.filter(|i| self.neighbours[*i as usize][0] != GONE) {
+            areas[i as usize] = f64::INFINITY;
         }
         Areas { areas, order }
     }
 }
 
-/// A vertex and its present area.
+/// A vertex and its area at some time.
 #[derive(Clone, Copy)]
 struct Entry {
     key: f64,
     i: u32,
 }
 
-impl Entry {
-    #[inline(always)]
-    fn is_before(&self, other: &Self) -> bool {
-        self.key < other.key || (self.key == other.key && self.i < other.i)
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
     }
 }
 
-/// Children of a place in the heap.
-const WAYS: usize = 4;
+impl Eq for Entry {}
 
-/// A heap, the smallest area on top, that knows where each vertex is.
-struct Heap {
-    entries: Vec<Entry>,
-    places: Vec<u32>,
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
 }
 
-impl Heap {
-    /// A heap of entries of vertices below `count`.
-    fn new(entries: Vec<Entry>, count: usize) -> Self {
-        let mut places = vec![0; count];
-        entries.iter().zip(0..).for_each(|(entry, place)| places[entry.i as usize] = place);
-        let mut heap = Self { entries, places };
-        let inner = heap.entries.len().saturating_sub(1).div_ceil(WAYS);
-        for place in (0..inner).rev() {
-            heap.sink(place, heap.entries[place]);
-        }
-        heap
+impl Ord for Entry {
+    /// The smallest area is the greatest entry, the lowest index among equals.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.key.total_cmp(&self.key).then(other.i.cmp(&self.i))
+    }
+}
+
+/// Entries for a bucket, about.
+const CROWD: usize = 256;
+
+/// Entries by area, the smallest first: a heap of those at hand, and buckets of the others by the first
+/// bits of their areas. The heap stays small, so it stays in the cache.
+struct Queue {
+    heap: BinaryHeap<Entry>,
+    /// Bits of the smallest area above 0, which is that of the first bucket.
+    least: u64,
+    /// Bits that a bucket spans.
+    shift: u32,
+    /// The buckets before this one are in the heap.
+    at: usize,
+    buckets: Vec<Vec<Entry>>,
+}
+
+impl Queue {
+    fn new(entries: impl ExactSizeIterator<Item = Entry> + Clone) -> Self {
+        // The bits of floats that are not negative are ordered as the floats are.
+        let bits = entries.clone().map(|entry| entry.key.to_bits()).filter(|bits| *bits > 0);
+        let (least, most) = (bits.clone().min().unwrap_or(0), bits.max().unwrap_or(0));
+        let wanted = (entries.len() / CROWD).max(1) as u64;
+        let shift = ((most - least) / wanted).max(1).ilog2() + 1;
+        let count = ((most - least) >> shift) as usize + 1;
+        let mut queue =
+            Self { heap: BinaryHeap::new(), least, shift, at: 0, buckets: vec![Vec::new(); count] };
+        entries.for_each(|entry| queue.push(entry));
+        queue
     }
 
-    /// Takes the smallest entry; there is one.
-    fn pop(&mut self) -> Entry {
-        let top = self.entries[0];
-        if let Some(last) = self.entries.pop().filter(|_| !self.entries.is_empty()) {
-            self.sink(0, last);
-        }
-        top
-    }
-
-    /// Gives a vertex of the heap another area.
-    fn change(&mut self, i: u32, key: f64) {
-        let place = self.places[i as usize] as usize;
-        let entry = Entry { key, i };
-        match entry.is_before(&self.entries[place]) {
-            true => self.rise(place, entry),
-            false => self.sink(place, entry),
+    /// Adds an entry: to the heap if it is not above what is at hand.
+    #[inline]
+    fn push(&mut self, entry: Entry) {
+        let bits = entry.key.to_bits();
+        let bucket = (bits.saturating_sub(self.least) >> self.shift) as usize;
+        let bucket = bucket.min(self.buckets.len() - 1);
+        match bucket < self.at {
+            true => self.heap.push(entry),
+            false => self.buckets[bucket].push(entry),
         }
     }
 
-    #[inline(always)]
-    fn put(&mut self, place: usize, entry: Entry) {
-        self.entries[place] = entry;
-        self.places[entry.i as usize] = place as u32;
-    }
-
-    /// Puts an entry at `place` or above.
-    fn rise(&mut self, mut place: usize, entry: Entry) {
-        while place > 0 {
-            let parent = (place - 1) / WAYS;
-            if !entry.is_before(&self.entries[parent]) {
-                break;
-            }
-            self.put(place, self.entries[parent]);
-            place = parent;
+    fn pop(&mut self) -> Option<Entry> {
+        while self.heap.is_empty() {
+            let bucket = self.buckets.get_mut(self.at)?;
+            self.at += 1;
+            self.heap = BinaryHeap::from(std::mem::take(bucket));
         }
-        self.put(place, entry);
-    }
-
-    /// Puts an entry at `place` or below.
-    fn sink(&mut self, mut place: usize, entry: Entry) {
-        loop {
-            let first = place * WAYS + 1;
-            let end = (first + WAYS).min(self.entries.len());
-            if first >= end {
-                break;
-            }
-            let mut least = first;
-            for child in first + 1..end {
-                if self.entries[child].is_before(&self.entries[least]) {
-                    least = child;
-                }
-            }
-            if !self.entries[least].is_before(&entry) {
-                break;
-            }
-            self.put(place, self.entries[least]);
-            place = least;
-        }
-        self.put(place, entry);
+        self.heap.pop()
     }
 }
