@@ -147,7 +147,13 @@ impl Chain {
         let mut order = Vec::with_capacity(gone);
         let mut most = 0.0_f64;
         while order.len() < gone {
-            let Some(Entry { key, i }) = queue.pop() else { break };
+            // All of a bucket are looked at first, which fetches what they need from memory side by
+            // side; one after the other, the removals would wait for each.
+            let is_present = |entry: &Entry| {
+                let near = self.neighbours[entry.i as usize];
+                near[0] != GONE && of(entry.i, near) == entry.key
+            };
+            let Some(Entry { key, i }) = queue.pop(is_present) else { break };
             let [before, after] = self.neighbours[i as usize];
             // Left behind when the area changed, or the vertex went.
             if before == GONE || areas[i as usize] != key {
@@ -246,11 +252,14 @@ impl Queue {
         }
     }
 
-    fn pop(&mut self) -> Option<Entry> {
+    /// Takes the smallest entry; of a new bucket, only those present come to the heap.
+    #[inline]
+    fn pop(&mut self, is_present: impl Fn(&Entry) -> bool) -> Option<Entry> {
         while self.heap.is_empty() {
-            let bucket = self.buckets.get_mut(self.at)?;
+            let mut bucket = std::mem::take(self.buckets.get_mut(self.at)?);
             self.at += 1;
-            self.heap = BinaryHeap::from(std::mem::take(bucket));
+            bucket.retain(&is_present);
+            self.heap = BinaryHeap::from(bucket);
         }
         self.heap.pop()
     }
