@@ -219,7 +219,8 @@ impl<R: Copy> Regions<R> {
     #[inline(always)]
     fn largest_at(&self, at: usize, to: usize) -> (usize, usize) {
         let (mut size, mut top) = (LEAF, 0);
-        while top + 1 < self.levels.len() && at % (size * FAN) == 0 && at + size * FAN <= to {
+        while top + 1 < self.levels.len() && at.is_multiple_of(size * FAN) && at + size * FAN <= to
+        {
             size *= FAN;
             top += 1;
         }
