@@ -94,8 +94,8 @@ impl Hierarchy {
         self.walk(count.saturating_sub(2).min(self.links.len()), kept);
     }
 
-    /// The smallest tolerance at which no more than `count` vertices are kept (or the two ends, if `count`
-    /// is less).
+    /// A tolerance at which no more than `count` vertices are kept (or the two ends, if `count` is less):
+    /// the smallest, but for rounding.
     pub fn tolerance_for(&self, count: usize) -> f64 {
         self.squares.get(count.saturating_sub(2)).map_or(0.0, |square| square.sqrt().next_up())
     }

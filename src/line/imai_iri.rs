@@ -16,7 +16,7 @@
 //! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
 //! fails by rounding, the search is made again with all segments held against it before they are
 //! taken. So the result is that of an exhaustive search by the formula, with one exception: where that
-//! second search takes more than [`LOOKS`] looks a vertex, which happens when the tolerance is below
+//! second search takes more than 2000 looks a vertex, which happens when the tolerance is below
 //! what rounding makes of long straight lines, the failing segments of the first are replaced by those of
 //! the [cone](super::cone).
 //!
