@@ -328,6 +328,16 @@ impl Geometry {
         Part { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
     }
 
+    /// Gives the vertices of its lines and rings, in the order of [`parts`](Self::parts), the next of
+    /// these positions; points stay.
+    pub fn place_parts(&mut self, positions: &mut impl Iterator<Item = [f64; 2]>) {
+        if !self.kind.is_points() {
+            self.coordinates.xy.iter_mut().zip(&mut *positions).for_each(|(own, new)| *own = new);
+        }
+        // The depth of collections is limited where they are made.
+        self.members.iter_mut().for_each(|member| member.place_parts(positions));
+    }
+
     /// Positions, those of members included.
     pub fn vertices(&self) -> usize {
         self.leaves().map(|leaf| leaf.coordinates.xy.len()).sum()

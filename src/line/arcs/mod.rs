@@ -68,6 +68,18 @@ pub struct Parts {
     pub starts: Vec<usize>,
 }
 
+/// Moves positions onto others no farther than `distance`, as [`Arcs::new`] does.
+///
+/// # Errors
+/// `Usage` for a distance that is not above 0 and finite.
+pub fn snap(points: &mut [Xy], distance: f64) -> Result<()> {
+    if !(distance > 0.0 && distance.is_finite()) {
+        return Err(Error::usage(format!("snap distance {distance} is not one")));
+    }
+    snap::snap(points, distance);
+    Ok(())
+}
+
 impl Arcs {
     /// Cuts parts into arcs. A vertex that repeats the one before it is dropped. With a `snap`
     /// distance above 0, positions no farther apart are made the same first: taken from the lowest on
@@ -81,14 +93,11 @@ impl Arcs {
     /// for 2^31 arcs and more.
     pub fn new(parts: &Chains<'_>, snap: f64) -> Result<Self> {
         parts.check()?;
-        if !(0.0..f64::INFINITY).contains(&snap) {
-            return Err(Error::usage(format!("snap distance {snap} is not one")));
-        }
         if snap == 0.0 {
             return cut(parts);
         }
         let mut points = parts.points.to_vec();
-        snap::snap(&mut points, snap);
+        self::snap(&mut points, snap)?;
         cut(&Chains { points: &points, ..*parts })
     }
 
