@@ -56,7 +56,7 @@ struct GoalArgs {
     #[arg(long, value_name = "N")]
     keep_count: Option<u64>,
     /// Write files of so many bytes at most, such as 5M
-    #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
+    #[arg(long, value_name = "SIZE", value_parser = parse::size)]
     target_size: Option<u64>,
 }
 

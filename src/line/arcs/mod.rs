@@ -53,6 +53,8 @@ pub struct Arcs {
     pub starts: Vec<usize>,
     /// Which arcs end where they begin.
     pub closed: Vec<bool>,
+    /// Which of these have no junction: they may begin anywhere.
+    pub free: Vec<bool>,
     /// The arcs of each part, part by part, in the order in which it passes them.
     pub passages: Vec<Passage>,
     /// Where each part's begin in `passages`, and at the end how many there are.
@@ -106,7 +108,7 @@ impl Arcs {
         Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
     }
 
-    /// Lets a closed arc that is a ring by itself begin at another of its vertices, `at` from its first.
+    /// Lets an arc that is [free](Self::free) begin at another of its vertices, `at` from its first.
     pub fn open_at(&mut self, arc: usize, at: usize) {
         let range = self.starts[arc]..self.starts[arc + 1];
         open_at(&mut self.points[range.clone()], at);

@@ -52,7 +52,7 @@ impl Goal {
     /// The most vertices, of so many, if it says so.
     pub(super) fn most(&self, vertices: u64) -> Option<u64> {
         match *self {
-            Self::Ratio(share) => Some((vertices as f64 * share).ceil() as u64),
+            Self::Ratio(share) => Some((vertices as f64 * share).floor() as u64),
             Self::Count(count) => Some(count),
             _ => None,
         }

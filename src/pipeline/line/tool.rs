@@ -124,7 +124,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
     }
 
     /// A line; one that ends where it began keeps that vertex and is done in two halves.
-    fn open(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
+    pub(super) fn open(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
         let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
         let is_closed = points.len() > 3 && ends[0] == ends[1];
         let far =

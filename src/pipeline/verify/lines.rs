@@ -1,7 +1,7 @@
 //! Proves simplified lines against the file they were made from.
 
-use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -93,28 +93,29 @@ pub fn verify_lines(
         None => (plain, None),
     };
     progress.begin("read", 0);
-    let mut flat = [Flat::default(), Flat::default()];
-    let mut features = 0;
-    loop {
-        cancel.check()?;
-        let pair = (original.next()?, lines.next()?);
-        let (before, after) = match pair {
-            (None, None) => break,
-            (Some(before), Some(after)) => (before, after),
-            (before, _) => return Err(other_features(job, before.is_some(), features)),
-        };
-        features += 1;
-        progress.advance(1);
-        let [from, to] = &mut flat;
-        place(&before, &after, from, to).map_err(|e| at(e, &*lines, &job.lines))?;
-        let held = (from.points.len() + to.points.len()) as u64 * VERTEX;
-        if held > job.resources.memory {
-            return Err(Error::new(ErrorKind::Resource, "the lines are more than memory holds")
+    let mut held = 0;
+    let mut read = |source: &mut dyn FeatureSource| {
+        let mut all = Vec::new();
+        while let Some(feature) = source.next()? {
+            cancel.check()?;
+            progress.advance(1);
+            held += feature.geometry.vertices() as u64 * VERTEX;
+            if held > job.resources.memory {
+                return Err(Error::new(
+                    ErrorKind::Resource,
+                    "the lines are more than memory holds",
+                )
                 .in_file(&job.original)
                 .remedy("pass more --memory"));
+            }
+            all.push(Own::of(&feature));
         }
-    }
+        Ok(all)
+    };
+    let (before, after) = (read(&mut *original)?, read(&mut *lines)?);
     progress.end();
+    let features = before.len() as u64;
+    let flat = pairs(&before, &after).map_err(|e| e.in_file(&job.lines))?;
     let points = match &job.sides {
         Some(path) => positions(path, &OpenOptions::default())?,
         None => Vec::new(),
@@ -158,19 +159,6 @@ pub fn verify_lines(
     };
     report.passed = report.failures.is_empty();
     Ok(report)
-}
-
-fn at(error: Error, source: &dyn FeatureSource, path: &Path) -> Error {
-    error.at(source.place()).in_file(path)
-}
-
-fn other_features(job: &LineVerifyJob, fewer: bool, same: u64) -> Error {
-    let how = if fewer { "fewer" } else { "more" };
-    Error::bad_input(format!(
-        "has {how} features than the original, which agree up to number {same}"
-    ))
-    .in_file(&job.lines)
-    .remedy("name the file that it was made from")
 }
 
 /// Lines of each broken promise.
@@ -221,37 +209,127 @@ impl Flat {
     }
 }
 
+/// The vertices of a part, and whether it is a ring.
 type OwnPart = (Vec<[f64; 3]>, bool);
 
-fn parts_of(feature: &Feature) -> Vec<OwnPart> {
-    let of = |part: vector::Part<'_>| {
-        let z = |i: usize| part.z.get(i).copied().filter(|z| z.is_finite()).unwrap_or(0.0);
-        let points = part.xy.iter().enumerate().map(|(i, [x, y])| [*x, *y, z(i)]);
-        (points.collect(), part.is_ring())
-    };
-    feature.geometry.parts().map(of).collect()
+/// A feature.
+struct Own {
+    parts: Vec<OwnPart>,
+    /// Its id and properties, to tell it from others.
+    stamp: String,
 }
 
-/// Puts the parts of a feature beside those they were made from: all of them, or, where some are gone,
-/// those whose vertices they have.
-fn place(before: &Feature, after: &Feature, from: &mut Flat, to: &mut Flat) -> Result<()> {
-    let (before, after) = (parts_of(before), parts_of(after));
-    let one_to_one = before.len() == after.len();
-    let mut left = after.into_iter().peekable();
+impl Own {
+    fn of(feature: &Feature) -> Self {
+        let of = |part: vector::Part<'_>| {
+            let z = |i: usize| part.z.get(i).copied().filter(|z| z.is_finite()).unwrap_or(0.0);
+            let points = part.xy.iter().enumerate().map(|(i, [x, y])| [*x, *y, z(i)]);
+            (points.collect(), part.is_ring())
+        };
+        let values: Vec<_> = feature.properties.iter().map(|(_, value)| value).collect();
+        let stamp = format!("{:?} {values:?}", feature.id);
+        Self { parts: feature.geometry.parts().map(of).collect(), stamp }
+    }
+}
+
+/// The parts of all features beside those they were made from. Features come in the order of the
+/// original, or, from formats that sort them, in any.
+fn pairs(before: &[Own], after: &[Own]) -> Result<[Flat; 2]> {
+    if before.len() != after.len() {
+        let how = if after.len() < before.len() { "fewer" } else { "more" };
+        let (here, there) = (after.len(), before.len());
+        return Err(Error::bad_input(format!(
+            "has {how} features than the original: {here}, not {there}"
+        ))
+        .remedy("name the file that it was made from"));
+    }
+    let in_order = before.iter().zip(after).map(|(before, after)| beside(before, after));
+    let placed = match in_order.collect::<Option<Vec<_>>>() {
+        Some(placed) => placed,
+        None => sorted(before, after)?,
+    };
+    let mut flat = [Flat::default(), Flat::default()];
+    for ((part, is_ring), own) in
+        before.iter().flat_map(|own| &own.parts).zip(placed.into_iter().flatten())
+    {
+        flat[0].push(part, *is_ring);
+        let own = own.map_or(&[][..], |(points, _)| points);
+        match *is_ring && is_backward(part, own) {
+            true => flat[1].push(&own.iter().rev().copied().collect::<Vec<_>>(), true),
+            false => flat[1].push(own, *is_ring),
+        }
+    }
+    Ok(flat)
+}
+
+/// For each part of a feature before what it became, if it is still there.
+type Placed<'a> = Vec<Option<&'a OwnPart>>;
+
+/// Features that are not in the order of the original, found by their vertices.
+fn sorted<'a>(before: &[Own], after: &'a [Own]) -> Result<Vec<Placed<'a>>> {
+    let mut having: HashMap<[u64; 2], Vec<usize>> = HashMap::new();
+    for (number, feature) in before.iter().enumerate() {
+        for point in feature.parts.iter().flat_map(|(points, _)| points) {
+            let numbers = having.entry(key(point)).or_default();
+            if numbers.last() != Some(&number) {
+                numbers.push(number);
+            }
+        }
+    }
+    let mut placed: Vec<Option<Placed<'a>>> = vec![None; before.len()];
+    for (number, feature) in after.iter().enumerate() {
+        let firsts = feature.parts.iter().find_map(|(points, _)| points.first());
+        let Some(first) = firsts else { continue };
+        let candidates = having.get(&key(first)).map_or(&[][..], Vec::as_slice);
+        let mut free: Vec<usize> =
+            candidates.iter().copied().filter(|own| placed[*own].is_none()).collect();
+        // A small one may lie on the vertices of a neighbour: first those that are like it.
+        free.sort_by_key(|own| {
+            let own = &before[*own];
+            (own.stamp != feature.stamp, own.parts.len() != feature.parts.len())
+        });
+        let found = free.into_iter().find_map(|own| Some((own, beside(&before[own], feature)?)));
+        let (own, parts) = found.ok_or_else(|| {
+            let message = format!("feature {number} was made from none of the original");
+            Error::bad_input(message).remedy("name the file that it was made from")
+        })?;
+        placed[own] = Some(parts);
+    }
+    let gone = |(own, feature): (Option<Placed<'a>>, &Own)| {
+        own.unwrap_or_else(|| vec![None; feature.parts.len()])
+    };
+    Ok(placed.into_iter().zip(before).map(gone).collect())
+}
+
+/// The parts of a feature beside those they were made from: all of them, or, where some are gone, those
+/// whose vertices they have. `None` when one was made from none.
+fn beside<'a>(before: &Own, after: &'a Own) -> Option<Placed<'a>> {
+    let (before, after) = (&before.parts, &after.parts);
+    let one_to_one = before.len() == after.len()
+        && before.iter().zip(after).all(|(before, after)| before.1 == after.1);
+    let mut left = after.iter().peekable();
+    let mut placed = Vec::new();
     for (part, is_ring) in before {
         let known: HashSet<[u64; 2]> = part.iter().map(key).collect();
         let is_of = |(points, ring): &OwnPart| {
-            *ring == is_ring && points.iter().all(|point| known.contains(&key(point)))
+            *ring == *is_ring && points.iter().all(|point| known.contains(&key(point)))
         };
-        let own = left.next_if(|next| (one_to_one && next.1 == is_ring) || is_of(next));
-        from.push(&part, is_ring);
-        to.push(&own.map_or(Vec::new(), |(points, _)| points), is_ring);
+        let is_near =
+            |(points, _): &OwnPart| points.iter().any(|point| known.contains(&key(point)));
+        placed.push(left.next_if(|next| is_of(next) || (one_to_one && is_near(next))));
     }
-    match left.next() {
-        None => Ok(()),
-        Some(_) => Err(Error::bad_input("a feature has a part that the original has not")
-            .remedy("name the file that it was made from, in the same order")),
-    }
+    left.next().is_none().then_some(placed)
+}
+
+/// True for a ring whose vertices come in the opposite order of those of `part`: formats have rules of
+/// their own for the direction of rings.
+fn is_backward(part: &[[f64; 3]], ring: &[[f64; 3]]) -> bool {
+    let places: HashMap<_, _> = part.iter().zip(0..).map(|(point, at)| (key(point), at)).collect();
+    let along: Vec<i64> =
+        ring.iter().filter_map(|point| places.get(&key(point)).copied()).collect();
+    // Once around there is one step back, where the numbers begin again.
+    let back = along.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    2 * back > along.len().saturating_sub(1)
 }
 
 /// A position in the plane as bits, where 0 and -0 are the same.

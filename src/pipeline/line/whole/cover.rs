@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::Collected;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::line::arcs::{self, Arcs, Parts};
 use crate::line::topology::{Chains, Kept as Chosen, Options, Outcome, refining, untangle};
 use crate::line::{Metric, Scratch, Xy};
@@ -74,7 +74,7 @@ pub(super) fn simplify(
     report.parts = flat.closed.len() as u64;
     report.vertices = flat.points.len() as u64;
     cancel.check()?;
-    let mut part = 0;
+    let (mut part, mut lost) = (0, false);
     for feature in all.iter_mut().flat_map(|collected| &mut collected.features) {
         report.features += 1;
         feature.geometry = feature.geometry.keep(|_, _| {
@@ -83,27 +83,46 @@ pub(super) fn simplify(
             let place = |vertex: &u32| made.arcs.points[*vertex as usize];
             let kept = own_vertices(&flat.points[own], flat.closed[part], left.iter().map(place));
             part += 1;
-            kept
+            lost |= kept.is_none();
+            kept.unwrap_or(Kept::All)
         });
         report.kept += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
     }
-    Ok(())
+    match lost {
+        true => Err(Error::new(ErrorKind::Internal, "a part lost its way through its arcs")),
+        false => Ok(()),
+    }
 }
 
-/// What a part keeps of its own vertices, to pass through `left` in order.
-fn own_vertices(own: &[Xy], is_ring: bool, left: impl Iterator<Item = Xy> + Clone) -> Kept {
-    let Some(first) = left.clone().next() else { return Kept::Nothing };
+/// What a part keeps of its own vertices, to pass through `left` in order; all of it, where it has no
+/// area of its own. `None` when there is no such way.
+fn own_vertices(own: &[Xy], is_ring: bool, left: impl Iterator<Item = Xy> + Clone) -> Option<Kept> {
+    let Some(first) = left.clone().next() else { return Some(Kept::Nothing) };
+    let starts = (0..own.len()).filter(|at| own[*at] == first);
+    // A ring may come by its first vertex again, on another way.
+    let mut found = starts.filter_map(|start| passing(own, is_ring, start, left.clone()));
+    let kept = found.next()?;
+    Some(if is_ring && kept.len() < 3 { Kept::All } else { chosen(&kept) })
+}
+
+/// The vertices of a part, from number `start` on and of a ring once around, that lie at `left` one
+/// after the other.
+fn passing(
+    own: &[Xy],
+    is_ring: bool,
+    start: usize,
+    left: impl Iterator<Item = Xy>,
+) -> Option<Vec<u32>> {
     let count = own.len() - usize::from(is_ring);
-    let start = own.iter().position(|at| *at == first).unwrap_or(0);
-    let mut kept = Vec::new();
-    let mut ahead = (start..start + count).map(|i| i % count.max(1));
-    for at in left {
-        // A ring ends with its first vertex again, which is not ahead any more.
-        let Some(found) = ahead.by_ref().find(|i| own[*i] == at) else { break };
-        kept.push(found as u32);
+    let round = if is_ring { start..start + count + 1 } else { start..count };
+    let mut ahead = round.map(|at| at % count.max(1));
+    let find = |at: Xy| ahead.find(|own_at| own[*own_at] == at).map(|found| found as u32);
+    let mut kept = left.map(find).collect::<Option<Vec<u32>>>()?;
+    if is_ring && kept.len() > 1 && kept.first() == kept.last() {
+        kept.pop();
     }
     kept.sort_unstable();
-    chosen(&kept)
+    Some(kept)
 }
 
 /// Arcs to be simplified together.
@@ -143,8 +162,8 @@ impl Task for Together<'_> {
 }
 
 impl Together<'_> {
-    /// What the method keeps of each arc by itself. Rings are opened at a vertex that is kept; of one
-    /// that collapsed it is only that vertex.
+    /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
+    /// is kept; of one that collapsed it is only that vertex.
     fn plain<V: Vertex, M: Metric<V> + Copy>(
         &mut self,
         tool: &Tool<V, M>,
@@ -157,8 +176,8 @@ impl Together<'_> {
             points.clear();
             points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
             kept.clear();
-            match self.arcs.closed[arc] && points.len() > 3 {
-                false => tool.line(&points, scratch, &mut kept),
+            match self.arcs.free[arc] && points.len() > 3 {
+                false => tool.open(&points, scratch, &mut kept),
                 true => {
                     if tool.whole_ring(&points, scratch, &mut kept) {
                         kept.truncate(1);
