@@ -241,6 +241,20 @@ fn metres_heights_rings_and_sides() {
 }
 
 #[test]
+fn the_readme_names_every_method_and_format() {
+    let readme = include_str!("../README.md");
+    for method in METHODS {
+        assert!(readme.contains(&format!("| `{}` |", method.name)), "{}", method.name);
+    }
+    for format in FORMATS {
+        assert!(readme.contains(&format!("| {} |", format.name)), "{}", format.name);
+        for ending in format.extensions {
+            assert!(readme.contains(&format!(".{ending}")), "{}: {ending}", format.name);
+        }
+    }
+}
+
+#[test]
 fn broken_promises_and_bad_input_are_told() {
     let place = Place::new();
     place.write("a.wkt", "LINESTRING (0 0, 5 2, 10 0)\nLINESTRING (0 1, 10 1.5)\n");

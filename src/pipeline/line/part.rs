@@ -85,7 +85,9 @@ impl Task for One<'_> {
                 tally.vertices += points.len() as u64;
                 tally.collapsed += u64::from(outcome.collapsed);
                 tally.square = tally.square.max(outcome.square);
-                chosen(kept)
+                // A ring that had fewer than three different vertices stays as it was.
+                let is_flat = part.is_ring() && (1..3).contains(&kept.len());
+                if is_flat { Kept::All } else { chosen(kept) }
             })
         });
         tally.kept = geometry.parts().map(|part| part.xy.len() as u64).sum();

@@ -6,7 +6,9 @@ use std::path::Path;
 use super::Collected;
 use crate::error::{Error, ErrorKind, Result};
 use crate::line::arcs::{self, Arcs, Parts};
-use crate::line::topology::{Chains, Kept as Chosen, Options, Outcome, refining, untangle};
+use crate::line::topology::{
+    Chains, Collapse, Kept as Chosen, Options, Outcome, refining, untangle,
+};
 use crate::line::{Metric, Scratch, Xy};
 use crate::pipeline::Cancel;
 use crate::pipeline::line::part::{check, chosen};
@@ -81,7 +83,12 @@ pub(super) fn simplify(
             let own = flat.starts[part]..flat.starts[part + 1];
             let left = &made.parts.vertices[made.parts.starts[part]..made.parts.starts[part + 1]];
             let place = |vertex: &u32| made.arcs.points[*vertex as usize];
-            let kept = own_vertices(&flat.points[own], flat.closed[part], left.iter().map(place));
+            let points = &flat.points[own];
+            let kept = match left.is_empty() && rule.collapse != Collapse::Drop {
+                // It had no area to begin with.
+                true => Some(Kept::All),
+                false => own_vertices(points, flat.closed[part], left.iter().map(place)),
+            };
             part += 1;
             lost |= kept.is_none();
             kept.unwrap_or(Kept::All)
