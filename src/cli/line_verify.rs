@@ -20,11 +20,7 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.report {
         tin::write_report(path, args.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    } else {
+    if !args.show.tell(&report, || summary(&report))? {
         report.failures.iter().for_each(|failure| say::failure(failure));
     }
     Ok(if report.passed { Outcome::Kept } else { Outcome::Broken })
