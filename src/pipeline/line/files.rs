@@ -1,6 +1,6 @@
 //! The files of a job: opened, paired with what is written, and agreeing in their CRS.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::LineJob;
 use super::goal::{Goal, measured};
@@ -79,7 +79,7 @@ impl Files {
 }
 
 /// An input whose output lies in the job's folder under its own name.
-fn in_folder(job: &LineJob, input: &PathBuf) -> Result<Pair> {
+fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
     let name = input.file_name().ok_or_else(|| {
         Error::usage("is no file").in_file(input).remedy("name files of features")
     })?;
@@ -96,7 +96,7 @@ fn in_folder(job: &LineJob, input: &PathBuf) -> Result<Pair> {
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);
     }
-    Ok(Pair { input: input.clone(), output, format })
+    Ok(Pair { input: input.to_path_buf(), output, format })
 }
 
 impl Pair {

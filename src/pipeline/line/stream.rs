@@ -27,7 +27,7 @@ pub(super) fn run(
     let rule = files.rule(job, 0.0)?;
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
-    let bytes: u64 = files.pairs.iter().map(|pair| size_of(pair)).sum();
+    let bytes: u64 = files.pairs.iter().map(size_of).sum();
     progress.begin("simplify", bytes);
     for pair in &files.pairs {
         on_threads(job.resources.threads, || copy(job, pair, &rule, &mut report, cancel))??;
