@@ -1,6 +1,6 @@
 //! Real files of features, and damaged ones: what is read is what the catalogue counts.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use terrane::Result;
 use terrane::vector::{self, Feature, Kind, OpenOptions, Value};
@@ -17,7 +17,7 @@ fn data(name: &str) -> Option<PathBuf> {
     None
 }
 
-fn read(path: &PathBuf, layer: Option<&str>) -> Result<Vec<Feature>> {
+fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
     let options = OpenOptions { layer: layer.map(str::to_owned) };
     let mut source = vector::open(path, &options)?;
     std::iter::from_fn(|| source.next().transpose()).collect()
@@ -79,7 +79,7 @@ fn properties_names_and_systems_are_read() {
 #[test]
 fn damaged_shapefiles_are_refused_by_name_or_read_right() {
     // What is said, or else features and vertices.
-    let known: [(&str, std::result::Result<(usize, usize), &str>); 10] = [
+    let known = [
         ("bigoffset", Ok((1, 10))),
         ("buggymultiline", Err("feature 1 (record 1): a record ends too early")),
         ("buggymultipoly", Err("feature 1 (record 1): a record ends too early")),

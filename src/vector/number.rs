@@ -57,7 +57,7 @@ fn divided(mantissa: u64, decimals: usize) -> f64 {
     let numerator = u128::from(mantissa << up) << 63;
     let divisor = u128::from(power << down);
     let quotient = (numerator / divisor) as u64;
-    let exact = u64::from(quotient).wrapping_mul(power << down) == numerator as u64;
+    let exact = quotient.wrapping_mul(power << down) == numerator as u64;
     let shift = 64 - 53 - quotient.leading_zeros();
     let kept = quotient >> shift;
     let rest = quotient & ((1 << shift) - 1);
