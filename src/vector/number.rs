@@ -165,6 +165,11 @@ mod tests {
         }
 
         #[test]
+        fn halves_and_what_is_beside_them(high in 1_u64 << 52..1 << 53, beside in -1_i64..=1) {
+            check(&((high << 11) + 1024).wrapping_add_signed(beside).to_string());
+        }
+
+        #[test]
         fn shortest_texts_come_back(value in any::<f64>()) {
             prop_assume!(value.is_finite());
             let mut text = Vec::new();

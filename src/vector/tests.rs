@@ -108,6 +108,30 @@ fn what_a_format_can_hold_comes_back() {
 }
 
 #[test]
+fn features_larger_than_any_buffer_come_back() {
+    let line = |n: u32| {
+        let place = |i: u32| [f64::from(i % 360) * 0.5 - 90.0, f64::from(i / 360 + n) * 0.125];
+        let lines = Coordinates {
+            ends: vec![10, 40_000],
+            ..Coordinates::of((0..40_000).map(place).collect())
+        };
+        let geometry = Geometry::new(Kind::MultiLineString, lines).unwrap();
+        Feature { geometry, ..Feature::default() }
+    };
+    let features: Vec<Feature> = (0..3).map(line).collect();
+    for format in FORMATS.iter().filter(|format| format.create.is_some()) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(format, folder.path());
+        write_all(&path, format, &Layer::default(), &features);
+        let found = read_all(&path).unwrap();
+        let geometries = |features: &[Feature]| {
+            features.iter().map(|feature| feature.geometry.clone()).collect::<Vec<_>>()
+        };
+        assert!(geometries(&found) == geometries(&features), "{}", format.name);
+    }
+}
+
+#[test]
 fn the_crs_comes_back_wherever_a_format_has_a_place_for_it() {
     let line = Geometry::line(vec![[5.0, 50.0], [6.0, 51.0]]);
     let feature = Feature { geometry: line, ..Feature::default() };
