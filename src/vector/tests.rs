@@ -217,6 +217,60 @@ fn coordinates_that_are_no_numbers_are_refused_with_their_place() {
     }
 }
 
+#[test]
+fn what_a_shapefile_cannot_hold_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.shp");
+    let format = by_path(&path, None).unwrap();
+    let line =
+        Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
+    let refused = |second: Feature| {
+        let mut sink = create(&path, format, &Layer::default(), &WriteOptions::default()).unwrap();
+        sink.write(&line).unwrap();
+        sink.write(&second).and_then(|()| sink.finish(&[])).unwrap_err().to_string()
+    };
+    let mut long = line.clone();
+    long.properties.push("story", Value::Text("x".repeat(255)));
+    let error = refused(long);
+    assert!(
+        error.contains("feature 2") && error.contains("\"story\"") && error.contains("254"),
+        "{error}"
+    );
+    let point = Geometry::new(Kind::Point, Coordinates::of(vec![[1.0, 2.0]])).unwrap();
+    let error = refused(Feature { geometry: point.clone(), ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("lines or points"), "{error}");
+    let collection = Geometry::collection(vec![point]).unwrap();
+    let error = refused(Feature { geometry: collection, ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("collections"), "{error}");
+    let mut half = Coordinates::default();
+    half.push([0.0, 0.0], Some(1.0), None);
+    half.push([1.0, 0.0], None, None);
+    let half = Geometry::new(Kind::LineString, half).unwrap();
+    let error = refused(Feature { geometry: half, ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("height"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn an_index_of_a_shapefile_that_points_astray_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.shp");
+    let line =
+        Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
+    write_all(&path, by_path(&path, None).unwrap(), &Layer::default(), &[line]);
+    let index = path.with_extension("shx");
+    let sound = std::fs::read(&index).unwrap();
+    for offset in [0_u32, 49, 90, u32::MAX] {
+        let mut damaged = sound.clone();
+        damaged[100..104].copy_from_slice(&offset.to_be_bytes());
+        std::fs::write(&index, &damaged).unwrap();
+        let error = read_all(&path).unwrap_err().to_string();
+        assert!(error.contains("a.shx") && error.contains("delete it"), "{error}");
+    }
+    std::fs::remove_file(&index).unwrap();
+    assert_eq!(read_all(&path).unwrap().len(), 1);
+}
+
 /// Small files of each format, written and by hand.
 fn small_files(folder: &Path) -> Vec<PathBuf> {
     let mut runner = TestRunner::deterministic();
