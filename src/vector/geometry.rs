@@ -374,9 +374,9 @@ impl Geometry {
         let mut first = 0;
         for leaf in self.leaves() {
             let Coordinates { xy, z, m, .. } = &leaf.coordinates;
-            // A difference from itself is 0 for finite numbers alone; sums of zeros need no branch.
-            let sum = xy.iter().fold(0.0, |sum, [x, y]| sum + (x - x) + (y - y));
-            if sum != 0.0 {
+            // Without a branch, so that many are looked at together.
+            let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
+            if !all {
                 let at = xy.iter().position(|p| !p.iter().all(|c| c.is_finite()));
                 return Err(not_finite(first + at.unwrap_or_default(), "its position"));
             }
