@@ -77,11 +77,13 @@ fn rings_may_begin_elsewhere_and_lines_may_not() {
 
 #[test]
 fn repeated_positions_are_matched_as_is_best() {
-    // The line passes [10, 0] twice; only the second time is it next to the end.
-    let line = vec![[0, 0], [10, 0], [10, 90], [11, 90], [11, 0], [10, 0], [20, 0]];
-    let after = vec![[0, 0], [10, 90], [11, 90], [10, 0], [20, 0]];
-    let found = report(&[line], &[after], &[], 10.0);
-    assert_eq!(found.foreign.count + found.beyond.count, 0);
+    // The line passes [10, 0] twice, and [9, 5] is nearer to the segment before than to the one after.
+    let line = vec![[0, 0], [10, 0], [9, 5], [10, 0], [20, 0]];
+    let found = report(&[line], &[vec![[0, 0], [10, 0], [20, 0]]], &[], 5.05);
+    assert_eq!(found.foreign.count + found.beyond.count, 0, "{found:?}");
+    let line = vec![[0, 0], [10, 0], [11, 5], [10, 0], [20, 0]];
+    let found = report(&[line], &[vec![[0, 0], [10, 0], [20, 0]]], &[], 5.05);
+    assert_eq!(found.foreign.count + found.beyond.count, 0, "{found:?}");
 }
 
 #[test]
@@ -174,6 +176,14 @@ fn islands_and_points_that_change_sides() {
     assert_eq!(found.moved, Defect { count: 1, first: Some((0, [50.0, 5.0])) });
     let found = report(&[coast], &[flat], &[[50.0, 0.0]], 1e9);
     assert_eq!(found.moved.count, 1, "it has come to lie on the coast");
+}
+
+#[test]
+fn what_lay_on_a_part_had_no_side_of_it() {
+    let bag = vec![[0, 0], [50, -30], [100, 0], [100, 99], [0, 99], [0, 0]];
+    let flat = vec![[0, 0], [100, 0], [100, 99], [0, 99], [0, 0]];
+    let points = [[25.0, -15.0], [50.0, -30.0]];
+    assert_eq!(report(&[bag], &[flat], &points, 1e9).moved.count, 0);
 }
 
 #[test]
