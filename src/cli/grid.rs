@@ -7,9 +7,9 @@ use clap::ValueEnum;
 use crate::cli::{Outcome, args, check, cloud, parse, say, text, tin};
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
-use crate::pipeline::Cancel;
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
 use crate::pipeline::surface::is_synthetic;
+use crate::pipeline::{Cancel, Resources};
 use crate::raster::SampleType;
 
 /// Make a grid of a cloud of points: statistics of the points in each cell
@@ -26,11 +26,24 @@ pub(super) struct Args {
     input: Vec<String>,
     /// File to write
     output: PathBuf,
+    #[command(flatten)]
+    model: Model,
+    #[command(flatten)]
+    wanted: Wanted,
+    #[command(flatten)]
+    out: Output,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// Which grid of which points, written how: for a run of its own, and for a plan.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Wanted {
     /// Statistics, a band for each, such as mean,max,p95,idw:radius=2,power=1
     #[arg(long, value_name = "LIST", default_value = "mean", value_parser = parse_stats)]
     stat: Stats,
-    #[command(flatten)]
-    model: Model,
     #[command(flatten)]
     cells: Cells,
     #[command(flatten)]
@@ -38,11 +51,7 @@ pub(super) struct Args {
     #[command(flatten)]
     points: cloud::Points,
     #[command(flatten)]
-    out: Output,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
-    #[command(flatten)]
-    show: args::Show,
+    file: Written,
 }
 
 /// The statistics of one list.
@@ -141,10 +150,10 @@ struct Method {
     fill: Option<u32>,
 }
 
-/// What is written.
+/// How it is written.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Output")]
-struct Output {
+struct Written {
     /// Format to write [default: by the output's ending; GTiff in tiles for a .tif]
     #[arg(short, long, value_name = "NAME")]
     format: Option<String>,
@@ -160,6 +169,12 @@ struct Output {
     /// Written value for voids
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan, default_value = "-9999")]
     nodata: f64,
+}
+
+/// What else is written, and over what.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct Output {
     /// Replace files that exist
     #[arg(long)]
     overwrite: bool,
@@ -184,53 +199,69 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<GridJob> {
-    args.check_options()?;
-    let resources = args.machine.resources();
-    let (cells, out) = (&args.cells, &args.out);
+    let preset = args.model.preset();
+    args.wanted.check(preset)?;
+    if args.model.ground.is_some() && preset.is_none() {
+        return Err(idle("--ground", "for --dtm, --dsm and --chm"));
+    }
+    let job = args.wanted.job(&args.input, args.machine.resources())?;
     let job = GridJob {
-        input: args.input.clone(),
-        cloud: args.points.open_options(&resources)?,
         output: args.output.clone(),
-        format: out.format.clone(),
-        creation: out.co.clone(),
-        stats: args.stats(),
-        preset: args.model.preset(),
+        stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
+        preset,
         ground: args.model.ground(),
-        placement: Placement {
-            cell: cells.cell,
-            align: cells.align,
-            bbox: cells.bbox,
-            like: cells.like.clone(),
-        },
-        compat: match cells.compat {
-            CompatName::None => Compat::None,
-            CompatName::Pdal => Compat::Pdal,
-            CompatName::Lasr => Compat::Lasr,
-        },
-        radius: args.method.radius,
-        power: args.method.power,
-        max_edge: args.method.max_edge,
-        fill: args.method.fill.unwrap_or(0),
-        sample_type: out.sample_type,
-        round: out.round,
-        nodata: out.nodata,
-        overwrite: out.overwrite,
-        resources,
+        overwrite: args.out.overwrite,
+        ..job
     };
     job.check()?;
     args.check_files()?;
     Ok(job)
 }
 
-impl Args {
-    /// The statistics asked for, or what stands for a model.
-    fn stats(&self) -> Vec<Asked> {
-        self.model.preset().map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()])
+/// The error of an option that cannot act.
+fn idle(option: &str, why: &str) -> Error {
+    Error::usage(format!("{option} cannot act: it is {why}")).remedy(format!("leave {option} out"))
+}
+
+impl Wanted {
+    /// The job that makes it of `input`; its output is left to be named.
+    pub(super) fn job(&self, input: &[String], resources: Resources) -> Result<GridJob> {
+        let Self { stat, cells, method, points, file } = self;
+        Ok(GridJob {
+            input: input.to_vec(),
+            cloud: points.open_options(&resources)?,
+            output: PathBuf::new(),
+            format: file.format.clone(),
+            creation: file.co.clone(),
+            stats: stat.0.clone(),
+            preset: None,
+            ground: GroundFrom::Auto,
+            placement: Placement {
+                cell: cells.cell,
+                align: cells.align,
+                bbox: cells.bbox,
+                like: cells.like.clone(),
+            },
+            compat: match cells.compat {
+                CompatName::None => Compat::None,
+                CompatName::Pdal => Compat::Pdal,
+                CompatName::Lasr => Compat::Lasr,
+            },
+            radius: method.radius,
+            power: method.power,
+            max_edge: method.max_edge,
+            fill: method.fill.unwrap_or(0),
+            sample_type: file.sample_type,
+            round: file.round,
+            nodata: file.nodata,
+            overwrite: false,
+            resources,
+        })
     }
 
-    /// Fails when an option was given that cannot act.
-    fn check_options(&self) -> Result<()> {
-        let stats = self.stats();
+    /// Fails when an option was given that cannot act, on statistics or on the preset in their place.
+    pub(super) fn check(&self, preset: Option<Preset>) -> Result<()> {
+        let stats = preset.map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()]);
         let any = |is_it: fn(&Statistic) -> bool| stats.iter().any(|a| is_it(&a.statistic));
         let around = self.cells.compat == CompatName::Pdal
             || any(|s| {
@@ -243,16 +274,11 @@ impl Args {
         let spans = any(|s| matches!(s, Statistic::Tin { max_edge: None }));
         let fills = any(|s| s.is_height());
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
-        let idle = [
+        let options = [
             (
                 "--radius",
                 self.method.radius.is_some() && !around,
                 "for idw and nearest without one",
-            ),
-            (
-                "--ground",
-                self.model.ground.is_some() && self.model.preset().is_none(),
-                "for --dtm, --dsm and --chm",
             ),
             ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
             (
@@ -263,30 +289,33 @@ impl Args {
             ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
             (
                 "--round",
-                self.out.round && floats.contains(&self.out.sample_type),
+                self.file.round && floats.contains(&self.file.sample_type),
                 "for whole numbers: floats hold the nearest value anyway",
             ),
         ];
-        match idle.into_iter().find(|(_, idle, _)| *idle) {
-            Some((option, _, why)) => {
-                Err(Error::usage(format!("{option} cannot act: it is {why}"))
-                    .remedy(format!("leave {option} out")))
-            }
-            None => Ok(()),
-        }
+        let idling = options.into_iter().find(|(_, idles, _)| *idles);
+        idling.map_or(Ok(()), |(option, _, why)| Err(idle(option, why)))
     }
+}
 
+impl Args {
     /// Fails when an output is an input, or cannot be made.
     fn check_files(&self) -> Result<()> {
         let report = self.out.report.as_deref();
         let outputs: Vec<&Path> =
             [Some(self.output.as_path()), report].into_iter().flatten().collect();
-        let files = crate::cloud::files(&self.input)?;
-        files.iter().try_for_each(|file| is_there(file))?;
+        let files = files_of(&self.input)?;
         check::not_among(&files, &outputs)?;
         let new = |path: &&Path| check::new_file(path, self.out.overwrite);
         outputs.iter().try_for_each(new)
     }
+}
+
+/// The files that inputs stand for; fails when one is missing.
+pub(super) fn files_of(input: &[String]) -> Result<Vec<String>> {
+    let files = crate::cloud::files(input)?;
+    files.iter().try_for_each(|file| is_there(file))?;
+    Ok(files)
 }
 
 /// Fails when a file is missing.
@@ -321,7 +350,7 @@ fn parse_pair(text: &str) -> std::result::Result<[f64; 2], String> {
 }
 
 /// A made grid for people.
-fn summary(r: &GridReport) -> String {
+pub(super) fn summary(r: &GridReport) -> String {
     let unit = r.vertical_unit.as_deref().unwrap_or("unit of height unknown");
     let [width, height] = r.cell.map(text::number);
     let mut rows = vec![

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::cli::{Outcome, args, check, parse, say, status, tin};
+use crate::cli::{Outcome, args, check, grid, parse, say, status, tin};
 use crate::error::Result;
 use crate::output;
+use crate::pipeline::grid::plan::{PlanGridJob, plan_grid};
 use crate::pipeline::tin::{Goal, PlanJob, TinJob, plan_work};
 use crate::pipeline::{Cancel, Resources};
+use crate::raster::write;
 
 /// Write down the work on a large input as tasks, for `terrane run` here or on many machines
 #[derive(Clone, Debug, clap::Args)]
@@ -20,6 +22,7 @@ pub(super) struct Args {
 #[derive(Clone, Debug, Subcommand)]
 enum What {
     Tin(Box<TinArgs>),
+    Grid(Box<GridArgs>),
 }
 
 /// Plan a triangle mesh with a proven vertical error bound; the same mesh as that of `terrane tin`
@@ -49,8 +52,50 @@ struct TinArgs {
     show: args::Show,
 }
 
+/// Plan a grid of statistics of the points of clouds; the same grid as that of `terrane grid`
+#[derive(Clone, Debug, clap::Args)]
+struct GridArgs {
+    /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
+    /// a pattern in quotes are one cloud
+    #[arg(required = true)]
+    input: Vec<String>,
+    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
+    #[arg(short = 'o', long = "output", value_name = "FOLDER")]
+    folder: PathBuf,
+    #[command(flatten)]
+    wanted: grid::Wanted,
+    /// Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it
+    /// [default: as many as have about 67 million points]
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    tile: Option<u32>,
+    #[command(flatten)]
+    show: args::Show,
+}
+
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let What::Tin(args) = &args.what;
+    match &args.what {
+        What::Tin(args) => plan_tin(args, cancel),
+        What::Grid(args) => plan_of_grid(args),
+    }
+}
+
+fn plan_of_grid(args: &GridArgs) -> Result<Outcome> {
+    args.wanted.check(None)?;
+    grid::files_of(&args.input)?;
+    let mut job = args.wanted.job(&args.input, Resources::default())?;
+    let format = write::by_name(job.format.as_deref().unwrap_or("GTiff"))?;
+    job.output = args.folder.join("grid").with_extension(format.extensions[0]);
+    let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile };
+    let report = plan_grid(&plan)?;
+    if args.show.json {
+        say::json(&report)?;
+    } else if !args.show.quiet {
+        say::result(&status::grid_summary(&report))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
     if args.show.json {

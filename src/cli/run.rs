@@ -2,34 +2,36 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, say, text, tin};
+use crate::cli::{Outcome, args, grid, say, text, tin};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
+use crate::pipeline::grid::plan::{GridRun, RunGridJob, run_grid};
+use crate::pipeline::plan::{Kind, kind};
 use crate::pipeline::tin::{RunJob, RunReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
-/// then the mesh is written. Killed, it goes on where it was when it is run again
+/// then the mesh or grid is written. Killed, it goes on where it was when it is run again
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Folder of the plan
     folder: PathBuf,
-    /// Only this task, such as strip-0, seam-0 or finish; many may be done at the same time, on any
+    /// Only this task, such as strip-0, seam-0, tile-0 or finish; many may be done at the same time, on any
     /// machine that sees the folder and the input
     #[arg(long, value_name = "ID")]
     task: Option<String>,
-    /// Mesh file to write [default: in the folder]
+    /// File to write [default: in the folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
 }
 
-/// Write the mesh of a plan whose other tasks are all done
+/// Write the mesh or grid of a plan whose other tasks are all done
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// Mesh file to write [default: in the folder]
+    /// File to write [default: in the folder]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
@@ -37,7 +39,7 @@ pub(super) struct FinishArgs {
 
 #[derive(Clone, Debug, clap::Args)]
 struct How {
-    /// Replace a mesh that exists
+    /// Replace a file that exists
     #[arg(long, help_heading = "Output")]
     overwrite: bool,
     #[command(flatten)]
@@ -66,9 +68,12 @@ fn work(
 ) -> Result<Outcome> {
     let is_part = task.as_deref().is_some_and(|task| task != "finish");
     if is_part && (output.is_some() || how.overwrite || how.split.tiles.is_some()) {
-        return Err(Error::usage("only the last task writes a mesh").remedy(
+        return Err(Error::usage("only the last task writes a result").remedy(
             "leave out --output, --overwrite and --split, or pass them to terrane finish",
         ));
+    }
+    if kind(folder)? == Kind::Grid {
+        return work_on_grid(folder, task, output, how, cancel);
     }
     if let Some(output) = &output {
         // Whether it exists is asked later: it may be the mesh of this very plan.
@@ -92,20 +97,65 @@ fn work(
     Ok(Outcome::Kept)
 }
 
-fn summary(r: &RunReport) -> String {
-    let found = match r.found {
-        0 => "none".to_owned(),
-        found => format!(
-            "{} of {}, {} checked",
-            text::count(found),
-            text::count(r.tasks),
-            text::bytes(r.found_bytes)
-        ),
-    };
-    let mut rows = vec![("found done", found)];
-    if !r.damaged.is_empty() {
-        rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
+fn work_on_grid(
+    folder: &std::path::Path,
+    task: Option<String>,
+    output: Option<PathBuf>,
+    how: &How,
+    cancel: &Cancel,
+) -> Result<Outcome> {
+    if how.split.tiles.is_some() {
+        return Err(Error::usage("--split is for meshes, and this is the plan of a grid")
+            .remedy("leave --split out"));
     }
+    let job = RunGridJob {
+        folder: folder.to_path_buf(),
+        task,
+        output,
+        overwrite: how.overwrite,
+        resources: how.machine.resources(),
+    };
+    let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
+    if how.show.json {
+        say::json(&report)?;
+    } else if !how.show.quiet {
+        say::result(&grid_summary(&report))?;
+    }
+    Ok(Outcome::Kept)
+}
+
+/// What was there before a run.
+fn found(found: u64, tasks: u64, bytes: u64, damaged: &[String]) -> Vec<(&'static str, String)> {
+    let (of, tasks, bytes) = (text::count(found), text::count(tasks), text::bytes(bytes));
+    let all =
+        if found == 0 { "none".to_owned() } else { format!("{of} of {tasks}, {bytes} checked") };
+    let mut rows = vec![("found done", all)];
+    if !damaged.is_empty() {
+        rows.push(("damaged", format!("{}; made anew", damaged.join(", "))));
+    }
+    rows
+}
+
+fn grid_summary(r: &GridRun) -> String {
+    let mut rows = found(r.found, r.tasks, r.found_bytes, &r.damaged);
+    if !r.made.is_empty() {
+        let made = text::count(r.made.len() as u64);
+        let (points, bytes) = (text::count(r.points), text::bytes(r.made_bytes));
+        rows.push(("made", format!("{made} tasks, {points} points read, {bytes}")));
+    }
+    rows.push(("time", text::seconds(r.wall_seconds)));
+    if let Some(peak) = r.peak_memory {
+        rows.push(("memory", format!("{} at the peak", text::bytes(peak))));
+    }
+    if let (Some(path), None) = (&r.written, &r.grid) {
+        rows.push(("grid", format!("{path}, written before")));
+    }
+    let tasks = format!("{}\n{}", r.folder, text::table(&rows));
+    r.grid.as_ref().map_or(tasks.clone(), |made| format!("{tasks}\n{}", grid::summary(made)))
+}
+
+fn summary(r: &RunReport) -> String {
+    let mut rows = found(r.found, r.tasks, r.found_bytes, &r.damaged);
     if !r.made.is_empty() {
         let made = text::count(r.made.len() as u64);
         let (samples, bytes) = (text::count(r.made_samples), text::bytes(r.made_bytes));

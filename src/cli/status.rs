@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use crate::cli::{Outcome, say, text};
 use crate::error::Result;
+use crate::pipeline::grid::plan::{GridStatus, grid_status};
+use crate::pipeline::plan::{Kind, kind};
 use crate::pipeline::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
@@ -17,13 +19,44 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome> {
-    let report = status_of(&args.folder)?;
-    if args.json {
-        say::json(&report)?;
-    } else {
-        say::result(&summary(&report))?;
+    match kind(&args.folder)? {
+        Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
+        Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
+    }
+}
+
+fn tell<R: serde::Serialize>(
+    args: &Args,
+    report: &R,
+    summary: impl Fn(&R) -> String,
+) -> Result<Outcome> {
+    match args.json {
+        true => say::json(report)?,
+        false => say::result(&summary(report))?,
     }
     Ok(Outcome::Kept)
+}
+
+/// The plan of a grid for people.
+pub(super) fn grid_summary(r: &GridStatus) -> String {
+    let (width, height) = (text::count(r.width.into()), text::count(r.height.into()));
+    let left = r.to_do.len() as u64;
+    let tile = text::count(r.tile_cells.into());
+    let mut rows = vec![
+        ("plan", r.plan_id[..16].to_owned()),
+        ("points", text::count(r.points)),
+        ("grid", format!("{width} x {height} cells in tiles of {tile}, written as {}", r.format)),
+        ("tasks", format!("{} done, {} to do", text::count(r.done), text::count(left))),
+        ("disk", format!("{} in use", text::bytes(r.object_bytes))),
+    ];
+    if !r.damaged.is_empty() {
+        rows.push(("damaged", r.damaged.join(", ")));
+    }
+    rows.push(match &r.output {
+        Some(output) => ("grid", output.clone()),
+        None => ("next", format!("terrane run {}", r.folder)),
+    });
+    format!("{} in {}\n{}", r.input, r.folder, text::table(&rows))
 }
 
 pub(super) fn summary(r: &StatusReport) -> String {

@@ -125,8 +125,8 @@ pub(super) fn summary(r: &VerifyReport) -> String {
         ("error", errors(r)),
         ("samples", samples(r)),
         ("mesh", sizes),
-        ("vertices", vertices(r)),
-        ("edges", edges(r)),
+        ("vertices", vertices(r.off_sample_vertices.count, r.made_by_terrane, ["samples", "grid"])),
+        ("edges", edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
         ("angles", angles(r.smallest_angle)),
         ("time", time),
     ];
@@ -170,19 +170,19 @@ fn samples(r: &VerifyReport) -> String {
     line
 }
 
-fn vertices(r: &VerifyReport) -> String {
-    match (r.off_sample_vertices.count, r.made_by_terrane) {
-        (0, _) => "all are samples of the grid".to_owned(),
-        (off, true) => format!("{} off the samples", text::count(off)),
-        (off, false) => format!(
-            "{} off the samples; no failure, because terrane did not write this mesh",
-            text::count(off)
-        ),
+/// What is told of vertices that are not `source`: a failure only where terrane made them.
+pub(super) fn vertices(off: u64, made_by_terrane: bool, [source, of]: [&str; 2]) -> String {
+    match (text::count(off), made_by_terrane) {
+        _ if off == 0 => format!("all are {source} of the {of}"),
+        (off, true) => format!("{off} off the {source}"),
+        (off, false) => {
+            format!("{off} off the {source}; no failure, because terrane did not write this mesh")
+        }
     }
 }
 
-fn edges(r: &VerifyReport) -> String {
-    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
-    let delaunay = text::count(r.non_delaunay_edges.count);
+/// What is told of edges.
+pub(super) fn edges(inner: u64, open: u64, non_delaunay: u64) -> String {
+    let [inner, outer, delaunay] = [inner, open, non_delaunay].map(text::count);
     format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
 }

@@ -156,18 +156,18 @@ impl Member {
 
     /// Whether a part may have wanted points.
     pub(super) fn touches(&self, part: usize, filter: &Filter) -> bool {
-        let cube = match &self.file {
-            File::Las(file) => file.parts.get(part).and_then(|part| part.cube),
-            File::Text(_) => None,
-        };
-        let within = |[low, high]: [[f64; 3]; 2]| {
-            let lattice = self.file.lattice();
-            // Points are rounded to steps.
-            let low = std::array::from_fn(|axis| low[axis] - lattice.scale[axis]);
-            let high = std::array::from_fn(|axis| high[axis] + lattice.scale[axis]);
-            filter.touches(low, high)
-        };
-        self.sieve.is_some() && cube.is_none_or(within)
+        let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
+        self.sieve.is_some() && self.cube(part).is_none_or(within)
+    }
+
+    /// What the points of a part lie in, in world units, where the file says so.
+    pub(super) fn cube(&self, part: usize) -> Option<[[f64; 3]; 2]> {
+        let File::Las(file) = &self.file else { return None };
+        let [low, high] = file.parts.get(part)?.cube?;
+        // Points are rounded to steps.
+        let scale = self.file.lattice().scale;
+        let lower = std::array::from_fn(|axis| low[axis] - scale[axis]);
+        Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
     }
 
     /// Hands on the wanted points of a part.

@@ -78,6 +78,12 @@ pub trait PointSource: Send + Sync {
     /// Points that part `part` holds, at most, before filters.
     fn points_of(&self, part: usize) -> u64;
 
+    /// Lowest and highest coordinates that points of a part may have across; heights are those of the
+    /// cloud. `None` where the part has no point that is wanted.
+    fn bounds_of(&self, _part: usize) -> Option<[Point; 2]> {
+        self.info().bounds
+    }
+
     /// Reads a part and hands on its filtered points in batches of at most [`BATCH`].
     ///
     /// # Errors

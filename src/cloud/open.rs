@@ -51,6 +51,8 @@ pub struct Cloud {
     info: CloudInfo,
     names: Vec<String>,
     members: Vec<Member>,
+    /// Lowest and highest point that each member claims, in the frame.
+    claims: Vec<Option<[Point; 2]>>,
     /// Member, and part of it.
     parts: Vec<(u32, u32)>,
     filter: Filter,
@@ -108,6 +110,21 @@ impl PointSource for Cloud {
 
     fn points_of(&self, part: usize) -> u64 {
         self.part(part).map_or(0, |(member, inner)| member.points_of(inner))
+    }
+
+    fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
+        let (number, inner) = *self.parts.get(part)?;
+        let [low, high] = (*self.claims.get(number as usize)?)?;
+        let cube = self.members[number as usize].cube(inner as usize);
+        let Some([from, to]) = cube else { return Some([low, high]) };
+        // A step more each way: points of a cube are rounded to steps.
+        let frame = &self.info.frame;
+        let from =
+            |axis: usize, least: i32| least.max(frame.steps(axis, from[axis]).floor() as i32 - 1);
+        let to = |axis: usize, most: i32| most.min(frame.steps(axis, to[axis]).ceil() as i32 + 1);
+        let low = Point::new(from(0, low.x), from(1, low.y), low.z);
+        let high = Point::new(to(0, high.x), to(1, high.y), high.z);
+        (low.x <= high.x && low.y <= high.y).then_some([low, high])
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
@@ -198,9 +215,10 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     };
     let bounds = bounds(&wanted, &common);
     let mut maps = common.maps.iter();
-    let mut members = Vec::new();
+    let (mut members, mut ends) = (Vec::new(), Vec::new());
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
         let map = touching.and_then(|_| maps.next().copied());
+        ends.push(touching.zip(map).map(|(claim, map)| placed(&claim, &map)));
         let sieve = claim
             .zip(map)
             .map(|(claim, map)| Sieve::new(&options.filter, claim, map, options.salvage));
@@ -210,7 +228,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, common.moved);
-    Ok(Cloud { info, names, members, parts, filter: options.filter.clone(), notes })
+    Ok(Cloud { info, names, members, claims: ends, parts, filter: options.filter.clone(), notes })
 }
 
 /// The error with the first file that is beyond reach on its own.
@@ -237,11 +255,14 @@ fn nowhere(files: &[File]) -> Common {
     Common { frame, maps: Vec::new(), moved: [0.0; 3] }
 }
 
+/// Lowest and highest coordinates of a claim in the frame.
+fn placed(claim: &Claim, map: &Map) -> [Point; 2] {
+    [map.place(claim.low, claim), map.place(claim.high, claim)]
+}
+
 /// Lowest and highest coordinates in the frame.
 fn bounds(claims: &[Claim], common: &Common) -> Option<[Point; 2]> {
-    let ends = claims.iter().zip(&common.maps).map(|(claim, map): (&Claim, &Map)| {
-        [map.place(claim.low, claim), map.place(claim.high, claim)]
-    });
+    let ends = claims.iter().zip(&common.maps).map(|(claim, map)| placed(claim, map));
     ends.reduce(|[a, b], [c, d]| {
         let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
         [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]

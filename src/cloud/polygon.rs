@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{Error, Result};
@@ -10,7 +11,7 @@ use crate::limits;
 /// Polygons with holes: inside is where an odd number of rings goes around. Of two polygons that
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
 /// one, and points on an edge are right of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Polygon {
     /// From the lower to the upper end.
     edges: Vec<[[f64; 2]; 2]>,

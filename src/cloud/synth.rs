@@ -80,9 +80,15 @@ impl Synthetic {
 
     /// Whether a part may have points in the box asked for.
     fn touches(&self, part: usize) -> bool {
+        let [west, south, east, north] = self.area(part);
+        self.filter.touches([west, south, f64::MIN], [east, north, f64::MAX])
+    }
+
+    /// Where the points of a part lie in the world: x min, y min, x max, y max.
+    fn area(&self, part: usize) -> [f64; 4] {
         let [west, south, east, north] = self.survey.area(part);
         let [x, y, _] = ORIGIN;
-        self.filter.touches([x + west, y + south, f64::MIN], [x + east, y + north, f64::MAX])
+        [x + west, y + south, x + east, y + north]
     }
 
     fn record(&self, echo: &Echo, index: usize) -> Record {
@@ -130,6 +136,17 @@ impl PointSource for Synthetic {
 
     fn points_of(&self, part: usize) -> u64 {
         if self.touches(part) { self.survey.most(part) } else { 0 }
+    }
+
+    fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
+        let [low, high] = self.info.bounds?;
+        let [west, south, east, north] = self.area(part);
+        let steps = |axis: usize, world: f64| self.info.frame.steps(axis, world);
+        let [west, south] = [steps(0, west), steps(1, south)].map(|v| v.floor() as i32 - 1);
+        let [east, north] = [steps(0, east), steps(1, north)].map(|v| v.ceil() as i32 + 1);
+        let low = Point::new(low.x.max(west), low.y.max(south), low.z);
+        let high = Point::new(high.x.min(east), high.y.min(north), high.z);
+        (low.x <= high.x && low.y <= high.y).then_some([low, high])
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {

@@ -1,5 +1,7 @@
 //! What is known of a coordinate reference system, carried from input to output.
 
+use serde::{Deserialize, Serialize};
+
 use super::wkt;
 
 /// GeoKey of the unit of projected coordinates.
@@ -8,7 +10,7 @@ const PROJECTED_LINEAR_UNITS: u16 = 3076;
 const RASTER_TYPE: u16 = 1025;
 
 /// A coordinate reference system as found in a file. Equality is of what the file said.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Crs {
     /// EPSG code of the horizontal (or compound) system.
     pub epsg: Option<u32>,

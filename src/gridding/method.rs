@@ -1,20 +1,11 @@
 //! The statistics a cell can have: the registry, and how they are asked for.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 
-/// What of the points a statistic needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// A state of fixed size for each cell, into which points go in any order.
-    Accumulated,
-    /// All points of a cell together.
-    Gathered,
-    /// The triangulation of all points of the cloud, at the cell's centre.
-    Triangulated,
-}
-
 /// A statistic with its parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Statistic {
     /// Number of points.
     Count,
@@ -79,8 +70,6 @@ pub struct Method {
     pub aliases: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
-    /// What it needs.
-    pub kind: Kind,
     /// What may follow its name.
     pub parameters: &'static [Parameter],
     make: fn(&Given) -> Result<Statistic>,
@@ -114,7 +103,6 @@ pub const METHODS: &[Method] = &[
         name: "count",
         aliases: &["n"],
         about: "number of points, 0 where there is none",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Count),
     },
@@ -122,7 +110,6 @@ pub const METHODS: &[Method] = &[
         name: "density",
         aliases: &[],
         about: "points in a square unit of the CRS, 0 where there is none",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Density),
     },
@@ -130,7 +117,6 @@ pub const METHODS: &[Method] = &[
         name: "min",
         aliases: &["minimum", "lowest"],
         about: "lowest height",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Min),
     },
@@ -138,7 +124,6 @@ pub const METHODS: &[Method] = &[
         name: "max",
         aliases: &["maximum", "highest"],
         about: "highest height",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Max),
     },
@@ -146,7 +131,6 @@ pub const METHODS: &[Method] = &[
         name: "range",
         aliases: &[],
         about: "highest minus lowest height",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Range),
     },
@@ -154,7 +138,6 @@ pub const METHODS: &[Method] = &[
         name: "mean",
         aliases: &["average", "avg"],
         about: "mean height",
-        kind: Kind::Accumulated,
         parameters: &[],
         make: |_| Ok(Statistic::Mean),
     },
@@ -162,7 +145,6 @@ pub const METHODS: &[Method] = &[
         name: "std",
         aliases: &["stdev", "stddev"],
         about: "standard deviation of heights",
-        kind: Kind::Accumulated,
         parameters: &[DDOF],
         make: |given| match given.value("ddof") {
             None | Some(0.0) => Ok(Statistic::Std { ddof: 0 }),
@@ -174,7 +156,6 @@ pub const METHODS: &[Method] = &[
         name: "idw",
         aliases: &[],
         about: "mean of the heights within a radius, weighted by inverse distance",
-        kind: Kind::Accumulated,
         parameters: &[RADIUS, POWER],
         make: |given| {
             let power = given.positive("power")?;
@@ -186,7 +167,6 @@ pub const METHODS: &[Method] = &[
         name: "nearest",
         aliases: &[],
         about: "height of the point nearest to the cell's centre within a radius",
-        kind: Kind::Accumulated,
         parameters: &[RADIUS],
         make: |given| Ok(Statistic::Nearest { radius: given.positive("radius")? }),
     },
@@ -194,7 +174,6 @@ pub const METHODS: &[Method] = &[
         name: "median",
         aliases: &[],
         about: "median height, the same as p50",
-        kind: Kind::Gathered,
         parameters: &[],
         make: |_| Ok(Statistic::Percentile { rank: 50.0 }),
     },
@@ -202,7 +181,6 @@ pub const METHODS: &[Method] = &[
         name: PERCENTILE,
         aliases: &[],
         about: "percentile, such as p95 or p99.9, interpolated between neighbours",
-        kind: Kind::Gathered,
         parameters: &[],
         make: |given| match given.rank {
             Some(rank) if (0.0..=100.0).contains(&rank) => Ok(Statistic::Percentile { rank }),
@@ -213,7 +191,6 @@ pub const METHODS: &[Method] = &[
         name: "tin",
         aliases: &["linear"],
         about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
-        kind: Kind::Triangulated,
         parameters: &[MAX_EDGE],
         make: |given| Ok(Statistic::Tin { max_edge: given.positive("max_edge")? }),
     },
@@ -221,7 +198,6 @@ pub const METHODS: &[Method] = &[
         name: "natural",
         aliases: &["sibson"],
         about: "height at the cell's centre from its natural neighbours among all points",
-        kind: Kind::Triangulated,
         parameters: &[],
         make: |_| Ok(Statistic::Natural),
     },
@@ -261,12 +237,10 @@ impl Given {
 }
 
 /// A statistic that is asked for.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     /// What it is.
     pub statistic: Statistic,
-    /// What it needs.
-    pub kind: Kind,
     /// As asked for, by its own name: what its band is called.
     pub label: String,
 }
@@ -315,7 +289,7 @@ fn parse(item: &str) -> Result<Asked> {
     if !parameters.is_empty() {
         label = format!("{label}:{parameters}");
     }
-    Ok(Asked { statistic, kind: method.kind, label })
+    Ok(Asked { statistic, label })
 }
 
 fn values(method: &Method, text: &str) -> Result<Vec<(String, f64)>> {
@@ -363,7 +337,7 @@ mod tests {
         assert_eq!(asked[1].statistic, Statistic::Idw { radius: Some(2.0), power: Some(1.5) });
         assert_eq!(asked[2].statistic, Statistic::Percentile { rank: 99.9 });
         assert_eq!(asked[3].statistic, Statistic::Std { ddof: 1 });
-        assert_eq!(asked[4].kind, Kind::Gathered);
+        assert_eq!(asked[4].statistic, Statistic::Percentile { rank: 50.0 });
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub use disc::Scatter;
 pub use fill::fill;
 pub use lattice::{Axis, Edges, Lattice};
 pub use method::{
-    Asked, Kind, METHODS, MOST_POWER, Method, Parameter, Statistic, check_power, parse_list,
+    Asked, METHODS, MOST_POWER, Method, Parameter, Statistic, check_power, parse_list,
 };
 pub use plane::Hits;
 pub use recipe::{Band, Recipe, Region, Rules};

@@ -94,8 +94,8 @@ impl Hierarchy {
         self.walk(count.saturating_sub(2).min(self.links.len()), kept);
     }
 
-    /// The smallest tolerance at which no more than `count` vertices are kept (or the two ends, if `count`
-    /// is less).
+    /// A tolerance at which no more than `count` vertices are kept (or the two ends, if `count` is less):
+    /// the smallest, but for rounding.
     pub fn tolerance_for(&self, count: usize) -> f64 {
         self.squares.get(count.saturating_sub(2)).map_or(0.0, |square| square.sqrt().next_up())
     }
@@ -154,11 +154,8 @@ impl Hierarchy {
         let (squares, links) = body.split_at(8 * nodes);
         let eight = |field: &[u8]| field.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
         let four = |field: &[u8]| field.try_into().map(u32::from_le_bytes).unwrap_or(NONE);
-        let link = |f: &[u8]| Link {
-            vertex: four(&f[..4]),
-            before: four(&f[4..8]),
-            after: four(&f[8..]),
-        };
+        let link =
+            |f: &[u8]| Link { vertex: four(&f[..4]), before: four(&f[4..8]), after: four(&f[8..]) };
         let hierarchy = Self {
             count,
             squares: squares.chunks_exact(8).map(eight).collect(),

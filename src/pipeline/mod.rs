@@ -5,8 +5,11 @@ pub mod cloud_tin;
 pub mod convert;
 pub mod delaunay;
 mod disk;
+#[cfg(test)]
+mod few;
 pub mod grid;
 pub mod memory;
+pub mod plan;
 mod points;
 pub mod surface;
 pub mod survey;

@@ -35,6 +35,8 @@ use std::io::Read;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::files as file;
 use crate::geom::{Affine, Crs, Rect};
@@ -44,7 +46,7 @@ pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
 use window::Window;
 
 /// How samples are stored in the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum SampleType {
     I8,

@@ -29,8 +29,8 @@ pub use geographic::{Geographic, Located};
 pub use space::Space;
 pub use vertical::{Vertical, is_monotone};
 
-use super::wedge::{PlaneWedge, Wedge};
 use super::Xy;
+use super::wedge::{PlaneWedge, Wedge};
 
 /// A distance from vertices to segments.
 pub trait Metric<V: Copy>: Sync {

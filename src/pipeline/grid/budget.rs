@@ -75,6 +75,28 @@ impl Budget {
     }
 }
 
+impl Budget {
+    /// For the writing of a grid whose values are read from files: what is left for their blocks.
+    pub(super) fn writing(
+        resources: &Resources,
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+    ) -> Result<Self> {
+        let worker = WORKER.max(writing(format, sink, extent, recipe));
+        let left = |threads: usize| {
+            resources.memory.checked_sub(PROGRAM + LEAST + threads as u64 * worker)
+        };
+        let fits = |threads: &usize| left(*threads).is_some();
+        let threads = (1..=resources.threads.max(1)).rev().find(fits);
+        let least = PROGRAM + LEAST + worker;
+        let threads = threads.ok_or_else(|| too_small(resources.memory, least))?;
+        let blocks = LEAST + left(threads).unwrap_or(0) / 2;
+        Ok(Self { threads, blocks, shift: MOST_SHIFT })
+    }
+}
+
 /// Bytes a thread needs to write a block of the output, with what its voids are filled from.
 fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
     let (width, height) = sink.block();

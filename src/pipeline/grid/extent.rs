@@ -1,5 +1,7 @@
 //! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
 
+use serde::{Deserialize, Serialize};
+
 use crate::cloud::CloudInfo;
 use crate::error::{Error, Result};
 use crate::geom::{Crs, Rect};
@@ -10,7 +12,7 @@ use crate::raster::{self, GridInfo};
 use super::GridJob;
 
 /// Whose conventions a grid follows, so that it can be compared cell by cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Compat {
     /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size.
     #[default]
@@ -23,7 +25,7 @@ pub enum Compat {
 }
 
 /// Where the cells of a grid lie.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// Sides of a cell (x, y), in world units; those of `like` when it is given.
     pub cell: Option<[f64; 2]>,
@@ -110,6 +112,32 @@ impl Extent {
         let output = Rect::new(job.fill, job.fill, width as u32, height as u32);
         let known = known(&lattice, cloud);
         Ok(Self { lattice, output, known, fill: job.fill, crs, notes })
+    }
+
+    /// The grid as it is written.
+    pub(super) fn written(&self, job: &GridJob) -> GridInfo {
+        let Rect { col, row, width, height } = self.output;
+        GridInfo {
+            transform: self.lattice.transform().shifted(f64::from(col), f64::from(row)),
+            georeferenced: true,
+            crs: self.crs.clone(),
+            nodata: Some(job.nodata),
+            bands: u32::try_from(job.stats.len()).unwrap_or(u32::MAX),
+            ..GridInfo::plain("grid of points", width, height, job.sample_type)
+        }
+    }
+
+    /// The same for a rectangle of the cells that are written, by their columns and rows.
+    pub(super) fn part(&self, rect: Rect, cloud: &CloudInfo) -> Self {
+        let Lattice { x, y } = self.lattice;
+        let below = i64::from(self.output.height - rect.row - rect.height);
+        let lattice = Lattice {
+            x: x.covering(x.first() + i64::from(rect.col), rect.width + 2 * self.fill),
+            y: y.covering(y.first() + below, rect.height + 2 * self.fill),
+        };
+        let output = Rect::new(self.fill, self.fill, rect.width, rect.height);
+        let known = known(&lattice, cloud);
+        Self { lattice, output, known, notes: Vec::new(), ..self.clone() }
     }
 
     /// Sides of a cell.

@@ -15,11 +15,11 @@ use crate::pipeline::{Cancel, Progress};
 /// A cloud and the blocks it goes into.
 pub(super) struct Feed<'a> {
     pub(super) source: &'a dyn PointSource,
+    /// The parts of it that are read.
+    pub(super) parts: Vec<usize>,
     pub(super) extent: &'a Extent,
     pub(super) recipe: &'a Recipe,
     pub(super) blocks: &'a Blocks<'a>,
-    /// Takes all points, where surfaces go through them.
-    pub(super) store: Option<&'a PointStore>,
 }
 
 /// What became of the points.
@@ -31,18 +31,20 @@ pub(super) struct Fed {
 }
 
 impl Feed<'_> {
-    /// Reads all parts on so many threads.
+    /// Reads all parts on so many threads; `store` takes all points, where surfaces go through them.
     pub(super) fn run(
         &self,
+        store: Option<&PointStore>,
         threads: usize,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Fed> {
-        progress.begin("points", self.source.info().count);
-        let queue = Queue::new(self.source.parts(), threads);
+        progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
+        let queue = Queue::new(self.parts.len(), threads);
         let failed = AtomicBool::new(false);
         let work = |thread| {
-            let fed = self.work(&queue, thread, &failed, progress, cancel);
+            let worker = Worker::new(self, store);
+            let fed = self.work(worker, &queue, thread, &failed, (progress, cancel));
             failed.fetch_or(fed.is_err(), Ordering::Relaxed);
             fed
         };
@@ -63,16 +65,16 @@ impl Feed<'_> {
 
     fn work(
         &self,
+        mut worker: Worker<'_>,
         queue: &Queue,
         thread: usize,
         failed: &AtomicBool,
-        progress: &dyn Progress,
-        cancel: &Cancel,
+        (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Fed> {
-        let mut worker = Worker::new(self);
         let mut census = Census::default();
         while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
             cancel.check()?;
+            let part = self.parts[part];
             census.add(&self.source.read(part, &mut |points| worker.take(points))?);
             progress.advance(self.source.points_of(part));
         }
@@ -83,6 +85,7 @@ impl Feed<'_> {
 /// What one thread needs to hand points to blocks.
 struct Worker<'a> {
     feed: &'a Feed<'a>,
+    store: Option<&'a PointStore>,
     outside: u64,
     /// For the regions of the recipe that are discs.
     scatters: Vec<Option<Scatter>>,
@@ -110,13 +113,14 @@ struct Batch {
 const SHORT_RUN: usize = 16;
 
 impl<'a> Worker<'a> {
-    fn new(feed: &'a Feed<'a>) -> Self {
+    fn new(feed: &'a Feed<'a>, store: Option<&'a PointStore>) -> Self {
         let scatters = feed.recipe.regions().iter().map(|region| match *region {
             Region::Cell => None,
             Region::Disc(radius) => Some(Scatter::new(&feed.extent.lattice, radius)),
         });
         Self {
             feed,
+            store,
             outside: 0,
             scatters: scatters.collect(),
             cols: Vec::new(),
@@ -129,7 +133,7 @@ impl<'a> Worker<'a> {
 
     /// Hands a batch of points to the blocks they touch.
     fn take(&mut self, points: &[Point]) -> Result<()> {
-        self.feed.store.map_or(Ok(()), |store| store.add(points))?;
+        self.store.map_or(Ok(()), |store| store.add(points))?;
         if self.feed.recipe.is_empty() {
             return Ok(());
         }

@@ -5,6 +5,8 @@ mod blocks;
 mod budget;
 mod extent;
 mod feed;
+mod make;
+pub mod plan;
 mod preset;
 mod queue;
 mod report;
@@ -16,22 +18,14 @@ use std::time::Instant;
 
 use crate::cloud::{self, OpenOptions, PointSource};
 use crate::error::{Error, Result};
-use crate::geom::{Frame, Rect};
-use crate::gridding::{self, Asked, Recipe, Rules, Units};
-use crate::pipeline::convert::{copy_levels, task};
-use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::write::{self, BandName, GridFormat, GridSink, WriteOptions};
-use crate::raster::{GridInfo, GridSource, SampleType};
-use blocks::Blocks;
-use budget::Budget;
-use extent::Extent;
+use crate::gridding::{self, Asked, Recipe, Rules};
+use crate::pipeline::{Cancel, Progress, Resources};
+use crate::raster::SampleType;
+use crate::raster::write::{self, BandName, GridFormat, WriteOptions};
 pub use extent::{Compat, Placement};
-use feed::{Fed, Feed};
+use make::Maker;
 pub use preset::{GroundFrom, Preset};
-use preset::{Making, Model};
 pub use report::{BandReport, GridReport, GridStage};
-use source::{BandSource, Finished};
-use surface::{Heights, Surfaces};
 
 /// A cloud-to-grid job.
 #[derive(Clone, Debug)]
@@ -221,7 +215,7 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let start = Instant::now();
     let cloud = cloud::synth::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let report = make(&*cloud, job, progress, cancel)?;
+    let report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
     let stages = [vec![opened], report.stages].concat();
     let wall_seconds = start.elapsed().as_secs_f64();
     let notes = [cloud.notes().to_vec(), report.notes].concat();
@@ -240,136 +234,6 @@ pub fn grid(
         let message = "a preset reads its cloud several times, by class and return";
         return Err(Error::usage(message).remedy("run the job with the cloud's name"));
     }
-    make(points, job, progress, cancel)
-}
-
-fn make(
-    points: &dyn PointSource,
-    job: &GridJob,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<GridReport> {
-    let start = Instant::now();
     job.check()?;
-    let extent = Extent::new(points.info(), job)?;
-    let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
-    let info = written(&extent, job);
-    let format = job.format()?;
-    let mut sink = format.create(&job.output, &info, &job.write_options())?;
-    let share = if recipe.triangulates() { job.resources.memory / 2 } else { 0 };
-    let rest = Resources { memory: job.resources.memory - share, ..job.resources.clone() };
-    let budget =
-        Budget::divide(&rest, format, sink.as_ref(), &extent, &recipe, points.info().count)?;
-    let folder = job.spill_folder();
-    let blocks = Blocks::new(&recipe, &extent, &budget, folder);
-    let (threads, memory) = (budget.threads, share);
-    let (fed, heights) = match job.preset {
-        Some(preset) => {
-            let reading = job.reading();
-            let making = Making { job, reading, threads, memory, progress, cancel };
-            let model = Model::new(preset, points.info(), &making)?;
-            (Fed { census: model.census, outside: 0 }, Some(Heights::Model(Box::new(model))))
-        }
-        None => {
-            let store = (memory > 0).then(|| surface::store(points.info(), folder, memory));
-            let (source, into) = (points, store.as_ref());
-            let (extent, recipe, blocks) = (&extent, &recipe, &blocks);
-            let feed = Feed { source, extent, recipe, blocks, store: into };
-            let fed = feed.run(threads, progress, cancel)?;
-            let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
-            (fed, surfaces.transpose()?.map(Box::new).map(Heights::Surfaces))
-        }
-    };
-    let accumulated = GridStage::since("points", start);
-    let begun = Instant::now();
-    let units = units(&extent, points);
-    let (recipe, extent, max_edge) = (&recipe, &extent, job.max_edge);
-    let finished = Finished { blocks, recipe, extent, units, heights, max_edge };
-    let valid = write_bands(&finished, &info, sink.as_mut(), budget.threads, progress, cancel)?;
-    cancel.check()?;
-    let through = finished.heights.as_ref().map_or(0, Heights::spilled_bytes);
-    let made_of = finished.heights.as_ref().map_or(&[][..], Heights::notes).to_vec();
-    let (spilled, notes) = (finished.blocks.spilled_bytes() + through, sink.notes());
-    let output_bytes = sink.finish()?;
-    let written = GridStage::since("write", begun);
-    let bands = recipe.bands().iter().zip(valid);
-    let wall_seconds = start.elapsed().as_secs_f64();
-    Ok(GridReport {
-        format: format.name.to_owned(),
-        points: fed.census,
-        outside_grid: fed.outside,
-        bands: bands.map(|(band, valid)| BandReport { name: band.label.clone(), valid }).collect(),
-        notes: [extent.notes.clone(), made_of, notes].concat(),
-        output_bytes,
-        spilled_bytes: spilled,
-        threads: budget.threads,
-        points_per_second: fed.census.read as f64 / accumulated.seconds,
-        stages: vec![accumulated, written],
-        wall_seconds,
-        ..report(job, &info, extent)
-    })
-}
-
-fn units(extent: &Extent, points: &dyn PointSource) -> Units {
-    let Frame { scale, offset } = points.info().frame;
-    Units { scale: scale[2], offset: offset[2], area: extent.lattice.area() }
-}
-
-/// The grid as it is written.
-fn written(extent: &Extent, job: &GridJob) -> GridInfo {
-    let Rect { col, row, width, height } = extent.output;
-    GridInfo {
-        transform: extent.lattice.transform().shifted(f64::from(col), f64::from(row)),
-        georeferenced: true,
-        crs: extent.crs.clone(),
-        nodata: Some(job.nodata),
-        bands: u32::try_from(job.stats.len()).unwrap_or(u32::MAX),
-        ..GridInfo::plain("grid of points", width, height, job.sample_type)
-    }
-}
-
-/// Hands the values of all bands to the sink; returns how many cells of each have one.
-fn write_bands(
-    finished: &Finished<'_>,
-    info: &GridInfo,
-    sink: &mut dyn GridSink,
-    threads: usize,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Vec<u64>> {
-    let bands = finished.recipe.bands().iter();
-    let bands: Vec<_> = bands.map(|band| BandSource::new(finished, band, info)).collect();
-    let sources: Vec<&dyn GridSource> = bands.iter().map(|band| band as &dyn GridSource).collect();
-    let window = info.bounds();
-    progress.begin("write", window.len() as u64);
-    let pieces = task::Pieces::new(window, &bands[0], sink, 0);
-    let task = task::Task { sources: &sources, window, sink, pieces };
-    task.run(threads, progress, cancel)?;
-    progress.end();
-    copy_levels(sink, threads, progress, cancel)?;
-    Ok(bands.iter().map(BandSource::valid).collect())
-}
-
-fn report(job: &GridJob, info: &GridInfo, extent: &Extent) -> GridReport {
-    let [west, y, cell_x, cell_y] = {
-        let t = info.transform;
-        [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e, t.a, -t.e]
-    };
-    GridReport {
-        input: job.input.join(", "),
-        output: job.output.display().to_string(),
-        width: info.width,
-        height: info.height,
-        cells: u64::from(info.width) * u64::from(info.height),
-        cell: [cell_x, cell_y],
-        corner: [west, y],
-        crs: info.crs.label(),
-        vertical_unit: info.crs.vertical_unit.clone(),
-        sample_type: info.sample_type.name().to_owned(),
-        nodata: job.nodata,
-        radius: extent.radius(&job.rules(extent.cell()), job),
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
-        ..GridReport::default()
-    }
+    Maker::of_whole(points, job, progress, cancel)?.make()
 }

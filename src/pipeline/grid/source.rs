@@ -1,19 +1,29 @@
 //! The bands of a grid whose points are all in, as grids that sinks are fed from.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
 use super::extent::Extent;
+use super::make::Bands;
 use super::surface::Heights;
 use crate::error::{Error, Result};
 use crate::geom::Rect;
-use crate::gridding::{Band, Recipe, Statistic, Units, fill};
+use crate::gridding::{Band, Statistic, Units, fill};
 use crate::raster::{GridInfo, GridSource};
+
+/// Cells whose values are known.
+pub(super) trait Cells: Sync {
+    /// The values of band `number`, which is `band`, in `rect` of what is written, NaN where void.
+    fn values(&self, number: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()>;
+
+    /// No band of `rect` will be asked for again.
+    fn release(&self, _rect: Rect) {}
+}
 
 /// A grid whose points are all in.
 pub(super) struct Finished<'a> {
-    pub(super) blocks: Blocks<'a>,
-    pub(super) recipe: &'a Recipe,
+    pub(super) blocks: &'a Blocks<'a>,
     pub(super) extent: &'a Extent,
     pub(super) units: Units,
     /// Where a band needs it.
@@ -23,8 +33,14 @@ pub(super) struct Finished<'a> {
 }
 
 impl Finished<'_> {
+    /// A rectangle of what is written, among all cells computed.
+    fn computed(&self, rect: Rect) -> Rect {
+        let Rect { col, row, .. } = self.extent.output;
+        Rect::new(rect.col + col, rect.row + row, rect.width, rect.height)
+    }
+
     /// The values of a band in `rect` of all cells computed, NaN where void.
-    fn values(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+    fn unfilled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
         if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
             return heights.values(band.statistic, self.max_edge, self.extent, rect, out);
         }
@@ -51,21 +67,31 @@ impl Finished<'_> {
     fn filled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
         let reach = self.extent.fill;
         if reach == 0 || band.counts() {
-            return self.values(band, rect, out);
+            return self.unfilled(band, rect, out);
         }
         // What is written has a margin of the reach all around.
         let (width, height) = (rect.width + 2 * reach, rect.height + 2 * reach);
         let around = Rect::new(rect.col - reach, rect.row - reach, width, height);
         let mut values = vec![0.0; around.len()];
-        self.values(band, around, &mut values)?;
+        self.unfilled(band, around, &mut values)?;
         let mut own = vec![0.0; rect.len()];
-        self.values(band, rect, &mut own)?;
+        self.unfilled(band, rect, &mut own)?;
         void_beyond(&mut values, around, self.extent.known);
         // A cell outside the cloud's bounds is no source, but keeps its own value.
         fill(&values, around, rect, reach, out);
         let known = out.iter_mut().zip(own).filter(|(_, own)| !own.is_nan());
         known.for_each(|(out, own)| *out = own);
         Ok(())
+    }
+}
+
+impl Cells for Finished<'_> {
+    fn values(&self, _: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.filled(band, self.computed(rect), out)
+    }
+
+    fn release(&self, rect: Rect) {
+        self.blocks.release(self.computed(rect));
     }
 }
 
@@ -83,20 +109,22 @@ fn void_beyond(values: &mut [f64], around: Rect, known: Rect) {
 
 /// One band.
 pub(super) struct BandSource<'a> {
-    finished: &'a Finished<'a>,
-    band: &'a Band,
-    info: GridInfo,
-    is_last: bool,
+    of: &'a Bands<'a>,
+    number: usize,
     valid: AtomicU64,
+}
+
+thread_local! {
+    /// Room for values that are narrowed: new memory for each block costs more than the values.
+    static VALUES: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
 }
 
 /// Counts beyond this are not all `f32`.
 const EXACT: f64 = (1 << 24) as f64;
 
 impl<'a> BandSource<'a> {
-    pub(super) fn new(finished: &'a Finished<'a>, band: &'a Band, info: &GridInfo) -> Self {
-        let is_last = finished.recipe.bands().last() == Some(band);
-        Self { finished, band, info: info.clone(), is_last, valid: AtomicU64::new(0) }
+    pub(super) fn new(of: &'a Bands<'a>, number: usize) -> Self {
+        Self { of, number, valid: AtomicU64::new(0) }
     }
 
     /// Cells read that have a value; a count of 0 is none.
@@ -104,14 +132,23 @@ impl<'a> BandSource<'a> {
         self.valid.load(Ordering::Relaxed)
     }
 
-    /// A rectangle of what is written, among all cells computed.
-    fn computed(&self, rect: Rect) -> Rect {
-        let Rect { col, row, .. } = self.finished.extent.output;
-        Rect::new(rect.col + col, rect.row + row, rect.width, rect.height)
+    fn band(&self) -> &'a Band {
+        &self.of.bands[self.number]
+    }
+
+    fn narrow(&self, values: &[f64], out: &mut [f32]) -> Result<()> {
+        let is_count = self.band().statistic == Statistic::Count;
+        if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
+            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
+                .remedy("pass --type float64"));
+        }
+        out.iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
+        Ok(())
     }
 
     fn tally(&self, values: &[f64]) {
-        let void = |value: &f64| value.is_nan() || (self.band.counts() && *value == 0.0);
+        let counts = self.band().counts();
+        let void = |value: &f64| value.is_nan() || (counts && *value == 0.0);
         let valid = values.iter().filter(|value| !void(value)).count();
         self.valid.fetch_add(valid as u64, Ordering::Relaxed);
     }
@@ -119,30 +156,27 @@ impl<'a> BandSource<'a> {
 
 impl GridSource for BandSource<'_> {
     fn info(&self) -> &GridInfo {
-        &self.info
+        self.of.info
     }
 
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        let mut values = vec![0.0; rect.len()];
-        self.read_f64(rect, &mut values)?;
-        let is_count = self.band.statistic == Statistic::Count;
-        if is_count && let Some(most) = values.iter().copied().find(|count| *count > EXACT) {
-            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
-                .remedy("pass --type float64"));
-        }
-        out.iter_mut().zip(values).for_each(|(out, value)| *out = value as f32);
-        Ok(())
+        let mut values = VALUES.take();
+        values.clear();
+        values.resize(rect.len(), 0.0);
+        let read = self.read_f64(rect, &mut values).and_then(|()| self.narrow(&values, out));
+        VALUES.set(values);
+        read
     }
 
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.finished.filled(self.band, self.computed(rect), out)?;
+        self.of.cells.values(self.number, self.band(), rect, out)?;
         self.tally(out);
         Ok(())
     }
 
     fn release(&self, rect: Rect) {
-        if self.is_last {
-            self.finished.blocks.release(self.computed(rect));
+        if self.number + 1 == self.of.bands.len() {
+            self.of.cells.release(rect);
         }
     }
 }

@@ -6,7 +6,7 @@ use super::extent::Extent;
 use super::preset::Model;
 use crate::cloud::CloudInfo;
 use crate::delaunay::{Found, Hull, Position, Window, interpolate};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Frame, Point, Rect};
 use crate::gridding::Statistic;
 use crate::pipeline::points::{Around, PointStore, Positions, Shape, Surface, Tiling};
@@ -40,6 +40,14 @@ impl Heights {
         match self {
             Self::Surfaces(surfaces) => surfaces.values(statistic, max_edge, extent, rect, out),
             Self::Model(model) => model.values(max_edge, extent, rect, out),
+        }
+    }
+
+    /// True when points were needed that were not read.
+    pub(super) fn is_exceeded(&self) -> bool {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.store.is_exceeded(),
+            Self::Model(_) => false,
         }
     }
 
@@ -98,6 +106,10 @@ impl Surfaces {
             _ => return Ok(()),
         };
         let Self { store, hull, frame } = self;
+        if store.is_exceeded() {
+            let message = "more of the cloud has to be read";
+            return Err(Error::new(ErrorKind::Resource, message));
+        }
         let surface = Surface { store, hull, frame: *frame, shape };
         let centres = Centres::new(extent, rect, frame);
         surface.fill(centres.positions(), out)

@@ -49,6 +49,9 @@ impl<'a> Around<'a> {
             let mut finder = Finder::new(&*self, hull);
             while let Some(&position) = left.peek() {
                 let Ok(found) = finder.find(position) else { break };
+                if let Some(limits) = &self.store.limits {
+                    limits.note_position(hull, position);
+                }
                 each(position, found);
                 left.next();
             }
@@ -146,6 +149,13 @@ impl<'a> Around<'a> {
         apart(0).max(apart(1))
     }
 
+    /// An answer rests on a disc that holds no point of the store.
+    fn note(&self, disc: &Disc) {
+        if let Some(limits) = &self.store.limits {
+            limits.note_disc(disc);
+        }
+    }
+
     fn is_loaded(&self, square: usize) -> bool {
         self.known.covers(&self.store.tiling().window_of(square))
             || self.beyond.iter().any(|(loaded, _)| *loaded == square)
@@ -182,13 +192,20 @@ impl Space for Around<'_> {
 
     fn certify(&self, disc: &Disc) -> std::result::Result<(), Needs> {
         if self.store.is_within(disc, &self.known) {
+            self.note(disc);
             return Ok(());
         }
         let mut wanted = self.wanted.borrow_mut();
         wanted.clear();
         wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
         let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
-        windows.reduce(|all, one| all.union(&one)).map_or(Ok(()), |window| Err(Needs(window)))
+        match windows.reduce(|all, one| all.union(&one)) {
+            Some(window) => Err(Needs(window)),
+            None => {
+                self.note(disc);
+                Ok(())
+            }
+        }
     }
 }
 

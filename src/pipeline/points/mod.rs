@@ -5,6 +5,7 @@
 
 mod around;
 mod buckets;
+mod limits;
 mod surface;
 mod tiling;
 
@@ -13,7 +14,8 @@ use std::sync::Mutex;
 
 pub(in crate::pipeline) use around::Around;
 use buckets::Buckets;
-pub(in crate::pipeline) use surface::{Part, Positions, Shape, Surface};
+pub(in crate::pipeline) use limits::{Limits, parts_in};
+pub(in crate::pipeline) use surface::{Part, Positions, Shape, Surface, reach};
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};
@@ -59,6 +61,8 @@ pub(in crate::pipeline) struct PointStore {
     points: Buckets<Point>,
     summaries: Vec<Mutex<Summary>>,
     census: Census,
+    /// Where not all of the cloud is in it.
+    limits: Option<Limits>,
 }
 
 /// How a store is filled.
@@ -90,7 +94,17 @@ impl PointStore {
     pub(in crate::pipeline) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
         let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
         let points = Buckets::new(folder, tiling.count(), memory);
-        Self { tiling, points, summaries, census: Census::default() }
+        Self { tiling, points, summaries, census: Census::default(), limits: None }
+    }
+
+    /// The same store, which will hold only the points within `limits`, if there are any.
+    pub(in crate::pipeline) fn limited(self, limits: Option<Limits>) -> Self {
+        Self { limits, ..self }
+    }
+
+    /// True once an answer needed points that it does not hold.
+    pub(in crate::pipeline) fn is_exceeded(&self) -> bool {
+        self.limits.as_ref().is_some_and(Limits::is_exceeded)
     }
 
     fn read_all(&self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Census> {

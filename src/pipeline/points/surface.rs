@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::{Around, PointStore};
 use crate::delaunay::{Found, Hull, Position, Window, interpolate};
 use crate::error::Result;
-use crate::geom::{Frame, Point};
+use crate::geom::{Frame, Point, REACH};
 
 /// Most points that are held for positions side by side, unless they are all needed for one.
 const MOST_POINTS: u64 = 1 << 19;
@@ -97,7 +97,7 @@ impl Surface<'_> {
         window: Window,
         out: &mut [f64],
     ) -> Result<()> {
-        let mut around = Around::new(self.store, window)?;
+        let mut around = Around::new(self.store, window.grown(self.margin()))?;
         let cells =
             || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
         let positions = cells().map(|(col, row)| Position::from_steps(at.xs[col], at.ys[row]));
@@ -105,14 +105,37 @@ impl Surface<'_> {
         let mut place = || places.next().unwrap_or_default();
         match self.shape {
             Shape::Linear { max_edge } => {
-                around.find_all(self.hull, positions, |position, found| {
+                let each = |position: Position, found: Found| {
                     out[place()] = self.height(position, found, max_edge);
-                })
+                };
+                match max_edge.filter(|_| self.store.limits.is_some()) {
+                    None => around.find_all(self.hull, positions, each),
+                    Some(most) => {
+                        let is_short = |corners: &[Point; 3]| self.is_short(corners, most);
+                        around.find_small(self.hull, positions, self.reach(most), is_short, each)
+                    }
+                }
             }
             Shape::Natural => around.natural(self.hull, window, positions, |steps| {
                 out[place()] = steps.map_or(f64::NAN, |steps| self.world(steps));
             }),
         }
+    }
+
+    /// Steps beyond the positions within which points are looked for at once. Where not all of the
+    /// cloud is in the store, what has long edges is told from what has not without looking further.
+    fn margin(&self) -> i32 {
+        match self.shape {
+            Shape::Linear { max_edge: Some(most) } if self.store.limits.is_some() => {
+                self.reach(most)
+            }
+            _ => 0,
+        }
+    }
+
+    /// Steps along an edge of `most` world units, at most.
+    fn reach(&self, most: f64) -> i32 {
+        reach(&self.frame, most)
     }
 
     fn world(&self, steps: f64) -> f64 {
@@ -139,6 +162,12 @@ impl Surface<'_> {
         };
         length(a, b) <= most && length(b, c) <= most && length(c, a) <= most
     }
+}
+
+/// Steps along a length in world units, at most, rounded up.
+pub(in crate::pipeline) fn reach(frame: &Frame, length: f64) -> i32 {
+    let [x, y, _] = frame.scale;
+    (length / x.min(y)).ceil().min(f64::from(REACH)) as i32
 }
 
 /// What the positions of a part lie in.

@@ -196,17 +196,25 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
                 .remedy(format!("end it in {}", known(|f| f.endings())))
         });
     };
-    let named = |format: &&GridFormat| format.name.eq_ignore_ascii_case(name);
-    let Some(format) = FORMATS.iter().find(named) else {
-        return Err(Error::usage(format!("unknown grid format \"{name}\""))
-            .remedy(format!("known formats are {}", known(|f| f.name.to_owned()))));
-    };
+    let format = by_name(name)?;
     if format.has_extension_of(path) {
         return Ok(format);
     }
     Err(Error::usage(format!("{} cannot have this ending", format.name))
         .in_file(path)
         .remedy(format!("end the name in {}", format.endings())))
+}
+
+/// The format called `name`.
+///
+/// # Errors
+/// Usage: an unknown name (the known ones are listed).
+pub fn by_name(name: &str) -> Result<&'static GridFormat> {
+    let named = |format: &&GridFormat| format.name.eq_ignore_ascii_case(name);
+    FORMATS.iter().find(named).ok_or_else(|| {
+        Error::usage(format!("unknown grid format \"{name}\""))
+            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+    })
 }
 
 /// The formats that hold several bands.

@@ -13,7 +13,7 @@ use super::surface::Surfaces;
 use crate::cloud::{self, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
 use crate::error::{Error, Result};
 use crate::geom::Rect;
-use crate::gridding::{Asked, Kind, Statistic};
+use crate::gridding::{Asked, Statistic};
 use crate::pipeline::points::{Filling, PointStore, Tiling};
 use crate::pipeline::{Cancel, Progress};
 use canopy::Canopy;
@@ -40,7 +40,7 @@ impl Preset {
             Self::Chm => "chm",
         };
         let statistic = Statistic::Tin { max_edge: None };
-        Asked { statistic, kind: Kind::Triangulated, label: label.to_owned() }
+        Asked { statistic, label: label.to_owned() }
     }
 }
 

@@ -1,35 +1,20 @@
-//! The folder of a plan: what lies where, who may work in it, and which tasks are done.
-//!
-//! | name | what |
-//! |---|---|
-//! | `plan.json` | the plan |
-//! | `objects/` | the result of each task that is done |
-//! | `finished.json` | where the mesh is written, and its digest once it is there |
-//! | `lock` | held by whoever works in the folder |
+//! The folder of a plan, and which of its tasks are done.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
-use std::fs::{File, TryLockError};
-use std::io::{self, Write};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::digest::Digest;
 use super::manifest::Manifest;
 use super::object::Object;
 use super::tasks::{Strips, TaskId, before, key, object_path};
-use crate::atomic::{AtomicFile, is_temporary};
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::plan::{self, Digest, OBJECTS};
 use crate::pipeline::tin::report::TinReport;
 use crate::pipeline::tin::tally::Tally;
 use crate::pipeline::{Cancel, Progress, Silent};
-
-const PLAN: &str = "plan.json";
-const OBJECTS: &str = "objects";
-const FINISHED: &str = "finished.json";
-const LOCK: &str = "lock";
 
 /// A folder with a plan in it.
 pub(super) struct Folder {
@@ -92,80 +77,25 @@ pub(super) struct Finished {
 impl Folder {
     /// Puts `plan` into the folder `path`, made if it is not there; one that holds the very same plan
     /// is taken as it is. Fails with `Usage` when it holds anything else.
-    pub(super) fn create(path: &Path, plan: Manifest) -> Result<Self> {
-        if path.join(PLAN).exists() {
-            let there = Self::open(path)?;
-            return match there.plan.difference(&plan) {
-                None => Ok(there),
-                Some(how) => Err(Error::usage(format!("holds another plan: {how}"))
-                    .in_file(path)
-                    .remedy("choose another folder, or remove this one")),
-            };
-        }
-        let fail = |e| Error::write(path, e);
-        std::fs::create_dir_all(path).map_err(fail)?;
-        // What an earlier attempt to plan here left is no reason to refuse.
-        let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
-        let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
-        if entries.any(|entry| !is_own(&entry.file_name())) {
-            return Err(Error::usage("is not empty and holds no plan")
-                .in_file(path)
-                .remedy("choose another folder, or a name that is not there yet"));
-        }
-        std::fs::create_dir_all(path.join(OBJECTS)).map_err(fail)?;
-        let mut file = AtomicFile::create(&path.join(PLAN), false)?;
-        file.write_all(&plan.to_text()?).map_err(|e| Error::write(&path.join(PLAN), e))?;
-        file.commit()?;
+    pub(super) fn create(path: &Path, plan: &Manifest) -> Result<Self> {
+        plan::put(path, plan)?;
         Self::open(path)
     }
 
     /// Opens the folder `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = path.join(PLAN);
-        if !file.exists() {
-            return Err(Error::bad_input("holds no plan")
-                .in_file(path)
-                .remedy("make one: terrane plan tin INPUT... -o FOLDER --max-error E"));
-        }
-        let (plan, id) = Manifest::read(&file)?;
+        let (plan, id) = plan::read::<Manifest>(path)?;
         Ok(Self { path: path.to_path_buf(), strips: plan.strips()?, plan, id })
     }
 
-    /// Waits for nobody: fails when others work here, or, unless `alone`, when one who wants to be
-    /// alone does. Where the file system has no locks nothing is locked; results would not be harmed
-    /// by two who do the same.
+    /// As [`plan::lock`].
     pub(super) fn lock(&self, alone: bool) -> Result<File> {
-        // Results may be thrown away, all at once too.
-        let objects = self.path.join(OBJECTS);
-        std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
-        let path = self.path.join(LOCK);
-        let file = File::options().create(true).append(true).open(&path);
-        let file = file.map_err(|e| Error::write(&path, e))?;
-        let locked = if alone { file.try_lock() } else { file.try_lock_shared() };
-        match locked {
-            Err(TryLockError::WouldBlock) => {
-                Err(Error::new(ErrorKind::Resource, "others are at work in this folder")
-                    .in_file(&self.path)
-                    .remedy("try again when they are done"))
-            }
-            _ => Ok(file),
-        }
+        plan::lock(&self.path, alone)
     }
 
-    /// Fails when `output` is a file of the input, or one that this folder is made of.
+    /// As [`plan::refuse_own`].
     pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
-        let place = |path: &Path| std::fs::canonicalize(path);
-        let Ok(output_place) = place(output) else { return Ok(()) };
-        let is_it = |path: &Path| place(path).is_ok_and(|path| path == output_place);
-        let own = [PLAN, FINISHED, LOCK].map(|name| self.path.join(name));
-        let is_object =
-            place(&self.path.join(OBJECTS)).is_ok_and(|objects| output_place.starts_with(objects));
-        if is_object || own.iter().any(|path| is_it(path)) || self.plan.files().any(is_it) {
-            return Err(Error::usage("output is the input itself, or belongs to the plan")
-                .in_file(output)
-                .remedy("choose another name"));
-        }
-        Ok(())
+        plan::refuse_own(&self.path, &self.plan, output)
     }
 
     /// Where the object of a task lies, and its key.
@@ -268,17 +198,12 @@ impl Folder {
 
     /// The mesh that was written last, if it is from this plan.
     pub(super) fn mesh(&self) -> Option<Mesh> {
-        let text = std::fs::read(self.path.join(FINISHED)).ok()?;
-        serde_json::from_slice(&text).ok().filter(|mesh: &Mesh| mesh.plan_id == self.id)
+        plan::note(&self.path).filter(|mesh: &Mesh| mesh.plan_id == self.id)
     }
 
     /// Notes a mesh.
     pub(super) fn note_mesh(&self, mesh: &Mesh) -> Result<()> {
-        let path = self.path.join(FINISHED);
-        let mut file = AtomicFile::create(&path, true)?;
-        let written = serde_json::to_writer_pretty(&mut file, mesh).map_err(io::Error::from);
-        written.map_err(|e| Error::write(&path, e))?;
-        file.commit().map(drop)
+        plan::write_note(&self.path, mesh)
     }
 }
 

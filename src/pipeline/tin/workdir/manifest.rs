@@ -4,15 +4,13 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use super::digest::Digest;
-use super::files::{self, InputFile};
 use super::tasks::{Strips, TaskId, before};
 use crate::error::{Error, Result};
 use crate::geom::Affine;
 use crate::limits;
 use crate::pipeline::Resources;
+use crate::pipeline::plan::{self, InputFile, Planned};
 use crate::pipeline::tin::estimate::Size;
 use crate::pipeline::tin::job::{Goal, TinJob};
 use crate::pipeline::tin::layout::Layout;
@@ -22,21 +20,14 @@ use crate::tin::{Local, Triangle};
 
 /// Changed whenever the same plan would give other bytes.
 const REVISION: u32 = 1;
-/// Most bytes of a plan file: the names of a million files fit.
-const MOST_BYTES: u64 = 1 << 30;
 /// Bytes of a vertex and of a triangle in a mesh file, about.
 const MESH_BYTES: [u64; 2] = [24, 13];
-
-/// The plan with its digest, as it is on disk.
-#[derive(Serialize, Deserialize)]
-struct Sealed {
-    plan_id: Digest,
-    plan: Manifest,
-}
 
 /// A plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Manifest {
+    /// "tin".
+    kind: String,
     /// Version of the program that made it.
     terrane: String,
     revision: u32,
@@ -114,29 +105,14 @@ impl Manifest {
             height_origin: opened.height_origin,
         };
         Ok(Self {
+            kind: Self::KIND.to_owned(),
             terrane: env!("CARGO_PKG_VERSION").to_owned(),
             revision: REVISION,
             method,
             grid: Grid::of(info),
-            files: files::look_at(&all_files(job.input.names(), &*opened.source))?,
+            files: plan::look_at(&all_files(job.input.names(), &*opened.source))?,
             tasks: needs(&strips, layout.samples(), size, memory),
         })
-    }
-
-    /// Reads the plan at `path`; returns it with its digest.
-    pub(super) fn read(path: &Path) -> Result<(Self, Digest)> {
-        let fail = |e| Error::read(path, e);
-        let meta = std::fs::metadata(path).map_err(fail)?;
-        limits::check("bytes of a plan", meta.len(), MOST_BYTES).map_err(|e| e.in_file(path))?;
-        let text = std::fs::read(path).map_err(fail)?;
-        let Sealed { plan_id, plan } =
-            serde_json::from_slice(&text).map_err(|e| damaged(path, &e.to_string()))?;
-        if plan.id() != plan_id {
-            return Err(damaged(path, "its digest does not match"));
-        }
-        plan.check_version(path)?;
-        plan.check_size().map_err(|how| damaged(path, &how))?;
-        Ok((plan, plan_id))
     }
 
     /// Fails when the grid is none, or its tasks are not those listed: only so many are worked on.
@@ -151,31 +127,6 @@ impl Manifest {
             })
     }
 
-    /// The plan as the text of a file.
-    pub(super) fn to_text(&self) -> Result<Vec<u8>> {
-        let sealed = Sealed { plan_id: self.id(), plan: self.clone() };
-        serde_json::to_vec_pretty(&sealed).map_err(|e| {
-            Error::new(crate::ErrorKind::Internal, format!("cannot write down the plan: {e}"))
-        })
-    }
-
-    /// The digest that stands for the plan.
-    pub(super) fn id(&self) -> Digest {
-        Digest::of(&serde_json::to_vec(self).unwrap_or_default())
-    }
-
-    fn check_version(&self, path: &Path) -> Result<()> {
-        let (theirs, ours) =
-            ((&*self.terrane, self.revision), (env!("CARGO_PKG_VERSION"), REVISION));
-        if theirs == ours {
-            return Ok(());
-        }
-        let name = |(version, revision)| format!("terrane {version} (revision {revision})");
-        Err(Error::bad_input(format!("was made by {}, this is {}", name(theirs), name(ours)))
-            .in_file(path)
-            .remedy("use the same version, or plan anew in another folder"))
-    }
-
     /// The files it is made from.
     pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(InputFile::path)
@@ -183,7 +134,7 @@ impl Manifest {
 
     /// Fails when a file is not what it was.
     pub(super) fn check_files(&self, by_content: bool) -> Result<()> {
-        files::check(&self.files, by_content)
+        plan::check(&self.files, by_content)
     }
 
     /// Fails when the opened input is another grid, or has more files: one beside the others may
@@ -202,17 +153,10 @@ impl Manifest {
         if here == self.grid {
             return Ok(());
         }
-        let how = difference(&self.grid, &here).unwrap_or_default();
+        let how = plan::difference(&self.grid, &here).unwrap_or_default();
         Err(Error::bad_input(format!("is not the grid the plan was made for: {how}"))
             .in_file(Path::new(&self.method.label))
             .remedy("put it back, or plan anew in another folder"))
-    }
-
-    /// The first thing in which `other` asks for something else, as a line for people.
-    pub(super) fn difference(&self, other: &Self) -> Option<String> {
-        let mut other = other.clone();
-        self.files.iter().zip(&mut other.files).for_each(|(there, here)| here.forgive_time(there));
-        difference(self, &other)
     }
 
     /// The job that writes the mesh to `output`.
@@ -248,6 +192,27 @@ impl Manifest {
     }
 }
 
+impl Planned for Manifest {
+    const KIND: &'static str = "tin";
+    const REVISION: u32 = REVISION;
+
+    fn made_by(&self) -> (&str, u32) {
+        (&self.terrane, self.revision)
+    }
+
+    fn check(&self) -> std::result::Result<(), String> {
+        self.check_size()
+    }
+
+    fn files(&self) -> &[InputFile] {
+        &self.files
+    }
+
+    fn files_mut(&mut self) -> &mut [InputFile] {
+        &mut self.files
+    }
+}
+
 impl Grid {
     fn of(info: &GridInfo) -> Self {
         let Affine { x0, a, b, y0, d, e } = info.transform;
@@ -262,12 +227,6 @@ fn budget() -> Error {
         .remedy("pass --max-error")
 }
 
-fn damaged(path: &Path, how: &str) -> Error {
-    Error::bad_input(format!("is no plan as terrane writes it: {how}"))
-        .in_file(path)
-        .remedy("plan anew in another folder")
-}
-
 /// The files behind `names` with all that is read beside them.
 fn all_files(names: &[String], source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
@@ -276,7 +235,7 @@ fn all_files(names: &[String], source: &dyn GridSource) -> Vec<PathBuf> {
     let members = members.iter().filter_map(|path| path.to_str().map(raster::file_name));
     let is_file = |name: &&str| !name.starts_with(SYNTH_PREFIX);
     let all = named.chain(members.filter(is_file).map(PathBuf::from));
-    files::with_companions(all.collect())
+    plan::with_companions(all.collect())
 }
 
 /// Tasks with what they need, from the size of the whole mesh.
@@ -300,36 +259,6 @@ fn needs(strips: &Strips, samples: u64, size: Size, memory: u64) -> Vec<Needs> {
     strips.tasks().map(need).collect()
 }
 
-/// The first value in which two things differ, by its name in both.
-fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
-    let [there, here] = [there, here].map(|thing| serde_json::to_value(thing).unwrap_or_default());
-    first_difference("", &there, &here)
-}
-
-fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
-    if there == here {
-        return None;
-    }
-    let within = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
-    if let (Value::Object(a), Value::Object(b)) = (there, here) {
-        let inner = |(key, value): (&String, &Value)| {
-            first_difference(&within(key), value, b.get(key).unwrap_or(&Value::Null))
-        };
-        return a.iter().find_map(inner);
-    }
-    if let (Value::Array(a), Value::Array(b)) = (there, here)
-        && a.len() == b.len()
-    {
-        let mut pairs = a.iter().zip(b).enumerate();
-        return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
-    }
-    let short = |value: &Value| match value {
-        Value::Array(items) => format!("{} of them", items.len()),
-        other => other.to_string(),
-    };
-    Some(format!("{name} is {} there and {} here", short(there), short(here)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -340,7 +269,7 @@ mod tests {
         );
         let tasks = vec![task; 18];
         let plan = serde_json::json!({
-            "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
+            "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
             "method": {
                 "input": ["synth:rough"], "label": "synth:rough", "band": 1, "nodata": "NaN",
                 "format": "PLY", "max_error": 0.1, "strict": false, "drop": true, "tile": 512,
@@ -360,12 +289,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.json");
         let read = |plan: &Manifest| {
-            std::fs::write(&path, plan.to_text().unwrap()).unwrap();
-            Manifest::read(&path)
+            std::fs::write(&path, plan::to_text(plan).unwrap()).unwrap();
+            plan::read::<Manifest>(folder.path())
         };
         let plan = plan();
         let (back, id) = read(&plan).unwrap();
-        assert_eq!((&back, id), (&plan, plan.id()));
+        assert_eq!((&back, id), (&plan, plan::id(&plan)));
         let job = back.job(PathBuf::new(), false, Resources::default());
         assert!(job.nodata.is_some_and(f64::is_nan));
         for other in [
@@ -390,28 +319,9 @@ mod tests {
             let mut plan = plan();
             (plan.grid.width, plan.grid.height) = (side, side);
             plan.tasks.truncate(listed);
-            std::fs::write(&path, plan.to_text().unwrap()).unwrap();
-            let refused = Manifest::read(&path).unwrap_err().to_string();
+            std::fs::write(&path, plan::to_text(&plan).unwrap()).unwrap();
+            let refused = plan::read::<Manifest>(folder.path()).unwrap_err().to_string();
             assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
         }
-    }
-
-    #[test]
-    fn the_first_difference_is_named() {
-        let of = |text: &str| serde_json::from_str::<Value>(text).unwrap();
-        let tell = |a: &str, b: &str| difference(&of(a), &of(b)).unwrap_or_default();
-        assert_eq!(
-            tell(r#"{"a":{"b":1,"c":2}}"#, r#"{"a":{"b":1,"c":3}}"#),
-            "a.c is 2 there and 3 here"
-        );
-        assert_eq!(
-            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
-            "f is 2 of them there and 1 of them here"
-        );
-        assert_eq!(
-            tell(r#"{"f":["x","y"]}"#, r#"{"f":["x","z"]}"#),
-            r#"f.1 is "y" there and "z" here"#
-        );
-        assert_eq!(tell("[1]", "[1]"), "");
     }
 }

@@ -1,8 +1,6 @@
 //! Work in units that many machines can share and that survive being killed: a plan in a folder, an
 //! object by task, and the mesh at the end.
 
-mod digest;
-mod files;
 mod folder;
 mod manifest;
 mod object;
@@ -59,7 +57,7 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
     let least = memory::least(1, worker_bytes(tin.tile), opened.source.block_bytes());
     let manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
-    Folder::create(&job.folder, manifest).and_then(|folder| status(&folder, cancel))
+    Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.

@@ -19,11 +19,11 @@ use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::digest::Digest;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fault::{self, Point};
 use crate::pipeline::Cancel;
+use crate::pipeline::plan::Digest;
 use crate::pipeline::tin::container::Container;
 use crate::pipeline::tin::schedule::lock;
 use crate::pipeline::tin::tally::Tally;

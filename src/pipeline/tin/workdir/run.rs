@@ -2,11 +2,9 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::digest::Digest;
 use super::folder::{Done, Finished, Folder, Look, Mesh, Survey};
 use super::report::RunReport;
 use super::shelf::Shelf;
@@ -14,6 +12,7 @@ use super::tasks::TaskId;
 use crate::atomic::refuse_existing;
 use crate::error::{Error, ErrorKind, Result};
 use crate::output;
+use crate::pipeline::plan::{self, Digest};
 use crate::pipeline::tin::job::TinJob;
 use crate::pipeline::tin::make::{Maker, Opened, in_input};
 use crate::pipeline::tin::report::{Clock, TinReport};
@@ -62,7 +61,7 @@ pub fn run_plan(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
         Some(task) => Run::new(job, folder, false, progress, cancel)?.one(task),
         None => Run::new(job, folder, true, progress, cancel)?.all(),
     }
-    .map_err(kept)?;
+    .map_err(plan::kept)?;
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.peak_memory = peak_memory();
     Ok(report)
@@ -72,17 +71,6 @@ fn no_such(task: TaskId, folder: &Folder) -> Error {
     Error::usage(format!("the plan has no task {task}"))
         .in_file(&folder.path)
         .remedy("see terrane status")
-}
-
-/// An interrupted run says that its work is not lost.
-fn kept(error: Error) -> Error {
-    match error.kind() {
-        ErrorKind::Interrupted => {
-            Error::new(ErrorKind::Interrupted, "interrupted; finished tasks are kept")
-                .remedy("run again to go on")
-        }
-        _ => error,
-    }
 }
 
 /// A run in progress.
@@ -199,7 +187,7 @@ impl<'a> Run<'a> {
         let objects = needs.clone().filter(|task| names.contains(&task.id)).map(|task| task.disk);
         disk::check(&self.folder.path, objects.sum())?;
         let mesh = needs.last().map_or(0, |task| task.disk);
-        disk::check(parent(&self.tin.output), mesh)
+        disk::check(plan::parent(&self.tin.output), mesh)
     }
 
     /// Carries out a task and notes its object.
@@ -288,12 +276,7 @@ impl<'a> Run<'a> {
     /// The mesh of this run, not finished.
     fn mesh(&self) -> Result<Mesh> {
         let TinJob { output, split, solid_base, .. } = &self.tin;
-        let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
-        if path.to_str().is_none() {
-            return Err(Error::usage("has a name that is not UTF-8, which cannot be noted")
-                .in_file(&path)
-                .remedy("choose another name"));
-        }
+        let path = plan::noted_path(output)?;
         let (split, solid_base) = (*split, *solid_base);
         Ok(Mesh { plan_id: self.folder.id, path, split, solid_base, finished: None })
     }
@@ -327,31 +310,8 @@ fn ending(folder: &Folder) -> &'static str {
     format.map_or("mesh", |format| format.extensions[0])
 }
 
-fn parent(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
-/// Bytes of a mesh that are read at a time.
-const PIECE_BYTES: usize = 1 << 20;
-
 /// Of a mesh, in one file or in many.
 fn digest_of(path: &Path, cancel: &Cancel) -> Result<Digest> {
-    let mut hasher = blake3::Hasher::new();
-    let mut piece = vec![0; PIECE_BYTES];
     let files = if path.is_dir() { output::split::files(path)? } else { vec![path.to_path_buf()] };
-    for path in files {
-        let fail = |e| Error::read(&path, e);
-        let mut file = File::open(&path).map_err(fail)?;
-        loop {
-            cancel.check()?;
-            match file.read(&mut piece).map_err(fail)? {
-                0 => break,
-                bytes => hasher.update(&piece[..bytes]),
-            };
-        }
-    }
-    Ok(Digest(*hasher.finalize().as_bytes()))
+    plan::digest_of(&files, cancel)
 }

@@ -8,8 +8,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::digest::Digest;
 use crate::error::Error;
+use crate::pipeline::plan::Digest;
 use crate::pipeline::tin::layout::{Layout, TileId};
 use crate::pipeline::tin::scope::{Scope, Work};
 

@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 #[repr(transparent)]
-pub struct Digest(pub(super) [u8; 32]);
+pub struct Digest(pub(in crate::pipeline) [u8; 32]);
 
 impl Digest {
     /// Of some bytes.
-    pub(super) fn of(bytes: &[u8]) -> Self {
+    pub(in crate::pipeline) fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
     }
 
     /// Of several runs of bytes, one after the other.
-    pub(super) fn of_parts(parts: &[&[u8]]) -> Self {
+    pub(in crate::pipeline) fn of_parts(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
             hasher.update(part);
@@ -26,7 +26,7 @@ impl Digest {
     }
 
     /// The first 16 hexadecimal digits: enough to tell files apart.
-    pub(super) fn short(&self) -> String {
+    pub(in crate::pipeline) fn short(&self) -> String {
         self.to_string()[..16].to_owned()
     }
 }

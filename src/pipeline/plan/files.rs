@@ -26,7 +26,7 @@ const WHOLE: u64 = 1 << 30;
 
 /// What a file was when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct InputFile {
+pub(in crate::pipeline) struct InputFile {
     path: PathBuf,
     bytes: u64,
     /// Nanoseconds since 1970.
@@ -37,7 +37,7 @@ pub(super) struct InputFile {
 }
 
 /// Looks at all of `paths`, in parallel.
-pub(super) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
+pub(in crate::pipeline) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
     let all: u64 = paths.par_iter().map(bytes).sum();
     let look = |path: &PathBuf| InputFile::of(path, all <= WHOLE);
@@ -46,12 +46,12 @@ pub(super) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
 
 /// Fails when one of `files` is not what it was; the error names it and the difference. With
 /// `by_content` digests are compared, else only sizes and times.
-pub(super) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
+pub(in crate::pipeline) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
     files.par_iter().try_for_each(|file| file.check(by_content))
 }
 
 impl InputFile {
-    pub(super) fn path(&self) -> &Path {
+    pub(in crate::pipeline) fn path(&self) -> &Path {
         &self.path
     }
 
@@ -129,7 +129,7 @@ const BEHIND: [&str; 5] = [".aux.xml", ".msk", ".MSK", ".hdr", ".HDR"];
 const PACKED: [&str; 2] = ["gz", "zip"];
 
 /// The `paths` and what lies beside them, each once.
-pub(super) fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
+pub(in crate::pipeline) fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     // Folders are listed: to ask for every name that might be there takes far longer.
     let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
     let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
