@@ -90,7 +90,7 @@ fn world(seed: u64) -> Rings {
         let mut diamond = |size: f64| -> Vec<Xy> {
             let corner = |k: usize| {
                 let sign = if k % 4 < 2 { size } else { -size };
-                if k % 2 == 0 { [at[0] + sign, at[1]] } else { [at[0], at[1] + sign] }
+                if k.is_multiple_of(2) { [at[0] + sign, at[1]] } else { [at[0], at[1] + sign] }
             };
             let sides = (0..4).flat_map(|k| {
                 let mut side = rough(&mut dice, corner(k), corner(k + 1), 4);
