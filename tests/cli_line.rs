@@ -227,6 +227,13 @@ fn metres_heights_rings_and_sides() {
             assert_eq!(first.contains("0.5 1.01"), collapse == "keep", "{collapse}: {first}");
         }
     }
+    // What has no area to begin with stays as it was.
+    place.write("f.wkt", "POLYGON ((0 0, 1 0, 0 0, 0 0))\nPOLYGON ((5 5, 5 5, 5 5, 5 5))\n");
+    for topology in [&[][..], &["--topology"]] {
+        let args = ["line", "f.wkt", "g.wkt", "--tolerance", "3", "--overwrite", "-q"];
+        place.ok(&[&args[..], topology].concat());
+        assert_eq!(text("g.wkt").matches("EMPTY").count(), 0, "{topology:?}");
+    }
     place.write("l.wkt", "LINESTRING (0 0, 5 2, 10 0)\n");
     place.write("p.wkt", "POINT (5 1)\n");
     let line = ["line", "l.wkt", "m.wkt", "--tolerance", "3", "--topology", "--overwrite", "-q"];

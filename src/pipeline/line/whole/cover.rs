@@ -109,7 +109,11 @@ fn own_vertices(own: &[Xy], is_ring: bool, left: impl Iterator<Item = Xy> + Clon
     // A ring may come by its first vertex again, on another way.
     let mut found = starts.filter_map(|start| passing(own, is_ring, start, left.clone()));
     let kept = found.next()?;
-    Some(if is_ring && kept.len() < 3 { Kept::All } else { chosen(&kept) })
+    let is_flat = match kept.iter().map(|at| own[*at as usize]).collect::<Vec<_>>()[..] {
+        [a, b, c] => a == b || b == c || a == c,
+        ref all => all.len() < 3,
+    };
+    Some(if is_ring && is_flat { Kept::All } else { chosen(&kept) })
 }
 
 /// The vertices of a part, from number `start` on and of a ring once around, that lie at `left` one
