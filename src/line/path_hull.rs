@@ -34,6 +34,9 @@ const FAN: usize = 4;
 /// In fewer vertices than this every one is looked at.
 const SHORTEST: usize = 3 * LEAF;
 
+/// All corners of a hull are looked at where its run has so many times as many vertices.
+const WORTH: usize = 4;
+
 /// Hulls of the runs of a line, level by level.
 #[derive(Clone, Debug)]
 pub(super) struct Hulls {
@@ -44,8 +47,10 @@ pub(super) struct Hulls {
 }
 
 /// The hulls of runs of one length.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Level {
+    /// Vertices of a run.
+    length: usize,
     hulls: Vec<Hull>,
     /// The vertices of all their chains.
     chains: Vec<u32>,
@@ -82,7 +87,7 @@ impl Hulls {
     /// The hulls of a line. O(n log n), in memory as well; mostly linear.
     pub(super) fn new(points: &[Xy]) -> Self {
         let mut levels: Vec<Level> = Vec::new();
-        let mut lowest = Level::default();
+        let mut lowest = Level::new(LEAF);
         let mut sorted = Vec::new();
         for first in (0..points.len() / LEAF).map(|run| run * LEAF) {
             sorted.clear();
@@ -91,7 +96,7 @@ impl Hulls {
         }
         levels.push(lowest);
         while let Some(below) = levels.last().filter(|level| level.hulls.len() >= 2 * FAN) {
-            let mut level = Level::default();
+            let mut level = Level::new(below.length * FAN);
             for run in below.hulls.chunks_exact(FAN) {
                 sorted.clear();
                 sorted.extend_from_slice(&below.chains[run[0].lower..run[FAN - 1].end]);
@@ -189,7 +194,21 @@ impl Query<'_> {
             return square + over;
         }
         let along = self.extremes(level, hull, [x, y]);
-        square + self.segment.most_along(&along, slack)
+        let most = square + self.segment.most_along(&along, slack);
+        let is_worth_it = WORTH * (hull.end - hull.lower) <= level.length;
+        if most <= self.limit || !is_worth_it {
+            return most;
+        }
+        most.min(self.segment.most_around(self.farthest_corner(level, hull), slack))
+    }
+
+    /// What the farthest corner of a hull reaches, which raises the limit.
+    fn farthest_corner(&mut self, level: &Level, hull: &Hull) -> f64 {
+        let corners = &level.chains[hull.lower..hull.end];
+        let reach = |i: &u32| Plane::reach(self.segment, &self.points[*i as usize]);
+        let reach = corners.iter().map(reach).fold(0.0, larger);
+        self.limit = larger(self.limit, reach.next_down());
+        reach
     }
 
     /// The vertices of a hull that are farthest against and along `direction`; what they reach raises
@@ -225,6 +244,10 @@ impl Query<'_> {
 }
 
 impl Level {
+    fn new(length: usize) -> Self {
+        Self { length, hulls: Vec::new(), chains: Vec::new() }
+    }
+
     /// Adds the hull of the vertices in `run`, which it sorts.
     fn push(&mut self, points: &[Xy], run: &mut [u32]) {
         let at = |i: &u32| points[*i as usize];

@@ -14,7 +14,7 @@ use super::regions::{Regions, beyond};
 use super::{Scratch, Xy, keep_short};
 
 /// Regions looked at, by vertex and doubling of the line, after which boxes are given up.
-const ENOUGH: u64 = 1;
+const ENOUGH: u64 = 3;
 
 /// Appends to `kept` the vertices that Ramer-Douglas-Peucker keeps at `tolerance`.
 pub fn rdp<V: Copy, M: Metric<V>>(

@@ -49,6 +49,14 @@ impl PlaneSegment {
         };
         wider(along(&extremes[0]).join(along(&extremes[1])), slack).most_over(self.limit)
     }
+
+    /// The largest reach of vertices in a convex hull of which no corner reaches more than `reach`:
+    /// distances are convex, so nothing inside is farther but for rounding, and `slack`.
+    #[inline(always)]
+    pub(in crate::line) fn most_around(&self, reach: f64, slack: f64) -> f64 {
+        let distance = reach.sqrt() + 2.0 * slack;
+        distance * distance * (1.0 + 4.0 * f64::EPSILON)
+    }
 }
 
 fn wider(range: Range, slack: f64) -> Range {
