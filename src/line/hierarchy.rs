@@ -8,8 +8,7 @@
 //! in the output, memory touched in proportion to it. 20 bytes a vertex.
 
 use super::metric::Metric;
-use super::rdp::split;
-use super::regions::Regions;
+use super::rdp::Splits;
 use crate::error::{Error, Result};
 
 /// No node.
@@ -198,12 +197,12 @@ fn splits<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Vec<Split> {
     if points.len() < 3 {
         return splits;
     }
-    let tree = Regions::new::<V, M>(points);
+    let mut finder = Splits::new(metric, points);
     let whole = Part { start: 0, end: points.len() as u32 - 1, parent: NONE, is_after: false };
     let mut parts = vec![whole];
     while let Some(part) = parts.pop() {
         let (start, end) = (part.start as usize, part.end as usize);
-        let Some((vertex, square)) = split(metric, points, &tree, start, end, 0.0) else {
+        let Some((vertex, square)) = finder.split(start, end, 0.0) else {
             continue;
         };
         let (node, vertex) = (splits.len() as u32, vertex as u32);

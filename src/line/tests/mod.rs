@@ -1,6 +1,7 @@
 //! Tests of the methods against slow obvious twins.
 
 mod hierarchies;
+mod hulls;
 mod methods;
 mod rings;
 mod triangles;
