@@ -3,11 +3,15 @@
 //!
 //! `cargo bench --bench line [FILTER]` takes a fractal line of a million vertices from a seed;
 //! `TERRANE_COAST=FILE` a line from a file instead (little-endian f64, x and y of each vertex), with
-//! tolerances for degrees. Times are for vertices of the input (`elem/s`).
+//! tolerances for degrees. Times are for vertices of the input (`elem/s`). With TERRANE_LINE_RACE one method
+//! runs once, see `line/race.rs`.
+
+#[path = "line/race.rs"]
+mod race;
 
 use std::hint::black_box;
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use geo::{Simplify as _, SimplifyVw as _};
 use terrane::line::visvalingam::{Areas, Weight};
 use terrane::line::{Geographic, Hierarchy, Located, METHODS, Plane, Scratch, Vertical, Xy};
@@ -196,4 +200,10 @@ fn worst_cases(c: &mut Criterion) {
 }
 
 criterion_group!(benches, methods, hierarchies, worst_cases);
-criterion_main!(benches);
+
+fn main() {
+    if !race::was_told(&coast()) {
+        benches();
+        Criterion::default().configure_from_args().final_summary();
+    }
+}
