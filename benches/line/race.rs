@@ -42,9 +42,11 @@ impl Race {
         });
         let kept = Kept::simplified(chains, &mut refine);
         match self.is_clean {
-            true => untangle(chains, &kept, &[], &Options::default(), &mut refine)
-                .expect("sound chains")
-                .kept,
+            true => {
+                untangle(chains, &kept, &[], &Options::default(), &mut refine)
+                    .expect("sound chains")
+                    .kept
+            }
             false => kept,
         }
     }
