@@ -2,7 +2,7 @@
 //!
 //! | share | bytes |
 //! |---|---|
-//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 8 MiB |
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 12 MiB |
 //! | each worker: the most a tile can need | given |
 //! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
 //! | what is left: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
@@ -13,7 +13,7 @@
 use crate::error::{Error, ErrorKind, Result};
 
 /// Bytes for the program itself.
-const PROGRAM: u64 = 8 << 20;
+pub(in crate::pipeline) const PROGRAM: u64 = 12 << 20;
 /// Fewest bytes for cache and mesh together.
 const LEAST_SHARED: u64 = 6 << 20;
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
@@ -69,10 +69,10 @@ mod tests {
     #[test]
     fn workers_are_left_out_before_the_budget_is_broken() {
         let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
-        assert_eq!(shares(64, 8).threads, 1);
+        assert_eq!(shares(68, 8).threads, 1);
         assert_eq!(shares(128, 8).threads, 2);
         assert_eq!(shares(4096, 8).threads, 8);
-        for memory in [62, 64, 128, 1000, 9000] {
+        for memory in [66, 68, 128, 1000, 9000] {
             let Shares { threads, cache, mesh } = shares(memory, 8);
             assert_eq!(PROGRAM + 48 * MIB * threads as u64 + cache + mesh, memory * MIB);
         }
@@ -91,8 +91,8 @@ mod tests {
 
     #[test]
     fn too_little_is_refused_with_the_least_needed() {
-        let error = divide(61 * MIB, 1, 48 * MIB).unwrap_err();
+        let error = divide(65 * MIB, 1, 48 * MIB).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        assert!(error.to_string().starts_with("at least 62 MiB of memory are needed, 61.0 MiB"));
+        assert!(error.to_string().starts_with("at least 66 MiB of memory are needed, 65.0 MiB"));
     }
 }

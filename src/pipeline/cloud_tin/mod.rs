@@ -23,14 +23,13 @@ use crate::cloud::{self, Census, CloudInfo, OpenOptions, PointSource};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Frame, Point, Point3};
 use crate::output::{self, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj};
+use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::points::{Filling, PointStore, Tiling};
 use crate::pipeline::tin::{StageReport, horizontal_unit, vertical_unit};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory, workers};
 
 /// Most points of a region, unless a single square holds more.
 const REGION_POINTS: u64 = 1 << 17;
-/// Bytes of memory for the program itself.
-const PROGRAM: u64 = 8 << 20;
 /// Bytes that a worker takes for each point of a region, its surroundings and its mesh included.
 const POINT_BYTES: u64 = 320;
 /// Fewest bytes for points and vertices that wait.

@@ -10,12 +10,12 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::gridding::Recipe;
 use crate::pipeline::Resources;
+use crate::pipeline::memory::PROGRAM;
 use crate::raster::write::{GridFormat, GridSink};
 
 use super::extent::Extent;
 use super::surface;
 
-const PROGRAM: u64 = 12 << 20;
 const WORKER: u64 = 12 << 20;
 /// Least for blocks.
 const LEAST: u64 = 8 << 20;

@@ -214,13 +214,15 @@ impl Queue {
     }
 
     /// The next task; waits for one to become ready. `None` when all is done or a task failed.
-    pub(super) fn next(&self) -> Option<Task> {
+    /// Without room, no tile is begun while anything else can be done: a worker that the system has
+    /// stopped for a while would otherwise hold up the writer while the others fill the memory.
+    pub(super) fn next(&self, has_room: impl Fn() -> bool) -> Option<Task> {
         let mut state = lock(&self.state);
         loop {
             if state.failure.is_some() || state.finished == self.work.tiles() {
                 return None;
             }
-            self.begin_tiles(&mut state);
+            self.begin_tiles(&mut state, &has_room);
             if let Some(Reverse((_, task))) = state.ready.pop() {
                 state.running += 1;
                 state.tiles_ready -= u64::from(task.step == Step::Tile);
@@ -264,11 +266,16 @@ impl Queue {
         state.failure.map_or(Ok(()), Err)
     }
 
-    /// Adds tiles to the ready tasks: one for each worker, and none too far ahead of the writer.
-    fn begin_tiles(&self, state: &mut State) {
+    /// Adds tiles to the ready tasks: one for each worker while there is room, and none too far ahead
+    /// of the writer.
+    fn begin_tiles(&self, state: &mut State, has_room: impl Fn() -> bool) {
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());
         while state.begun < end && state.tiles_ready < most {
+            let idle = state.ready.is_empty() && state.running == 0;
+            if !idle && !has_room() {
+                return;
+            }
             let task = Task::at(Step::Tile, self.work.tile_at(state.begun));
             state.ready.push(Reverse((self.key(task), task)));
             state.begun += 1;
@@ -365,7 +372,7 @@ mod tests {
             for seed in [None, Some(1), Some(2), Some(3)] {
                 let queue = Queue::new(work, 1, seed);
                 let mut seen = HashSet::new();
-                while let Some(task) = queue.next() {
+                while let Some(task) = queue.next(|| true) {
                     assert!(task.inputs(&work).iter().all(|input| seen.contains(input)));
                     assert!(seen.insert(task));
                     queue.done(task);
@@ -373,6 +380,20 @@ mod tests {
                 queue.into_result().unwrap();
                 assert_eq!(seen.len(), all_tasks(&work).len());
             }
+        }
+    }
+
+    #[test]
+    fn without_room_one_tile_is_begun_when_nothing_else_can_be_done() {
+        for work in works() {
+            let queue = Queue::new(work, 2, None);
+            let mut first = queue.next(|| false);
+            while let Some(task) = first {
+                assert_eq!(lock(&queue.state).tiles_ready, 0, "a tile was begun beside {task:?}");
+                queue.done(task);
+                first = queue.next(|| false);
+            }
+            queue.into_result().unwrap();
         }
     }
 
@@ -420,10 +441,10 @@ mod tests {
     fn the_first_failure_stops_the_queue() {
         let layout = Layout::new(33, 33, 16).unwrap();
         let queue = Queue::new(Work { layout, scope: Scope::Whole }, 1, None);
-        assert!(queue.next().is_some());
+        assert!(queue.next(|| true).is_some());
         queue.fail(Error::usage("first"));
         queue.fail(Error::usage("second"));
-        assert!(queue.next().is_none());
+        assert!(queue.next(|| true).is_none());
         assert_eq!(queue.into_result().unwrap_err().to_string(), "first");
     }
 }

@@ -129,9 +129,7 @@ impl Store {
     pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<Reserved<'_>> {
         self.account(0, bytes);
         let reserved = Reserved { store: self, bytes };
-        if self.held.load(Ordering::Relaxed) > self.limit {
-            self.relieve(tile)?;
-        }
+        self.relieve(tile)?;
         Ok(reserved)
     }
 
@@ -142,6 +140,11 @@ impl Store {
         } else {
             self.held.fetch_sub(before - after, Ordering::Relaxed);
         }
+    }
+
+    /// Whether less is held than there may be.
+    pub(super) fn has_room(&self) -> bool {
+        self.held.load(Ordering::Relaxed) <= self.limit
     }
 
     /// Bytes written to the spill file so far.
@@ -155,9 +158,7 @@ impl Store {
             Arc::clone(slots.entry(tile).or_insert_with(|| Arc::new(self.fresh(tile))))
         };
         let result = f(&mut lock(&slot));
-        if self.held.load(Ordering::Relaxed) > self.limit {
-            self.relieve(tile)?;
-        }
+        self.relieve(tile)?;
         Ok(result)
     }
 
@@ -183,10 +184,17 @@ impl Store {
         Ok(result)
     }
 
-    /// Spills containers until an eighth of the limit is free, those first that the sweep, now at
-    /// `tile`, will come back to last: the ones it has just left behind.
+    /// Without room, spills containers until an eighth of the limit is free, those first that the
+    /// sweep, now at `tile`, will come back to last: the ones it has just left behind. Whoever comes
+    /// while another does so waits for it, as going on would take what is being freed.
     fn relieve(&self, tile: TileId) -> Result<()> {
-        let Ok(_only) = self.relief.try_lock() else { return Ok(()) };
+        if self.has_room() {
+            return Ok(());
+        }
+        let _only = lock(&self.relief);
+        if self.has_room() {
+            return Ok(());
+        }
         let mut slots: Vec<_> = {
             let slots = lock(&self.slots);
             slots

@@ -98,7 +98,7 @@ impl<'a> Worker<'a> {
 
     /// Carries out tasks until there are no more; returns the time spent on them.
     pub(super) fn run(mut self) -> Clock {
-        while let Some(task) = self.job.queue.next() {
+        while let Some(task) = self.job.queue.next(|| self.job.store.has_room()) {
             match self.job.settings.cancel.check().and_then(|()| self.attempt(task)) {
                 Ok(()) => self.job.queue.done(task),
                 Err(error) => self.job.queue.fail(error),
