@@ -139,7 +139,10 @@ impl LineReport {
 }
 
 /// Runs `work` on a pool of the job's threads.
-fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+pub(in crate::pipeline) fn on_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
     let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
     Ok(pool.map_err(no_threads)?.install(work))

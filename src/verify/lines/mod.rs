@@ -1,22 +1,31 @@
 //! Independent proof of simplified lines: distances, crossings, rings, sides and shared borders. Shares
 //! no line with what simplifies them.
 //!
-//! Parts (lines and rings) are compared one by one with those they were made from. Everything is
-//! decided from positions: vertices at the same x and y are the same.
+//! Parts (lines and rings) are compared one by one with those they were made from ([`Comparison`]): how
+//! far off is what was left out, which rings have collapsed or turned over. What is left of that, the
+//! stretches of the originals and the segments in their place ([`Pieces`]), is then looked at together,
+//! one band of x after the other ([`judge`]): what meets, which side things are on, which borders are
+//! shared. No figure depends on the bands. Everything is decided from positions: vertices at the same x
+//! and y are the same.
 
+mod crossings;
+mod exact;
 mod matching;
 mod measure;
-mod positions;
+mod parts;
+mod pieces;
 mod shared;
 mod sides;
-mod sweep;
 #[cfg(test)]
 mod tests;
 
 use crate::error::{Error, Result};
 
 pub use measure::Distance;
-use positions::Positions;
+pub use parts::Comparison;
+pub use pieces::{Band, Pieces};
+
+type Xy = [f64; 2];
 
 /// Lines and rings, flat.
 #[derive(Clone, Copy, Debug)]
@@ -34,12 +43,8 @@ impl Lines<'_> {
         self.closed.len()
     }
 
-    fn range(&self, part: usize) -> std::ops::Range<usize> {
-        self.starts[part]..self.starts[part + 1]
-    }
-
-    fn at(&self, vertex: usize) -> [f64; 2] {
-        [self.points[vertex][0], self.points[vertex][1]]
+    fn part(&self, part: usize) -> &[[f64; 3]] {
+        &self.points[self.starts[part]..self.starts[part + 1]]
     }
 
     fn check(&self, name: &str) -> Result<()> {
@@ -60,8 +65,8 @@ impl Lines<'_> {
                 .at(format!("{name}, vertex {at}")));
         }
         let open = |&part: &usize| {
-            let range = self.range(part);
-            self.closed[part] && !range.is_empty() && self.at(range.start) != self.at(range.end - 1)
+            let ends = [self.part(part).first(), self.part(part).last()];
+            self.closed[part] && ends[0].map(|p| [p[0], p[1]]) != ends[1].map(|p| [p[0], p[1]])
         };
         match (0..self.count()).find(open) {
             Some(part) => Err(Error::bad_input("a ring does not end where it begins")
@@ -86,19 +91,28 @@ pub struct Question<'a> {
     pub tolerance: Option<f64>,
 }
 
-/// How often something was found, and where first: part, x and y.
+/// How often something was found, and where first: the part, and x and y in it, that are least.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Defect {
     /// How often.
     pub count: u64,
     /// The part and position of the first one.
-    pub first: Option<(usize, [f64; 2])>,
+    pub first: Option<(u32, Xy)>,
 }
 
 impl Defect {
-    fn add(&mut self, part: usize, at: [f64; 2]) {
-        self.count += 1;
-        self.first.get_or_insert((part, at));
+    fn add(&mut self, part: u32, at: Xy) {
+        self.merge(Self { count: 1, first: Some((part, at)) });
+    }
+
+    fn merge(&mut self, other: Self) {
+        self.count += other.count;
+        let firsts = [self.first, other.first].into_iter().flatten();
+        let by_place = |p: &(u32, Xy), q: &(u32, Xy)| {
+            let places = p.1[0].total_cmp(&q.1[0]).then(p.1[1].total_cmp(&q.1[1]));
+            p.0.cmp(&q.0).then(places)
+        };
+        self.first = firsts.min_by(by_place);
     }
 }
 
@@ -108,7 +122,7 @@ pub struct Farthest {
     /// Its distance.
     pub distance: f64,
     /// Its part.
-    pub part: usize,
+    pub part: u32,
     /// Where it is.
     pub at: [f64; 2],
 }
@@ -140,10 +154,10 @@ pub struct Report {
     /// Rings whose area has changed its sign.
     pub turned: Defect,
     /// Vertices of the result, and given points, that are on another side of a part, once for each
-    /// such part; the part named is the one they have moved across.
+    /// position and such part; the part named is the one they have moved across.
     pub moved: Defect,
-    /// Segments in more parts, or fewer, than some segment of the original that they replace: borders
-    /// torn apart, or run together.
+    /// Segments of the original that parts shared and different segments replace, and segments of the
+    /// result that replace different stretches of it: borders torn apart, or run together.
     pub torn: Defect,
 }
 
@@ -161,17 +175,33 @@ impl Report {
         ];
         defects.iter().all(|defect| defect.count == 0)
     }
+
+    /// Adds what [`judge`] found in a band.
+    pub fn add_band(&mut self, band: &Self) {
+        self.original_crossings += band.original_crossings;
+        self.crossings += band.crossings;
+        self.new_crossings.merge(band.new_crossings);
+        self.moved.merge(band.moved);
+        self.torn.merge(band.torn);
+    }
 }
 
 /// Checks simplified lines against their originals.
 ///
-/// O(n log n) for n vertices, plus, for each vertex of the result, the segments that share a strip of
-/// x with it. About 150 bytes a vertex.
+/// O(n log n) for n vertices, plus, for each piece, the positions in its box. About 20 bytes a vertex,
+/// and some megabytes for a band.
 ///
 /// # Errors
 /// `Usage` when the two do not have the same number of parts, or rings in the same places; `BadInput`
 /// for coordinates that are not finite and rings that do not close.
 pub fn check(question: &Question<'_>) -> Result<Report> {
+    check_by(question, BAND_VERTICES)
+}
+
+/// Vertices to a band, about: what a band takes in memory is some hundred times as many bytes.
+pub const BAND_VERTICES: usize = 1 << 17;
+
+fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
     let (original, simplified) = (&question.original, &question.simplified);
     original.check("original")?;
     simplified.check("result")?;
@@ -179,24 +209,24 @@ pub fn check(question: &Question<'_>) -> Result<Report> {
         return Err(Error::usage("the parts of the result are not those of the original"));
     }
     let mut report = Report::default();
-    count(question, &mut report);
-    let positions = Positions::new(original);
-    let ids = [original, simplified].map(|lines| positions.ids(lines));
-    let pieces = matching::pieces(question, &ids, &mut report);
-    sweep::crossings(question, &ids, &mut report);
-    shared::check(question, &ids, &pieces, &mut report);
-    sides::rings(question, &mut report);
-    sides::moved(question, &mut report);
+    let mut pieces = Pieces::new(Band::ALL);
+    let comparison = Comparison { distance: question.distance, tolerance: question.tolerance };
+    for (part, &closed) in (0u32..).zip(original.closed) {
+        let [before, after] = [original, simplified].map(|lines| lines.part(part as usize));
+        comparison.part(part, before, after, closed, &mut report, &mut pieces);
+    }
+    for band in pieces.bands(band) {
+        report.add_band(&judge(&pieces, question.points, band));
+    }
     Ok(report)
 }
 
-fn count(question: &Question<'_>, report: &mut Report) {
-    report.vertices =
-        [question.original, question.simplified].map(|lines| lines.points.len() as u64);
-    for part in 0..question.original.count() {
-        let [before, after] =
-            [question.original, question.simplified].map(|lines| lines.range(part).is_empty());
-        report.parts += u64::from(!after);
-        report.dropped += u64::from(after && !before);
-    }
+/// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
+/// are those of at least that band.
+pub fn judge(pieces: &Pieces, points: &[Xy], band: Band) -> Report {
+    let mut report = Report::default();
+    crossings::count(pieces, band, &mut report);
+    shared::count(pieces, band, &mut report);
+    sides::moved(pieces, points, band, &mut report);
+    report
 }

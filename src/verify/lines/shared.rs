@@ -1,47 +1,47 @@
 //! Borders that parts share before, and after.
 
-use super::matching::Piece;
-use super::{Question, Report};
+use super::exact::{by_ends, upward};
+use super::pieces::{Band, Kind, Piece, Pieces};
+use super::{Report, Xy};
 
-/// Counts segments that are in more parts, or fewer, than a segment of the original that they replace.
-/// O(n log n).
-pub(super) fn check(
-    question: &Question<'_>,
-    ids: &[Vec<u32>; 2],
-    pieces: &[Piece],
+/// Counts, in a band, segments of the original that several parts shared and that different segments
+/// have replaced (a border is torn apart), and segments of the result that replace different stretches
+/// (borders have run together). Each place counts once, in the band of its least x. O(n log n).
+pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
+    let all: Vec<Piece<'_>> = pieces.of(band).filter(|piece| piece.kind == Kind::Kept).collect();
+    let numbered = || (0u32..).zip(&all);
+    let replacing = |piece: u32| all[piece as usize].replacing().map(upward);
+    let old = numbered().flat_map(|(i, p)| p.segments().map(move |s| (upward(s), i)));
+    let differ = |p: u32, q: u32| replacing(p) != replacing(q);
+    torn(old.collect(), differ, &all, band, report);
+    let new = numbered().filter_map(|(i, p)| Some((upward(p.replacing()?), i)));
+    let new = new.filter(|(ends, _)| ends[0] != ends[1]);
+    let differ = |p: u32, q: u32| !are_same(all[p as usize].points, all[q as usize].points);
+    torn(new.collect(), differ, &all, band, report);
+}
+
+/// Counts the places of `segments` whose pieces differ.
+fn torn(
+    mut segments: Vec<([Xy; 2], u32)>,
+    differ: impl Fn(u32, u32) -> bool,
+    all: &[Piece<'_>],
+    band: Band,
     report: &mut Report,
 ) {
-    let edges = |piece: &Piece| {
-        let start = question.original.range(piece.part as usize).start;
-        let count = question.original.range(piece.part as usize).len() as u32;
-        // A ring's closing vertex is its first.
-        let around = if question.original.closed[piece.part as usize] { count - 1 } else { count };
-        let at = move |v: u32| start + (v % around) as usize;
-        (piece.from..piece.to).map(move |v| edge(ids[0][at(v)], ids[0][at(v + 1)]))
-    };
-    let replacing =
-        |piece: &Piece| edge(ids[1][piece.first as usize], ids[1][piece.first as usize + 1]);
-    let before = counted(pieces.iter().flat_map(edges).filter(|e| e[0] != e[1]).collect());
-    let after = counted(pieces.iter().map(replacing).collect());
-    for piece in pieces.iter().filter(|piece| replacing(piece)[0] != replacing(piece)[1]) {
-        let uses = count(&after, replacing(piece));
-        if edges(piece).any(|e| e[0] != e[1] && count(&before, e) != uses) {
-            let at = question.simplified.at(piece.first as usize);
-            report.torn.add(piece.part as usize, at);
+    segments.retain(|(ends, _)| band.holds(ends[0][0]));
+    segments.sort_unstable_by(|p, q| by_ends(&p.0, &q.0).then(p.1.cmp(&q.1)));
+    for place in segments.chunk_by(|p, q| p.0 == q.0) {
+        let (ends, first) = place[0];
+        if let Some((_, other)) = place.iter().find(|(_, other)| differ(first, *other)) {
+            report.torn.add(all[*other as usize].part, ends[0]);
         }
     }
 }
 
-fn edge(p: u32, q: u32) -> [u32; 2] {
-    [p.min(q), p.max(q)]
-}
-
-/// Edges and how often each was there, sorted.
-fn counted(mut edges: Vec<[u32; 2]>) -> Vec<([u32; 2], u32)> {
-    edges.sort_unstable();
-    edges.chunk_by(|p, q| p == q).map(|run| (run[0], run.len() as u32)).collect()
-}
-
-fn count(counted: &[([u32; 2], u32)], edge: [u32; 2]) -> u32 {
-    counted.binary_search_by_key(&edge, |c| c.0).map_or(0, |at| counted[at].1)
+/// Whether two stretches have the same vertices in the same or the opposite order; repeated ones count
+/// once.
+fn are_same(p: &[Xy], q: &[Xy]) -> bool {
+    let forward = |of: &[Xy]| of.chunk_by(|a, b| a == b).map(|run| run[0]).collect::<Vec<_>>();
+    let (p, q) = (forward(p), forward(q));
+    p == q || p.iter().eq(q.iter().rev())
 }

@@ -1,119 +1,149 @@
-//! Rings that collapsed or turned over, and positions on another side of a part than before.
+//! Positions on another side of a part than before.
 
-use super::sweep::{area_sign, side};
-use super::{Lines, Question, Report};
+use super::exact::{in_box, side};
+use super::pieces::{Band, Kind, Piece, Pieces};
+use super::{Report, Xy};
 
-type Xy = [f64; 2];
-
-/// Segments that begin in a strip, at the mean.
+/// Positions to a strip, at the mean.
 const TO_A_STRIP: usize = 64;
 
-/// Counts rings without area that had some, and those whose area changed its sign. O(n).
-pub(super) fn rings(question: &Question<'_>, report: &mut Report) {
-    for part in (0..question.original.count()).filter(|&part| question.original.closed[part]) {
-        let range = question.simplified.range(part);
-        let before = area_sign(&question.original.points[question.original.range(part)]);
-        let after = area_sign(&question.simplified.points[range.clone()]);
-        if range.is_empty() || before == 0 || before == after {
-            continue;
+/// Counts vertices of the result and given points in a band that changed sides: the upward ray from
+/// them crosses a part an odd number of times before, and an even number after, or the other way round;
+/// or they lie on it now. What lay on a part before had no side of it.
+///
+/// Before and after together, a ray crosses a part as often as the closed curves of its pieces and the
+/// segments in their place; so each position is held against the pieces whose boxes it is in.
+pub(super) fn moved(pieces: &Pieces, points: &[Xy], band: Band, report: &mut Report) {
+    let given = points.iter().copied().filter(|p| band.holds(p[0]));
+    let all = Strips::new(pieces.vertices(band).chain(given).collect());
+    let mut odd = Vec::new();
+    let mut touched = Vec::new();
+    for piece in pieces.of(band).filter(|piece| piece.kind == Kind::Kept) {
+        all.each_in(piece.points, |at, p| match place(&piece, p) {
+            Place::Before => {}
+            Place::After => touched.push((piece.part, at)),
+            Place::Inside => odd.push((piece.part, at)),
+            Place::Outside => {}
+        });
+    }
+    odd.sort_unstable();
+    let mut moved = touched;
+    moved.extend(odd.chunk_by(|p, q| p == q).filter(|run| run.len() % 2 == 1).map(|run| run[0]));
+    moved.sort_unstable();
+    moved.dedup();
+    let sideless = on_before(pieces, &all, &moved, band);
+    for (part, at) in moved.into_iter().filter(|hit| sideless.binary_search(hit).is_err()) {
+        report.moved.add(part, all.points[at as usize]);
+    }
+}
+
+/// Those of `hits` that lie on their part as it was.
+fn on_before(pieces: &Pieces, all: &Strips, hits: &[(u32, u32)], band: Band) -> Vec<(u32, u32)> {
+    let mut found = Vec::new();
+    let is_hit = |part: u32| {
+        let at = hits.partition_point(|hit| hit.0 < part);
+        hits.get(at).is_some_and(|hit| hit.0 == part)
+    };
+    for piece in pieces.of(band).filter(|piece| is_hit(piece.part)) {
+        all.each_in(piece.points, |at, p| {
+            if piece.segments().any(|s| in_box(p, s) && side(s, p) == 0) {
+                found.push((piece.part, at));
+            }
+        });
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Where a position is beside a piece.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// On the stretch of the original.
+    Before,
+    /// On the segment in its place, and not on the stretch.
+    After,
+    /// Where the ray upwards crosses the two an odd number of times.
+    Inside,
+    Outside,
+}
+
+fn place(piece: &Piece<'_>, p: Xy) -> Place {
+    if p == piece.points[0] {
+        return Place::Before;
+    }
+    let mut crossed = false;
+    for segment in piece.segments() {
+        match ray(segment, p) {
+            None => return Place::Before,
+            Some(crosses) => crossed ^= crosses,
         }
-        let defect = if after == 0 { &mut report.collapsed } else { &mut report.turned };
-        defect.add(part, question.simplified.at(range.start));
+    }
+    match piece.replacing().and_then(|segment| ray(segment, p)) {
+        None => Place::After,
+        Some(crosses) if crossed ^ crosses => Place::Inside,
+        Some(_) => Place::Outside,
     }
 }
 
-/// Counts vertices of the result and given points that the upward ray from them crosses a part an odd
-/// number of times before, and an even number after, or the other way round. What lies on a part
-/// before has no side of it.
-pub(super) fn moved(question: &Question<'_>, report: &mut Report) {
-    let before = Strips::new(&question.original, &question.simplified);
-    let after = Strips::new(&question.simplified, &question.simplified);
-    let vertices = (0..question.simplified.points.len()).map(|v| question.simplified.at(v));
-    let (mut on, mut was, mut is) = (Vec::new(), Vec::new(), Vec::new());
-    for p in vertices.chain(question.points.iter().copied()) {
-        on.clear();
-        before.odd(p, &mut was, &mut on);
-        on.sort_unstable();
-        let had_side = |part: &u32| on.binary_search(part).is_err();
-        let mut touched = Vec::new();
-        after.odd(p, &mut is, &mut touched);
-        touched.sort_unstable();
-        touched.dedup();
-        touched.retain(had_side);
-        was.retain(had_side);
-        is.retain(had_side);
-        // Parts in one list only, or touched where they were not.
-        touched.extend(was.iter().filter(|part| is.binary_search(part).is_err()));
-        touched.extend(is.iter().filter(|part| was.binary_search(part).is_err()));
-        touched.sort_unstable();
-        touched.dedup();
-        touched.iter().for_each(|&part| report.moved.add(part as usize, p));
+/// Whether the ray upwards from `p` crosses a segment; `None` where `p` is on it.
+fn ray([a, b]: [Xy; 2], p: Xy) -> Option<bool> {
+    let (left, right) = if a[0] <= b[0] { (a, b) } else { (b, a) };
+    if p[0] < left[0] || right[0] < p[0] || p[1] > a[1].max(b[1]) {
+        return Some(false);
     }
+    let turn = side([left, right], p);
+    if turn == 0 && p[1] >= a[1].min(b[1]) {
+        return None;
+    }
+    Some(turn < 0 && p[0] < right[0])
 }
 
-/// Segments by the strips of x that they reach into.
+/// Positions in strips of y, by x in each.
 struct Strips {
-    /// The least x of each strip but the first.
+    points: Vec<Xy>,
+    /// The least y of each strip but the first, and where strips begin.
     borders: Vec<f64>,
     starts: Vec<usize>,
-    /// Segments, and their parts.
-    segments: Vec<([Xy; 2], u32)>,
 }
 
 impl Strips {
-    /// Of the parts that `there` has.
-    fn new(lines: &Lines<'_>, there: &Lines<'_>) -> Self {
-        let parts = (0..lines.count()).filter(|&part| !there.range(part).is_empty());
-        let all = || {
-            parts.clone().flat_map(|part| {
-                let range = lines.range(part);
-                (range.start..range.end.saturating_sub(1))
-                    .map(move |v| ([lines.at(v), lines.at(v + 1)], part as u32))
-            })
-        };
-        let mut lows: Vec<f64> = all().map(|([p, q], _)| p[0].min(q[0])).collect();
-        lows.sort_unstable_by(f64::total_cmp);
-        let mut borders: Vec<f64> = lows.into_iter().step_by(TO_A_STRIP).skip(1).collect();
+    /// Of `points`, each once.
+    fn new(mut points: Vec<Xy>) -> Self {
+        let by_y = |p: &Xy, q: &Xy| p[1].total_cmp(&q[1]).then(p[0].total_cmp(&q[0]));
+        points.iter_mut().flatten().for_each(|v| *v += 0.0);
+        points.sort_unstable_by(by_y);
+        points.dedup();
+        let mut borders: Vec<f64> =
+            points.iter().step_by(TO_A_STRIP).skip(1).map(|p| p[1]).collect();
         borders.dedup();
-        let strip = |x: f64| borders.partition_point(|&border| border <= x);
-        let reach = |s: [Xy; 2]| strip(s[0][0].min(s[1][0]))..strip(s[0][0].max(s[1][0])) + 1;
-        let mut starts = vec![0; borders.len() + 2];
-        for (segment, _) in all() {
-            reach(segment).for_each(|at| starts[at + 1] += 1);
+        let first = |border: &f64| points.partition_point(|p| p[1] < *border);
+        let mut starts = vec![0];
+        starts.extend(borders.iter().map(first));
+        starts.push(points.len());
+        for pair in starts.windows(2) {
+            points[pair[0]..pair[1]]
+                .sort_unstable_by(|p, q| p[0].total_cmp(&q[0]).then(by_y(p, q)));
         }
-        for at in 1..starts.len() {
-            starts[at] += starts[at - 1];
-        }
-        let mut next = starts.clone();
-        let mut segments = vec![([[0.0; 2]; 2], 0); starts[starts.len() - 1]];
-        for (segment, part) in all() {
-            for at in reach(segment) {
-                segments[next[at]] = (segment, part);
-                next[at] += 1;
-            }
-        }
-        Self { borders, starts, segments }
+        Self { points, borders, starts }
     }
 
-    /// Fills `odd` with the parts that the ray from `p` upwards crosses an odd number of times,
-    /// ascending, and adds to `on` those it lies on.
-    fn odd(&self, p: Xy, odd: &mut Vec<u32>, on: &mut Vec<u32>) {
-        let at = self.borders.partition_point(|&border| border <= p[0]);
-        let mut crossed = Vec::new();
-        for &([a, b], part) in &self.segments[self.starts[at]..self.starts[at + 1]] {
-            let (left, right) = if a[0] <= b[0] { (a, b) } else { (b, a) };
-            if p[0] < left[0] || right[0] < p[0] || p[1] > a[1].max(b[1]) {
-                continue;
-            }
-            let turn = side([left, right], p);
-            if turn == 0 && p[1] >= a[1].min(b[1]) {
-                on.push(part);
-            } else if turn < 0 && left[0] <= p[0] && p[0] < right[0] {
-                crossed.push(part);
+    /// Calls `found` with each position, and its number, in the box around `vertices`.
+    fn each_in(&self, vertices: &[Xy], mut found: impl FnMut(u32, Xy)) {
+        let (mut low, mut high) = (vertices[0], vertices[0]);
+        for p in vertices {
+            (low, high) = ([0, 1].map(|k| low[k].min(p[k])), [0, 1].map(|k| high[k].max(p[k])));
+        }
+        let strip = |y: f64| self.borders.partition_point(|&border| border <= y);
+        for strip in strip(low[1])..=strip(high[1]) {
+            let range = self.starts[strip]..self.starts[strip + 1];
+            let here = &self.points[range.clone()];
+            let first = here.partition_point(|p| p[0] < low[0]);
+            for (at, &p) in here.iter().enumerate().skip(first).take_while(|(_, p)| p[0] <= high[0])
+            {
+                if low[1] <= p[1] && p[1] <= high[1] {
+                    found((range.start + at) as u32, p);
+                }
             }
         }
-        crossed.sort_unstable();
-        odd.clear();
-        odd.extend(crossed.chunk_by(|p, q| p == q).filter(|c| c.len() % 2 == 1).map(|c| c[0]));
     }
 }

@@ -1,0 +1,87 @@
+//! Pairs of segments that meet where they should not.
+
+use super::exact::{by_ends, meet, upward};
+use super::pieces::{Band, Pieces};
+use super::{Report, Xy};
+
+/// Segments to a strip, at the mean.
+const TO_A_STRIP: usize = 256;
+
+/// A segment, its end with the lesser x (then y) first.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    ends: [Xy; 2],
+    part: u32,
+}
+
+impl Segment {
+    fn span(&self, axis: usize) -> [f64; 2] {
+        let [p, q] = self.ends.map(|p| p[axis]);
+        [p.min(q), p.max(q)]
+    }
+}
+
+/// Counts the pairs of segments that meet off a common end, before and after; segments at the same
+/// place are one. A pair counts in the band that has the lowest x the two share.
+pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
+    let of = |part| move |ends| Segment { ends: upward(ends), part };
+    let old = distinct(pieces.of(band).flat_map(|p| p.segments().map(of(p.part))), band);
+    each_pair(&old, band, &mut |_, _| report.original_crossings += 1);
+    let is_old = |s: &Segment| old.binary_search_by(|o| by_ends(&o.ends, &s.ends)).is_ok();
+    let replacing = pieces.of(band).filter_map(|p| p.replacing().map(of(p.part)));
+    let new = distinct(replacing.filter(|s| s.ends[0] != s.ends[1]), band);
+    each_pair(&new, band, &mut |s, t| {
+        report.crossings += 1;
+        if !is_old(s) || !is_old(t) {
+            report.new_crossings.add(s.part, s.ends[0]);
+        }
+    });
+}
+
+/// The segments that reach into a band, each place once.
+fn distinct(segments: impl Iterator<Item = Segment>, band: Band) -> Vec<Segment> {
+    let mut all: Vec<Segment> = segments.filter(|s| band.meets(s.span(0))).collect();
+    all.sort_unstable_by(|s, t| by_ends(&s.ends, &t.ends).then(s.part.cmp(&t.part)));
+    all.dedup_by(|s, t| s.ends == t.ends);
+    all
+}
+
+/// Calls `found` for each pair that meets off a common end, once.
+///
+/// The band is cut into strips of y with about as many segments in each. In a strip, segments come in
+/// the order of their least x and are compared with those before them that reach as far. A pair counts
+/// in the strip that has the lowest y the two share.
+fn each_pair(segments: &[Segment], band: Band, found: &mut impl FnMut(&Segment, &Segment)) {
+    let mut lows: Vec<f64> = segments.iter().map(|s| s.span(1)[0]).collect();
+    lows.sort_unstable_by(f64::total_cmp);
+    let mut borders: Vec<f64> = lows.into_iter().step_by(TO_A_STRIP).skip(1).collect();
+    borders.dedup();
+    let strip = |y: f64| borders.partition_point(|&border| border <= y);
+    // Segments come in the order of their least x.
+    let mut entries = Vec::with_capacity(segments.len() * 5 / 4);
+    for (i, segment) in (0u32..).zip(segments) {
+        let [low, high] = segment.span(1);
+        entries.extend((strip(low)..=strip(high)).map(|s| (s as u32, i)));
+    }
+    entries.sort_unstable();
+    let mut active: Vec<u32> = Vec::new();
+    for entry in entries.chunk_by(|p, q| p.0 == q.0) {
+        active.clear();
+        for &(at, i) in entry {
+            let s = &segments[i as usize];
+            let x = s.ends[0][0];
+            active.retain(|&j| segments[j as usize].ends[1][0] >= x);
+            if band.from <= x {
+                for t in active.iter().map(|&j| &segments[j as usize]) {
+                    let ([low, high], [other_low, other_high]) = (s.span(1), t.span(1));
+                    let common = low.max(other_low);
+                    let near = common <= high.min(other_high) && strip(common) == at as usize;
+                    if near && meet(s.ends, t.ends) {
+                        found(s, t);
+                    }
+                }
+            }
+            active.push(i);
+        }
+    }
+}

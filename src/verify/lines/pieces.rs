@@ -1,0 +1,232 @@
+//! Lines before and after, side by side: stretches of the original and the segments in their place.
+
+use std::ops::Range;
+
+use super::Xy;
+
+/// A range of x, half-open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// The least x.
+    pub from: f64,
+    /// The least x beyond.
+    pub to: f64,
+}
+
+impl Band {
+    /// All of the plane.
+    pub const ALL: Self = Self { from: f64::NEG_INFINITY, to: f64::INFINITY };
+
+    /// Whether `x` is in it.
+    pub(super) fn holds(&self, x: f64) -> bool {
+        self.from <= x && x < self.to
+    }
+
+    /// Whether something from x = `low` to x = `high` reaches into it.
+    pub(super) fn meets(&self, [low, high]: [f64; 2]) -> bool {
+        low < self.to && self.from <= high
+    }
+}
+
+/// What a run of vertices is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Vertices of an original part; between those that were kept, a segment replaces a stretch.
+    Kept,
+    /// An original part, or some of it, that nothing is known to have replaced.
+    Gone,
+    /// A part of the result that was made from no original part.
+    Stranger,
+}
+
+/// Consecutive vertices of a part; pieces of it that reach into no band of interest are cut out.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    part: u32,
+    kind: Kind,
+    end: usize,
+    span: [f64; 2],
+}
+
+/// A stretch of a part, and what is in its place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece<'a> {
+    pub(super) part: u32,
+    pub(super) kind: Kind,
+    /// Its vertices, at least two; of a [`Kind::Kept`] one the first and last were kept and those
+    /// between were not.
+    pub(super) points: &'a [Xy],
+}
+
+impl<'a> Piece<'a> {
+    /// The segment of the result, if there is one.
+    pub(super) fn replacing(&self) -> Option<[Xy; 2]> {
+        (self.kind != Kind::Gone).then(|| [self.points[0], self.points[self.points.len() - 1]])
+    }
+
+    /// The segments of the original, none of a [`Kind::Stranger`].
+    pub(super) fn segments(self) -> impl Iterator<Item = [Xy; 2]> + use<'a> {
+        let there = if self.kind == Kind::Stranger { &[] } else { self.points };
+        there.windows(2).map(|pair| [pair[0], pair[1]]).filter(|s| s[0] != s[1])
+    }
+}
+
+/// All pieces that reach into a band. 17 bytes a vertex and 40 a part.
+#[derive(Debug)]
+pub struct Pieces {
+    band: Band,
+    points: Vec<Xy>,
+    /// Vertices that end a piece.
+    is_end: Vec<bool>,
+    runs: Vec<Run>,
+}
+
+impl Pieces {
+    /// None yet, of those that reach into `band`.
+    pub fn new(band: Band) -> Self {
+        Self { band, points: Vec::new(), is_end: Vec::new(), runs: Vec::new() }
+    }
+
+    /// The band whose pieces are all here.
+    pub fn band(&self) -> Band {
+        self.band
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let vertices = self.points.len() * (size_of::<Xy>() + size_of::<bool>());
+        (vertices + self.runs.len() * size_of::<Run>()) as u64
+    }
+
+    /// Adds vertices of a part, with those marked that end pieces, the first and the last among them.
+    pub(super) fn push(
+        &mut self,
+        part: u32,
+        kind: Kind,
+        vertices: impl Iterator<Item = (Xy, bool)>,
+    ) {
+        let first = self.points.len();
+        for (point, is_end) in vertices {
+            self.points.push(point);
+            self.is_end.push(is_end);
+        }
+        let end = self.points.len();
+        if first < end {
+            let span = span(&self.points[first..]);
+            self.runs.push(Run { part, kind, end, span });
+            if span[0] < self.band.from || self.band.to <= span[1] {
+                self.cut(self.runs.len() - 1);
+            }
+        }
+    }
+
+    /// Makes the band narrower, so that it ends where about half of what is held begins beyond it;
+    /// false when nothing begins within it. O(n).
+    pub fn halve(&mut self) -> bool {
+        /// Pieces to one whose x is looked at.
+        const SAMPLED: usize = 16;
+        let lows = self.pieces(0..self.runs.len()).map(|piece| span(piece.points)[0]);
+        let within = lows.filter(|&x| self.band.from < x);
+        let mut sample: Vec<f64> = within.step_by(SAMPLED).collect();
+        sample.sort_unstable_by(f64::total_cmp);
+        let Some(&to) = sample.get(sample.len() / 2) else { return false };
+        self.band.to = to;
+        self.cut(0);
+        true
+    }
+
+    /// Bands that divide this one, with about `most` vertices that begin in each.
+    pub fn bands(&self, most: usize) -> Vec<Band> {
+        /// Vertices to one whose x is looked at.
+        const SAMPLED: usize = 64;
+        let mut sample: Vec<f64> = self.points.iter().step_by(SAMPLED).map(|p| p[0]).collect();
+        sample.sort_unstable_by(f64::total_cmp);
+        let mut borders = vec![self.band.from];
+        borders.extend(sample.into_iter().step_by((most / SAMPLED).max(1)).skip(1));
+        borders.retain(|&x| self.band.from <= x && x < self.band.to);
+        borders.push(self.band.to);
+        borders.dedup();
+        borders.windows(2).map(|pair| Band { from: pair[0], to: pair[1] }).collect()
+    }
+
+    /// The pieces that reach into `band`, part by part.
+    pub(super) fn of(&self, band: Band) -> impl Iterator<Item = Piece<'_>> + Clone {
+        let near = (0..self.runs.len()).filter(move |&run| band.meets(self.runs[run].span));
+        near.flat_map(|run| self.pieces(run..run + 1))
+            .filter(move |piece| band.meets(span(piece.points)))
+    }
+
+    /// The vertices of the result in `band`.
+    pub(super) fn vertices(&self, band: Band) -> impl Iterator<Item = Xy> {
+        let near = (0..self.runs.len()).filter(move |&run| {
+            band.meets(self.runs[run].span) && self.runs[run].kind != Kind::Gone
+        });
+        let kept = near.flat_map(|run| self.range(run)).filter(|&vertex| self.is_end[vertex]);
+        kept.map(|vertex| self.points[vertex]).filter(move |p| band.holds(p[0]))
+    }
+
+    fn range(&self, run: usize) -> Range<usize> {
+        let first = run.checked_sub(1).map_or(0, |before| self.runs[before].end);
+        first..self.runs[run].end
+    }
+
+    fn pieces(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> + Clone {
+        runs.flat_map(move |run| {
+            let Run { part, kind, .. } = self.runs[run];
+            let of = move |range| Piece { part, kind, points: &self.points[range] };
+            self.stretches(self.range(run)).map(of)
+        })
+    }
+
+    /// The vertices of each piece of a run, its last the first of the next.
+    fn stretches(&self, run: Range<usize>) -> impl Iterator<Item = Range<usize>> + Clone {
+        let mut first = run.start;
+        run.skip(1).filter(|&vertex| self.is_end[vertex]).map(move |last| {
+            let stretch = first..last + 1;
+            first = last;
+            stretch
+        })
+    }
+
+    /// Cuts out of the runs from one on what does not reach into the band.
+    fn cut(&mut self, first: usize) {
+        let runs = self.runs.split_off(first);
+        let mut start = self.runs.last().map_or(0, |run| run.end);
+        let mut end = start;
+        for run in runs {
+            for left in self.inside(start..run.end) {
+                self.points.copy_within(left.clone(), end);
+                self.is_end.copy_within(left.clone(), end);
+                let begun = end;
+                end += left.len();
+                self.runs.push(Run { end, span: span(&self.points[begun..end]), ..run });
+            }
+            start = run.end;
+        }
+        self.points.truncate(end);
+        self.is_end.truncate(end);
+    }
+
+    /// The longest ranges of a run's vertices whose pieces all reach into the band.
+    fn inside(&self, run: Range<usize>) -> Vec<Range<usize>> {
+        let is_near = |range: &Range<usize>| self.band.meets(span(&self.points[range.clone()]));
+        if run.len() == 1 {
+            return Some(run).filter(is_near).into_iter().collect();
+        }
+        let mut inside: Vec<Range<usize>> = Vec::new();
+        for stretch in self.stretches(run).filter(is_near) {
+            match inside.last_mut().filter(|last| last.end == stretch.start + 1) {
+                Some(last) => last.end = stretch.end,
+                None => inside.push(stretch),
+            }
+        }
+        inside
+    }
+}
+
+/// The least and the greatest x.
+fn span(points: &[Xy]) -> [f64; 2] {
+    points
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| [low.min(p[0]), high.max(p[0])])
+}
