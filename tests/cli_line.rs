@@ -261,6 +261,41 @@ fn the_readme_names_every_method_and_format() {
     }
 }
 
+/// Zigzags that cross their neighbours.
+fn zigzags(lines: u32, step: usize) -> String {
+    let zigzag = |line: u32| {
+        let at = |i: u32| {
+            format!("{} {}", line * 3 % 1000 + i * 7 % 11, f64::from(i) + f64::from(line) / 7.0)
+        };
+        let vertices: Vec<String> = (0..=60).step_by(step).map(at).collect();
+        format!("LINESTRING ({})\n", vertices.join(", "))
+    };
+    (0..lines).map(zigzag).collect()
+}
+
+#[test]
+fn a_proof_that_reads_its_files_repeatedly_finds_the_same() {
+    let place = Place::new();
+    place.write("a.wkt", zigzags(4000, 1));
+    place.write("b.wkt", zigzags(4000, 2));
+    let prove = |memory: &str, threads: &str| {
+        let args = ["verify", "b.wkt", "a.wkt", "--tolerance", "20", "--topology", "--json"];
+        let told = place.run(&[&args[..], &["--memory", memory, "--threads", threads]].concat());
+        assert_eq!(told.code, 1, "{}", told.err);
+        let mut report: serde_json::Value = serde_json::from_str(&told.out).unwrap();
+        let own = report.as_object_mut().unwrap();
+        own.retain(|key, _| !["peak_memory", "wall_seconds"].contains(&key.as_str()));
+        report
+    };
+    let whole = prove("1G", "1");
+    assert!(whole["crossings"][2].as_u64().unwrap() > 1000 && whole["moved"].as_u64().unwrap() > 0);
+    assert_eq!(prove("17M", "2"), whole);
+    let small = ["verify", "b.wkt", "a.wkt", "--memory", "17M"];
+    place.write("a.wkt", zigzags(1, 1).replace(")", &", 1 1".repeat(50_000)) + ")");
+    place.write("b.wkt", "LINESTRING (0 0, 1 1)");
+    place.fails(&small, 75, &["a.wkt", "feature", "--memory"]);
+}
+
 #[test]
 fn broken_promises_and_bad_input_are_told() {
     let place = Place::new();

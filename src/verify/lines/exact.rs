@@ -34,6 +34,9 @@ pub(super) fn in_box(p: Xy, [a, b]: [Xy; 2]) -> bool {
 
 /// 1 where `p` is to the left of a segment, -1 to the right, 0 on its line. Exact.
 pub(super) fn side([a, b]: [Xy; 2], p: Xy) -> i32 {
+    if p == a || p == b {
+        return 0;
+    }
     let (one, other) = ((b[0] - a[0]) * (p[1] - a[1]), (b[1] - a[1]) * (p[0] - a[0]));
     let safe = 8.0 * f64::EPSILON * (one.abs() + other.abs());
     match one - other {

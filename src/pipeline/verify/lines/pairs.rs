@@ -4,11 +4,16 @@ use std::collections::{HashMap, HashSet};
 
 use super::LineVerifyJob;
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::{Cancel, Progress};
 use crate::vector::{self, Feature, FeatureSource, OpenOptions};
 
 /// Bytes for each vertex of either file where all features have to be held.
 const VERTEX: u64 = 180;
+/// Bytes for each vertex of the feature that is looked at.
+const OWN_VERTEX: u64 = 96;
+/// What is taken whatever the budget is.
+const LEAST: u64 = 16 << 20;
 
 /// Features of both files. They come in the same order, or, from formats that sort them, in any.
 pub(super) struct Pairs<'a> {
@@ -66,9 +71,9 @@ impl<'a> Pairs<'a> {
                     return Err(self.uneven([0, 1].map(|file| features + begun[file] + rest[file])));
                 }
             };
-            let own = [self.own(&before, &*original)?, self.own(&after, &*lines)?];
-            let Some(placed) = beside(&own[0], &own[1]) else { return Ok(Compared::OutOfOrder) };
-            visit_parts(&own[0], &placed, visit)?;
+            let (before, after) = (self.own(before, &*original)?, self.own(after, &*lines)?);
+            let Some(placed) = beside(&before, &after) else { return Ok(Compared::OutOfOrder) };
+            visit_parts(&before, &placed, visit)?;
             features += 1;
         }
     }
@@ -101,7 +106,7 @@ impl<'a> Pairs<'a> {
                             "pass more --memory, or write lines to a format that keeps the order",
                         ));
                 }
-                all.push(self.own(&feature, source)?);
+                all.push(self.own(feature, source)?);
             }
             Ok(all)
         };
@@ -120,14 +125,23 @@ impl<'a> Pairs<'a> {
         Ok([original, vector::open(&self.job.lines, &OpenOptions::default())?])
     }
 
-    fn own(&self, feature: &Feature, source: &dyn FeatureSource) -> Result<Own> {
-        let own = Own::of(feature);
+    fn own(&self, feature: Feature, source: &dyn FeatureSource) -> Result<Own> {
+        let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
+        let own = Own::of(&feature);
         // Products of larger ones could not be told exactly.
         let is_sound = |p: &[f64; 3]| p.iter().all(|v| v.abs() < 1e130);
-        match own.parts.iter().all(|(points, _)| points.iter().all(is_sound)) {
-            true => Ok(own),
-            false => Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place())),
+        if !own.parts.iter().all(|(points, _)| points.iter().all(is_sound)) {
+            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
         }
+        if needed > self.job.resources.memory.max(LEAST) {
+            let needed = needed.div_ceil(1 << 20);
+            let message = format!("a feature as large as this takes {needed} MiB of memory");
+            return Err(Error::new(ErrorKind::Resource, message)
+                .in_file(&self.job.original)
+                .at(source.place())
+                .remedy(format!("pass --memory {needed}M or more")));
+        }
+        Ok(own)
     }
 
     fn uneven(&self, [before, after]: [u64; 2]) -> Error {
