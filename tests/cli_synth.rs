@@ -1,8 +1,9 @@
-//! `terrane synth` for clouds.
+//! `terrane synth` for clouds and lines.
 
 mod cli_support;
 
 use cli_support::Place;
+use terrane::synth::lines::SHAPES;
 
 #[test]
 fn a_cloud_by_name_becomes_a_file() {
@@ -42,4 +43,38 @@ fn what_makes_no_sense_is_refused() {
     place.fails(&["info", "synth:cloud,size=9"], 2, &["synth:cloud", "terrane synth"]);
     assert!(place.files().is_empty(), "{:?}", place.files());
     assert!(place.ok(&["synth", "--help"]).out.contains("density"));
+}
+
+#[test]
+fn lines_become_files_and_are_inputs_by_name() {
+    let place = Place::new();
+    for (shape, ending) in SHAPES.iter().zip(["shp", "fgb", "geojson", "wkt", "csv", "geojsonl"]) {
+        let (name, file) =
+            (format!("{},vertices=4000,features=2", shape.name), format!("a.{ending}"));
+        let told = place.ok(&["synth", &name, &file, "--json"]).out;
+        let report: serde_json::Value = serde_json::from_str(&told).unwrap();
+        let vertices = if shape.is_rings { 8002 } else { 8000 };
+        assert_eq!(
+            (&report["features"], &report["vertices"]),
+            (&2.into(), &vertices.into()),
+            "{told}"
+        );
+        let by_name = format!("synth:{name}");
+        place.ok(&["line", &by_name, "b.wkt", "--tolerance", "3", "-q", "--overwrite"]);
+        for original in [&by_name, &file] {
+            place.ok(&["verify", "b.wkt", original, "--tolerance", "3", "-q"]);
+        }
+    }
+    let cells = "synth:coverage,vertices=400,features=30";
+    place.ok(&["line", cells, "c.geojson", "--tolerance", "9", "--topology", "-q"]);
+    place.ok(&["verify", "c.geojson", cells, "--tolerance", "9", "--topology", "-q"]);
+    place.fails(&["synth", "koch,vertices=1", "k.shp"], 2, &["vertices", "from 2"]);
+    place.fails(&["synth", "koch", "k.tif"], 2, &["k.tif", ".shp"]);
+    place.fails(&["synth", "koch", "k.shp", "--point-format", "6"], 2, &["--point-format"]);
+    let help = place.ok(&["synth", "--help"]).out;
+    let readme = include_str!("../README.md");
+    let rows = SHAPES.iter().map(|shape| format!("| `{}` | {} |", shape.name, shape.about));
+    for (row, shape) in rows.zip(SHAPES) {
+        assert!(readme.contains(&row) && help.contains(shape.about), "{row}");
+    }
 }

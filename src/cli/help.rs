@@ -17,7 +17,9 @@ fn lists(verb: &str) -> String {
     let parts = match verb {
         "tin" => vec![grids(), meshes(), EXIT_CODES.to_owned()],
         "verify" => vec![meshes(), grids(), EXIT_CODES.to_owned()],
-        "synth" => vec![characters(), parameters(), cloud_parameters()],
+        "synth" => {
+            vec![characters(), parameters(), cloud_parameters(), shapes(), line_parameters()]
+        }
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         "grid" => vec![statistics(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         "line" => vec![simplifiers(), features(), EXIT_CODES.to_owned()],
@@ -105,9 +107,23 @@ fn parameters() -> String {
 }
 
 fn cloud_parameters() -> String {
-    let row = |p: &synth::Parameter| (p.key, format!("{}", p.default), p.about);
-    let rows: Vec<_> = synth::cloud::PARAMETERS.iter().map(row).collect();
-    list("Parameters of a cloud, as key=value, with their defaults", &rows)
+    list(
+        "Parameters of a cloud, as key=value, with their defaults",
+        &rows(synth::cloud::PARAMETERS),
+    )
+}
+
+fn shapes() -> String {
+    let row = |s: &synth::lines::Shape| (s.name, String::new(), s.about);
+    list("Lines", &synth::lines::SHAPES.iter().map(row).collect::<Vec<_>>())
+}
+
+fn line_parameters() -> String {
+    list("Parameters of lines, as key=value, with their defaults", &rows(synth::lines::PARAMETERS))
+}
+
+fn rows(parameters: &[synth::Parameter]) -> Vec<(&'static str, String, &'static str)> {
+    parameters.iter().map(|p| (p.key, format!("{}", p.default), p.about)).collect()
 }
 
 fn endings(extensions: &[&str]) -> String {

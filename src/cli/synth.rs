@@ -1,23 +1,30 @@
-//! `terrane synth`: a terrain or a cloud from a seed, straight into a file.
+//! `terrane synth`: a terrain, a cloud or lines from a seed, straight into a file.
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, convert, say, text};
+use serde::Serialize;
+
+use crate::cli::{Outcome, args, check, convert, text};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::ConvertJob;
+use crate::pipeline::draw::{self, DrawJob};
 use crate::pipeline::survey::{self, SurveyJob};
+use crate::synth::lines::Lines;
+use crate::vector;
 
-/// Write a synthetic terrain as an uncompressed tiled BigTIFF, or a synthetic cloud as LAS or LAZ
+/// Write a synthetic terrain as an uncompressed tiled BigTIFF, a synthetic cloud as LAS or LAZ, or
+/// synthetic lines
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Character and parameters of a terrain, such as rough,size=4097,seed=7, or cloud and its
-    /// parameters, such as cloud,size=1000,density=8,seed=7
+    /// parameters, such as cloud,size=1000,density=8,seed=7, or a shape of lines and its parameters,
+    /// such as koch,vertices=1000000
     #[arg(value_name = "NAME")]
     name: String,
-    /// GeoTIFF to write, or a .las or .laz file for a cloud
+    /// GeoTIFF to write, a .las or .laz file for a cloud, or any file of features for lines
     output: PathBuf,
     /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
     #[arg(long, value_name = "N", value_parser = point_format)]
@@ -39,18 +46,20 @@ fn point_format(text: &str) -> std::result::Result<PointFormat, String> {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
     if cloud::synth::is_synthetic(&name) {
-        fly(&name, args, cancel)
-    } else {
-        raise(name, args, cancel)
+        return fly(&name, args, cancel);
+    }
+    if args.point_format.is_some() {
+        return Err(Error::usage("--point-format is for clouds, and this is none")
+            .remedy("leave --point-format out"));
+    }
+    match vector::synthetic(name.as_ref()) {
+        Some(lines) => draw(lines?, args, cancel),
+        None => raise(name, args, cancel),
     }
 }
 
 /// A terrain.
 fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    if args.point_format.is_some() {
-        return Err(Error::usage("--point-format is for clouds, and this is a terrain")
-            .remedy("leave --point-format out"));
-    }
     let job = ConvertJob {
         format: Some("store".to_owned()),
         overwrite: args.overwrite,
@@ -71,13 +80,31 @@ fn fly(name: &str, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     };
     check::new_file(&job.output, job.overwrite)?;
     let report = survey::run(&job, args.show.progress().as_ref(), cancel)?;
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
+    tell(&report, args)
+}
+
+/// Lines.
+fn draw(lines: Lines, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = DrawJob {
+        lines,
+        output: args.output.clone(),
+        overwrite: args.overwrite,
+        resources: args.machine.resources(),
+    };
+    check::new_file(&job.output, job.overwrite)?;
+    let report = draw::run(&job, args.show.progress().as_ref(), cancel)?;
+    tell(&report, args)
+}
+
+/// Tells all of a report, what it names first as its title.
+fn tell(report: &impl Serialize, args: &Args) -> Result<Outcome> {
+    args.show.tell(report, || {
+        let told = serde_json::to_value(report).unwrap_or_default();
+        let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
+        let title = format!("{} -> {}", name("input"), name("output"));
+        let mut rows = text::rows(&told);
         rows.retain(|(key, _)| key != "input" && key != "output");
-        let title = format!("{} -> {}", report.input, report.output);
-        say::result(&format!("{title}\n{}", text::table(&rows)))?;
-    }
+        format!("{title}\n{}", text::table(&rows))
+    })?;
     Ok(Outcome::Kept)
 }

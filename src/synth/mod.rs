@@ -1,5 +1,5 @@
 //! Synthetic terrains: fractal relief by seed, any window of a grid of any size; and synthetic clouds
-//! over them ([`cloud`]). Pure.
+//! over them ([`cloud`]), and synthetic lines ([`lines`]). Pure.
 //!
 //! A sample is a pure function of character, seed, parameters and its (column, row). It does not
 //! depend on the window asked, on the thread, on the machine, or on the grid's width and height:
@@ -10,6 +10,7 @@ mod character;
 pub mod cloud;
 mod hash;
 mod lattice;
+pub mod lines;
 mod name;
 mod stack;
 mod words;

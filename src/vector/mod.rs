@@ -21,6 +21,7 @@ mod sample;
 mod shp;
 mod sink;
 mod source;
+mod synth;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -39,6 +40,7 @@ pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
 pub use keep::Kept;
 pub use sink::{FeatureSink, WriteOptions, Written};
 pub use source::{FeatureSource, OpenOptions};
+pub use synth::synthetic;
 
 /// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
 /// order.
@@ -92,11 +94,15 @@ pub struct Holds {
     pub ids: bool,
 }
 
-/// Opens a file of features: its format is known by its first bytes, or else by its name.
+/// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic
+/// lines by theirs, such as `synth:koch,vertices=1000000`.
 ///
 /// # Errors
 /// A file that cannot be read, is of no known format, or damaged in its header.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    if let Some(lines) = synthetic(path) {
+        return Ok(Box::new(synth::Synthetic::new(lines?)));
+    }
     let format = identify(path)?.ok_or_else(|| {
         Error::bad_input("not a file of features of a known format")
             .in_file(path)

@@ -1,0 +1,134 @@
+//! The curves, each in a square of side 1 whose lower left corner is its place.
+
+use super::{Lines, Place, Xy};
+
+/// A position in the square at a place.
+fn within(place: Place, p: Xy) -> Xy {
+    [0, 1].map(|k| f64::from(place[k]) + p[k])
+}
+
+/// Half of the square root of 3.
+const HALF_ROOT: f64 = 0.866_025_403_784_438_6;
+
+/// The six directions of the curve of von Koch, by sixths of a turn.
+const SIXTHS: [Xy; 6] = [
+    [1.0, 0.0],
+    [0.5, HALF_ROOT],
+    [-0.5, HALF_ROOT],
+    [-1.0, 0.0],
+    [-0.5, -HALF_ROOT],
+    [0.5, -HALF_ROOT],
+];
+
+/// From west to east, H. von Koch, "Sur une courbe continue sans tangente" (1904), with as many levels
+/// as the vertices need.
+pub(super) fn koch(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+    let segments = u64::from(lines.vertices) - 1;
+    let levels = (0..).find(|level| 4_u64.pow(*level) >= segments).unwrap_or(0);
+    out.extend((0..u64::from(lines.vertices)).map(|vertex| within(place, koch_at(vertex, levels))));
+}
+
+/// A vertex by the digits, to the base of 4, of its number: each says which quarter of the curve it is
+/// in, and that quarter is a third as long.
+fn koch_at(vertex: u64, levels: u32) -> Xy {
+    if vertex == 4_u64.pow(levels) {
+        return [1.0, 0.0];
+    }
+    let (mut at, mut heading, mut length) = ([0.0, 0.0], 0, 1.0);
+    for level in (0..levels).rev() {
+        length /= 3.0;
+        let quarter = (vertex >> (2 * level) & 3) as usize;
+        // The headings of the quarters, against that of the whole.
+        let turns = [0, 1, 5, 0].map(|turn| (heading + turn) % 6);
+        for turn in &turns[..quarter] {
+            at = [0, 1].map(|k| at[k] + length * SIXTHS[*turn][k]);
+        }
+        heading = turns[quarter];
+    }
+    at
+}
+
+/// From the middle. A walk gets about as far as the root of its steps, times one, so few leave the
+/// square.
+pub(super) fn walk(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+    let step = 0.25 / f64::from(lines.vertices).sqrt();
+    let of = key(place);
+    let mut at = [0.5, 0.5];
+    for vertex in 0..u64::from(lines.vertices) {
+        out.push(within(place, at));
+        at = [0, 1].map(|k| at[k] + step * lines.chance(of, 2 * vertex + k as u64));
+    }
+}
+
+fn key([col, row]: Place) -> u64 {
+    u64::from(col) << 32 | u64::from(row)
+}
+
+pub(super) fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+    let last = f64::from(lines.vertices - 1);
+    let at = |vertex: u32| {
+        let x = f64::from(vertex) / last;
+        let sign = if vertex.is_multiple_of(2) { 0.5 } else { -0.5 };
+        within(place, [x, 0.5 + sign * x])
+    };
+    out.extend((0..lines.vertices).map(at));
+}
+
+pub(super) fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+    /// Half the angle from one vertex to the next, a thousandth of a turn.
+    const HALF_STEP: f64 = std::f64::consts::PI / 1000.0;
+    let [cosine, sine] = on_circle(HALF_STEP);
+    let mut unit = [1.0, 0.0];
+    for vertex in 0..lines.vertices {
+        let radius = 0.5 * (1.0 - f64::from(vertex) / f64::from(lines.vertices));
+        out.push(within(place, unit.map(|v| 0.5 + radius * v)));
+        unit = [unit[0] * cosine - unit[1] * sine, unit[0] * sine + unit[1] * cosine];
+    }
+}
+
+pub(super) fn arc(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+    let last = f64::from(lines.vertices - 1);
+    let at = |vertex| within(place, on_circle(f64::from(vertex) / last));
+    out.extend((0..lines.vertices).map(at));
+}
+
+/// The place on the unit circle at an angle whose half has this tangent.
+fn on_circle(half_tangent: f64) -> Xy {
+    let square = half_tangent * half_tangent;
+    [(1.0 - square) / (1.0 + square), 2.0 * half_tangent / (1.0 + square)]
+}
+
+/// The ring of a cell, against the clock from its lower left corner. A border strays sideways by less
+/// than its nearer end is away, so it meets no other.
+pub(super) fn cell(lines: &Lines, [col, row]: Place, out: &mut Vec<Xy>) {
+    let steps = (lines.vertices / 4).max(1);
+    // Both cells along a border compute it by the same operations.
+    let share = |i: u32| f64::from(i) / f64::from(steps);
+    let level = |row: u32, i: u32| {
+        let off = stray(lines, key([col, row]) * 2, share(i), steps);
+        [f64::from(col) + share(i), f64::from(row) + off]
+    };
+    let upright = |col: u32, i: u32| {
+        let off = stray(lines, key([col, row]) * 2 + 1, share(i), steps);
+        [f64::from(col) + off, f64::from(row) + share(i)]
+    };
+    out.extend((0..steps).map(|i| level(row, i)));
+    out.extend((0..steps).map(|i| upright(col + 1, i)));
+    out.extend((1..=steps).rev().map(|i| level(row + 1, i)));
+    out.extend((0..=steps).rev().map(|i| upright(col, i)));
+}
+
+/// How far a border is off the line between its corners, at a share of its way: noise with octaves down
+/// to its steps.
+fn stray(lines: &Lines, border: u64, share: f64, steps: u32) -> f64 {
+    let (mut height, mut weight, mut waves) = (0.0, 0.5, 4_u32);
+    while waves / 4 < steps {
+        let place = share * f64::from(waves);
+        let (from, part) = (place.floor(), place - place.floor());
+        let at = |wave: f64| lines.chance(border, u64::from(waves) << 32 | wave as u64);
+        height += weight * (at(from) * (1.0 - part) + at(from + 1.0) * part);
+        weight *= 0.5;
+        waves *= 2;
+    }
+    0.8 * share.min(1.0 - share) * height
+}
