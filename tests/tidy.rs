@@ -264,8 +264,8 @@ fn the_table_names_rooms_that_exist_and_only_those() {
 fn siblings_and_purity_are_what_the_design_says() {
     let rules = rules();
     for pure in &rules.pure {
-        // Triangulations of points are below the rooms that build on them.
-        let base = ["error", "geom", "delaunay"].map(str::to_owned);
+        // Triangulations of points, and lines, are below the rooms that build on them.
+        let base = ["error", "geom", "delaunay", "line"].map(str::to_owned);
         let below = base.into_iter().filter(|room| room != pure).collect();
         assert!(rules.imports[pure].is_subset(&below), "{pure} is pure");
     }

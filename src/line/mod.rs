@@ -32,7 +32,7 @@ pub type Xy = [f64; 2];
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     /// Ends of ranges still to be looked at.
-    ends: Vec<u32>,
+    ends: Vec<usize>,
     /// Vertices at which a segment may end.
     candidates: Vec<u32>,
     /// What the shortest path knows of each vertex.

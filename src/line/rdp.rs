@@ -28,18 +28,37 @@ pub fn rdp<V: Copy, M: Metric<V>>(
         return;
     }
     let mut splits = Splits::new(metric, points);
+    let last = points.len() - 1;
     kept.push(0);
-    let ends = &mut scratch.ends;
+    let split = |start, end| {
+        let found = splits.split(start, end, tolerance * tolerance);
+        found.map(|(middle, _)| middle)
+    };
+    refine(0, last, &mut scratch.ends, split, |vertex| kept.push(vertex as u32));
+    kept.push(last as u32);
+}
+
+/// Calls `keep` with the vertices strictly between `start` and `end` that are kept, in order: where
+/// `split` divides a stretch, and both halves again. `ends` is room to work in.
+pub fn refine(
+    start: usize,
+    end: usize,
+    ends: &mut Vec<usize>,
+    mut split: impl FnMut(usize, usize) -> Option<usize>,
+    mut keep: impl FnMut(usize),
+) {
+    let mut start = start;
     ends.clear();
-    ends.push(points.len() as u32 - 1);
-    let mut start = 0;
+    ends.push(end);
     while let Some(&end) = ends.last() {
-        match splits.split(start, end as usize, tolerance * tolerance) {
-            Some((middle, _)) => ends.push(middle as u32),
+        match split(start, end) {
+            Some(middle) => ends.push(middle),
             None => {
                 ends.pop();
-                kept.push(end);
-                start = end as usize;
+                start = end;
+                if !ends.is_empty() {
+                    keep(end);
+                }
             }
         }
     }

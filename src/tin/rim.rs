@@ -3,6 +3,7 @@
 
 use super::exact::within;
 use super::{Local, TileInput};
+use crate::line::rdp::refine;
 
 /// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile
 /// positions.
@@ -106,8 +107,8 @@ impl Rim {
     ///
     /// Between samples of the outline the rim is either all surface or all void. On the surface,
     /// the sample furthest from the chord (the first among equals) is kept and both halves are
-    /// treated alike, until every sample is within `tolerance` of its chord (Douglas & Peucker
-    /// 1973, with vertical distances).
+    /// treated alike, until every sample is within `tolerance` of its chord: lines are refined so, too
+    /// ([`refine`]), but here the vertical distance decides without rounding.
     pub(super) fn vertices(
         &self,
         role: impl Fn(Local) -> Role,
@@ -123,7 +124,8 @@ impl Rim {
         while start < last {
             let end = (start + 1..=last).find(is_fixed).unwrap_or(last);
             if end > start + 1 && role(self.at(start + 1)) == Role::Interior {
-                self.refine(start, end, &sample, &vertex, tolerance, out);
+                let ends = [start, end].map(|i| i as usize);
+                self.refine(ends, &sample, &vertex, tolerance, out);
             }
             out.push(self.at(end));
             start = end;
@@ -133,39 +135,27 @@ impl Rim {
     /// Appends what lies strictly between `start` and `end`, from low to high.
     fn refine(
         &self,
-        start: u32,
-        end: u32,
+        [start, end]: [usize; 2],
         sample: &impl Fn(Local) -> f64,
         vertex: &impl Fn(Local) -> f64,
         tolerance: f64,
         out: &mut Vec<Local>,
     ) {
-        let mut ends = vec![end];
-        let mut start = start;
-        while let Some(&end) = ends.last() {
-            match self.worst(start, end, sample, vertex, tolerance) {
-                Some(middle) => ends.push(middle),
-                None => {
-                    ends.pop();
-                    start = end;
-                    if !ends.is_empty() {
-                        out.push(self.at(end));
-                    }
-                }
-            }
-        }
+        let split = |start, end| self.worst(start, end, sample, vertex, tolerance);
+        refine(start, end, &mut Vec::new(), split, |at| out.push(self.at(at as u32)));
     }
 
     /// The sample between `start` and `end` furthest from their chord, if one is beyond
     /// `tolerance`.
     fn worst(
         &self,
-        start: u32,
-        end: u32,
+        start: usize,
+        end: usize,
         sample: &impl Fn(Local) -> f64,
         vertex: &impl Fn(Local) -> f64,
         tolerance: f64,
-    ) -> Option<u32> {
+    ) -> Option<usize> {
+        let (start, end) = (start as u32, end as u32);
         let (from, to) = (vertex(self.at(start)), vertex(self.at(end)));
         let mut worst: Option<(u32, f64)> = None;
         for i in start + 1..end {
@@ -182,6 +172,6 @@ impl Rim {
                 worst = Some((i, error));
             }
         }
-        worst.map(|(i, _)| i)
+        worst.map(|(i, _)| i as usize)
     }
 }
