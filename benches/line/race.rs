@@ -42,9 +42,11 @@ impl Race {
         });
         let kept = Kept::simplified(chains, &mut refine);
         match self.is_clean {
-            true => untangle(chains, &kept, &[], &Options::default(), &mut refine)
-                .expect("sound chains")
-                .kept,
+            true => {
+                untangle(chains, &kept, &[], &Options::default(), &mut refine)
+                    .expect("sound chains")
+                    .kept
+            }
             false => kept,
         }
     }
@@ -67,10 +69,10 @@ pub(crate) fn was_told(points: &[Xy]) -> bool {
         }
     }
     let mut words: Vec<u32> = Vec::new();
-    for chain in 0..chains.count() {
+    for (chain, start) in starts.iter().take(chains.count()).enumerate() {
         let own = kept.of(chain);
         words.push(own.len() as u32);
-        words.extend(own.iter().map(|i| i - starts[chain] as u32));
+        words.extend(own.iter().map(|i| i - *start as u32));
     }
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     fs::write(&race.output, bytes).expect("a file that can be written");

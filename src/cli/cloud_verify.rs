@@ -15,11 +15,7 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.report {
         tin::write_report(path, args.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    } else {
+    if !args.show.tell(&report, || summary(&report))? {
         tell_failures(&report);
     }
     Ok(outcome(&report))

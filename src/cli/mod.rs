@@ -16,6 +16,8 @@ mod grid;
 mod heap;
 mod help;
 mod info;
+mod line;
+mod line_verify;
 mod man;
 mod parse;
 mod plan;
@@ -58,6 +60,7 @@ enum Verb {
     View(view::Args),
     Convert(convert::Args),
     Grid(Box<grid::Args>),
+    Line(Box<line::Args>),
     Synth(synth::Args),
     Plan(plan::Args),
     Run(run::Args),
@@ -105,6 +108,7 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::View(args) => view::run(args, cancel),
         Verb::Convert(args) => convert::run(args, cancel),
         Verb::Grid(args) => grid::run(args, cancel),
+        Verb::Line(args) => line::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
         Verb::Plan(args) => plan::run(args, cancel),
         Verb::Run(args) => run::run(args, cancel),

@@ -84,8 +84,7 @@ impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
         }
         let segment = self.metric.segment(&self.points[start], &self.points[end]);
         let found = beyond::<V, M>(&segment, start + 1, tolerance2, |farthest| {
-            let looks =
-                self.tree.farthest::<V, M>(&segment, self.points, start + 1, end, farthest);
+            let looks = self.tree.farthest::<V, M>(&segment, self.points, start + 1, end, farthest);
             self.left = self.left.saturating_sub(looks);
         });
         if let (0, Some(line)) = (self.left, line) {

@@ -8,6 +8,7 @@ mod disk;
 #[cfg(test)]
 mod few;
 pub mod grid;
+pub mod line;
 pub mod memory;
 pub mod plan;
 mod points;

@@ -39,7 +39,7 @@ fn line() -> impl Strategy<Value = Vec<Xy>> {
     let lines = prop_oneof![
         (any::<u64>(), 200..900_usize, any::<bool>()).prop_map(|(seed, n, l)| walk(seed, n, l)),
         (200..900_u32, slants, growth).prop_map(|(n, slant, growth)| zigzag(n, slant, growth)),
-        (200..900_u32, prop_oneof![Just(1.570_796_326_794_896_6), Just(2.4), Just(0.01)])
+        (200..900_u32, prop_oneof![Just(std::f64::consts::FRAC_PI_2), Just(2.4), Just(0.01)])
             .prop_map(|(n, turn)| whirl(n, turn)),
         positions,
     ];
