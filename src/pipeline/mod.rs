@@ -5,6 +5,7 @@ pub mod cloud_tin;
 pub mod convert;
 pub mod delaunay;
 mod disk;
+pub mod feature_stats;
 #[cfg(test)]
 mod few;
 pub mod grid;
