@@ -7,6 +7,8 @@ use terrane::verify::lines::{Distance, Lines, Question, check};
 
 /// Most vertices.
 const MOST: usize = 4000;
+/// Most vertices of a line that may cross itself as often as it has pairs of segments.
+const CROSSING: usize = 400;
 /// Lines of which all segments are tried.
 const SHORT: usize = 24;
 
@@ -28,7 +30,7 @@ pub fn simplify(data: &[u8]) {
         })
         .collect();
     bounded(&line, tolerance * unit);
-    clean(&line, tolerance * unit);
+    clean(&line[..line.len().min(CROSSING)], tolerance * unit);
 }
 
 fn kept(method: &Method, line: &[Xy], tolerance: f64) -> Vec<u32> {
