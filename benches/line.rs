@@ -3,7 +3,8 @@
 //!
 //! `cargo bench --bench line [FILTER]` takes a fractal line of a million vertices from a seed;
 //! `TERRANE_COAST=FILE` a line from a file instead (little-endian f64, x and y of each vertex), with
-//! tolerances for degrees. Times are for vertices of the input (`elem/s`). With TERRANE_LINE_RACE one method
+//! tolerances for degrees, which TERRANE_COAST_OFFSETS=FILE (starts, little-endian u64) divides into several
+//! for hierarchies. Times are for vertices of the input (`elem/s`). With TERRANE_LINE_RACE one method
 //! runs once, see `line/race.rs`.
 
 #[path = "line/race.rs"]
@@ -123,22 +124,32 @@ fn methods(c: &mut Criterion) {
 }
 
 fn hierarchies(c: &mut Criterion) {
-    let line = coast();
-    let hierarchy = Hierarchy::new(&Plane, &line);
+    let points = coast();
+    let starts = race::starts(points.len());
+    let make = || -> Vec<Hierarchy> {
+        starts.windows(2).map(|ends| Hierarchy::new(&Plane, &points[ends[0]..ends[1]])).collect()
+    };
+    let all = make();
     let mut group = c.benchmark_group("hierarchy");
-    group.sample_size(10).throughput(Throughput::Elements(line.len() as u64));
-    group.bench_function("make", |b| b.iter(|| Hierarchy::new(&Plane, &line)));
+    group.sample_size(10).throughput(Throughput::Elements(points.len() as u64));
+    group.bench_function("make", |b| b.iter(make));
     for tolerance in TOLERANCES {
         group.bench_function(BenchmarkId::new("filter", tolerance), |b| {
+            let mut kept = Vec::new();
             b.iter(|| {
-                let mut kept = Vec::new();
-                hierarchy.filter(tolerance, &mut kept);
-                kept
+                kept.clear();
+                all.iter().for_each(|hierarchy| hierarchy.filter(tolerance, &mut kept));
+                kept.len()
             });
         });
     }
-    let bytes = hierarchy.to_bytes();
-    group.bench_function("load", |b| b.iter(|| Hierarchy::from_bytes(black_box(&bytes))));
+    let bytes: Vec<Vec<u8>> = all.iter().map(Hierarchy::to_bytes).collect();
+    group.bench_function("load", |b| {
+        b.iter(|| {
+            let load = |bytes: &Vec<u8>| Hierarchy::from_bytes(black_box(bytes));
+            bytes.iter().map(load).collect::<Result<Vec<_>, _>>()
+        });
+    });
     group.finish();
 }
 

@@ -128,7 +128,7 @@ def bench():
     text = subprocess.run(["cargo", "bench", "--bench", "line", "--no-run", "--message-format=json"],
                           cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     messages = [json.loads(row) for row in text.splitlines() if row.startswith("{")]
-    return [row["executable"] for row in messages if row.get("executable")][-1]
+    return next(row["executable"] for row in messages if row.get("executable") and row["target"]["kind"] == ["bench"])
 
 
 def python(before, call, after):

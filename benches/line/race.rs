@@ -81,7 +81,8 @@ pub(crate) fn was_told(points: &[Xy]) -> bool {
     true
 }
 
-fn starts(count: usize) -> Vec<usize> {
+/// Where chains begin, and the last ends.
+pub(crate) fn starts(count: usize) -> Vec<usize> {
     let Some(path) = std::env::var_os("TERRANE_COAST_OFFSETS") else { return vec![0, count] };
     let bytes = fs::read(path).expect("a file of starts");
     let word = |at: &[u8]| u64::from_le_bytes(at.try_into().expect("eight bytes")) as usize;

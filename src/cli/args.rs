@@ -45,9 +45,9 @@ impl Grid {
         self.given().map_or(Ok(()), |option| only_grid_files(option, input))
     }
 
-    /// Fails when an option was given, because `input` is a point cloud.
-    pub(super) fn refuse_cloud(&self, input: &str) -> Result<()> {
-        self.given().map_or(Ok(()), |option| Err(refusal(option, input, "a point cloud")))
+    /// Fails when an option was given, because `input` is `what`, such as a point cloud.
+    pub(super) fn refuse(&self, input: &str, what: &str) -> Result<()> {
+        self.given().map_or(Ok(()), |option| Err(refusal(option, input, what)))
     }
 
     /// The first of these options that was given.

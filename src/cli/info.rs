@@ -1,10 +1,12 @@
-//! `terrane info`: what a file is, for every grid and mesh format.
+//! `terrane info`: what a file is, for every format of grids, meshes, clouds and features.
+
+use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, args, check, cloud, cloud_info, say, text};
+use crate::cli::{Outcome, args, check, cloud, cloud_info, feature_info, say, text};
 use crate::cloud::is_cloud;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
 use crate::output::MeshInfo;
 use crate::pipeline::surface::{self, GridStats, Surface};
@@ -12,10 +14,11 @@ use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
 use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 
-/// Tell what grids, meshes and point clouds are, what is odd about them, and what a TIN would take
+/// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
+/// of a grid would take
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Grid, mesh and cloud files, or synthetic terrains by name; a folder, a list or a pattern in
+    /// Grid, mesh, cloud and feature files, or synthetic terrains by name; a folder, a list or a pattern in
     /// quotes is one mosaic or one cloud
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
@@ -23,9 +26,12 @@ pub(super) struct Args {
     #[arg(long)]
     mosaic: bool,
     /// Read all samples: share of valid ones, lowest, highest and mean height; of a cloud all points:
-    /// counts by class and return, bounds found
+    /// counts by class and return, bounds found (features are read to the end in any case)
     #[arg(long)]
     stats: bool,
+    /// The object of TopoJSON files to tell about [default: their first]
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -63,6 +69,17 @@ enum Facts {
     Grid(Box<GridFacts>),
     Mesh(Box<MeshFacts>),
     Cloud(Box<cloud_info::Facts>),
+    Features(Box<feature_info::Facts>),
+}
+
+impl Args {
+    /// Fails when an object was named, because these are no features.
+    fn refuse_layer(&self, files: &[String]) -> Result<()> {
+        let Some(_) = self.layer else { return Ok(()) };
+        Err(Error::usage("--layer is for files of features, and this is none")
+            .in_file(Path::new(&told(files)))
+            .remedy("leave --layer out"))
+    }
 }
 
 fn told(files: &[String]) -> String {
@@ -76,9 +93,51 @@ fn describe(
     cancel: &Cancel,
 ) -> Result<Facts> {
     if files.iter().any(|file| is_cloud(file)) {
+        args.refuse_layer(files)?;
         return describe_cloud(files, args, progress, cancel);
     }
+    if files.iter().any(|file| feature_info::are_features(file)) {
+        return describe_features(files, args, progress, cancel);
+    }
+    args.refuse_layer(files)?;
     check::inputs(files)?;
+    let as_grid = match describe_surface(files, args, progress, cancel) {
+        Err(error) if error.kind() == ErrorKind::BadInput => error,
+        other => return other,
+    };
+    // A table of positions may be features.
+    match describe_features(files, args, progress, cancel) {
+        Ok(Facts::Features(facts)) if facts.is_more_than_positions() => {
+            let note = format!("taken for features, because as a grid: {as_grid}");
+            Ok(Facts::Features(Box::new(facts.noted(note))))
+        }
+        _ => Err(as_grid),
+    }
+}
+
+fn describe_features(
+    files: &[String],
+    args: &Args,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Facts> {
+    let [file] = files else {
+        return Err(
+            Error::usage("features are told about file by file").remedy("leave --mosaic out")
+        );
+    };
+    args.grid.refuse(file, "a file of features")?;
+    args.cloud.refuse(file)?;
+    let facts = feature_info::describe(file, args.layer.as_ref(), (progress, cancel))?;
+    Ok(Facts::Features(Box::new(facts)))
+}
+
+fn describe_surface(
+    files: &[String],
+    args: &Args,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Facts> {
     args.grid.check_all(files)?;
     files.iter().try_for_each(|file| args.cloud.refuse(file))?;
     files.iter().try_for_each(|file| args.machine.check(file))?;
@@ -107,7 +166,7 @@ fn describe_cloud(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Facts> {
-    files.iter().try_for_each(|file| args.grid.refuse_cloud(file))?;
+    files.iter().try_for_each(|file| args.grid.refuse(file, "a point cloud"))?;
     let (resources, told) = (args.machine.resources(), told(files));
     let at = (files, told.as_str());
     let facts = cloud_info::describe(at, &args.cloud, args.stats, &resources, (progress, cancel))?;
@@ -120,6 +179,7 @@ impl Facts {
             Facts::Grid(grid) => grid.rows(),
             Facts::Mesh(mesh) => mesh.rows(),
             Facts::Cloud(cloud) => cloud.rows(),
+            Facts::Features(features) => features.rows(),
         };
         format!("{file}\n{}", text::table(&rows))
     }
@@ -289,7 +349,7 @@ fn bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
 }
 
 /// A coordinate to nine decimals, shortest form; tiny and huge ones in powers of ten.
-fn position(value: f64) -> String {
+pub(super) fn position(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }

@@ -9,7 +9,9 @@ use crate::error::Result;
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
 use crate::pipeline::Cancel;
-use crate::pipeline::line::{self, Goal, Length, LineJob, LineReport, Measure, Topology};
+use crate::pipeline::line::{
+    self, Goal, HierarchyReport, Length, LineJob, LineReport, Measure, Topology,
+};
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
 ///
@@ -64,9 +66,13 @@ struct GoalArgs {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Method")]
 struct MethodArgs {
-    /// How vertices are chosen: cone, rdp, imai-iri, visvalingam, weighted-visvalingam
-    #[arg(long, value_name = "NAME", default_value = METHODS[0].name, value_parser = parse_method)]
-    method: &'static Method,
+    /// How vertices are chosen: cone, rdp, imai-iri, visvalingam, weighted-visvalingam [default: cone; rdp with --hierarchy]
+    #[arg(long, value_name = "NAME", value_parser = parse_method)]
+    method: Option<&'static Method>,
+    /// File of all splits of rdp, with the distance at which each is made: made where it is not there, and
+    /// asked instead of the method where it is, for any tolerance, share, number or size
+    #[arg(long, value_name = "FILE", conflicts_with = "topology")]
+    hierarchy: Option<PathBuf>,
     /// What a distance is: in x and y, or in x, y and z
     #[arg(long, value_name = "NAME", value_enum, default_value_t = MetricName::Plane)]
     metric: MetricName,
@@ -195,8 +201,9 @@ fn job(args: &Args) -> Result<LineJob> {
     let Args { input, output, goal, method, neighbours, out, .. } = args;
     let inputs: Vec<String> = input.iter().map(|path| path.display().to_string()).collect();
     check::inputs(&inputs)?;
+    let beside = [out.report.as_deref(), method.hierarchy.as_deref()];
     let outputs: Vec<&Path> =
-        std::iter::once(output.as_path()).chain(out.report.as_deref()).collect();
+        std::iter::once(output.as_path()).chain(beside.into_iter().flatten()).collect();
     check::not_among(&inputs, &outputs)?;
     if input.len() == 1 {
         check::new_file(output, out.overwrite)?;
@@ -204,12 +211,16 @@ fn job(args: &Args) -> Result<LineJob> {
     if let Some(report) = &out.report {
         check::new_file(report, out.overwrite)?;
     }
+    if let Some(hierarchy) = method.hierarchy.as_deref().filter(|path| !path.exists()) {
+        check::new_file(hierarchy, false)?;
+    }
     Ok(LineJob {
         input: input.clone(),
         layer: out.layer.clone(),
         output: output.clone(),
         format: out.format.clone(),
-        method: method.method,
+        method: method.method(),
+        hierarchy: method.hierarchy.clone(),
         goal: goal.goal(),
         is_space: method.metric == MetricName::Space,
         topology: neighbours.topology.then(|| neighbours.topology()),
@@ -236,6 +247,14 @@ impl GoalArgs {
         ];
         // One of them is required.
         given.into_iter().flatten().next().unwrap_or(Goal::Ratio(1.0))
+    }
+}
+
+impl MethodArgs {
+    fn method(&self) -> &'static Method {
+        let of_hierarchies = METHODS.iter().find(|method| method.name == "rdp");
+        let other = of_hierarchies.filter(|_| self.hierarchy.is_some());
+        self.method.or(other).unwrap_or(&METHODS[0])
     }
 }
 
@@ -305,6 +324,7 @@ fn summary(r: &LineReport) -> String {
         rows.push(("topology", format!("{arcs} arcs, {refined} pieces refined")));
         rows.push(("crossings", format!("{found} that the input has")));
     }
+    rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
     rows.push(("time", text::seconds(r.wall_seconds)));
     if let Some(peak) = r.peak_memory {
@@ -313,6 +333,13 @@ fn summary(r: &LineReport) -> String {
     }
     rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))
+}
+
+/// What a file of hierarchies was to a simplification.
+fn hierarchy(own: &HierarchyReport) -> String {
+    let done = if own.made { "made" } else { "checked" };
+    let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);
+    format!("{}, {}, {done} in {prepared}, asked in {asked}", own.file, text::bytes(own.bytes))
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ mod cloud_verify;
 mod complete;
 mod convert;
 mod demo;
+mod feature_info;
 mod grid;
 mod heap;
 mod help;

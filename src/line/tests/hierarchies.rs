@@ -10,7 +10,9 @@ struct SameAsDirect;
 impl Check for SameAsDirect {
     fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let mut kept = Vec::new();
-        Hierarchy::new(metric, points).filter(tolerance, &mut kept);
+        let hierarchy = Hierarchy::new(metric, points);
+        hierarchy.filter(tolerance, &mut kept);
+        assert_eq!(hierarchy.kept(tolerance), kept.len());
         assert_eq!(kept, run(rdp, metric, points, tolerance));
     }
 }

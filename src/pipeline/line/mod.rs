@@ -5,8 +5,10 @@ mod files;
 mod goal;
 mod part;
 mod report;
+mod stored;
 mod stream;
 mod tool;
+mod trees;
 mod whole;
 
 use std::path::{Path, PathBuf};
@@ -14,7 +16,7 @@ use std::time::Instant;
 
 pub(in crate::pipeline) use goal::measured as goal_of;
 pub use goal::{Goal, Length, Threshold};
-pub use report::LineReport;
+pub use report::{HierarchyReport, LineReport};
 pub use tool::Measure;
 pub(in crate::pipeline) use whole::positions;
 
@@ -24,6 +26,7 @@ use crate::line::{METHODS, Method, registry};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use files::Files;
 use part::Tally;
+use stored::Store;
 use tool::Rule;
 
 /// Lines to be simplified.
@@ -45,6 +48,9 @@ pub struct LineJob {
     pub is_space: bool,
     /// Neighbours are looked at; each feature is simplified by itself when `None`.
     pub topology: Option<Topology>,
+    /// The file of hierarchies, for Ramer-Douglas-Peucker without topology: made where it is not there,
+    /// asked instead of the method where it is.
+    pub hierarchy: Option<PathBuf>,
     /// What becomes of rings that have fewer than three vertices left.
     pub collapse: Collapse,
     /// Digits behind the point in text formats; as many as it takes when `None`.
@@ -78,6 +84,7 @@ impl LineJob {
             goal,
             is_space: false,
             topology: None,
+            hierarchy: None,
             collapse: Collapse::Minimal,
             decimals: None,
             overwrite: false,
@@ -107,6 +114,7 @@ pub fn method(name: &str) -> Result<&'static Method> {
 pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
     let started = Instant::now();
     job.goal.check(job.method)?;
+    check_hierarchy(job)?;
     let files = Files::of(job)?;
     let mut report = match (&job.topology, job.goal) {
         (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
@@ -121,8 +129,38 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     Ok(report)
 }
 
+/// Fails where hierarchies were asked for that do not do the job.
+fn check_hierarchy(job: &LineJob) -> Result<()> {
+    if job.hierarchy.is_none() {
+        return Ok(());
+    }
+    if job.topology.is_some() {
+        return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
+            .remedy("leave --hierarchy out, or --topology"));
+    }
+    match job.method.name {
+        "rdp" => Ok(()),
+        name => Err(Error::usage(format!("a hierarchy is of rdp, and the method is {name}"))
+            .remedy("leave --hierarchy out, or pass --method rdp")),
+    }
+}
+
 impl LineReport {
+    /// Completes the file of hierarchies, if there is one, and tells of it.
+    fn stored(&mut self, job: &LineJob, store: Store) -> Result<()> {
+        let Some(path) = &job.hierarchy else { return Ok(()) };
+        let own = self.hierarchy.get_or_insert_default();
+        (own.file, own.made) = (name(path), store.makes());
+        own.bytes = store.finish()?;
+        Ok(())
+    }
+
     fn add(&mut self, tally: &Tally) {
+        if tally.prepare_seconds + tally.query_seconds > 0.0 {
+            let own = self.hierarchy.get_or_insert_default();
+            own.prepare_seconds += tally.prepare_seconds;
+            own.query_seconds += tally.query_seconds;
+        }
         self.features += tally.features;
         self.parts += tally.parts;
         self.vertices += tally.vertices;

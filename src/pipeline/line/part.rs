@@ -3,6 +3,7 @@
 use std::cell::Cell;
 
 use super::tool::{Measure, Rule, Task, Tool, Vertex};
+use super::trees::{Left, Trees};
 use crate::error::{Error, Result};
 use crate::line::{Metric, Scratch};
 use crate::vector::{Feature, Geometry, Kept, Part};
@@ -17,21 +18,30 @@ pub(super) struct Tally {
     pub(super) collapsed: u64,
     /// The largest squared distance.
     pub(super) square: f64,
+    /// Seconds that hierarchies took to be made, or checked, and to answer.
+    pub(super) prepare_seconds: f64,
+    pub(super) query_seconds: f64,
 }
 
-/// A feature with what `rule` keeps of its geometry.
+/// A feature with what `rule` keeps of its geometry, by hierarchies where it has them.
 ///
 /// # Errors
 /// A part that the metric cannot measure ([`check`]).
-pub(super) fn simplify(feature: Feature, rule: &Rule) -> Result<(Feature, Tally)> {
+pub(super) fn simplify(
+    feature: Feature,
+    trees: Option<&Trees>,
+    rule: &Rule,
+) -> Result<(Feature, Tally)> {
     feature.geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
-    let (geometry, tally) = rule.apply(One(&feature.geometry));
+    let left = Left::of(trees, rule.threshold);
+    let (geometry, tally) = rule.apply(One { geometry: &feature.geometry, left });
     Ok((Feature { geometry, ..feature }, tally))
 }
 
 /// How much `rule` keeps of a feature.
-pub(super) fn count(feature: &Feature, rule: &Rule) -> u64 {
-    rule.apply(Counting(&feature.geometry))
+pub(super) fn count(feature: &Feature, trees: Option<&Trees>, rule: &Rule) -> u64 {
+    let left = Left::of(trees, rule.threshold);
+    rule.apply(Counting { geometry: &feature.geometry, left })
 }
 
 /// Fails when a part cannot be measured: it has no heights, or latitudes that are none.
@@ -69,18 +79,22 @@ fn with_scratch<T>(work: impl FnOnce(&mut Scratch, &mut Vec<u32>) -> T) -> T {
 }
 
 /// A geometry to be simplified.
-struct One<'a>(&'a Geometry);
+struct One<'a> {
+    geometry: &'a Geometry,
+    left: Left<'a>,
+}
 
 impl Task for One<'_> {
     type Output = (Geometry, Tally);
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> (Geometry, Tally) {
+    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> (Geometry, Tally) {
         let mut tally = Tally { features: 1, ..Tally::default() };
         let mut points = Vec::new();
         let geometry = with_scratch(|scratch, kept| {
-            self.0.keep(|_, part| {
+            self.geometry.keep(|_, part| {
                 vertices(&part, &mut points);
-                let outcome = tool.part(&points, part.is_ring(), scratch, kept);
+                let mut choose = chooser(&mut self.left, tool);
+                let outcome = tool.part(&points, part.is_ring(), &mut choose, scratch, kept);
                 tally.parts += 1;
                 tally.vertices += points.len() as u64;
                 tally.collapsed += u64::from(outcome.collapsed);
@@ -91,7 +105,20 @@ impl Task for One<'_> {
             })
         });
         tally.kept = geometry.parts().map(|part| part.xy.len() as u64).sum();
+        tally.query_seconds = self.left.seconds;
         (geometry, tally)
+    }
+}
+
+/// Keeps vertices of lines by what is left of their hierarchies, or else by the method.
+fn chooser<V: Vertex, M: Metric<V> + Copy>(
+    left: &mut Left<'_>,
+    tool: &Tool<V, M>,
+) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) {
+    |line, scratch, kept| {
+        if !left.filter(line.len(), kept) {
+            tool.line(line, scratch, kept);
+        }
     }
 }
 
@@ -101,17 +128,25 @@ pub(super) fn chosen(kept: &[u32]) -> Kept {
 }
 
 /// A geometry to be counted.
-struct Counting<'a>(&'a Geometry);
+struct Counting<'a> {
+    geometry: &'a Geometry,
+    left: Left<'a>,
+}
 
 impl Task for Counting<'_> {
     type Output = u64;
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> u64 {
+    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> u64 {
         let (mut points, mut count) = (Vec::new(), 0);
         with_scratch(|scratch, kept| {
-            for part in self.0.parts() {
+            for part in self.geometry.parts() {
+                if let Some(known) = self.left.count(&part) {
+                    count += known;
+                    continue;
+                }
                 vertices(&part, &mut points);
-                tool.part(&points, part.is_ring(), scratch, kept);
+                let mut choose = chooser(&mut self.left, tool);
+                tool.choose(&points, part.is_ring(), &mut choose, scratch, kept);
                 // A ring ends with its first vertex again.
                 count += kept.len() as u64 + u64::from(part.is_ring() && !kept.is_empty());
             }

@@ -5,6 +5,20 @@ use serde::Serialize;
 use super::goal::Threshold;
 use super::tool::Measure;
 
+/// What a file of hierarchies was to a simplification.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct HierarchyReport {
+    pub file: String,
+    /// True where it was made, false where it was there.
+    pub made: bool,
+    pub bytes: u64,
+    /// Seconds, of all threads together, in which hierarchies were made, or checked.
+    pub prepare_seconds: f64,
+    /// Seconds, of all threads together, in which they told what is kept.
+    pub query_seconds: f64,
+}
+
 /// What a simplification did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
@@ -30,6 +44,9 @@ pub struct LineReport {
     pub refined: u64,
     /// Pairs of segments that cross, touch or overlap in the input and still do.
     pub input_crossings: u64,
+    /// The file of hierarchies, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hierarchy: Option<HierarchyReport>,
     pub output_bytes: u64,
     pub notes: Vec<String>,
     pub threads: usize,

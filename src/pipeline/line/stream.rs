@@ -1,20 +1,25 @@
 //! Features one by one, in the order of the file: batches are simplified on all threads while the
 //! next one is read.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use super::files::{self, Files, Pair};
 use super::part::{self, Tally};
+use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::{LineJob, LineReport, on_threads};
 use crate::error::Result;
 use crate::pipeline::{Cancel, Progress};
-use crate::vector::{Feature, FeatureSource};
+use crate::vector::{Feature, FeatureSink, FeatureSource};
 
 /// Vertices of a batch, at least, unless memory is short.
 const BATCH: u64 = 1 << 20;
 /// Bytes that a vertex of a batch takes, with what is made of it.
 const VERTEX: u64 = 160;
+/// Bytes more where it has a hierarchy.
+const SPLIT: u64 = 60;
 /// Features of a batch at most.
 const MOST_FEATURES: usize = 1 << 16;
 
@@ -27,12 +32,23 @@ pub(super) fn run(
     let rule = files.rule(job, 0.0)?;
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
+    let mut store = Store::of(job, &rule)?;
     let bytes: u64 = files.pairs.iter().map(size_of).sum();
     progress.begin("simplify", bytes);
-    for pair in &files.pairs {
-        on_threads(job.resources.threads, || copy(job, pair, &rule, &mut report, cancel))??;
+    for (number, pair) in files.pairs.iter().enumerate() {
+        let is_last = number + 1 == files.pairs.len();
+        let copy = || {
+            let (source, sink) = copy(job, pair, &rule, &mut store, &mut report, cancel)?;
+            // Before the output appears.
+            if is_last { store.end() } else { Ok(()) }?;
+            let foreign = source.layer().foreign.clone();
+            files::note(&mut report, sink.finish(&foreign)?, source.notes());
+            Ok(())
+        };
+        on_threads(job.resources.threads, copy)??;
         progress.advance(size_of(pair));
     }
+    report.stored(job, store)?;
     progress.end();
     Ok(report)
 }
@@ -41,48 +57,73 @@ fn size_of(pair: &Pair) -> u64 {
     std::fs::metadata(&pair.input).map_or(0, |meta| meta.len())
 }
 
+/// A file at its end, and what it became, not yet complete.
+type Copied = (Box<dyn FeatureSource>, Box<dyn FeatureSink>);
+
 /// One file.
 fn copy(
     job: &LineJob,
     pair: &Pair,
     rule: &Rule,
+    store: &mut Store,
     report: &mut LineReport,
     cancel: &Cancel,
-) -> Result<()> {
+) -> Result<Copied> {
     let mut source = pair.open(job)?;
     let mut sink = pair.create(job, source.layer())?;
-    let most = BATCH.min(job.resources.memory / VERTEX / 4).max(1);
-    let mut batch = read(&mut *source, most)?;
+    let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
+    let most = BATCH.min(job.resources.memory / vertex / 4).max(1);
+    let mut batch = read(&mut *source, store, most)?;
     while !batch.is_empty() {
         cancel.check()?;
-        let (made, next) = rayon::join(|| simplify(batch, rule), || read(&mut *source, most));
+        let (made, next) =
+            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, most));
         for one in made {
-            let (feature, tally) = one.map_err(|e| e.in_file(&pair.input))?;
-            report.add(&tally);
-            sink.write(&feature)?;
+            let made = one.map_err(|e| e.in_file(&pair.input))?;
+            report.add(&made.tally);
+            sink.write(&made.feature)?;
+            made.record.map_or(Ok(()), |record| store.push(&record))?;
         }
         batch = next?;
     }
-    let foreign = source.layer().foreign.clone();
-    files::note(report, sink.finish(&foreign)?, source.notes());
-    Ok(())
+    Ok((source, sink))
 }
 
-/// A feature, and where it was.
-type Placed = (Feature, String);
+/// A feature, where it was, and how it is to be simplified.
+type Placed = (Feature, String, Order);
 
 /// The next features, of about so many vertices.
-fn read(source: &mut dyn FeatureSource, most: u64) -> Result<Vec<Placed>> {
+fn read(source: &mut dyn FeatureSource, store: &mut Store, most: u64) -> Result<Vec<Placed>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
     while vertices < most && batch.len() < MOST_FEATURES {
         let Some(feature) = source.next()? else { break };
         vertices += feature.geometry.vertices() as u64;
-        batch.push((feature, source.place()));
+        let order = store.next(&feature.geometry)?;
+        batch.push((feature, source.place(), order));
     }
     Ok(batch)
 }
 
-fn simplify(batch: Vec<Placed>, rule: &Rule) -> Vec<Result<(Feature, Tally)>> {
-    let one = |(feature, place): Placed| part::simplify(feature, rule).map_err(|e| e.at(place));
+/// A feature made simpler.
+struct Made {
+    feature: Feature,
+    tally: Tally,
+    /// Its hierarchies, where they are to be stored.
+    record: Option<Vec<u8>>,
+}
+
+fn simplify(batch: Vec<Placed>, rule: &Rule) -> Vec<Result<Made>> {
+    let one = |(feature, place, order): Placed| make(feature, order, rule).map_err(|e| e.at(place));
     batch.into_par_iter().map(one).collect()
+}
+
+fn make(feature: Feature, order: Order, rule: &Rule) -> Result<Made> {
+    let started = Instant::now();
+    let is_new = matches!(order, Order::Make);
+    let trees = stored::trees(order, &feature.geometry, rule)?;
+    let new = trees.as_ref().filter(|_| is_new);
+    let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
+    let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
+    let (feature, tally) = part::simplify(feature, trees.as_ref(), rule)?;
+    Ok(Made { feature, tally: Tally { prepare_seconds, ..tally }, record })
 }

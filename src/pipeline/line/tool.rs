@@ -65,8 +65,11 @@ pub(super) trait Task {
 pub(super) struct Tool<V, M> {
     pub(super) metric: M,
     run: registry::Run<V, M>,
-    rule: Rule,
+    pub(super) rule: Rule,
 }
+
+/// What keeps vertices of an open line: its vertices, room, kept indices (appended).
+pub(super) type Choose<'a, V> = dyn FnMut(&[V], &mut Scratch, &mut Vec<u32>) + 'a;
 
 /// What was kept of a part, and how far the rest is from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -97,21 +100,42 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         (self.run)(&self.metric, points, self.rule.threshold, scratch, kept);
     }
 
+    /// Keeps vertices by the method.
+    pub(super) fn method(&self) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) + '_ {
+        |points, scratch, kept| self.line(points, scratch, kept)
+    }
+
     /// Puts what is kept of a line or ring into `kept`. Of a ring, which ends with its first vertex,
     /// it is the ascending indices of different vertices; of one that is dropped, nothing.
     pub(super) fn part(
         &self,
         points: &[V],
         is_ring: bool,
+        choose: &mut Choose<'_, V>,
         scratch: &mut Scratch,
         kept: &mut Vec<u32>,
     ) -> Outcome {
+        let collapsed = self.choose(points, is_ring, choose, scratch, kept);
+        let square =
+            if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
+        Outcome { collapsed, square }
+    }
+
+    /// As [`part`](Self::part), not measured; true for a ring that collapsed.
+    pub(super) fn choose(
+        &self,
+        points: &[V],
+        is_ring: bool,
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> bool {
         kept.clear();
         if !is_ring {
-            self.open(points, scratch, kept);
-            return Outcome { collapsed: false, square: self.largest(points, kept) };
+            self.open(points, choose, scratch, kept);
+            return false;
         }
-        let collapsed = self.ring(points, scratch, kept) == ring::Fate::Collapsed;
+        let collapsed = self.whole_ring(points, choose, scratch, kept);
         match (collapsed, self.rule.collapse) {
             (true, Collapse::Drop) => kept.clear(),
             (true, Collapse::Keep) => {
@@ -120,24 +144,30 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
             }
             _ => {}
         }
-        Outcome { collapsed, square: self.largest_of_ring(points, kept) }
+        collapsed
     }
 
     /// A line; one that ends where it began keeps that vertex and is done in two halves.
-    pub(super) fn open(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
+    pub(super) fn open(
+        &self,
+        points: &[V],
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) {
         let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
         let is_closed = points.len() > 3 && ends[0] == ends[1];
         let far =
             is_closed.then(|| metric::largest_distance2(&self.metric, points, &self.ends(points)));
         match far.flatten() {
             Some((far, square)) if square > 0.0 => {
-                self.line(&points[..=far as usize], scratch, kept);
+                choose(&points[..=far as usize], scratch, kept);
                 kept.pop();
                 let at = kept.len();
-                self.line(&points[far as usize..], scratch, kept);
+                choose(&points[far as usize..], scratch, kept);
                 kept[at..].iter_mut().for_each(|i| *i += far);
             }
-            _ => self.line(points, scratch, kept),
+            _ => choose(points, scratch, kept),
         }
     }
 
@@ -145,31 +175,28 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
     pub(super) fn whole_ring(
         &self,
         points: &[V],
+        choose: &mut Choose<'_, V>,
         scratch: &mut Scratch,
         kept: &mut Vec<u32>,
     ) -> bool {
-        self.ring(points, scratch, kept) == ring::Fate::Collapsed
-    }
-
-    fn ends(&self, points: &[V]) -> [u32; 2] {
-        [0, points.len() as u32 - 1]
-    }
-
-    fn ring(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) -> ring::Fate {
         let Rule { method, threshold, .. } = self.rule;
         let weight = match method.name {
             "visvalingam" => Some(Weight::Plain),
             "weighted-visvalingam" => Some(Weight::Angle),
             _ => None,
         };
-        if let Some(weight) = weight {
-            return ring::visvalingam(&self.metric, points, threshold, weight, kept);
-        }
-        let run = |part: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>| {
-            self.line(part, scratch, kept);
+        let fate = match weight {
+            Some(weight) => ring::visvalingam(&self.metric, points, threshold, weight, kept),
+            None => {
+                let can_move = method.name != "rdp";
+                ring::simplify(&self.metric, points, threshold, can_move, choose, scratch, kept)
+            }
         };
-        let can_move = method.name != "rdp";
-        ring::simplify(&self.metric, points, threshold, can_move, run, scratch, kept)
+        fate == ring::Fate::Collapsed
+    }
+
+    fn ends(&self, points: &[V]) -> [u32; 2] {
+        [0, points.len() as u32 - 1]
     }
 
     /// The largest squared distance of a vertex between those kept from the segment in its place.

@@ -11,6 +11,14 @@ use serde::{Deserialize, Serialize};
 pub struct Digest(pub(in crate::pipeline) [u8; 32]);
 
 impl Digest {
+    /// How many bytes it has.
+    pub(in crate::pipeline) const BYTES: usize = 32;
+
+    /// Its bytes.
+    pub(in crate::pipeline) fn bytes(&self) -> &[u8; Self::BYTES] {
+        &self.0
+    }
+
     /// Of some bytes.
     pub(in crate::pipeline) fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())

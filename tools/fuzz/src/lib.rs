@@ -2,6 +2,8 @@
 
 #[path = "../../../tests/raster_support/attempt.rs"]
 mod attempt;
+pub mod line;
+pub mod vector;
 
 use std::path::Path;
 

@@ -188,9 +188,9 @@ impl Together<'_> {
             points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
             kept.clear();
             match self.arcs.free[arc] && points.len() > 3 {
-                false => tool.open(&points, scratch, &mut kept),
+                false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
                 true => {
-                    if tool.whole_ring(&points, scratch, &mut kept) {
+                    if tool.whole_ring(&points, &mut tool.method(), scratch, &mut kept) {
                         kept.truncate(1);
                     }
                     let at = kept.first().copied().unwrap_or(0);

@@ -44,8 +44,11 @@ fn vertices(feature: &crate::vector::Feature) -> u64 {
 }
 
 fn count(all: &[Collected], rule: &Rule) -> u64 {
-    let features = all.par_iter().flat_map(|collected| &collected.features);
-    features.map(|feature| part::count(feature, rule)).sum()
+    let own = |collected: &Collected| -> u64 {
+        let features = collected.features.par_iter().enumerate();
+        features.map(|(at, feature)| part::count(feature, collected.trees.get(at), rule)).sum()
+    };
+    all.par_iter().map(own).sum()
 }
 
 /// The larger side of the box around all features.
@@ -67,8 +70,9 @@ fn size(job: &LineJob, files: &Files, all: &[Collected], rule: &Rule) -> Result<
     for (number, (pair, collected)) in files.pairs.iter().zip(all).enumerate() {
         let path = folder.path().join(format!("{number}.{}", pair.ending()));
         let mut sink = pair.create_at(path, job, &collected.layer)?;
-        for feature in &collected.features {
-            sink.write(&part::simplify(feature.clone(), rule)?.0)?;
+        for (at, feature) in collected.features.iter().enumerate() {
+            let trees = collected.trees.get(at);
+            sink.write(&part::simplify(feature.clone(), trees, rule)?.0)?;
         }
         bytes += sink.finish(&collected.layer.foreign)?.bytes;
     }
