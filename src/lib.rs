@@ -1,7 +1,7 @@
 //! terrane: an out-of-core terrain engine. This file is the map of the house; it holds no logic.
 //!
 //! Pure rooms (`geom`, `tin`, `delaunay`, `gridding`, `synth`, `verify`, `render`) know slices and numbers only: no path,
-//! no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`, `output`) read and write files. `pipeline`
+//! no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`, `vector`, `output`) read and write files. `pipeline`
 //! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
 //! and `tests/tidy.rs` checks it.
 
@@ -21,6 +21,7 @@ pub mod raster;
 pub mod render;
 pub mod synth;
 pub mod tin;
+pub mod vector;
 pub mod verify;
 
 pub use error::{Error, ErrorKind, Result};

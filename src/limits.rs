@@ -25,6 +25,14 @@ pub const MAX_POINTS: u64 = 1 << 44;
 pub const MAX_MEMBERS: u64 = 1 << 18;
 /// Most bytes of a VRT, those of VRTs within it included.
 pub const MAX_VRT_BYTES: u64 = 256 << 20;
+/// Most geometry collections within one another.
+pub const MAX_COLLECTION_DEPTH: u64 = 32;
+/// Most bytes one feature of a vector file may take, as stored.
+pub const MAX_FEATURE_BYTES: u64 = 8 << 30;
+/// Most bytes of a file that has to be held whole (TopoJSON).
+pub const MAX_TOPOLOGY_BYTES: u64 = 4 << 30;
+/// Most fields of a table of features.
+pub const MAX_FIELDS: u64 = 65_535;
 /// Largest magnitude of a height: differences and slopes stay far from overflow in `f32`.
 pub const MAX_HEIGHT: f32 = 1e30;
 

@@ -1,0 +1,25 @@
+//! Tables of x, y, as text: a vertex on each line of the file.
+
+mod read;
+mod write;
+
+use super::{Holds, Kind, VectorFormat};
+
+/// The registry's entry.
+pub(super) const FORMAT: VectorFormat = VectorFormat {
+    name: "CSV",
+    extensions: &["csv", "tsv", "txt", "xy"],
+    about: "a vertex on each line: x, y and perhaps z, m, id and part; the CRS is in a .prj beside it",
+    holds: Holds {
+        kinds: &[Kind::Point, Kind::LineString, Kind::MultiLineString],
+        mixed: true,
+        z: true,
+        m: true,
+        properties: false,
+        ids: true,
+    },
+    open: read::open,
+    create: Some(write::create),
+    // Any text could be a table: only names tell.
+    sniff: |_| false,
+};

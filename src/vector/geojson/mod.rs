@@ -1,0 +1,50 @@
+//! GeoJSON (RFC 7946), as one collection or as one feature after the other (RFC 8142, or a line
+//! each). Both are read alike: any sequence of collections, features and geometries.
+
+mod feature;
+mod read;
+mod write;
+
+use super::{Holds, Kind, VectorFormat};
+
+pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
+
+/// What both hold.
+const HOLDS: Holds =
+    Holds { kinds: &Kind::ALL, mixed: true, z: true, m: false, properties: true, ids: true };
+
+/// The registry's entry.
+pub(super) const FORMAT: VectorFormat = VectorFormat {
+    name: "GeoJSON",
+    extensions: &["geojson", "json"],
+    about: "a collection of features in one JSON text; longitude and latitude unless it says else",
+    holds: HOLDS,
+    open: read::open,
+    create: Some(write::create),
+    sniff,
+};
+
+/// The registry's entry for one feature after the other.
+pub(super) const LINES: VectorFormat = VectorFormat {
+    name: "GeoJSONSeq",
+    extensions: &["geojsonl", "geojsons", "ndjson", "jsonl"],
+    about: "a GeoJSON feature on each line",
+    holds: HOLDS,
+    open: read::open,
+    create: Some(write::create_lines),
+    sniff: sniff_lines,
+};
+
+fn sniff(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    head.starts_with(b"{") && head.contains(&b'"')
+}
+
+fn sniff_lines(head: &[u8]) -> bool {
+    if head.starts_with(b"\x1e") {
+        return true;
+    }
+    let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let is_whole = |line: &[u8]| line.starts_with(b"{") && line.ends_with(b"}");
+    lines.next().is_some_and(is_whole) && lines.next().is_some_and(|next| next.starts_with(b"{"))
+}

@@ -1,0 +1,47 @@
+//! GPX 1.0 and 1.1: waypoints are points, routes lines, tracks lines of several parts, as GDAL has
+//! them. Elevations are heights, times are measures: seconds since the start of 1970.
+
+mod read;
+mod time;
+mod write;
+
+use super::{Holds, Kind, VectorFormat};
+
+/// The registry's entry.
+pub(super) const FORMAT: VectorFormat = VectorFormat {
+    name: "GPX",
+    extensions: &["gpx"],
+    about: "waypoints, routes (LineString) and tracks (MultiLineString) of GPS receivers",
+    holds: Holds {
+        kinds: &[Kind::Point, Kind::LineString, Kind::MultiLineString],
+        mixed: true,
+        z: true,
+        m: false,
+        properties: false,
+        ids: false,
+    },
+    open: read::open,
+    create: Some(write::create),
+    sniff: |head| head.windows(4).any(|some| some == b"<gpx"),
+};
+
+/// Elements of text that a waypoint may have, in the order of the schema.
+const POINT_TEXTS: &[&str] = &[
+    "magvar",
+    "geoidheight",
+    "name",
+    "cmt",
+    "desc",
+    "src",
+    "sym",
+    "type",
+    "fix",
+    "sat",
+    "hdop",
+    "vdop",
+    "pdop",
+    "ageofdgpsdata",
+    "dgpsid",
+];
+/// Those of a route or track.
+const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number", "type"];

@@ -1,0 +1,38 @@
+//! JSON as features need it: the end of a value without looking into it, and a cursor that takes a
+//! value apart. Nothing here recurses.
+
+mod coordinates;
+mod cursor;
+mod extent;
+
+pub(super) use cursor::{Cursor, Token};
+pub(super) use extent::Extent;
+
+/// Appends `text` as a JSON string.
+pub(super) fn push_text(text: &str, out: &mut Vec<u8>) {
+    // Writing into a vector cannot fail.
+    let _ = serde_json::to_writer(out, text);
+}
+
+/// The value in `json` without white space between its parts, so that it stays on one line.
+pub(super) fn compact(json: &str) -> String {
+    let (mut quoted, mut escaped) = (false, false);
+    let keep = |&c: &char| {
+        let stays = quoted || !matches!(c, ' ' | '\t' | '\n' | '\r');
+        quoted ^= c == '"' && !escaped;
+        escaped = c == '\\' && !escaped && quoted;
+        stays
+    };
+    json.chars().filter(keep).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_space_goes_but_not_from_texts() {
+        let json = "{ \"a b\\\" c\" : [ 1,\n 2 ],\t\"d\\\\\" : \" \" }";
+        assert_eq!(compact(json), "{\"a b\\\" c\":[1,2],\"d\\\\\":\" \"}");
+    }
+}

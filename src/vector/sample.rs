@@ -1,0 +1,157 @@
+//! Random features for tests.
+
+use proptest::prelude::*;
+
+use super::{Coordinates, Feature, Geometry, Id, Kind, Properties, Value};
+
+/// A position, with numbers of all lengths.
+fn position() -> impl Strategy<Value = [f64; 2]> {
+    let number = |most: f64| {
+        prop_oneof![
+            (-most..most).prop_map(|v: f64| v),
+            (-most..most).prop_map(|v: f64| v.round()),
+            (-most..most).prop_map(|v: f64| (v * 1e6).round() / 1e6),
+        ]
+    };
+    (number(180.0), number(90.0)).prop_map(|(x, y)| [x, y])
+}
+
+fn line(least: usize) -> impl Strategy<Value = Vec<[f64; 2]>> {
+    prop::collection::vec(position(), least..8)
+}
+
+/// A polygon whose outer ring is clockwise and whose holes, inside it, are not; each polygon of its
+/// own number in a place of its own.
+fn polygon(number: usize) -> impl Strategy<Value = Vec<Vec<[f64; 2]>>> {
+    (0_usize..3, 3_usize..9, 0.01..1.0).prop_map(move |(holes, corners, size)| {
+        let middle = [number as f64 * 7.0 - 20.0, 10.0];
+        let ring = |[x, y]: [f64; 2], radius: f64, turn: f64| {
+            let corner = |i: usize| {
+                let angle = turn * i as f64 / corners as f64 * std::f64::consts::TAU;
+                [x + radius * angle.cos(), y + radius * angle.sin()]
+            };
+            (0..=corners).map(|i| corner(i % corners)).collect::<Vec<_>>()
+        };
+        let hole = |i: usize| {
+            ring([middle[0] + (i as f64 - 0.5) * size * 0.6, middle[1]], size * 0.2, 1.0)
+        };
+        let outer = std::iter::once(ring(middle, size * 3.0, -1.0));
+        outer.chain((0..holes).map(hole)).collect()
+    })
+}
+
+fn polygons(most: usize) -> impl Strategy<Value = Vec<Vec<Vec<[f64; 2]>>>> {
+    (0..most + 1).prop_flat_map(|count| (0..count).map(polygon).collect::<Vec<_>>())
+}
+
+/// Whether positions have heights and measures.
+fn extras() -> impl Strategy<Value = (bool, bool)> {
+    (any::<bool>(), any::<bool>())
+}
+
+fn assembled(
+    kind: Kind,
+    polygons: &[Vec<Vec<[f64; 2]>>],
+    (has_z, has_m): (bool, bool),
+) -> Geometry {
+    let mut found = Coordinates::default();
+    for rings in polygons {
+        for ring in rings {
+            for &[x, y] in ring {
+                // A ring ends with the height it began with.
+                let (z, m) = (x * 2.0 + y, x - y / 3.0);
+                found.push([x, y], has_z.then_some(z), has_m.then_some(m));
+            }
+            found.end_part();
+        }
+        found.end_polygon();
+    }
+    Geometry::new(kind, found).unwrap()
+}
+
+/// A geometry of a kind; a collection has members of all other kinds but null, and collections.
+pub(super) fn geometry(kind: Kind) -> BoxedStrategy<Geometry> {
+    let one = |kind: Kind| match kind {
+        Kind::Null => Just(Geometry::null()).boxed(),
+        Kind::Point => (prop::collection::vec(position(), 1), extras())
+            .prop_map(|(xy, extras)| assembled(Kind::Point, &[vec![xy]], extras))
+            .boxed(),
+        Kind::MultiPoint => (line(1), extras())
+            .prop_map(|(xy, extras)| assembled(Kind::MultiPoint, &[vec![xy]], extras))
+            .boxed(),
+        Kind::LineString => (line(2), extras())
+            .prop_map(|(xy, extras)| assembled(Kind::LineString, &[vec![xy]], extras))
+            .boxed(),
+        Kind::MultiLineString => (prop::collection::vec(line(2), 2..4), extras())
+            .prop_map(|(lines, extras)| assembled(Kind::MultiLineString, &[lines], extras))
+            .boxed(),
+        Kind::Polygon => (polygon(0), extras())
+            .prop_map(|(rings, extras)| assembled(Kind::Polygon, &[rings], extras))
+            .boxed(),
+        Kind::MultiPolygon | Kind::Collection => (polygons(3), extras())
+            .prop_filter("several", |(polygons, _)| polygons.len() > 1)
+            .prop_map(|(polygons, extras)| assembled(Kind::MultiPolygon, &polygons, extras))
+            .boxed(),
+    };
+    if kind != Kind::Collection {
+        return one(kind);
+    }
+    let leaf = prop::sample::select(&Kind::ALL[1..7]).prop_flat_map(one);
+    leaf.prop_recursive(3, 8, 3, |inner| {
+        prop::collection::vec(inner, 1..4)
+            .prop_map(|members| Geometry::collection(members).unwrap())
+    })
+    .prop_filter("a collection", |geometry| geometry.kind() == Kind::Collection)
+    .boxed()
+}
+
+fn value() -> impl Strategy<Value = Value> {
+    prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::Bool),
+        any::<i64>().prop_map(Value::Int),
+        (-1e9..1e9).prop_map(Value::Real),
+        "[a-zé\"\\\\,;<&]{0,8}[a-z]".prop_map(Value::Text),
+        Just(Value::Json("{\"a\":[1,null]}".to_owned())),
+    ]
+}
+
+/// Properties that every feature of a file has alike: one of each type a table can hold.
+pub(super) fn properties() -> impl Strategy<Value = Properties> {
+    let maybe = |value: Value, is_there: bool| if is_there { value } else { Value::Null };
+    let values =
+        (any::<bool>(), any::<i64>(), -1e9..1e9, "[a-zé\"\\\\,;<&]{0,9}[a-z]", any::<[bool; 4]>());
+    values.prop_map(move |(flag, whole, real, text, there)| {
+        let mut found = Properties::default();
+        found.push("flag", maybe(Value::Bool(flag), there[0]));
+        found.push("whole", maybe(Value::Int(whole), there[1]));
+        found.push("real", maybe(Value::Real(real), there[2]));
+        found.push("text", maybe(Value::Text(text), there[3]));
+        found
+    })
+}
+
+fn id() -> impl Strategy<Value = Option<Id>> {
+    prop_oneof![
+        Just(None),
+        any::<i64>().prop_map(|id| Some(Id::Int(id))),
+        "[a-z]{1,5}".prop_map(|id| Some(Id::Text(id))),
+    ]
+}
+
+/// Any feature.
+pub(super) fn feature() -> impl Strategy<Value = Feature> {
+    let kind = prop::sample::select(&Kind::ALL[..]);
+    let properties = prop::collection::vec(("[a-c]{1,2}", value()), 0..4).prop_map(|list| {
+        let mut found = Properties::default();
+        for (name, value) in list {
+            if found.get(&name).is_none() {
+                found.push(name, value);
+            }
+        }
+        found
+    });
+    (kind.prop_flat_map(geometry), properties, id()).prop_map(|(geometry, properties, id)| {
+        Feature { id, properties, geometry, foreign: Vec::new() }
+    })
+}

@@ -1,0 +1,176 @@
+//! A packed tree of rectangles in the layout of FlatGeobuf: the root first, the leaves last, nodes of
+//! sixteen. And the order along a Hilbert curve, which makes such a tree a good one.
+
+/// Rectangles under a node.
+pub(super) const NODE: usize = 16;
+
+/// x low, y low, x high, y high.
+pub(super) type Bounds = [f64; 4];
+
+/// What no rectangle has widened yet.
+pub(super) const NOTHING: Bounds =
+    [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+
+/// The rectangle around both.
+pub(super) fn around(a: &Bounds, b: &Bounds) -> Bounds {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+}
+
+/// Nodes of each level from the root to the leaves, of a tree of `items` (at least one).
+pub(super) fn levels(items: u64, node: u64) -> Vec<u64> {
+    let mut levels = vec![items];
+    let mut left = items;
+    loop {
+        left = left.div_ceil(node);
+        levels.push(left);
+        if left <= 1 {
+            levels.reverse();
+            return levels;
+        }
+    }
+}
+
+/// A tree in memory.
+pub(super) struct Tree {
+    /// The rectangles of all nodes, level by level from the root.
+    nodes: Vec<Bounds>,
+    /// Where each level begins, and where the last one ends.
+    starts: Vec<usize>,
+}
+
+impl Tree {
+    /// Over `items` (at least one) in their order. O(n).
+    pub(super) fn new(items: &[Bounds]) -> Self {
+        let counts = levels(items.len() as u64, NODE as u64);
+        let mut starts = vec![0];
+        for count in counts {
+            starts.push(starts[starts.len() - 1] + count as usize);
+        }
+        let mut nodes = vec![NOTHING; starts[starts.len() - 1]];
+        let first = starts[starts.len() - 2];
+        nodes[first..].copy_from_slice(items);
+        for level in (1..starts.len() - 1).rev() {
+            let (above, below) = nodes.split_at_mut(starts[level]);
+            let children = below[..starts[level + 1] - starts[level]].chunks(NODE);
+            for (parent, children) in above[starts[level - 1]..].iter_mut().zip(children) {
+                *parent = children.iter().fold(NOTHING, |all, one| around(&all, one));
+            }
+        }
+        Self { nodes, starts }
+    }
+
+    /// Every node with the index of its first child, or of the item where it is a leaf, level by level.
+    pub(super) fn nodes(&self) -> impl Iterator<Item = (&Bounds, usize, bool)> {
+        let leaves = self.starts[self.starts.len() - 2];
+        (0..self.starts.len() - 1).flat_map(move |level| {
+            let range = self.starts[level]..self.starts[level + 1];
+            range.map(move |node| {
+                let within = node - self.starts[level];
+                let is_leaf = node >= leaves;
+                let to = if is_leaf { within } else { self.starts[level + 1] + within * NODE };
+                (&self.nodes[node], to, is_leaf)
+            })
+        })
+    }
+
+    /// The items whose rectangle contains `wanted`, in order. O(nodes that do).
+    pub(super) fn containing(&self, wanted: &Bounds, found: &mut Vec<u32>) {
+        found.clear();
+        let last = self.starts.len() - 2;
+        let holds = |b: &Bounds| {
+            b[0] <= wanted[0] && b[1] <= wanted[1] && b[2] >= wanted[2] && b[3] >= wanted[3]
+        };
+        let mut stack = vec![(0, 0)];
+        while let Some((level, node)) = stack.pop() {
+            if !holds(&self.nodes[node]) {
+                continue;
+            }
+            if level == last {
+                found.push((node - self.starts[last]) as u32);
+                continue;
+            }
+            let first = self.starts[level + 1] + (node - self.starts[level]) * NODE;
+            let end = (first + NODE).min(self.starts[level + 2]);
+            stack.extend((first..end).rev().map(|child| (level + 1, child)));
+        }
+    }
+}
+
+/// The items in the order of their middles along a Hilbert curve over 2^16 x 2^16 squares of
+/// `extent`; ties stay in order. O(n log n).
+pub(super) fn hilbert_order(items: &[Bounds], extent: &Bounds) -> Vec<u32> {
+    let scale = |low: f64, high: f64, from: f64, to: f64| {
+        let part = ((low + high) / 2.0 - from) / (to - from) * 65535.0;
+        // NaN, of an extent without width, becomes 0.
+        part as u16
+    };
+    let key = |b: &Bounds| {
+        hilbert(scale(b[0], b[2], extent[0], extent[2]), scale(b[1], b[3], extent[1], extent[3]))
+    };
+    let mut order: Vec<(u32, u32)> = items.iter().map(key).zip(0..).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, item)| item).collect()
+}
+
+/// The place of a square along the curve (Hilbert 1891), quadrant by quadrant.
+fn hilbert(x: u16, y: u16) -> u32 {
+    let (mut x, mut y, mut place) = (u32::from(x), u32::from(y), 0);
+    for bit in (0..16).rev() {
+        let side = 1 << bit;
+        let (right, up) = (u32::from(x & side > 0), u32::from(y & side > 0));
+        place += side * side * ((3 * right) ^ up);
+        if up == 0 {
+            if right == 1 {
+                (x, y) = (0xffff - x, 0xffff - y);
+            }
+            (x, y) = (y, x);
+        }
+    }
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn boxes() -> impl Strategy<Value = Vec<Bounds>> {
+        let one = (0.0..100.0, 0.0..100.0, 0.0..30.0, 0.0..30.0);
+        let one = one.prop_map(|(x, y, w, h): (f64, f64, f64, f64)| [x, y, x + w, y + h]);
+        prop::collection::vec(one, 1..700)
+    }
+
+    proptest! {
+        #[test]
+        fn finds_what_a_look_at_each_finds(boxes in boxes(), x in 0.0..130.0, y in 0.0..130.0) {
+            let tree = Tree::new(&boxes);
+            let wanted = [x, y, x + 1.0, y + 1.0];
+            let mut found = Vec::new();
+            tree.containing(&wanted, &mut found);
+            let holds = |b: &Bounds| b[0] <= x && b[1] <= y && b[2] >= x + 1.0 && b[3] >= y + 1.0;
+            let each = (0..).zip(&boxes).filter(|(_, b)| holds(b)).map(|(i, _)| i);
+            prop_assert_eq!(found, each.collect::<Vec<u32>>());
+            let total: u64 = levels(boxes.len() as u64, NODE as u64).iter().sum();
+            prop_assert_eq!(tree.nodes().count() as u64, total);
+        }
+    }
+
+    #[test]
+    fn the_curve_visits_neighbours() {
+        let mut squares: Vec<(u32, u16, u16)> =
+            (0..64).flat_map(|x| (0..64).map(move |y| (hilbert(x, y), x, y))).collect();
+        squares.sort_unstable();
+        for (at, pair) in squares.windows(2).enumerate() {
+            let steps = pair[0].1.abs_diff(pair[1].1) + pair[0].2.abs_diff(pair[1].2);
+            assert!(steps == 1 && pair[0].0 as usize == at, "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn the_levels_are_those_of_the_format() {
+        assert_eq!(levels(1, 16), [1, 1]);
+        assert_eq!(levels(16, 16), [1, 16]);
+        assert_eq!(levels(17, 16), [1, 2, 17]);
+        assert_eq!(hilbert_order(&[[1.0; 4], [1.0; 4]], &[1.0; 4]), [0, 1]);
+    }
+}

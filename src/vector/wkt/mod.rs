@@ -1,0 +1,42 @@
+//! Well-known text of geometries (OGC 06-103r4), with the SRID that PostGIS puts before it. One
+//! geometry after the other; white space between them does not matter.
+
+mod read;
+mod write;
+
+use super::{Holds, Kind, VectorFormat};
+
+/// The registry's entry.
+pub(super) const FORMAT: VectorFormat = VectorFormat {
+    name: "WKT",
+    extensions: &["wkt", "ewkt"],
+    about: "well-known text, a geometry on each line; the CRS is in a .prj beside it",
+    holds: Holds {
+        kinds: &[
+            Kind::Point,
+            Kind::MultiPoint,
+            Kind::LineString,
+            Kind::MultiLineString,
+            Kind::Polygon,
+            Kind::MultiPolygon,
+            Kind::Collection,
+        ],
+        mixed: true,
+        z: true,
+        m: true,
+        properties: false,
+        ids: false,
+    },
+    open: read::open,
+    create: Some(write::create),
+    sniff,
+};
+
+fn sniff(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let end = head.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
+    let word = String::from_utf8_lossy(&head[..end]);
+    let rest = head[end..].trim_ascii_start();
+    let is_srid = word.eq_ignore_ascii_case("SRID") && rest.starts_with(b"=");
+    is_srid || read::keyword(&word).is_some()
+}

@@ -1,0 +1,142 @@
+//! Writing, a geometry on each line.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::vector::crs::Prj;
+use crate::vector::feature::{Feature, Layer, Member};
+use crate::vector::geometry::{Coordinates, Geometry, Kind, Part};
+use crate::vector::number;
+use crate::vector::out::Out;
+use crate::vector::sink::{FeatureSink, WriteOptions, Written};
+
+/// Starts a file.
+pub(super) fn create(
+    path: &Path,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    let out = Out::create(path, options.overwrite)?;
+    let prj = Prj::new(path, &layer.crs, options.overwrite)?;
+    let decimals = options.decimals;
+    Ok(Box::new(Sink { out, prj, decimals, features: 0, with_properties: 0, nulls: 0 }))
+}
+
+struct Sink {
+    out: Out,
+    prj: Option<Prj>,
+    decimals: Option<u8>,
+    features: u64,
+    /// Features that had properties or an id.
+    with_properties: u64,
+    /// Features without a geometry.
+    nulls: u64,
+}
+
+impl FeatureSink for Sink {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        self.features += 1;
+        let has_more = !feature.properties.0.is_empty() || feature.id.is_some();
+        self.with_properties += u64::from(has_more);
+        self.nulls += u64::from(feature.geometry.kind() == Kind::Null);
+        let number = self.features;
+        push_geometry(&feature.geometry, self.decimals, &mut self.out.buffer)
+            .map_err(|e| e.at(format!("feature {number}")))?;
+        self.out.buffer.push(b'\n');
+        self.out.settle()
+    }
+
+    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+        let mut notes = Vec::new();
+        if self.with_properties > 0 {
+            let count = self.with_properties;
+            notes.push(format!("properties of {count} features are left out: WKT has none"));
+        }
+        if self.nulls > 0 {
+            let what = "features without a geometry are empty collections: WKT has no null";
+            notes.push(format!("{} {what}", self.nulls));
+        }
+        let (path, mut bytes) = self.out.commit()?;
+        let mut files = vec![path];
+        if let Some(prj) = self.prj {
+            let (path, more) = prj.finish()?;
+            files.push(path);
+            bytes += more;
+        }
+        Ok(Written { features: self.features, bytes, files, notes })
+    }
+}
+
+// Collections are nested no deeper than their constructor allows.
+fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) -> Result<()> {
+    let kind = if geometry.kind() == Kind::Null { Kind::Collection } else { geometry.kind() };
+    text.extend_from_slice(kind.name().to_ascii_uppercase().as_bytes());
+    let coordinates = geometry.coordinates();
+    let Coordinates { z, m, .. } = coordinates;
+    if z.iter().any(|z| z.is_nan()) || m.iter().any(|m| m.is_nan()) {
+        let message = "some of its vertices have a height or measure and some have none";
+        return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
+    }
+    text.extend_from_slice(match (z.is_empty(), m.is_empty()) {
+        (true, true) => b" ",
+        (false, true) => b" Z ",
+        (true, false) => b" M ",
+        (false, false) => b" ZM ",
+    });
+    if coordinates.xy.is_empty() && geometry.members().is_empty() {
+        text.extend_from_slice(b"EMPTY");
+        return Ok(());
+    }
+    let mut pen = Pen { decimals, text };
+    match kind {
+        Kind::Collection => {
+            pen.text.push(b'(');
+            for (at, member) in geometry.members().iter().enumerate() {
+                if at > 0 {
+                    pen.text.push(b',');
+                }
+                push_geometry(member, decimals, pen.text)?;
+            }
+            pen.text.push(b')');
+        }
+        Kind::MultiPolygon => {
+            pen.list(geometry.polygons(), |pen, rings| pen.list(rings, Pen::part))
+        }
+        Kind::MultiLineString | Kind::Polygon => pen.list(geometry.own_parts(), Pen::part),
+        _ => {
+            let Coordinates { xy, z, m, .. } = coordinates;
+            pen.part(Part { xy, z, m, role: crate::vector::Role::Line });
+        }
+    }
+    Ok(())
+}
+
+struct Pen<'a> {
+    decimals: Option<u8>,
+    text: &'a mut Vec<u8>,
+}
+
+impl Pen<'_> {
+    fn list<T>(&mut self, items: impl Iterator<Item = T>, mut item: impl FnMut(&mut Self, T)) {
+        self.text.push(b'(');
+        for (at, one) in items.enumerate() {
+            if at > 0 {
+                self.text.push(b',');
+            }
+            item(self, one);
+        }
+        self.text.push(b')');
+    }
+
+    fn part(&mut self, part: Part<'_>) {
+        self.list(0..part.xy.len(), |pen, at| {
+            let [x, y] = part.xy[at];
+            let more = part.z.get(at).into_iter().chain(part.m.get(at));
+            number::push(x, pen.decimals, pen.text);
+            for value in std::iter::once(&y).chain(more) {
+                pen.text.push(b' ');
+                number::push(*value, pen.decimals, pen.text);
+            }
+        });
+    }
+}
