@@ -3,6 +3,7 @@
 mod affine;
 mod crs;
 mod geokeys;
+pub mod plane;
 mod point;
 pub mod predicates;
 mod rect;

@@ -26,6 +26,18 @@ impl Expansion {
         }
     }
 
+    /// Adds `a * b` exactly, for magnitudes as above.
+    pub(crate) fn add_floats(&mut self, a: f64, b: f64) {
+        let product = a * b;
+        self.add(a.mul_add(b, -product));
+        self.add(product);
+    }
+
+    /// The sign of the sum: -1, 0 or 1.
+    pub(crate) fn sign(&self) -> i32 {
+        self.parts.last().map_or(0, |last| if *last > 0.0 { 1 } else { -1 })
+    }
+
     fn add(&mut self, value: f64) {
         let mut carry = value;
         let mut kept = 0;
@@ -80,6 +92,18 @@ mod tests {
         assert!(!positive(&[(big, 0.1), (-big - 1, 0.1)]));
         assert!(positive(&[(3, 0.1), (-1, 0.3)]), "3 * 0.1 is above 0.3 in binary");
         assert!(!positive(&[]));
+    }
+
+    #[test]
+    fn products_of_floats_keep_their_sign() {
+        let sign = |terms: &[(f64, f64)]| {
+            let mut sum = Expansion::default();
+            terms.iter().for_each(|&(a, b)| sum.add_floats(a, b));
+            sum.sign()
+        };
+        assert_eq!(sign(&[(0.1, 3.0), (-0.3, 1.0)]), 1);
+        assert_eq!(sign(&[(-0.1, 3.0), (0.3, 1.0)]), -1);
+        assert_eq!(sign(&[(0.1, 0.7), (-0.7, 0.1)]), 0);
     }
 
     #[test]

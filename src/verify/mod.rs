@@ -13,6 +13,7 @@ mod domain;
 mod edges;
 mod exact;
 mod expansion;
+pub mod lines;
 mod sections;
 mod snap;
 mod sum;

@@ -1,0 +1,103 @@
+//! The greedy double cone: each segment goes as far as a wedge of directions allows.
+//!
+//! From an anchor, the wedge of the directions that pass every vertex so far within the tolerance is
+//! narrowed vertex by vertex (Williams 1978, Sklansky & Gonzalez 1980, Reumann & Witkam's strip made
+//! exact); a vertex in the wedge may end the segment. The wedge does not see vertices that lie beyond
+//! the end, so the last vertex that may end the segment is tested against all it replaces, by the
+//! formula of [`super::metric`], then the one before it, and so on. One pass that looks ahead of the
+//! anchor only; O(n) but for vertices looked at again because the wedge went on beyond the end.
+//! Where a line keeps running back on itself, the look ahead is ended once nothing could end the
+//! segment for four times its length.
+
+use super::metric::Metric;
+use super::wedge::{Step, Wedge};
+use super::{Scratch, first_beyond, keep_short};
+
+/// How far to look beyond the last vertex that may end the segment: this many vertices, and
+/// `PATIENCE` times as many as lie before it.
+const LOOK: usize = 64;
+
+/// See [`LOOK`].
+const PATIENCE: usize = 4;
+
+/// How many vertices are tested one after the other before the steps are doubled.
+const TRIES: usize = 8;
+
+/// Appends to `kept` the vertices at which the double cone ends its segments.
+pub fn cone<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+    scratch: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    if keep_short(points.len(), kept) {
+        return;
+    }
+    let candidates = &mut scratch.candidates;
+    let mut anchor = 0;
+    kept.push(0);
+    while anchor + 1 < points.len() {
+        look_ahead(metric, points, anchor, tolerance, candidates);
+        anchor = last_valid(metric, points, anchor, tolerance * tolerance, candidates);
+        kept.push(anchor as u32);
+    }
+}
+
+/// Fills `candidates` with the vertices at which a segment from `anchor` may end: all at which one can,
+/// as far as it looks.
+fn look_ahead<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    anchor: usize,
+    tolerance: f64,
+    candidates: &mut Vec<u32>,
+) {
+    candidates.clear();
+    let from = &points[anchor];
+    let mut wedge = M::Wedge::new(from, tolerance);
+    // The vertex farthest from the anchor is the likeliest to lie beyond an end.
+    let (mut outermost, mut span2) = (anchor, 0.0);
+    let mut limit = anchor + LOOK;
+    for (i, p) in points.iter().enumerate().skip(anchor + 1) {
+        let step = wedge.step(p);
+        if step == Step::Stops || i > limit {
+            break;
+        }
+        let span = wedge.span2(p);
+        if span >= span2 {
+            (outermost, span2) = (i, span);
+        } else if step == Step::Ends
+            && metric.distance2(&points[outermost], from, p) > tolerance * tolerance
+        {
+            continue;
+        }
+        if step == Step::Ends {
+            candidates.push(i as u32);
+            limit = i + LOOK + PATIENCE * (i - anchor);
+        }
+    }
+}
+
+/// The last of the candidates that holds against all vertices it passes. The first candidate always
+/// does, as it follows the anchor.
+fn last_valid<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    anchor: usize,
+    tolerance2: f64,
+    candidates: &[u32],
+) -> usize {
+    let mut left = candidates.len();
+    for tried in 0.. {
+        left -= 1;
+        let end = candidates[left] as usize;
+        if left == 0 || first_beyond(metric, points, anchor, end, tolerance2).is_none() {
+            return end;
+        }
+        if tried >= TRIES {
+            left = left.div_ceil(2);
+        }
+    }
+    anchor + 1
+}

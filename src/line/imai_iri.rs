@@ -1,0 +1,307 @@
+//! Imai-Iri: the fewest vertices for a tolerance.
+//!
+//! Imai & Iri, "Polygonal approximations of a curve" (1988): a shortest path, by breadth-first search,
+//! in the graph of all segments between two vertices of the line that pass those between them within the
+//! tolerance. The segments from a vertex are found with a wedge of directions that is narrowed until
+//! nothing is left (Chan & Chin 1996, with the stop). What keeps that from being done for every vertex to
+//! the end:
+//!
+//! - A vertex needs no look when nothing unvisited is in its reach. Where the wedge of one vertex ended,
+//!   the few vertices that cut it usually end that of its neighbours as well: a bound on the reach for
+//!   the price of three steps.
+//! - Where few vertices in reach are unvisited, each is tested for itself, first against the vertex that
+//!   spoiled the last segment to it.
+//!
+//! Segments whose ends are as far apart as anything they pass are taken on the word of the wedge; when
+//! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
+//! fails by rounding, the search is made again with all segments held against it before they are
+//! taken. So the result is that of an exhaustive search by the formula, with one exception: where that
+//! second search takes more than [`LOOKS`] looks a vertex, which happens when the tolerance is below
+//! what rounding makes of long straight lines, the failing segments of the first are replaced by those of
+//! the [cone](super::cone).
+//!
+//! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
+
+use super::metric::{Metric, larger};
+use super::cone::cone;
+use super::regions::last_above;
+use super::wedge::{MOST_SIDES, Step, Wedge};
+use super::{Scratch, first_beyond, keep_short};
+
+/// No vertex.
+const NONE: u32 = u32::MAX;
+
+/// What the search knows of a vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    /// The vertex it was reached from.
+    parent: u32,
+    /// A vertex that was beyond the tolerance from the last segment tried.
+    spoiler: u32,
+    /// A vertex from which on to look for the next unvisited one: itself while it is unvisited.
+    next: u32,
+}
+
+/// Unvisited vertices are tested one by one when they are fewer than this share of those in reach.
+const FEW: usize = 6;
+
+/// Vertices looked at, for each of the line's, before the second search is given up.
+const LOOKS: u64 = 2000;
+
+/// The least number of looks.
+const FEWEST_LOOKS: u64 = 1 << 20;
+
+/// Appends to `kept` the fewest vertices whose segments pass all others within `tolerance`.
+pub fn imai_iri<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+    scratch: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    if keep_short(points.len(), kept) {
+        return;
+    }
+    let from = kept.len();
+    Search::run(metric, points, tolerance, None, scratch, kept);
+    let holds = |pair: &[u32]| {
+        let (from, to) = (pair[0] as usize, pair[1] as usize);
+        first_beyond(metric, points, from, to, tolerance * tolerance).is_none()
+    };
+    if kept[from..].windows(2).all(holds) {
+        return;
+    }
+    let path = kept.split_off(from);
+    let looks = FEWEST_LOOKS + LOOKS * points.len() as u64;
+    if Search::run(metric, points, tolerance, Some(looks), scratch, kept) {
+        return;
+    }
+    kept.push(0);
+    for pair in path.windows(2) {
+        if holds(pair) {
+            kept.push(pair[1]);
+            continue;
+        }
+        let at = kept.len();
+        let part = &points[pair[0] as usize..=pair[1] as usize];
+        cone(metric, part, tolerance, scratch, kept);
+        kept[at..].iter_mut().for_each(|i| *i += pair[0]);
+        kept.remove(at);
+    }
+}
+
+/// Vertices that leave no direction from some vertex.
+#[derive(Clone, Copy)]
+struct Witness {
+    /// The last to cut each side.
+    cutters: [u32; MOST_SIDES],
+    /// The one after which nothing was left.
+    killer: u32,
+}
+
+/// A breadth-first search under way.
+struct Search<'a, V, M> {
+    metric: &'a M,
+    points: &'a [V],
+    tolerance: f64,
+    tolerance2: f64,
+    nodes: &'a mut [Node],
+    /// Vertices of the next layer.
+    found: &'a mut Vec<u32>,
+    witness: Witness,
+    /// Looks left, when every segment is held against the formula.
+    looks: Option<u64>,
+}
+
+impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
+    /// Searches, and appends the path: `false`, and nothing is appended, when it ran out of looks.
+    fn run(
+        metric: &'a M,
+        points: &'a [V],
+        tolerance: f64,
+        looks: Option<u64>,
+        scratch: &'a mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> bool {
+        let Scratch { nodes, layer, next_layer: found, .. } = scratch;
+        nodes.clear();
+        nodes.extend((0..points.len() as u32).map(|i| Node { parent: NONE, spoiler: 0, next: i }));
+        found.clear();
+        let witness = Witness { cutters: [NONE; MOST_SIDES], killer: 0 };
+        let tolerance2 = tolerance * tolerance;
+        let mut search =
+            Self { metric, points, tolerance, tolerance2, nodes, found, witness, looks };
+        search.visit(0, 0);
+        search.reach(points.len() - 1, layer);
+        let is_found = search.is_visited(points.len() - 1);
+        if is_found {
+            search.path(points.len() - 1, kept);
+        }
+        is_found
+    }
+
+    /// Visits layer after layer until `last` is visited.
+    fn reach(&mut self, last: usize, layer: &mut Vec<u32>) {
+        while !self.is_visited(last) && !self.found.is_empty() {
+            std::mem::swap(layer, self.found);
+            self.found.clear();
+            // The farthest first: they leave the least to the others.
+            layer.sort_unstable_by(|a, b| b.cmp(a));
+            for from in layer.iter() {
+                self.expand(*from as usize);
+                if self.is_visited(last) || self.looks == Some(0) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Appends the path to `last`.
+    fn path(&self, last: usize, kept: &mut Vec<u32>) {
+        let from = kept.len();
+        let mut at = last as u32;
+        while at != 0 {
+            kept.push(at);
+            at = self.nodes[at as usize].parent;
+        }
+        kept.push(0);
+        kept[from..].reverse();
+    }
+
+    #[inline(always)]
+    fn is_visited(&self, i: usize) -> bool {
+        self.nodes[i].parent != NONE
+    }
+
+    fn visit(&mut self, i: usize, parent: usize) {
+        self.nodes[i].parent = parent as u32;
+        self.nodes[i].next = i as u32 + 1;
+        self.found.push(i as u32);
+    }
+
+    /// The first unvisited vertex from `i` on, or the number of vertices.
+    #[inline]
+    fn unvisited(&mut self, mut i: usize) -> usize {
+        while let Some(node) = self.nodes.get(i) {
+            let next = node.next as usize;
+            if next == i {
+                break;
+            }
+            if let Some(after) = self.nodes.get(next).map(|node| node.next) {
+                self.nodes[i].next = after;
+            }
+            i = next;
+        }
+        i
+    }
+
+    /// Visits all unvisited vertices that a segment from `from` can reach.
+    fn expand(&mut self, from: usize) {
+        let first = self.unvisited(from + 1);
+        if first >= self.points.len() {
+            return;
+        }
+        match self.bound(from) {
+            Some(end) if end <= first => {}
+            Some(end) if self.are_few(from, first, end) => self.test_each(from, first, end),
+            _ => self.sweep(from),
+        }
+    }
+
+    /// An end of the reach of `from`: no segment from it goes there or beyond.
+    fn bound(&self, from: usize) -> Option<usize> {
+        let Witness { cutters, killer } = self.witness;
+        if killer as usize <= from {
+            return None;
+        }
+        let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
+        for cutter in cutters.into_iter().filter(|i| *i != NONE && *i as usize > from) {
+            if wedge.step(&self.points[cutter as usize]) == Step::Stops {
+                // Any two vertices spoil what passes both; the killer lies beyond all cutters.
+                return Some(killer as usize);
+            }
+        }
+        let step = wedge.step(&self.points[killer as usize]);
+        (step == Step::Stops).then_some(killer as usize)
+    }
+
+    /// True when few vertices of `first..end` are unvisited.
+    fn are_few(&mut self, from: usize, first: usize, end: usize) -> bool {
+        let mut left = (end - from) / FEW;
+        let mut at = first;
+        while at < end && left > 0 {
+            at = self.unvisited(at + 1);
+            left -= 1;
+        }
+        at >= end
+    }
+
+    fn test_each(&mut self, from: usize, first: usize, end: usize) {
+        let mut to = first;
+        while to < end {
+            if self.is_valid(from, to) {
+                self.visit(to, from);
+            }
+            to = self.unvisited(to + 1);
+        }
+    }
+
+    /// Narrows the wedge of `from` until nothing is left.
+    fn sweep(&mut self, from: usize) {
+        let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
+        let mut cutters = [NONE; MOST_SIDES];
+        let mut span2 = 0.0;
+        for to in from + 1..self.points.len() {
+            let p = &self.points[to];
+            let step = wedge.step(p);
+            if step == Step::Stops {
+                self.witness = Witness { cutters, killer: to as u32 };
+                return;
+            }
+            let span = wedge.span2(p);
+            let is_outermost = span >= span2;
+            span2 = larger(span, span2);
+            let is_taken = || is_outermost && self.looks.is_none();
+            if step == Step::Ends
+                && !self.is_visited(to)
+                && (is_taken() || self.is_valid(from, to))
+            {
+                self.visit(to, from);
+            }
+            let mut cuts = wedge.cuts();
+            while cuts != 0 {
+                cutters[cuts.trailing_zeros() as usize] = to as u32;
+                cuts &= cuts - 1;
+            }
+        }
+    }
+
+    /// True when the segment passes all vertices between within the tolerance.
+    fn is_valid(&mut self, from: usize, to: usize) -> bool {
+        let (points, tolerance2) = (self.points, self.tolerance2);
+        let segment = self.metric.segment(&points[from], &points[to]);
+        let is_beyond = |i: usize| {
+            M::squared(&segment, M::reach(&segment, &points[i])) > tolerance2
+        };
+        let spoiler = self.nodes[to].spoiler as usize;
+        if spoiler > from && is_beyond(spoiler) {
+            return false;
+        }
+        if let Some(looks) = &mut self.looks {
+            *looks = looks.saturating_sub((to - from) as u64);
+            if *looks == 0 {
+                return false;
+            }
+        }
+        let limit = M::within(&segment, self.tolerance2);
+        let mut end = to;
+        while let Some(i) = last_above::<V, M>(&segment, self.points, from + 1, end, limit) {
+            if is_beyond(i) {
+                self.nodes[to].spoiler = i as u32;
+                return false;
+            }
+            end = i;
+        }
+        true
+    }
+}

@@ -1,0 +1,153 @@
+//! Untangled worlds, checked by slow and obvious twins.
+
+mod twin;
+mod worlds;
+
+use super::*;
+use worlds::{Dice, World};
+
+/// Plain Ramer-Douglas-Peucker: appends what lies strictly between two vertices.
+pub(super) fn rdp(points: &[Xy], from: u32, to: u32, tolerance: f64, out: &mut Vec<u32>) {
+    let mut ends = vec![to];
+    let mut start = from;
+    while let Some(&end) = ends.last() {
+        let segment = [points[start as usize], points[end as usize]];
+        let off = |v: u32| twin::distance(points[v as usize], segment);
+        let worst = (start + 1..end).max_by(|&a, &b| off(a).total_cmp(&off(b)).then(b.cmp(&a)));
+        match worst.filter(|&v| off(v) > tolerance) {
+            Some(v) => ends.push(v),
+            None => {
+                ends.pop();
+                if !ends.is_empty() {
+                    out.push(end);
+                }
+                start = end;
+            }
+        }
+    }
+}
+
+fn solve(world: &World, tolerance: f64, options: Options) -> Outcome {
+    let chains = world.chains();
+    let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
+        rdp(chains.points, from, to, tolerance, out);
+    };
+    let kept = Kept::simplified(&chains, &mut refine);
+    untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
+}
+
+/// Both strategies, and each policy of collapse.
+fn ways() -> impl Iterator<Item = Options> {
+    let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
+    let strategies = [Strategy::Retroactive, Strategy::Proactive];
+    policies
+        .into_iter()
+        .flat_map(move |collapse| strategies.map(|strategy| Options { strategy, collapse }))
+}
+
+/// Checks an outcome in every way that is sure to hold for its world.
+fn check(world: &World, is_clean: bool, tolerance: f64, options: Options, name: &str) {
+    let outcome = solve(world, tolerance, options);
+    let kept = &outcome.kept;
+    let name = format!("{name}, tolerance {tolerance}, {options:?}");
+    twin::selection(world, kept, options.collapse == Collapse::Drop, &name);
+    twin::within(world, kept, tolerance, &name);
+    twin::areas(world, kept, &name);
+    let crossings = twin::crossings(world, kept);
+    let new = crossings.iter().filter(|pair| pair.iter().any(|s| s[1] - s[0] != 1)).count();
+    assert_eq!(new, 0, "{name}: new crossings");
+    assert_eq!(crossings.len() as u64, outcome.input_crossings, "{name}: crossings reported");
+    if is_clean {
+        twin::sides(world, kept, &name);
+    }
+}
+
+/// Worlds of one kind, at tolerances that simplify some of it, much, and nearly all.
+fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_at_least: f64) {
+    let mut clean = 0;
+    for seed in 0..count {
+        let mut dice = Dice::new(seed);
+        let world = make(&mut dice);
+        let is_clean = world.is_clean();
+        clean += u64::from(is_clean);
+        let tolerance = f64::from(1 << dice.below(12));
+        for options in ways() {
+            check(&world, is_clean, tolerance, options, &format!("{name} {seed}"));
+        }
+    }
+    assert!(clean as f64 >= clean_at_least * count as f64, "{name}: only {clean} clean worlds");
+}
+
+#[test]
+fn archipelagos() {
+    check_kind(200, worlds::archipelago, "archipelago", 0.9);
+}
+
+#[test]
+fn nested_rings() {
+    check_kind(200, worlds::nested, "nested", 0.5);
+}
+
+#[test]
+fn rings_that_wind_tightly() {
+    check_kind(150, worlds::spiral, "spiral", 0.9);
+}
+
+#[test]
+fn coverages() {
+    check_kind(150, worlds::coverage, "coverage", 0.5);
+}
+
+#[test]
+fn anything_on_a_small_lattice() {
+    check_kind(3000, worlds::lattice, "lattice", 0.01);
+}
+
+#[test]
+fn an_island_does_not_jump_the_coast() {
+    let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
+    let island = vec![[380, 30], [420, 30], [400, 50], [380, 30]];
+    let world = World::new(vec![coast, island], vec![]);
+    assert_eq!(solve(&world, 100.0, Options::default()).kept.of(0), [0, 1, 3]);
+    let alone = World::new(vec![vec![[0, 0], [400, 90], [800, 0], [1600, 0]]], vec![[400, 80]]);
+    assert_eq!(solve(&alone, 100.0, Options::default()).kept.of(0), [0, 1, 3]);
+    let beyond = World::new(vec![vec![[0, 0], [400, 90], [800, 0], [1600, 0]]], vec![[400, 95]]);
+    assert_eq!(solve(&beyond, 100.0, Options::default()).kept.of(0), [0, 3]);
+}
+
+#[test]
+fn policies_of_collapse() {
+    let ring = vec![[0, 0], [40, 0], [50, 20], [40, 40], [0, 40], [-10, 20], [0, 0]];
+    let world = World::new(vec![ring], vec![]);
+    let with = |collapse| {
+        let options = Options { collapse, ..Options::default() };
+        solve(&world, 1000.0, options)
+    };
+    assert_eq!(with(Collapse::Minimal).kept.vertices.len(), 4);
+    assert_eq!(with(Collapse::Minimal).collapsed, 1);
+    assert_eq!(with(Collapse::Keep).kept.vertices.len(), 7);
+    assert_eq!(with(Collapse::Drop).kept.vertices.len(), 0);
+}
+
+#[test]
+fn bad_arguments_are_turned_away() {
+    let points = [[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]];
+    let chains = Chains { points: &points, starts: &[0, 3], closed: &[false] };
+    let mut refine = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| {};
+    let mut fails = |vertices: Vec<u32>, starts: Vec<usize>, fixed: &[Xy]| {
+        untangle(&chains, &Kept { vertices, starts }, fixed, &Options::default(), &mut refine)
+            .is_err()
+    };
+    assert!(!fails(vec![0, 2], vec![0, 2], &[]));
+    assert!(fails(vec![0, 1], vec![0, 2], &[]));
+    assert!(fails(vec![0, 2, 1], vec![0, 3], &[]));
+    assert!(fails(vec![0, 2], vec![0, 3], &[]));
+    assert!(fails(vec![0, 2], vec![0, 2], &[[f64::INFINITY, 0.0]]));
+}
+
+#[test]
+fn empty_chains_and_points_for_chains() {
+    let world = World::new(vec![vec![], vec![[3, 3]], vec![[0, 0], [9, 9]], vec![]], vec![]);
+    let kept = solve(&world, 1.0, Options::default()).kept;
+    assert_eq!((kept.vertices, kept.starts), (vec![0, 1, 2], vec![0, 0, 1, 3, 3]));
+}

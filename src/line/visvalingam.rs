@@ -1,0 +1,266 @@
+//! Visvalingam-Whyatt: again and again drop the vertex that makes the smallest triangle with its
+//! neighbours.
+//!
+//! Visvalingam & Whyatt, "Line generalisation by repeated elimination of points" (1993). The effective
+//! area of a vertex is that of its triangle when it goes, or the largest before it if that is more, so a
+//! threshold and a number of vertices are both filters. Ties go by index, the lowest first. The method
+//! bounds no distance: measure it with [`super::metric::largest_distance2`]. O(n log n), with a queue of
+//! buckets and a heap.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::metric::Metric;
+use super::{Scratch, keep_short};
+
+/// How the area of a triangle is weighted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weight {
+    /// Not at all.
+    Plain,
+    /// By `1 - 0.7 cos(angle at the vertex)`, as mapshaper does unless told otherwise: spikes go sooner,
+    /// wide bends later.
+    Angle,
+}
+
+/// Share of the cosine in [`Weight::Angle`].
+const ANGLE: f64 = 0.7;
+
+/// Appends to `kept` the vertices whose effective area is more than `area`.
+pub fn visvalingam<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    area: f64,
+    _: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    if !keep_short(points.len(), kept) {
+        Areas::of_line(metric, points, Weight::Plain).filter(area, kept);
+    }
+}
+
+/// As [`visvalingam`], with areas weighted by the angle.
+pub fn weighted_visvalingam<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    area: f64,
+    _: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    if !keep_short(points.len(), kept) {
+        Areas::of_line(metric, points, Weight::Angle).filter(area, kept);
+    }
+}
+
+/// Effective areas of a line's vertices, and the order in which they go.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Areas {
+    /// One a vertex; infinite for those that never go.
+    areas: Vec<f64>,
+    /// Vertices that go, in that order.
+    order: Vec<u32>,
+}
+
+impl Areas {
+    /// The areas of a line, whose ends stay.
+    pub fn of_line<V: Copy, M: Metric<V>>(metric: &M, points: &[V], weight: Weight) -> Self {
+        match weight {
+            Weight::Plain => Chain::line(points.len()).dissolve(points, plain(metric)),
+            Weight::Angle => Chain::line(points.len()).dissolve(points, by_angle(metric)),
+        }
+    }
+
+    /// The areas of a ring, given without its closing vertex; its last three vertices stay.
+    pub fn of_ring<V: Copy, M: Metric<V>>(metric: &M, points: &[V], weight: Weight) -> Self {
+        match weight {
+            Weight::Plain => Chain::ring(points.len()).dissolve(points, plain(metric)),
+            Weight::Angle => Chain::ring(points.len()).dissolve(points, by_angle(metric)),
+        }
+    }
+
+    /// The effective area of each vertex, in squared units of distance (weighted, if they are).
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// Appends the vertices whose effective area is more than `area`; linear in the line.
+    pub fn filter(&self, area: f64, kept: &mut Vec<u32>) {
+        let above = self.areas.iter().zip(0..).filter(|(own, _)| **own > area);
+        kept.extend(above.map(|(_, i)| i));
+    }
+
+    /// Appends the `count` vertices that stay longest, at least those that never go; linear in the line.
+    pub fn keep_count(&self, count: usize, kept: &mut Vec<u32>) {
+        let gone = self.areas.len().saturating_sub(count).min(self.order.len());
+        let mut stays = vec![true; self.areas.len()];
+        self.order[..gone].iter().for_each(|i| stays[*i as usize] = false);
+        kept.extend(stays.iter().zip(0..).filter(|(stays, _)| **stays).map(|(_, i)| i));
+    }
+}
+
+fn plain<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
+    |a, b, c| metric.area(a, b, c)
+}
+
+fn by_angle<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
+    |a, b, c| metric.area(a, b, c) * (1.0 - ANGLE * metric.cosine(a, b, c))
+}
+
+/// In place of neighbours, when a vertex went.
+const GONE: u32 = u32::MAX;
+
+/// The vertices still there, each with its neighbours.
+struct Chain {
+    neighbours: Vec<[u32; 2]>,
+    /// Vertices before this one stay, and those from `end` on.
+    start: u32,
+    end: u32,
+    /// How many of the others stay at last.
+    least: usize,
+}
+
+impl Chain {
+    fn line(count: usize) -> Self {
+        let n = count as u32;
+        let neighbours = (0..n).map(|i| [i.wrapping_sub(1), i + 1]).collect();
+        Self { neighbours, start: 1.min(n), end: n.saturating_sub(1).max(1.min(n)), least: 0 }
+    }
+
+    fn ring(count: usize) -> Self {
+        let n = count as u32;
+        let around = |i: u32| [if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 }];
+        Self { neighbours: (0..n).map(around).collect(), start: 0, end: n, least: 3 }
+    }
+
+    /// Takes away vertex after vertex.
+    fn dissolve<V>(mut self, points: &[V], area: impl Fn(&V, &V, &V) -> f64) -> Areas {
+        let of = |i: u32, [before, after]: [u32; 2]| {
+            area(&points[before as usize], &points[i as usize], &points[after as usize])
+        };
+        let inner = self.start..self.end;
+        let mut areas = vec![f64::INFINITY; points.len()];
+        for i in inner.clone() {
+            areas[i as usize] = of(i, self.neighbours[i as usize]);
+        }
+        let mut queue = Queue::new(inner.clone().map(|i| Entry { key: areas[i as usize], i }));
+        let gone = inner.len().saturating_sub(self.least);
+        let mut order = Vec::with_capacity(gone);
+        let mut most = 0.0_f64;
+        while order.len() < gone {
+            // All of a bucket are looked at first, which fetches what they need from memory side by
+            // side; one after the other, the removals would wait for each.
+            let is_present = |entry: &Entry| {
+                let near = self.neighbours[entry.i as usize];
+                near[0] != GONE && of(entry.i, near) == entry.key
+            };
+            let Some(Entry { key, i }) = queue.pop(is_present) else { break };
+            let [before, after] = self.neighbours[i as usize];
+            // Left behind when the area changed, or the vertex went.
+            if before == GONE || areas[i as usize] != key {
+                continue;
+            }
+            most = most.max(key);
+            order.push(i);
+            areas[i as usize] = most;
+            self.neighbours[i as usize] = [GONE; 2];
+            self.neighbours[before as usize][1] = after;
+            self.neighbours[after as usize][0] = before;
+            for near in [before, after] {
+                if inner.contains(&near) {
+                    let key = of(near, self.neighbours[near as usize]);
+                    if key != areas[near as usize] {
+                        areas[near as usize] = key;
+                        queue.push(Entry { key, i: near });
+                    }
+                }
+            }
+        }
+        for i in inner.filter(|i| self.neighbours[*i as usize][0] != GONE) {
+            areas[i as usize] = f64::INFINITY;
+        }
+        Areas { areas, order }
+    }
+}
+
+/// A vertex and its area at some time.
+#[derive(Clone, Copy)]
+struct Entry {
+    key: f64,
+    i: u32,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Entry {}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Entry {
+    /// The smallest area is the greatest entry, the lowest index among equals.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.key.total_cmp(&self.key).then(other.i.cmp(&self.i))
+    }
+}
+
+/// Entries for a bucket, about.
+const CROWD: usize = 256;
+
+/// Entries by area, the smallest first: a heap of those at hand, and buckets of the others by the first
+/// bits of their areas. The heap stays small, so it stays in the cache.
+struct Queue {
+    heap: BinaryHeap<Entry>,
+    /// Bits of the smallest area above 0, which is that of the first bucket.
+    least: u64,
+    /// Bits that a bucket spans.
+    shift: u32,
+    /// The buckets before this one are in the heap.
+    at: usize,
+    buckets: Vec<Vec<Entry>>,
+}
+
+impl Queue {
+    fn new(entries: impl ExactSizeIterator<Item = Entry> + Clone) -> Self {
+        // The bits of floats that are not negative are ordered as the floats are.
+        let bits = entries.clone().map(|entry| entry.key.to_bits()).filter(|bits| *bits > 0);
+        let (least, most) = (bits.clone().min().unwrap_or(0), bits.max().unwrap_or(0));
+        let wanted = (entries.len() / CROWD).max(1) as u64;
+        let shift = ((most - least) / wanted).max(1).ilog2() + 1;
+        let count = ((most - least) >> shift) as usize + 1;
+        let mut queue =
+            Self { heap: BinaryHeap::new(), least, shift, at: 0, buckets: vec![Vec::new(); count] };
+        entries.for_each(|entry| queue.push(entry));
+        queue
+    }
+
+    /// Adds an entry: to the heap if it is not above what is at hand.
+    #[inline]
+    fn push(&mut self, entry: Entry) {
+        let bits = entry.key.to_bits();
+        let bucket = (bits.saturating_sub(self.least) >> self.shift) as usize;
+        let bucket = bucket.min(self.buckets.len() - 1);
+        match bucket < self.at {
+            true => self.heap.push(entry),
+            false => self.buckets[bucket].push(entry),
+        }
+    }
+
+    /// Takes the smallest entry; of a new bucket, only those present come to the heap.
+    #[inline]
+    fn pop(&mut self, is_present: impl Fn(&Entry) -> bool) -> Option<Entry> {
+        while self.heap.is_empty() {
+            let mut bucket = std::mem::take(self.buckets.get_mut(self.at)?);
+            self.at += 1;
+            bucket.retain(&is_present);
+            self.heap = BinaryHeap::from(bucket);
+        }
+        self.heap.pop()
+    }
+}

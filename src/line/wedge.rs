@@ -1,0 +1,339 @@
+//! Wedges: the directions from a vertex whose rays pass others within a tolerance.
+//!
+//! A ray from the anchor passes a vertex within the tolerance when it meets the disc of that radius
+//! around it; the rays that meet a disc which does not hold the anchor form a wedge narrower than a
+//! half turn, and the wedges of several vertices have a wedge in common, or nothing. A segment passes
+//! all its vertices within the tolerance when the ray from either end does (Chan & Chin, "Approximation
+//! of polygonal curves with minimum number of line segments or minimum error", 1996).
+//!
+//! Wedges here err on the side of directions: they allow for more than rounding can do, so that what
+//! they turn away is beyond the tolerance by the formula of [`super::metric`], and what they let pass has
+//! to be held against it.
+
+use std::marker::PhantomData;
+
+use super::Xy;
+use super::metric::Located;
+
+/// What a vertex does to a wedge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Its direction was in the wedge: the segment may end here.
+    Ends,
+    /// Its direction was not, but some directions pass it.
+    Passes,
+    /// No direction is left.
+    Stops,
+}
+
+/// Directions from an anchor.
+pub trait Wedge<V>: Copy {
+    /// All directions from `anchor`.
+    fn new(anchor: &V, tolerance: f64) -> Self;
+
+    /// Keeps the directions that pass `p`, and says what it did.
+    fn step(&mut self, p: &V) -> Step;
+
+    /// Which of its sides the last step cut, as bits below [`MOST_SIDES`].
+    fn cuts(&self) -> u32;
+
+    /// The squared distance of `p` from the anchor, or 0 where no vertex can lie beyond the end of a
+    /// segment.
+    fn span2(&self, p: &V) -> f64;
+}
+
+/// Most sides a wedge has.
+pub const MOST_SIDES: usize = 6;
+
+/// Allowance for rounding, relative to the distance from the anchor (and to the tolerance).
+const SLACK: f64 = 1e-14;
+
+/// How a vertex looks from another.
+pub trait Look<V>: Copy {
+    /// True when all scales are 1.
+    const IS_UNIFORM: bool;
+
+    /// The vector from `anchor` to `p` in units of distance, and units of distance for a unit of
+    /// either coordinate at `p`.
+    fn look(anchor: &V, p: &V) -> (Xy, Xy);
+}
+
+/// In the plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Flat;
+
+impl Look<Xy> for Flat {
+    const IS_UNIFORM: bool = true;
+
+    #[inline(always)]
+    fn look(anchor: &Xy, p: &Xy) -> (Xy, Xy) {
+        ([p[0] - anchor[0], p[1] - anchor[1]], [1.0; 2])
+    }
+}
+
+/// In space, on the plane of axes `I` and `J`: a distance in space is at least that of its image.
+#[derive(Clone, Copy, Debug)]
+pub struct Side<const I: usize, const J: usize>;
+
+impl<const I: usize, const J: usize> Look<[f64; 3]> for Side<I, J> {
+    const IS_UNIFORM: bool = true;
+
+    #[inline(always)]
+    fn look(anchor: &[f64; 3], p: &[f64; 3]) -> (Xy, Xy) {
+        ([p[I] - anchor[I], p[J] - anchor[J]], [1.0; 2])
+    }
+}
+
+/// On the ellipsoid: discs are ellipses in degrees.
+#[derive(Clone, Copy, Debug)]
+pub struct Local;
+
+impl Look<Located> for Local {
+    const IS_UNIFORM: bool = false;
+
+    #[inline(always)]
+    fn look(anchor: &Located, p: &Located) -> (Xy, Xy) {
+        let k = p.scale;
+        ([(p.at[0] - anchor.at[0]) * k[0], (p.at[1] - anchor.at[1]) * k[1]], k)
+    }
+}
+
+/// The wedge in the plane.
+pub type PlaneWedge = DiscWedge<Xy, Flat>;
+
+/// The wedge in longitude and latitude.
+pub type EllipseWedge = DiscWedge<Located, Local>;
+
+/// A wedge between two rays, tangents to discs.
+#[derive(Clone, Copy, Debug)]
+pub struct DiscWedge<V, L> {
+    anchor: V,
+    tolerance: f64,
+    /// Unit vectors (in coordinates); `None` while every direction is left.
+    rays: Option<[Xy; 2]>,
+    /// Sides cut by the last step: 1 the left, 2 the right.
+    cuts: u32,
+    look: PhantomData<L>,
+}
+
+/// A vertex beside a ray.
+#[derive(Clone, Copy)]
+struct Beside {
+    /// Distance to the left of it.
+    left: f64,
+    /// Distance along it.
+    ahead: f64,
+}
+
+#[inline(always)]
+fn cross(a: Xy, b: Xy) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+#[inline(always)]
+fn dot(a: Xy, b: Xy) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+/// The difference of two positions.
+#[inline(always)]
+pub(super) fn difference<const N: usize>(p: &[f64; N], from: &[f64; N]) -> [f64; N] {
+    std::array::from_fn(|i| p[i] - from[i])
+}
+
+/// The left and the right tangent from the anchor to the disc around `v`, which does not hold the
+/// anchor, as unit vectors of coordinates scaled by `k`.
+#[inline]
+fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
+    let square = dot(v, v);
+    let along = (square - tolerance * tolerance).max(0.0).sqrt() / square;
+    let aside = tolerance / square;
+    let unscaled = |x: f64, y: f64| match k == [1.0; 2] {
+        true => [x, y],
+        false => {
+            let (x, y) = (x / k[0], y / k[1]);
+            let length = (x * x + y * y).sqrt();
+            [x / length, y / length]
+        }
+    };
+    [
+        unscaled(v[0] * along - v[1] * aside, v[1] * along + v[0] * aside),
+        unscaled(v[0] * along + v[1] * aside, v[1] * along - v[0] * aside),
+    ]
+}
+
+impl<V, L: Look<V>> DiscWedge<V, L> {
+    /// The vertex at `v` beside the ray in direction `ray`.
+    #[inline(always)]
+    fn beside(ray: Xy, v: Xy, k: Xy) -> Beside {
+        if L::IS_UNIFORM {
+            return Beside { left: cross(ray, v), ahead: dot(ray, v) };
+        }
+        let ray = [ray[0] * k[0], ray[1] * k[1]];
+        let unit = 1.0 / dot(ray, ray).sqrt();
+        Beside { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
+    }
+
+    /// The general case: some ray points away from the vertex.
+    #[cold]
+    fn step_behind(&mut self, v: Xy, k: Xy, rays: [Xy; 2], reach: f64) -> bool {
+        if dot(v, v) <= reach * reach {
+            return true;
+        }
+        let [left, right] = rays.map(|ray| Self::beside(ray, v, k));
+        let meets = |ray: Beside| ray.ahead > 0.0 && ray.left.abs() <= reach;
+        let tangents = tangents(v, k, reach);
+        let met = [meets(left), meets(right)];
+        let [Some(left), Some(right)] = [0, 1].map(|i| match met[i] {
+            true => Some(rays[i]),
+            false => Some(tangents[i]).filter(|tangent| is_between(*tangent, rays)),
+        }) else {
+            return false;
+        };
+        self.cuts = u32::from(!met[0]) | u32::from(!met[1]) << 1;
+        self.rays = Some([left, right]);
+        true
+    }
+}
+
+/// True when a direction lies between two rays, rounding allowed for.
+fn is_between(direction: Xy, [left, right]: [Xy; 2]) -> bool {
+    let bisector = [left[0] + right[0], left[1] + right[1]];
+    cross(direction, left) >= -SLACK
+        && cross(right, direction) >= -SLACK
+        && dot(direction, bisector) >= -SLACK
+}
+
+impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
+    #[inline(always)]
+    fn new(anchor: &V, tolerance: f64) -> Self {
+        Self { anchor: *anchor, tolerance, rays: None, cuts: 0, look: PhantomData }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, p: &V) -> Step {
+        let (v, k) = L::look(&self.anchor, p);
+        if !L::IS_UNIFORM && k[0] <= 0.0 {
+            return Step::Ends;
+        }
+        let slack = SLACK * (v[0].abs() + v[1].abs());
+        let reach = self.tolerance + SLACK * self.tolerance + slack;
+        self.cuts = 0;
+        let Some(rays) = self.rays else {
+            if dot(v, v) > reach * reach {
+                self.cuts = 3;
+                self.rays = Some(tangents(v, k, reach));
+            }
+            return Step::Ends;
+        };
+        let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
+        let is_ahead = left.ahead + right.ahead >= 0.0;
+        let ends = left.left <= slack && right.left >= -slack && is_ahead;
+        if left.ahead > 0.0 && right.ahead > 0.0 {
+            if left.left > reach || right.left < -reach {
+                return Step::Stops;
+            }
+            let (is_left_cut, is_right_cut) = (left.left < -reach, right.left > reach);
+            if is_left_cut | is_right_cut {
+                self.cuts = u32::from(is_left_cut) | u32::from(is_right_cut) << 1;
+                let [l, r] = tangents(v, k, reach);
+                let kept = |is_cut, cut, ray| if is_cut { cut } else { ray };
+                self.rays = Some([kept(is_left_cut, l, rays[0]), kept(is_right_cut, r, rays[1])]);
+            }
+        } else if !self.step_behind(v, k, rays, reach) {
+            return Step::Stops;
+        }
+        if ends { Step::Ends } else { Step::Passes }
+    }
+
+    #[inline(always)]
+    fn cuts(&self) -> u32 {
+        self.cuts
+    }
+
+    #[inline(always)]
+    fn span2(&self, p: &V) -> f64 {
+        let (v, _) = L::look(&self.anchor, p);
+        dot(v, v)
+    }
+}
+
+/// The wedge in space: those of the three images, which hold all directions that pass, and others.
+#[derive(Clone, Copy, Debug)]
+pub struct SpaceWedge {
+    xy: DiscWedge<[f64; 3], Side<0, 1>>,
+    yz: DiscWedge<[f64; 3], Side<1, 2>>,
+    zx: DiscWedge<[f64; 3], Side<2, 0>>,
+}
+
+impl Wedge<[f64; 3]> for SpaceWedge {
+    fn new(anchor: &[f64; 3], tolerance: f64) -> Self {
+        let (xy, yz) = (Wedge::new(anchor, tolerance), Wedge::new(anchor, tolerance));
+        Self { xy, yz, zx: Wedge::new(anchor, tolerance) }
+    }
+
+    fn step(&mut self, p: &[f64; 3]) -> Step {
+        let steps = [self.xy.step(p), self.yz.step(p), self.zx.step(p)];
+        match steps.contains(&Step::Stops) {
+            true => Step::Stops,
+            false if steps == [Step::Ends; 3] => Step::Ends,
+            false => Step::Passes,
+        }
+    }
+
+    fn cuts(&self) -> u32 {
+        self.xy.cuts | self.yz.cuts << 2 | self.zx.cuts << 4
+    }
+
+    fn span2(&self, p: &[f64; 3]) -> f64 {
+        let [x, y, z] = difference(p, &self.xy.anchor);
+        x * x + y * y + z * z
+    }
+}
+
+/// The wedge of a profile: a range of slopes. The faster special case for monotone chains: no root,
+/// and nothing can lie beyond an end.
+#[derive(Clone, Copy, Debug)]
+pub struct SlopeWedge {
+    anchor: Xy,
+    tolerance: f64,
+    low: f64,
+    high: f64,
+    cuts: u32,
+}
+
+impl Wedge<Xy> for SlopeWedge {
+    #[inline(always)]
+    fn new(anchor: &Xy, tolerance: f64) -> Self {
+        Self { anchor: *anchor, tolerance, low: f64::NEG_INFINITY, high: f64::INFINITY, cuts: 0 }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, p: &Xy) -> Step {
+        let (x, y) = (p[0] - self.anchor[0], p[1] - self.anchor[1]);
+        let unit = 1.0 / x;
+        let slope = y * unit;
+        let slack = SLACK * slope.abs();
+        let reach = (self.tolerance * unit).abs() * (1.0 + SLACK) + slack;
+        let ends = slope >= self.low - slack && slope <= self.high + slack;
+        let (low, high) = (slope - reach, slope + reach);
+        self.cuts = u32::from(low > self.low) | u32::from(high < self.high) << 1;
+        self.low = self.low.max(low);
+        self.high = self.high.min(high);
+        match ends {
+            true => Step::Ends,
+            false if self.low > self.high + slack => Step::Stops,
+            false => Step::Passes,
+        }
+    }
+
+    #[inline(always)]
+    fn cuts(&self) -> u32 {
+        self.cuts
+    }
+
+    #[inline(always)]
+    fn span2(&self, _: &Xy) -> f64 {
+        0.0
+    }
+}
