@@ -8,6 +8,7 @@
 pub mod atomic;
 pub mod cli;
 pub mod cloud;
+pub mod contour;
 pub mod delaunay;
 pub mod error;
 mod fault;

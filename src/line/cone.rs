@@ -5,19 +5,18 @@
 //! exact); a vertex in the wedge may end the segment. The wedge does not see vertices that lie beyond
 //! the end, so the last vertex that may end the segment is tested against all it replaces, by the
 //! formula of [`super::metric`], then the one before it, and so on. One pass that looks ahead of the
-//! anchor only; O(n) but for vertices looked at again because the wedge went on beyond the end.
-//! Where a line keeps running back on itself, the look ahead is ended once nothing could end the
-//! segment for four times its length.
+//! anchor only. The look ahead ends at a few times the longest segment that is known to hold, so lines
+//! that keep running back on themselves, and tolerances below what rounding makes of a line, cost
+//! O(n log n) too.
 
 use super::metric::Metric;
 use super::wedge::{Step, Wedge};
 use super::{Scratch, first_beyond, keep_short};
 
-/// How far to look beyond the last vertex that may end the segment: this many vertices, and
-/// `PATIENCE` times as many as lie before it.
+/// How far to look at least.
 const LOOK: usize = 64;
 
-/// See [`LOOK`].
+/// How far to look, in lengths of the longest segment known to hold.
 const PATIENCE: usize = 4;
 
 /// How many vertices are tested one after the other before the steps are doubled.
@@ -56,9 +55,10 @@ fn look_ahead<V: Copy, M: Metric<V>>(
     candidates.clear();
     let from = &points[anchor];
     let mut wedge = M::Wedge::new(from, tolerance);
+    let tolerance2 = tolerance * tolerance;
     // The vertex farthest from the anchor is the likeliest to lie beyond an end.
     let (mut outermost, mut span2) = (anchor, 0.0);
-    let mut limit = anchor + LOOK;
+    let (mut limit, mut proof) = (anchor + LOOK, anchor + LOOK / 2);
     for (i, p) in points.iter().enumerate().skip(anchor + 1) {
         let step = wedge.step(p);
         if step == Step::Stops || i > limit {
@@ -68,13 +68,18 @@ fn look_ahead<V: Copy, M: Metric<V>>(
         if span >= span2 {
             (outermost, span2) = (i, span);
         } else if step == Step::Ends
-            && metric.distance2(&points[outermost], from, p) > tolerance * tolerance
+            && metric.distance2(&points[outermost], from, p) > tolerance2
         {
             continue;
         }
         if step == Step::Ends {
             candidates.push(i as u32);
-            limit = i + LOOK + PATIENCE * (i - anchor);
+            if i >= proof {
+                proof = i + (i - anchor) / 2;
+                if first_beyond(metric, points, anchor, i, tolerance2).is_none() {
+                    limit = anchor + PATIENCE * (i - anchor);
+                }
+            }
         }
     }
 }

@@ -59,7 +59,7 @@ fn first_beyond<V: Copy, M: Metric<V>>(
     tolerance2: f64,
 ) -> Option<usize> {
     let segment = metric.segment(&points[from], &points[to]);
-    let limit = regions::surely_within::<V, M>(&segment, tolerance2);
+    let limit = M::within(&segment, tolerance2);
     let mut at = from + 1;
     while let Some(found) = regions::first_above::<V, M>(&segment, points, at, to, limit) {
         if M::squared(&segment, M::reach(&segment, &points[found])) > tolerance2 {
@@ -69,3 +69,6 @@ fn first_beyond<V: Copy, M: Metric<V>>(
     }
     None
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,7 @@
 //! not farther than what is known is passed over as a whole. [`Metric::reach_most`] bounds distances as
 //! they are computed, so the vertex found is that of a plain scan, ties included.
 
-use super::metric::Metric;
+use super::metric::{Metric, larger};
 
 /// Vertices in a region of the lowest level.
 const LEAF: usize = 16;
@@ -12,8 +12,11 @@ const LEAF: usize = 16;
 /// Regions in one of the next level.
 const FAN: usize = 8;
 
-/// Lines shorter than this have no tree.
-const SHORTEST: usize = 4 * LEAF;
+/// Fewer vertices than this are looked at one by one.
+const SHORTEST: usize = 6 * LEAF;
+
+/// In ranges of at least this many vertices, a far one is looked for first.
+const LONG: usize = 4 * LEAF * FAN;
 
 /// The farthest vertex known.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +31,9 @@ const LANES: usize = 8;
 
 /// Updates `farthest` with the vertices `from..to`: only larger distances count, so the lowest index
 /// among equals is found when ranges come in order.
+///
+/// Eight vertices side by side, no branch for any of them: the lane of the largest is looked up at the
+/// end.
 #[inline]
 pub(super) fn scan<V: Copy, M: Metric<V>>(
     segment: &M::Segment,
@@ -36,36 +42,40 @@ pub(super) fn scan<V: Copy, M: Metric<V>>(
     to: usize,
     farthest: &mut Farthest,
 ) {
+    let (mut most, mut place) = (farthest.reach, to);
     let chunks = points[from..to].chunks_exact(LANES);
     let rest = chunks.remainder();
     let mut at = from;
     for chunk in chunks {
-        let mut reaches = [0.0; LANES];
-        for (reach, p) in reaches.iter_mut().zip(chunk) {
-            *reach = M::reach(segment, p);
-        }
-        if is_any_above(&reaches, farthest.reach) {
-            raise(&reaches, at, farthest);
+        let reach = largest(&reaches::<V, M>(segment, chunk));
+        if reach > most {
+            (most, place) = (reach, at);
         }
         at += LANES;
     }
-    for (i, p) in rest.iter().enumerate() {
-        raise(&[M::reach(segment, p)], at + i, farthest);
+    let reach = rest.iter().fold(most, |most, p| larger(M::reach(segment, p), most));
+    if reach > most {
+        (most, place) = (reach, at);
+    }
+    let run = &points[place..to.min(place + LANES)];
+    if let Some(lane) = run.iter().position(|p| M::reach(segment, p) == most) {
+        *farthest = Farthest { index: place + lane, reach: most };
     }
 }
 
 #[inline(always)]
-fn is_any_above(reaches: &[f64; LANES], limit: f64) -> bool {
-    reaches.iter().fold(false, |any, reach| any | (*reach > limit))
+fn reaches<V: Copy, M: Metric<V>>(segment: &M::Segment, chunk: &[V]) -> [f64; LANES] {
+    let mut reaches = [0.0; LANES];
+    for (reach, p) in reaches.iter_mut().zip(chunk) {
+        *reach = M::reach(segment, p);
+    }
+    reaches
 }
 
 #[inline(always)]
-fn raise(reaches: &[f64], at: usize, farthest: &mut Farthest) {
-    for (i, reach) in reaches.iter().enumerate() {
-        if *reach > farthest.reach {
-            *farthest = Farthest { index: at + i, reach: *reach };
-        }
-    }
+fn largest(r: &[f64; LANES]) -> f64 {
+    let four = [larger(r[0], r[4]), larger(r[1], r[5]), larger(r[2], r[6]), larger(r[3], r[7])];
+    larger(larger(four[0], four[2]), larger(four[1], four[3]))
 }
 
 /// The first vertex of `from..to` whose reach is above `limit`.
@@ -81,24 +91,13 @@ pub(super) fn first_above<V: Copy, M: Metric<V>>(
     let rest = chunks.remainder();
     let rest_at = to - rest.len();
     for (n, chunk) in chunks.enumerate() {
-        let mut reaches = [0.0; LANES];
-        for (reach, p) in reaches.iter_mut().zip(chunk) {
-            *reach = M::reach(segment, p);
-        }
-        if is_any_above(&reaches, limit) {
+        let reaches = reaches::<V, M>(segment, chunk);
+        if largest(&reaches) > limit {
             let lane = reaches.iter().position(|reach| *reach > limit)?;
             return Some(from + n * LANES + lane);
         }
     }
     rest.iter().position(|p| M::reach(segment, p) > limit).map(|i| rest_at + i)
-}
-
-/// A reach which is surely within `tolerance2`: [`Metric::squared`] of it, and of anything below, is
-/// at most that. Reaches between it and the tolerance have to be squared to know.
-#[inline(always)]
-pub(super) fn surely_within<V: Copy, M: Metric<V>>(segment: &M::Segment, tolerance2: f64) -> f64 {
-    let unit = M::squared(segment, 1.0);
-    tolerance2 / unit * (1.0 - 1e-14)
 }
 
 /// The vertex farthest from `segment` among `from..to`, and its squared distance, if that is above
@@ -111,7 +110,7 @@ pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
     to: usize,
     tolerance2: f64,
 ) -> Option<(usize, f64)> {
-    let within = surely_within::<V, M>(segment, tolerance2);
+    let within = M::within(segment, tolerance2);
     let mut farthest = Farthest { index: from, reach: within };
     tree.farthest::<V, M>(segment, points, from, to, &mut farthest);
     if farthest.reach <= within {
@@ -157,14 +156,20 @@ impl<R: Copy> Regions<R> {
         to: usize,
         farthest: &mut Farthest,
     ) {
-        let start = from.next_multiple_of(LEAF);
-        if self.levels.is_empty() || start + LEAF > to {
+        if self.levels.is_empty() || to - from < SHORTEST {
             return scan::<V, M>(segment, points, from, to, farthest);
         }
+        let start = from.next_multiple_of(LEAF);
+        // Regions that hold nothing as far as a vertex known to be there are of no interest.
+        let likely = match to - from < LONG {
+            true => f64::NEG_INFINITY,
+            false => self.likely::<V, M>(segment, points, start, to).next_down(),
+        };
         scan::<V, M>(segment, points, from, start, farthest);
         let mut at = start;
         while at + LEAF <= to {
-            at = match self.passed_over::<V, M>(segment, at, to, farthest.reach) {
+            let limit = larger(farthest.reach, likely);
+            at = match self.passed_over::<V, M>(segment, at, to, limit) {
                 Some(next) => next,
                 None => {
                     scan::<V, M>(segment, points, at, at + LEAF, farthest);
@@ -173,6 +178,52 @@ impl<R: Copy> Regions<R> {
             };
         }
         scan::<V, M>(segment, points, at, to, farthest);
+    }
+
+    /// The largest reach in the lowest region that promises most, from the largest regions down.
+    fn likely<V: Copy, M: Metric<V, Region = R>>(
+        &self,
+        segment: &M::Segment,
+        points: &[V],
+        start: usize,
+        to: usize,
+    ) -> f64 {
+        let mut most = f64::NEG_INFINITY;
+        let (mut place, mut level) = (start, 0);
+        let mut at = start;
+        while at + LEAF <= to {
+            let (top, size) = self.largest_at(at, to);
+            let reach = M::reach_most(segment, &self.levels[top][at / size]);
+            if reach > most {
+                (most, place, level) = (reach, at / size, top);
+            }
+            at += size;
+        }
+        while level > 0 {
+            level -= 1;
+            let first = place * FAN;
+            let children = &self.levels[level][first..first + FAN];
+            let reach = |i: usize| M::reach_most(segment, &children[i]);
+            let best = (0..FAN).fold((0, f64::NEG_INFINITY), |best, i| {
+                let own = reach(i);
+                if own > best.1 { (i, own) } else { best }
+            });
+            place = first + best.0;
+        }
+        let mut farthest = Farthest { index: 0, reach: f64::NEG_INFINITY };
+        scan::<V, M>(segment, points, place * LEAF, place * LEAF + LEAF, &mut farthest);
+        farthest.reach
+    }
+
+    /// The level of the largest region that begins at `at` and ends within `to`, and its vertices.
+    #[inline(always)]
+    fn largest_at(&self, at: usize, to: usize) -> (usize, usize) {
+        let (mut size, mut top) = (LEAF, 0);
+        while top + 1 < self.levels.len() && at % (size * FAN) == 0 && at + size * FAN <= to {
+            size *= FAN;
+            top += 1;
+        }
+        (top, size)
     }
 
     /// The end of the largest region from `at` on, within `to`, that holds nothing above `limit`.
@@ -184,11 +235,7 @@ impl<R: Copy> Regions<R> {
         to: usize,
         limit: f64,
     ) -> Option<usize> {
-        let (mut size, mut top) = (LEAF, 0);
-        while top + 1 < self.levels.len() && at % (size * FAN) == 0 && at + size * FAN <= to {
-            size *= FAN;
-            top += 1;
-        }
+        let (mut top, mut size) = self.largest_at(at, to);
         loop {
             if M::reach_most(segment, &self.levels[top][at / size]) <= limit {
                 return Some(at + size);
@@ -214,11 +261,8 @@ pub(super) fn last_above<V: Copy, M: Metric<V>>(
     let chunks = points[from..to].rchunks_exact(LANES);
     let rest = chunks.remainder().len();
     for (n, chunk) in chunks.enumerate() {
-        let mut reaches = [0.0; LANES];
-        for (reach, p) in reaches.iter_mut().zip(chunk) {
-            *reach = M::reach(segment, p);
-        }
-        if is_any_above(&reaches, limit) {
+        let reaches = reaches::<V, M>(segment, chunk);
+        if largest(&reaches) > limit {
             let lane = reaches.iter().rposition(|reach| *reach > limit)?;
             return Some(to - (n + 1) * LANES + lane);
         }

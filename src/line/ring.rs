@@ -1,1 +1,167 @@
-//! Rings.
+//! Closed rings: no vertex is an end that has to stay.
+//!
+//! A ring comes with its closing vertex (the first again) and goes without it: the ascending indices of
+//! the vertices kept, each once. Every method starts from the vertex that is lowest in x, then y, then
+//! z: it is on the convex hull, and it is the same one wherever the ring was cut open.
+//!
+//! - Ramer-Douglas-Peucker splits first at the vertex farthest from that one, so it is anchored at two
+//!   vertices far apart.
+//! - The cone and Imai-Iri may drop the start as well: once a ring is closed, the part around the start
+//!   is done again, from a vertex kept before it to one kept after it. The result never has more vertices,
+//!   and where it was the fewest between those two, it is now the fewest that pass through them: near the
+//!   fewest of all, which would need a search from every vertex that one segment can pass over.
+//! - Visvalingam-Whyatt knows no start.
+//!
+//! A ring of which fewer than three vertices would be left *collapses*. It is then given as the start, the
+//! vertex farthest from it, the one farthest from the segment between them, and what the tolerance asks for
+//! besides; what to do with it is for the caller to say.
+
+use super::metric::Metric;
+use super::rdp::rdp;
+use super::regions::{Regions, farthest_beyond};
+use super::visvalingam::{Areas, Weight};
+use super::Scratch;
+
+/// What became of a ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// At least three vertices were needed.
+    Kept,
+    /// Fewer would do; the ring given is a minimal one. It has fewer than three vertices only where the
+    /// input had fewer that differ in place.
+    Collapsed,
+}
+
+/// Vertices kept on either side of the start between which the ring is done again.
+const AROUND: usize = 64;
+
+/// Simplifies a ring, first and last vertex the same, with a method for lines.
+///
+/// `can_move` says that the start may be dropped too: true for all but Ramer-Douglas-Peucker.
+pub fn simplify<V: Copy, M: Metric<V>>(
+    metric: &M,
+    ring: &[V],
+    tolerance: f64,
+    can_move: bool,
+    mut method: impl FnMut(&[V], &mut Scratch, &mut Vec<u32>),
+    scratch: &mut Scratch,
+    kept: &mut Vec<u32>,
+) -> Fate {
+    let count = ring.len().saturating_sub(1);
+    if count < 3 {
+        kept.extend(0..count as u32);
+        return Fate::Collapsed;
+    }
+    let start = lowest::<V, M>(&ring[..count]);
+    let line = unrolled(ring, start, start + count);
+    let mut chosen = Vec::new();
+    method(&line, scratch, &mut chosen);
+    chosen.pop();
+    if can_move && chosen.len() > 3 {
+        let before = chosen.len();
+        let moved = around_start(&line, &chosen, |part, kept| method(part, scratch, kept));
+        if moved.len() <= before {
+            chosen = moved;
+        }
+    }
+    let fate = if chosen.len() < 3 { Fate::Collapsed } else { Fate::Kept };
+    if fate == Fate::Collapsed {
+        chosen = minimal(metric, &line, tolerance, scratch);
+    }
+    let from = kept.len();
+    kept.extend(chosen.iter().map(|i| ((*i as usize + start) % count) as u32));
+    kept[from..].sort_unstable();
+    fate
+}
+
+/// Visvalingam-Whyatt on a ring: drops vertices with an effective area of at most `area`.
+///
+/// A ring collapses when three are left and the triangle they make has no more area than that.
+pub fn visvalingam<V: Copy, M: Metric<V>>(
+    metric: &M,
+    ring: &[V],
+    area: f64,
+    weight: Weight,
+    kept: &mut Vec<u32>,
+) -> Fate {
+    let count = ring.len().saturating_sub(1);
+    let from = kept.len();
+    Areas::of_ring(metric, &ring[..count], weight).filter(area, kept);
+    match kept[from..] {
+        [a, b, c] => {
+            let [a, b, c] = [a, b, c].map(|i| &ring[i as usize]);
+            if metric.area(a, b, c) <= area { Fate::Collapsed } else { Fate::Kept }
+        }
+        [] | [_] | [_, _] => Fate::Collapsed,
+        _ => Fate::Kept,
+    }
+}
+
+/// The first of the vertices that are lowest by x, y and z.
+fn lowest<V: Copy, M: Metric<V>>(points: &[V]) -> usize {
+    let mut lowest = 0;
+    for i in 1..points.len() {
+        if M::coordinates(&points[i]) < M::coordinates(&points[lowest]) {
+            lowest = i;
+        }
+    }
+    lowest
+}
+
+/// The vertices from `from` to `to`, both included, round the ring.
+fn unrolled<V: Copy>(ring: &[V], from: usize, to: usize) -> Vec<V> {
+    let count = ring.len() - 1;
+    (from..=to).map(|i| ring[i % count]).collect()
+}
+
+/// Does the part around the start again: from a vertex kept before it to one kept after it.
+fn around_start<V: Copy>(
+    line: &[V],
+    chosen: &[u32],
+    mut method: impl FnMut(&[V], &mut Vec<u32>),
+) -> Vec<u32> {
+    let count = line.len() - 1;
+    let reach = (chosen.len() / 2).min(AROUND);
+    let (first, last) = (chosen[reach], chosen[chosen.len() - reach]);
+    let part = unrolled(line, last as usize, first as usize + count);
+    let mut again = Vec::new();
+    method(&part, &mut again);
+    again.pop();
+    let inner = again.iter().map(|i| ((i + last) as usize % count) as u32);
+    let mut moved: Vec<u32> = inner.collect();
+    moved.extend(&chosen[reach..chosen.len() - reach]);
+    moved
+}
+
+/// The start of a closed line, the vertex farthest from it, the one farthest from their segment, and
+/// what the tolerance asks for between them.
+fn minimal<V: Copy, M: Metric<V>>(
+    metric: &M,
+    line: &[V],
+    tolerance: f64,
+    scratch: &mut Scratch,
+) -> Vec<u32> {
+    let last = line.len() - 1;
+    let tree = Regions::new::<V, M>(line);
+    let mut corners = vec![0, last];
+    let farthest = |from: usize, to: usize| {
+        let segment = metric.segment(&line[from], &line[to]);
+        farthest_beyond::<V, M>(&segment, line, &tree, from + 1, to, 0.0)
+    };
+    if let Some((far, _)) = farthest(0, last) {
+        corners.push(far);
+        let sides = [farthest(0, far), farthest(far, last)];
+        let side = |i: usize| sides[i].map_or(-1.0, |(_, square)| square);
+        let widest = if side(1) > side(0) { sides[1] } else { sides[0] };
+        corners.extend(widest.map(|(third, _)| third));
+    }
+    corners.sort_unstable();
+    let mut chosen = Vec::new();
+    for pair in corners.windows(2) {
+        let at = chosen.len();
+        rdp(metric, &line[pair[0]..=pair[1]], tolerance, scratch, &mut chosen);
+        chosen[at..].iter_mut().for_each(|i| *i += pair[0] as u32);
+        chosen.pop();
+    }
+    chosen
+}

@@ -8,7 +8,9 @@
 //!
 //! Wedges here err on the side of directions: they allow for more than rounding can do, so that what
 //! they turn away is beyond the tolerance by the formula of [`super::metric`], and what they let pass has
-//! to be held against it.
+//! to be held against it. Where the tolerance is below that allowance nothing could be turned away; there,
+//! the first vertex outside ends the wedge. With a tolerance of 0 in the plane, directions are compared
+//! without an allowance: a vertex is in the wedge when its cross product with the first is 0.
 
 use std::marker::PhantomData;
 
@@ -109,7 +111,7 @@ pub type EllipseWedge = DiscWedge<Located, Local>;
 pub struct DiscWedge<V, L> {
     anchor: V,
     tolerance: f64,
-    /// Unit vectors (in coordinates); `None` while every direction is left.
+    /// Unit vectors (in coordinates), the left one first; `None` while every direction is left.
     rays: Option<[Xy; 2]>,
     /// Sides cut by the last step: 1 the left, 2 the right.
     cuts: u32,
@@ -174,6 +176,22 @@ impl<V, L: Look<V>> DiscWedge<V, L> {
         Beside { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
     }
 
+    /// With a tolerance of 0, only the direction of the first vertex is left; its length does not
+    /// matter.
+    fn step_straight(&mut self, v: Xy) -> Step {
+        self.cuts = 0;
+        match self.rays {
+            _ if v == [0.0; 2] => Step::Ends,
+            None => {
+                self.cuts = 1;
+                self.rays = Some([v, v]);
+                Step::Ends
+            }
+            Some([ray, _]) if cross(ray, v) == 0.0 && dot(ray, v) > 0.0 => Step::Ends,
+            Some(_) => Step::Stops,
+        }
+    }
+
     /// The general case: some ray points away from the vertex.
     #[cold]
     fn step_behind(&mut self, v: Xy, k: Xy, rays: [Xy; 2], reach: f64) -> bool {
@@ -216,6 +234,9 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
         if !L::IS_UNIFORM && k[0] <= 0.0 {
             return Step::Ends;
         }
+        if L::IS_UNIFORM && self.tolerance == 0.0 {
+            return self.step_straight(v);
+        }
         let slack = SLACK * (v[0].abs() + v[1].abs());
         let reach = self.tolerance + SLACK * self.tolerance + slack;
         self.cuts = 0;
@@ -243,7 +264,11 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
         } else if !self.step_behind(v, k, rays, reach) {
             return Step::Stops;
         }
-        if ends { Step::Ends } else { Step::Passes }
+        match ends {
+            true => Step::Ends,
+            false if slack > self.tolerance => Step::Stops,
+            false => Step::Passes,
+        }
     }
 
     #[inline(always)]
@@ -322,7 +347,7 @@ impl Wedge<Xy> for SlopeWedge {
         self.high = self.high.min(high);
         match ends {
             true => Step::Ends,
-            false if self.low > self.high + slack => Step::Stops,
+            false if self.low > self.high + slack || reach <= 2.0 * slack => Step::Stops,
             false => Step::Passes,
         }
     }
