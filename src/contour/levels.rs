@@ -86,7 +86,13 @@ impl Levels {
         ranks: &mut [i32],
     ) -> std::result::Result<(), usize> {
         let sound = match &self.0 {
-            &Kind::Every { base, step, scale } => rank_by_step(base, step, scale, heights, ranks),
+            // A division by 1 takes as long as any.
+            &Kind::Every { base, step, scale: 1.0 } => {
+                rank_by_step(base, step, |height| height, |z| z, heights, ranks)
+            }
+            &Kind::Every { base, step, scale } => {
+                rank_by_step(base, step, |height| height / scale, |z| z * scale, heights, ranks)
+            }
             Kind::List(levels) => rank_by_list(levels, heights, ranks),
         };
         if sound {
@@ -111,10 +117,12 @@ impl Levels {
 
 /// False where a height has no rank. One step, without a branch, for each sample: the nearest whole
 /// number of intervals is the rank, or one above it.
+#[inline(always)]
 fn rank_by_step<H: Copy + Into<f64>>(
     base: f64,
     step: f64,
-    scale: f64,
+    unscaled: impl Fn(f64) -> f64,
+    scaled: impl Fn(f64) -> f64,
     heights: &[H],
     ranks: &mut [i32],
 ) -> bool {
@@ -122,10 +130,10 @@ fn rank_by_step<H: Copy + Into<f64>>(
     let mut sound = true;
     for (&z, rank) in heights.iter().zip(ranks) {
         let z: f64 = z.into();
-        let steps = (z * scale - base) * inverse;
+        let steps = (scaled(z) - base) * inverse;
         let rounded = steps + ROUNDING;
         let nearest = rounded - ROUNDING;
-        let below = i32::from((base + nearest * step) / scale > z);
+        let below = i32::from(unscaled(base + nearest * step) > z);
         let found = rounded.to_bits() as i32 - below;
         *rank = if z.is_nan() { VOID } else { found };
         sound &= z.is_nan() | ((steps.abs() < MOST_RANK) & (z.abs() <= MOST_HEIGHT));

@@ -32,7 +32,7 @@ pub(super) struct Node {
 }
 
 /// Columns looked at together.
-const CHUNK: usize = 64;
+const CHUNK: usize = 16;
 
 /// The state of a pass, and its result.
 #[derive(Debug, Default)]
