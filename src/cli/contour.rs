@@ -27,6 +27,10 @@ pub(super) struct Args {
     output: PathBuf,
     #[command(flatten)]
     levels: Where,
+    /// Height from which the multiples are counted [default: 0]
+    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true, value_parser = parse::finite,
+          conflicts_with = "levels", help_heading = "Levels")]
+    base: Option<f64>,
     #[command(flatten)]
     simple: Simple,
     #[command(flatten)]
@@ -42,18 +46,14 @@ pub(super) struct Args {
 /// Where lines are drawn.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Levels")]
+#[group(required = true, multiple = false)]
 struct Where {
     /// Lines at all multiples of this height, in the vertical unit of the data
     #[arg(short, long, value_name = "HEIGHT", value_parser = parse::positive)]
     interval: Option<f64>,
-    /// Height from which the multiples are counted [default: 0]
-    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true, value_parser = parse::finite,
-          requires = "interval")]
-    base: Option<f64>,
     /// Lines at these heights, such as 10,50,100, instead
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, value_delimiter = ',',
-          value_parser = parse::finite, conflicts_with = "interval",
-          required_unless_present = "interval")]
+          value_parser = parse::finite)]
     levels: Vec<f64>,
 }
 
@@ -137,15 +137,15 @@ fn job(args: &Args) -> Result<ContourJob> {
         with_z,
         tile: args.simple.tile,
         resources: args.machine.resources(),
-        ..ContourJob::new(args.input.clone(), &args.output, heights(&args.levels)?)
+        ..ContourJob::new(args.input.clone(), &args.output, heights(args)?)
     };
     job.check()?;
     Ok(job)
 }
 
-fn heights(asked: &Where) -> Result<Heights> {
-    match (asked.interval, &asked.levels) {
-        (Some(interval), _) => Ok(Heights::Every { interval, base: asked.base.unwrap_or(0.0) }),
+fn heights(args: &Args) -> Result<Heights> {
+    match (args.levels.interval, &args.levels.levels) {
+        (Some(interval), _) => Ok(Heights::Every { interval, base: args.base.unwrap_or(0.0) }),
         (None, levels) if !levels.is_empty() => Ok(Heights::List(levels.clone())),
         _ => Err(Error::usage("no levels given").remedy("add --interval or --levels")),
     }

@@ -45,7 +45,7 @@ impl Budget {
         let each = CROSSING_BYTES + job.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
         let [least, most] = CROSSINGS;
         let (memory, threads) = (job.resources.memory, job.resources.threads.max(1));
-        let share = (memory / 2 / threads as u64).saturating_sub(samples);
+        let share = (memory / 4 / threads as u64).saturating_sub(samples);
         let crossings = (share / each).clamp(least, most);
         let shares = memory::divide(memory, threads, samples + crossings * each)?;
         Ok(Self {

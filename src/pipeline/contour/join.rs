@@ -133,7 +133,12 @@ impl Pieces {
         for only_open in [true, false] {
             for first in 0..self.pieces.len() {
                 if !seen[first] && !(only_open && self.pieces[first].is_entered) {
-                    lines.push(self.line(first as u32, &mut seen));
+                    let line = self.line(first as u32, &mut seen);
+                    // Where the pieces of a ring meet was counted once, and its first vertex is its
+                    // last again.
+                    let is_joined = self.pieces[first].next != first as u32;
+                    self.original_vertices += u64::from(line.closed && is_joined);
+                    lines.push(line);
                 }
             }
         }

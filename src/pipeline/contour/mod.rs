@@ -21,8 +21,6 @@ mod budget;
 mod join;
 mod simplify;
 mod spool;
-#[cfg(test)]
-mod tests;
 mod tiles;
 mod write;
 
