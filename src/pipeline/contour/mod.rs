@@ -166,7 +166,7 @@ pub struct ContourReport {
     /// Lines that would go around nothing: samples exactly on a level, with no cell among them and all
     /// others around them below.
     pub left_out: u64,
-    /// Vertices written, and those before simplification.
+    /// Vertices written, and those before simplification, of lines left out too.
     pub vertices: u64,
     pub original_vertices: u64,
     pub notes: Vec<String>,

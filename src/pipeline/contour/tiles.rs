@@ -86,7 +86,7 @@ pub(super) struct Task<'a> {
 /// The lines of a tile.
 pub(super) struct Traced<'a> {
     pub(super) lines: &'a Lines,
-    /// Vertices before simplification.
+    /// Vertices before anything was left out.
     pub(super) original_vertices: u64,
     /// Rings around nothing, which are not among the lines.
     pub(super) left_out: u64,
@@ -129,8 +129,8 @@ impl<'a, 'b> Worker<'a, 'b> {
             Self::lines_of(self.task, rect, &self.wide, &mut self.scratch, &mut self.lines)?;
         }
         source.release(tiles.done(tile));
-        let left_out = leave_out(&mut self.lines);
         let original_vertices = self.lines.vertices.len() as u64;
+        let left_out = leave_out(&mut self.lines);
         let lines = match &mut self.simplifier {
             Some(simplifier) => simplifier.simplify(&self.lines, rect, tiles)?,
             None => &self.lines,

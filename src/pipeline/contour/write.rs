@@ -57,7 +57,6 @@ impl Writer<'_> {
                 pieces.read(line, &mut vertices)?;
                 if self.is_around_nothing(line, &vertices) {
                     report.left_out += 1;
-                    report.original_vertices -= vertices.len() as u64;
                     continue;
                 }
                 report.count(line, vertices.len(), self.levels);
