@@ -1,7 +1,8 @@
 //! terrane: an out-of-core terrain engine. This file is the map of the house; it holds no logic.
 //!
-//! Pure rooms (`geom`, `tin`, `contour`, `delaunay`, `gridding`, `line`, `synth`, `verify`, `render`) know slices and numbers only: no path,
-//! no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`, `vector`, `output`) read and write files. `pipeline`
+//! Pure rooms (`geom`, `tin`, `contour`, `delaunay`, `gridding`, `line`, `synth`, `verify`, `render`) know
+//! slices and numbers only: no path, no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`,
+//! `vector`, `output`) read and write files. `pipeline`
 //! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
 //! and `tests/tidy.rs` checks it.
 

@@ -27,8 +27,10 @@ pub const MAX_MEMBERS: u64 = 1 << 18;
 pub const MAX_VRT_BYTES: u64 = 256 << 20;
 /// Most geometry collections within one another.
 pub const MAX_COLLECTION_DEPTH: u64 = 32;
+/// Most members of one geometry collection.
+pub const MAX_COLLECTION_MEMBERS: u64 = 1 << 22;
 /// Most bytes one feature of a vector file may take, as stored.
-pub const MAX_FEATURE_BYTES: u64 = 8 << 30;
+pub const MAX_FEATURE_BYTES: u64 = 2 << 30;
 /// Most bytes of a file that has to be held whole (TopoJSON).
 pub const MAX_TOPOLOGY_BYTES: u64 = 4 << 30;
 /// Most fields of a table of features.

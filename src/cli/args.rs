@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::cli::parse;
 use crate::cli::progress::{self, How};
+use crate::cli::{parse, say};
 use crate::error::{Error, Result};
 use crate::pipeline::surface::{is_mesh, is_synthetic};
 use crate::pipeline::{Progress, Resources};
@@ -157,5 +157,19 @@ impl Show {
     /// The progress display asked for.
     pub(super) fn progress(&self) -> Box<dyn Progress> {
         progress::display(if self.quiet { How::None } else { self.progress })
+    }
+
+    /// Tells a result, as JSON or for people, unless nothing is wanted; returns whether it was told.
+    pub(super) fn tell<R: serde::Serialize>(
+        &self,
+        report: &R,
+        summary: impl FnOnce() -> String,
+    ) -> Result<bool> {
+        match (self.json, self.quiet) {
+            (true, _) => say::json(report)?,
+            (false, false) => say::result(&summary())?,
+            (false, true) => return Ok(false),
+        }
+        Ok(true)
     }
 }

@@ -15,11 +15,7 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.report {
         tin::write_report(path, args.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    } else {
+    if !args.show.tell(&report, || summary(&report))? {
         tell_failures(&report);
     }
     Ok(outcome(&report))
@@ -73,8 +69,11 @@ pub(super) fn summary(r: &CloudVerifyReport) -> String {
         ("error", errors(r)),
         ("points", points(r)),
         ("mesh", sizes),
-        ("vertices", vertices(r)),
-        ("edges", edges(r)),
+        (
+            "vertices",
+            verify::vertices(r.off_point_vertices.count, r.made_by_terrane, ["points", "cloud"]),
+        ),
+        ("edges", verify::edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
         ("angles", verify::angles(r.smallest_angle)),
         ("time", format!("{}, {rate}", text::seconds(r.wall_seconds))),
     ];
@@ -98,21 +97,4 @@ fn points(r: &CloudVerifyReport) -> String {
         n => format!("; {} above another at the same position", text::count(n)),
     };
     format!("{covered} covered of {judged}{stacked}; read: {}", cloud::census(&r.points))
-}
-
-fn vertices(r: &CloudVerifyReport) -> String {
-    match (r.off_point_vertices.count, r.made_by_terrane) {
-        (0, _) => "all are points of the cloud".to_owned(),
-        (off, true) => format!("{} off the points", text::count(off)),
-        (off, false) => format!(
-            "{} off the points; no failure, because terrane did not write this mesh",
-            text::count(off)
-        ),
-    }
-}
-
-fn edges(r: &CloudVerifyReport) -> String {
-    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
-    let delaunay = text::count(r.non_delaunay_edges.count);
-    format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::cli::{Outcome, args, check, cloud, parse, say, text, tin};
+use crate::cli::{Outcome, args, check, cloud, parse, text, tin};
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
@@ -189,11 +189,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.out.report {
         tin::write_report(path, args.out.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    }
+    args.show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 

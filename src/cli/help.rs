@@ -2,11 +2,11 @@
 
 use clap::{Command, CommandFactory};
 
-use crate::{gridding, output, raster, synth, vector};
+use crate::{gridding, line, output, raster, synth, vector};
 
 /// The whole command line, for parsing, help, completions and man pages.
 pub(super) fn command() -> Command {
-    let verbs = ["tin", "verify", "view", "info", "convert", "grid", "contour", "synth"];
+    let verbs = ["tin", "verify", "view", "info", "convert", "grid", "contour", "line", "synth"];
     verbs.iter().fold(super::Cli::command(), |command, verb| {
         command.mut_subcommand(verb, |c| c.after_help(lists(verb)))
     })
@@ -21,6 +21,7 @@ fn lists(verb: &str) -> String {
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         "grid" => vec![statistics(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         "contour" => vec![grids(), features_written(), EXIT_CODES.to_owned()],
+        "line" => vec![simplifiers(), features(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
     parts.join("\n\n")
@@ -84,6 +85,17 @@ fn meshes() -> String {
     let formats = output::FORMATS.iter();
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
     list("Meshes read and written", &rows)
+}
+
+fn simplifiers() -> String {
+    let row = |m: &line::Method| (m.name, String::new(), m.summary);
+    list("Methods", &line::METHODS.iter().map(row).collect::<Vec<_>>())
+}
+
+fn features() -> String {
+    let formats = vector::FORMATS.iter();
+    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
+    list("Files of features", &rows)
 }
 
 fn characters() -> String {

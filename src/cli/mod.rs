@@ -17,6 +17,8 @@ mod grid;
 mod heap;
 mod help;
 mod info;
+mod line;
+mod line_verify;
 mod man;
 mod parse;
 mod plan;
@@ -60,6 +62,7 @@ enum Verb {
     Convert(convert::Args),
     Grid(Box<grid::Args>),
     Contour(contour::Args),
+    Line(Box<line::Args>),
     Synth(synth::Args),
     Plan(plan::Args),
     Run(run::Args),
@@ -108,6 +111,7 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::Convert(args) => convert::run(args, cancel),
         Verb::Grid(args) => grid::run(args, cancel),
         Verb::Contour(args) => contour::run(args, cancel),
+        Verb::Line(args) => line::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
         Verb::Plan(args) => plan::run(args, cancel),
         Verb::Run(args) => run::run(args, cancel),

@@ -11,6 +11,16 @@ const LEAST_BYTES: f64 = (1 << 20) as f64;
 /// Bytes from "128M", "4GiB", "512 MiB", "1.5g", "1000000": K, M, G and T are powers of 1024, with
 /// or without "B" or "iB". Fewer than [`LEAST_BYTES`] are a unit forgotten.
 pub(super) fn bytes(text: &str) -> Parsed<u64> {
+    match size(text)? {
+        few if (few as f64) < LEAST_BYTES => {
+            Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
+        }
+        bytes => Ok(bytes),
+    }
+}
+
+/// As [`bytes`], of any number above 0.
+pub(super) fn size(text: &str) -> Parsed<u64> {
     let lower = text.trim().to_ascii_lowercase();
     let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
     let (value, unit) = (lower[..digits].parse::<f64>(), lower[digits..].trim());
@@ -24,10 +34,7 @@ pub(super) fn bytes(text: &str) -> Parsed<u64> {
         _ => return Err("expected a size such as 512M or 4GiB".to_owned()),
     };
     match value.map(|v| v * (1u64 << shift) as f64) {
-        Ok(bytes) if bytes > 0.0 && bytes < LEAST_BYTES => {
-            Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
-        }
-        Ok(bytes) if (LEAST_BYTES..1e18).contains(&bytes) => Ok(bytes as u64),
+        Ok(bytes) if (1.0..1e18).contains(&bytes) => Ok(bytes as u64),
         _ => Err("expected a size such as 512M or 4GiB".to_owned()),
     }
 }

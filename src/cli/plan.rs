@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::cli::{Outcome, args, check, grid, parse, say, status, tin};
+use crate::cli::{Outcome, args, check, grid, parse, status, tin};
 use crate::error::Result;
 use crate::output;
 use crate::pipeline::grid::plan::{PlanGridJob, plan_grid};
@@ -87,22 +87,14 @@ fn plan_of_grid(args: &GridArgs) -> Result<Outcome> {
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
     let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile };
     let report = plan_grid(&plan)?;
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&status::grid_summary(&report))?;
-    }
+    args.show.tell(&report, || status::grid_summary(&report))?;
     Ok(Outcome::Kept)
 }
 
 fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&status::summary(&report))?;
-    }
+    args.show.tell(&report, || status::summary(&report))?;
     Ok(Outcome::Kept)
 }
 

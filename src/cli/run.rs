@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, grid, say, text, tin};
+use crate::cli::{Outcome, args, grid, text, tin};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::grid::plan::{GridRun, RunGridJob, run_grid};
@@ -89,11 +89,7 @@ fn work(
         resources: how.machine.resources(),
     };
     let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
-    if how.show.json {
-        say::json(&report)?;
-    } else if !how.show.quiet {
-        say::result(&summary(&report))?;
-    }
+    how.show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 
@@ -116,11 +112,7 @@ fn work_on_grid(
         resources: how.machine.resources(),
     };
     let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
-    if how.show.json {
-        say::json(&report)?;
-    } else if !how.show.quiet {
-        say::result(&grid_summary(&report))?;
-    }
+    how.show.tell(&report, || grid_summary(&report))?;
     Ok(Outcome::Kept)
 }
 

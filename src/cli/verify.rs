@@ -2,24 +2,27 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{Outcome, args, check, cloud, cloud_tin, cloud_verify, parse, say, text, tin};
+use crate::cli::{
+    Outcome, args, check, cloud, cloud_tin, cloud_verify, line, line_verify, parse, say, text, tin,
+};
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
-/// Prove a mesh against its grid or point cloud: error bound, coverage, topology. Exits with 1 when
+/// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
+/// bound, coverage, topology. Exits with 1 when
 /// a promise is broken. Vertices that are no samples of the grid, or points of the cloud, are a
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
-    /// Mesh file
+    /// Mesh file, or simplified lines
     pub(super) mesh: PathBuf,
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
     /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
-    /// made with
-    #[arg(required = true, value_name = "RASTER_OR_CLOUD")]
+    /// made with. Or the file that lines were made from
+    #[arg(required = true, value_name = "ORIGINAL")]
     pub(super) source: Vec<String>,
     /// Largest vertical distance allowed [default: the one the mesh file states]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
@@ -28,6 +31,8 @@ pub(super) struct Args {
     pub(super) grid: args::Grid,
     #[command(flatten)]
     pub(super) points: cloud::Points,
+    #[command(flatten)]
+    pub(super) lines: line::Promises,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE")]
     pub(super) report: Option<PathBuf>,
@@ -43,6 +48,14 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = args.mesh.to_string_lossy();
     check::input(&mesh)?;
+    if !is_mesh(&mesh).unwrap_or(false) && line_verify::are_lines(&args.mesh) {
+        return line_verify::run(args, cancel);
+    }
+    if let Some(option) = args.lines.given() {
+        return Err(Error::usage(format!("{option} is for simplified lines"))
+            .in_file(&args.mesh)
+            .remedy(format!("leave {option} out")));
+    }
     if is_cloud(&mesh) {
         return Err(wrong_way_round("cloud", &mesh, &args.source[0]));
     }
@@ -70,11 +83,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.report {
         tin::write_report(path, args.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    } else {
+    if !args.show.tell(&report, || summary(&report))? {
         tell_failures(&report);
     }
     Ok(outcome(&report))
@@ -125,8 +134,8 @@ pub(super) fn summary(r: &VerifyReport) -> String {
         ("error", errors(r)),
         ("samples", samples(r)),
         ("mesh", sizes),
-        ("vertices", vertices(r)),
-        ("edges", edges(r)),
+        ("vertices", vertices(r.off_sample_vertices.count, r.made_by_terrane, ["samples", "grid"])),
+        ("edges", edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
         ("angles", angles(r.smallest_angle)),
         ("time", time),
     ];
@@ -170,19 +179,19 @@ fn samples(r: &VerifyReport) -> String {
     line
 }
 
-fn vertices(r: &VerifyReport) -> String {
-    match (r.off_sample_vertices.count, r.made_by_terrane) {
-        (0, _) => "all are samples of the grid".to_owned(),
-        (off, true) => format!("{} off the samples", text::count(off)),
-        (off, false) => format!(
-            "{} off the samples; no failure, because terrane did not write this mesh",
-            text::count(off)
-        ),
+/// What is told of vertices that are not `source`: a failure only where terrane made them.
+pub(super) fn vertices(off: u64, made_by_terrane: bool, [source, of]: [&str; 2]) -> String {
+    match (text::count(off), made_by_terrane) {
+        _ if off == 0 => format!("all are {source} of the {of}"),
+        (off, true) => format!("{off} off the {source}"),
+        (off, false) => {
+            format!("{off} off the {source}; no failure, because terrane did not write this mesh")
+        }
     }
 }
 
-fn edges(r: &VerifyReport) -> String {
-    let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
-    let delaunay = text::count(r.non_delaunay_edges.count);
+/// What is told of edges.
+pub(super) fn edges(inner: u64, open: u64, non_delaunay: u64) -> String {
+    let [inner, outer, delaunay] = [inner, open, non_delaunay].map(text::count);
     format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
 }

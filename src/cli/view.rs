@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, parse, say, text};
+use crate::cli::{Outcome, args, check, parse, text};
 use crate::error::Result;
 use crate::pipeline::Cancel;
 use crate::pipeline::view::{self, ViewJob, ViewReport};
@@ -70,11 +70,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         resources: args.machine.resources(),
     };
     let report = view::run(&job, args.show.progress().as_ref(), cancel)?;
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    }
+    args.show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 

@@ -176,6 +176,8 @@ mod tests {
         assert_eq!(area_sign([[0.3, 0.7]; 4].into_iter()), Ordering::Equal);
         let thin = [[0.1, 0.1], [0.7, 0.7], [0.3, 0.3f64.next_up()]];
         assert_eq!(area_sign(thin.into_iter()), Ordering::Greater);
+        let wide = [[-MOST, -MOST], [MOST, MOST], [1.0, 1.0f64.next_down()]];
+        assert_eq!(area_sign(wide.into_iter()), Ordering::Less);
         assert_eq!(area_sign(std::iter::empty()), Ordering::Equal);
     }
 

@@ -67,9 +67,7 @@ fn look_ahead<V: Copy, M: Metric<V>>(
         let span = wedge.span2(p);
         if span >= span2 {
             (outermost, span2) = (i, span);
-        } else if step == Step::Ends
-            && metric.distance2(&points[outermost], from, p) > tolerance2
-        {
+        } else if step == Step::Ends && metric.distance2(&points[outermost], from, p) > tolerance2 {
             continue;
         }
         if step == Step::Ends {

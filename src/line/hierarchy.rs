@@ -8,8 +8,7 @@
 //! in the output, memory touched in proportion to it. 20 bytes a vertex.
 
 use super::metric::Metric;
-use super::rdp::split;
-use super::regions::Regions;
+use super::rdp::Splits;
 use crate::error::{Error, Result};
 
 /// No node.
@@ -94,8 +93,8 @@ impl Hierarchy {
         self.walk(count.saturating_sub(2).min(self.links.len()), kept);
     }
 
-    /// The smallest tolerance at which no more than `count` vertices are kept (or the two ends, if `count`
-    /// is less).
+    /// A tolerance at which no more than `count` vertices are kept (or the two ends, if `count` is less):
+    /// the smallest, but for rounding.
     pub fn tolerance_for(&self, count: usize) -> f64 {
         self.squares.get(count.saturating_sub(2)).map_or(0.0, |square| square.sqrt().next_up())
     }
@@ -154,11 +153,8 @@ impl Hierarchy {
         let (squares, links) = body.split_at(8 * nodes);
         let eight = |field: &[u8]| field.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
         let four = |field: &[u8]| field.try_into().map(u32::from_le_bytes).unwrap_or(NONE);
-        let link = |f: &[u8]| Link {
-            vertex: four(&f[..4]),
-            before: four(&f[4..8]),
-            after: four(&f[8..]),
-        };
+        let link =
+            |f: &[u8]| Link { vertex: four(&f[..4]), before: four(&f[4..8]), after: four(&f[8..]) };
         let hierarchy = Self {
             count,
             squares: squares.chunks_exact(8).map(eight).collect(),
@@ -201,12 +197,12 @@ fn splits<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Vec<Split> {
     if points.len() < 3 {
         return splits;
     }
-    let tree = Regions::new::<V, M>(points);
+    let mut finder = Splits::new(metric, points);
     let whole = Part { start: 0, end: points.len() as u32 - 1, parent: NONE, is_after: false };
     let mut parts = vec![whole];
     while let Some(part) = parts.pop() {
         let (start, end) = (part.start as usize, part.end as usize);
-        let Some((vertex, square)) = split(metric, points, &tree, start, end, 0.0) else {
+        let Some((vertex, square)) = finder.split(start, end, 0.0) else {
             continue;
         };
         let (node, vertex) = (splits.len() as u32, vertex as u32);

@@ -16,14 +16,14 @@
 //! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
 //! fails by rounding, the search is made again with all segments held against it before they are
 //! taken. So the result is that of an exhaustive search by the formula, with one exception: where that
-//! second search takes more than [`LOOKS`] looks a vertex, which happens when the tolerance is below
+//! second search takes more than 2000 looks a vertex, which happens when the tolerance is below
 //! what rounding makes of long straight lines, the failing segments of the first are replaced by those of
 //! the [cone](super::cone).
 //!
 //! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
 
-use super::metric::{Metric, larger};
 use super::cone::cone;
+use super::metric::{Metric, larger};
 use super::regions::last_above;
 use super::wedge::{MOST_SIDES, Step, Wedge};
 use super::{Scratch, first_beyond, keep_short};
@@ -262,9 +262,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
             let is_outermost = span >= span2;
             span2 = larger(span, span2);
             let is_taken = || is_outermost && self.looks.is_none();
-            if step == Step::Ends
-                && !self.is_visited(to)
-                && (is_taken() || self.is_valid(from, to))
+            if step == Step::Ends && !self.is_visited(to) && (is_taken() || self.is_valid(from, to))
             {
                 self.visit(to, from);
             }
@@ -280,9 +278,8 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
     fn is_valid(&mut self, from: usize, to: usize) -> bool {
         let (points, tolerance2) = (self.points, self.tolerance2);
         let segment = self.metric.segment(&points[from], &points[to]);
-        let is_beyond = |i: usize| {
-            M::squared(&segment, M::reach(&segment, &points[i])) > tolerance2
-        };
+        let is_beyond =
+            |i: usize| M::squared(&segment, M::reach(&segment, &points[i])) > tolerance2;
         let spoiler = self.nodes[to].spoiler as usize;
         if spoiler > from && is_beyond(spoiler) {
             return false;

@@ -12,6 +12,7 @@ pub mod cone;
 pub mod hierarchy;
 pub mod imai_iri;
 pub mod metric;
+mod path_hull;
 pub mod rdp;
 mod regions;
 pub mod registry;

@@ -8,9 +8,13 @@
 //! hulls of paths, for the distance from infinite lines; their hulls do not tell what is farthest from a
 //! segment.) A line made to defeat the boxes is still quadratic.
 
-use super::metric::Metric;
-use super::regions::{Regions, farthest_beyond};
-use super::{Scratch, keep_short};
+use super::metric::{Metric, Plane};
+use super::path_hull::{Hulls, Run};
+use super::regions::{Regions, beyond};
+use super::{Scratch, Xy, keep_short};
+
+/// Regions looked at, by vertex and doubling of the line, after which boxes are given up.
+const ENOUGH: u64 = 3;
 
 /// Appends to `kept` the vertices that Ramer-Douglas-Peucker keeps at `tolerance`.
 pub fn rdp<V: Copy, M: Metric<V>>(
@@ -23,14 +27,14 @@ pub fn rdp<V: Copy, M: Metric<V>>(
     if keep_short(points.len(), kept) {
         return;
     }
-    let tree = Regions::new::<V, M>(points);
+    let mut splits = Splits::new(metric, points);
     kept.push(0);
     let ends = &mut scratch.ends;
     ends.clear();
     ends.push(points.len() as u32 - 1);
     let mut start = 0;
     while let Some(&end) = ends.last() {
-        match split(metric, points, &tree, start, end as usize, tolerance * tolerance) {
+        match splits.split(start, end as usize, tolerance * tolerance) {
             Some((middle, _)) => ends.push(middle as u32),
             None => {
                 ends.pop();
@@ -41,19 +45,51 @@ pub fn rdp<V: Copy, M: Metric<V>>(
     }
 }
 
-/// The vertex strictly between `start` and `end` that is farthest from their segment, and its squared
-/// distance, if that is above `tolerance2`.
-pub(super) fn split<V: Copy, M: Metric<V>>(
-    metric: &M,
-    points: &[V],
-    tree: &Regions<M::Region>,
-    start: usize,
-    end: usize,
-    tolerance2: f64,
-) -> Option<(usize, f64)> {
-    if end - start < 2 {
-        return None;
+/// Finds the vertices at which a line is split.
+pub(super) struct Splits<'a, V: Copy, M: Metric<V>> {
+    metric: &'a M,
+    points: &'a [V],
+    tree: Regions<M::Region>,
+    /// Regions that may still be looked at before the hulls are made.
+    left: u64,
+    hulls: Option<Hulls>,
+    open: Vec<Run>,
+}
+
+impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
+    /// For the splits of `points`.
+    pub(super) fn new(metric: &'a M, points: &'a [V]) -> Self {
+        let left = ENOUGH * points.len() as u64 * u64::from(points.len().max(1).ilog2());
+        let tree = Regions::new::<V, M>(points);
+        Self { metric, points, tree, left, hulls: None, open: Vec::new() }
     }
-    let segment = metric.segment(&points[start], &points[end]);
-    farthest_beyond::<V, M>(&segment, points, tree, start + 1, end, tolerance2)
+
+    /// The vertex strictly between `start` and `end` that is farthest from their segment, and its
+    /// squared distance, if that is above `tolerance2`.
+    pub(super) fn split(
+        &mut self,
+        start: usize,
+        end: usize,
+        tolerance2: f64,
+    ) -> Option<(usize, f64)> {
+        if end - start < 2 {
+            return None;
+        }
+        let line = M::in_plane(self.points);
+        if let (Some(hulls), Some(line)) = (&self.hulls, line) {
+            let segment = Plane.segment(&line[start], &line[end]);
+            return beyond::<Xy, Plane>(&segment, start + 1, tolerance2, |farthest| {
+                hulls.farthest(&segment, line, start + 1..end, &mut self.open, farthest);
+            });
+        }
+        let segment = self.metric.segment(&self.points[start], &self.points[end]);
+        let found = beyond::<V, M>(&segment, start + 1, tolerance2, |farthest| {
+            let looks = self.tree.farthest::<V, M>(&segment, self.points, start + 1, end, farthest);
+            self.left = self.left.saturating_sub(looks);
+        });
+        if let (0, Some(line)) = (self.left, line) {
+            self.hulls = Some(Hulls::new(line));
+        }
+        found
+    }
 }

@@ -110,9 +110,22 @@ pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
     to: usize,
     tolerance2: f64,
 ) -> Option<(usize, f64)> {
+    beyond::<V, M>(segment, from, tolerance2, |farthest| {
+        tree.farthest::<V, M>(segment, points, from, to, farthest);
+    })
+}
+
+/// The farthest vertex that `find` finds, and its squared distance, if that is above `tolerance2`.
+#[inline(always)]
+pub(super) fn beyond<V: Copy, M: Metric<V>>(
+    segment: &M::Segment,
+    from: usize,
+    tolerance2: f64,
+    find: impl FnOnce(&mut Farthest),
+) -> Option<(usize, f64)> {
     let within = M::within(segment, tolerance2);
     let mut farthest = Farthest { index: from, reach: within };
-    tree.farthest::<V, M>(segment, points, from, to, &mut farthest);
+    find(&mut farthest);
     if farthest.reach <= within {
         return None;
     }
@@ -147,7 +160,7 @@ impl<R: Copy> Regions<R> {
         Self { levels }
     }
 
-    /// As [`scan`].
+    /// As [`scan`]. Returns how many regions were looked at or passed over.
     pub(super) fn farthest<V: Copy, M: Metric<V, Region = R>>(
         &self,
         segment: &M::Segment,
@@ -155,9 +168,10 @@ impl<R: Copy> Regions<R> {
         from: usize,
         to: usize,
         farthest: &mut Farthest,
-    ) {
+    ) -> u64 {
         if self.levels.is_empty() || to - from < SHORTEST {
-            return scan::<V, M>(segment, points, from, to, farthest);
+            scan::<V, M>(segment, points, from, to, farthest);
+            return 0;
         }
         let start = from.next_multiple_of(LEAF);
         // Regions that hold nothing as far as a vertex known to be there are of no interest.
@@ -166,8 +180,9 @@ impl<R: Copy> Regions<R> {
             false => self.likely::<V, M>(segment, points, start, to).next_down(),
         };
         scan::<V, M>(segment, points, from, start, farthest);
-        let mut at = start;
+        let (mut at, mut looks) = (start, 0);
         while at + LEAF <= to {
+            looks += 1;
             let limit = larger(farthest.reach, likely);
             at = match self.passed_over::<V, M>(segment, at, to, limit) {
                 Some(next) => next,
@@ -178,6 +193,7 @@ impl<R: Copy> Regions<R> {
             };
         }
         scan::<V, M>(segment, points, at, to, farthest);
+        looks
     }
 
     /// The largest reach in the lowest region that promises most, from the largest regions down.
@@ -219,7 +235,8 @@ impl<R: Copy> Regions<R> {
     #[inline(always)]
     fn largest_at(&self, at: usize, to: usize) -> (usize, usize) {
         let (mut size, mut top) = (LEAF, 0);
-        while top + 1 < self.levels.len() && at % (size * FAN) == 0 && at + size * FAN <= to {
+        while top + 1 < self.levels.len() && at.is_multiple_of(size * FAN) && at + size * FAN <= to
+        {
             size *= FAN;
             top += 1;
         }

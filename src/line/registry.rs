@@ -54,7 +54,12 @@ pub const METHODS: &[Method] = &[
     method!("cone", Distance, cone::cone, "greedy double cone: one pass, near the fewest vertices"),
     method!("rdp", Distance, rdp::rdp, "Ramer-Douglas-Peucker: split at the farthest vertex"),
     method!("imai-iri", Distance, imai_iri::imai_iri, "the fewest vertices, by shortest path"),
-    method!("visvalingam", Area, visvalingam::visvalingam, "Visvalingam-Whyatt: smallest triangles first"),
+    method!(
+        "visvalingam",
+        Area,
+        visvalingam::visvalingam,
+        "Visvalingam-Whyatt: smallest triangles first"
+    ),
     method!(
         "weighted-visvalingam",
         Area,

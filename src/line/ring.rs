@@ -16,11 +16,11 @@
 //! vertex farthest from it, the one farthest from the segment between them, and what the tolerance asks for
 //! besides; what to do with it is for the caller to say.
 
+use super::Scratch;
 use super::metric::Metric;
 use super::rdp::rdp;
 use super::regions::{Regions, farthest_beyond};
 use super::visvalingam::{Areas, Weight};
-use super::Scratch;
 
 /// What became of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

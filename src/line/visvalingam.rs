@@ -128,7 +128,8 @@ impl Chain {
 
     fn ring(count: usize) -> Self {
         let n = count as u32;
-        let around = |i: u32| [if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 }];
+        let around =
+            |i: u32| [if i == 0 { n - 1 } else { i - 1 }, if i + 1 == n { 0 } else { i + 1 }];
         Self { neighbours: (0..n).map(around).collect(), start: 0, end: n, least: 3 }
     }
 

@@ -6,7 +6,10 @@ pub mod contour;
 pub mod convert;
 pub mod delaunay;
 mod disk;
+#[cfg(test)]
+mod few;
 pub mod grid;
+pub mod line;
 pub mod memory;
 pub mod plan;
 mod points;

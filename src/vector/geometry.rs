@@ -328,6 +328,16 @@ impl Geometry {
         Part { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
     }
 
+    /// Gives the vertices of its lines and rings, in the order of [`parts`](Self::parts), the next of
+    /// these positions; points stay.
+    pub fn place_parts(&mut self, positions: &mut impl Iterator<Item = [f64; 2]>) {
+        if !self.kind.is_points() {
+            self.coordinates.xy.iter_mut().zip(&mut *positions).for_each(|(own, new)| *own = new);
+        }
+        // The depth of collections is limited where they are made.
+        self.members.iter_mut().for_each(|member| member.place_parts(positions));
+    }
+
     /// Positions, those of members included.
     pub fn vertices(&self) -> usize {
         self.leaves().map(|leaf| leaf.coordinates.xy.len()).sum()
@@ -364,9 +374,9 @@ impl Geometry {
         let mut first = 0;
         for leaf in self.leaves() {
             let Coordinates { xy, z, m, .. } = &leaf.coordinates;
-            // A difference from itself is 0 for finite numbers alone; sums of zeros need no branch.
-            let sum = xy.iter().fold(0.0, |sum, [x, y]| sum + (x - x) + (y - y));
-            if sum != 0.0 {
+            // Without a branch, so that many are looked at together.
+            let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
+            if !all {
                 let at = xy.iter().position(|p| !p.iter().all(|c| c.is_finite()));
                 return Err(not_finite(first + at.unwrap_or_default(), "its position"));
             }

@@ -67,10 +67,13 @@ pub struct VectorFormat {
     /// Opens a file for reading.
     pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn FeatureSource>>,
     /// Starts a file; `None` for formats that are only read.
-    pub create: Option<fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>>,
+    pub create: Option<Create>,
     /// True when the first bytes of a file (up to 4096) are this format's.
     pub sniff: fn(&[u8]) -> bool,
 }
+
+/// Starts a file of a format.
+pub type Create = fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>;
 
 /// What a format can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -57,7 +57,7 @@ fn divided(mantissa: u64, decimals: usize) -> f64 {
     let numerator = u128::from(mantissa << up) << 63;
     let divisor = u128::from(power << down);
     let quotient = (numerator / divisor) as u64;
-    let exact = u64::from(quotient).wrapping_mul(power << down) == numerator as u64;
+    let exact = quotient.wrapping_mul(power << down) == numerator as u64;
     let shift = 64 - 53 - quotient.leading_zeros();
     let kept = quotient >> shift;
     let rest = quotient & ((1 << shift) - 1);
@@ -162,6 +162,11 @@ mod tests {
         #[test]
         fn long_coordinates(word in "-?[0-9]{1,7}\\.[0-9]{9,15}") {
             check(&word);
+        }
+
+        #[test]
+        fn halves_and_what_is_beside_them(high in 1_u64 << 52..1 << 53, beside in -1_i64..=1) {
+            check(&((high << 11) + 1024).wrapping_add_signed(beside).to_string());
         }
 
         #[test]

@@ -4,8 +4,11 @@ use super::geometry::{Coordinates, Geometry, Kind};
 use super::tree::{Bounds, NOTHING, Tree, around};
 use crate::error::{Error, Result};
 
-/// Most edges of rings that are looked at to tell which ring is in which.
-const MOST_LOOKS: u64 = 1 << 31;
+/// Most edges and rectangles that are looked at to tell which ring is in which.
+const MOST_LOOKS: u64 = 1 << 29;
+/// Edges from which on a ring gets a tree of its own: a place is then held against the few edges at
+/// its height.
+const LARGE: usize = 64;
 
 /// The polygons that rings are, clockwise ones outer rings and the others holes of the smallest outer
 /// ring around them. Where a hole is in no outer ring, orientation is no guide: then a ring is a hole
@@ -34,6 +37,10 @@ struct Rings<'a> {
     areas: Vec<f64>,
     bounds: Vec<Bounds>,
     tree: Tree,
+    /// Trees of the edges of large rings, by height; made when they are first asked for.
+    edges: Vec<Option<Tree>>,
+    /// Scratch: edges at the height of a place.
+    found: Vec<u32>,
     looks: u64,
 }
 
@@ -44,7 +51,8 @@ impl<'a> Rings<'a> {
         let areas = rings.clone().map(area).collect();
         let bounds: Vec<Bounds> = rings.map(bounds).collect();
         let tree = Tree::new(&bounds);
-        Self { coordinates, areas, bounds, tree, looks: 0 }
+        let edges = bounds.iter().map(|_| None).collect();
+        Self { coordinates, areas, bounds, tree, edges, found: Vec::new(), looks: 0 }
     }
 
     /// For each ring the outer ring it belongs to (itself, where it is one); `None` where a hole is in
@@ -56,7 +64,7 @@ impl<'a> Rings<'a> {
         for hole in (0..is_outer.len()).filter(|&at| !is_outer[at]) {
             let owner = match only {
                 Some(only) => Some(only),
-                None => self.around(hole, |at| is_outer[at])?.into_iter().next(),
+                None => self.around(hole, |at| is_outer[at])?.1,
             };
             let Some(owner) = owner else { return Ok(None) };
             owners[hole] = owner;
@@ -66,34 +74,64 @@ impl<'a> Rings<'a> {
 
     /// As [`owners`](Self::owners), by the number of rings around each.
     fn by_nesting(&mut self) -> Result<Vec<usize>> {
-        let rings = self.areas.len();
-        let around: Result<Vec<Vec<usize>>> =
-            (0..rings).map(|at| self.around(at, |_| true)).collect();
-        let around = around?;
-        let owner = |at: usize| match around[at].len() % 2 {
-            0 => at,
-            _ => around[at][0],
-        };
+        let mut owners = Vec::with_capacity(self.areas.len());
+        for at in 0..self.areas.len() {
+            let (count, smallest) = self.around(at, |_| true)?;
+            owners.push(smallest.filter(|_| count % 2 == 1).unwrap_or(at));
+        }
         // The smallest ring around a hole may itself be none that is outer, where rings cross.
-        Ok((0..rings)
-            .map(|at| if owner(owner(at)) == owner(at) { owner(at) } else { at })
-            .collect())
+        let is_outer: Vec<bool> = owners.iter().enumerate().map(|(at, &own)| own == at).collect();
+        let settled = owners.iter().enumerate();
+        Ok(settled.map(|(at, &owner)| if is_outer[owner] { owner } else { at }).collect())
     }
 
-    /// The rings among those that `counts` names that are around ring `inner`, smallest first.
-    fn around(&mut self, inner: usize, counts: impl Fn(usize) -> bool) -> Result<Vec<usize>> {
+    /// How many of the rings that `counts` names are around ring `inner`, and the smallest of them.
+    fn around(
+        &mut self,
+        inner: usize,
+        counts: impl Fn(usize) -> bool,
+    ) -> Result<(usize, Option<usize>)> {
         let mut found = Vec::new();
         self.tree.containing(&self.bounds[inner], &mut found);
-        self.looks += found.len() as u64;
-        let mut around = Vec::new();
+        self.look(found.len())?;
+        let (mut count, mut smallest) = (0, None);
         for outer in found.into_iter().map(|at| at as usize) {
-            if outer != inner && counts(outer) && self.is_inside(inner, outer)? {
-                around.push(outer);
+            if outer == inner || !counts(outer) || !self.is_inside(inner, outer)? {
+                continue;
+            }
+            count += 1;
+            let size = self.areas[outer].abs();
+            if smallest.is_none_or(|known: usize| size < self.areas[known].abs()) {
+                smallest = Some(outer);
             }
         }
-        let size = |at: &usize| self.areas[*at].abs();
-        around.sort_by(|a, b| size(a).total_cmp(&size(b)).then(a.cmp(b)));
-        Ok(around)
+        Ok((count, smallest))
+    }
+
+    /// Whether a place is inside a ring; `None` where it is on it. O(log n + edges at its height) for
+    /// large rings.
+    fn contains(&mut self, at: usize, place: &[f64; 2]) -> Result<Option<bool>> {
+        let ring = ring(self.coordinates, at);
+        if ring.len() < LARGE {
+            self.look(ring.len())?;
+            return Ok(contains(ring.windows(2), place));
+        }
+        let tree = self.edges[at].get_or_insert_with(|| heights(ring));
+        tree.containing(&[0.0, place[1], 0.0, place[1]], &mut self.found);
+        let edges = self.found.iter().map(|&edge| &ring[edge as usize..edge as usize + 2]);
+        let is_inside = contains(edges, place);
+        self.look(self.found.len() + 1)?;
+        Ok(is_inside)
+    }
+
+    /// Counts looks at edges or rectangles.
+    fn look(&mut self, times: usize) -> Result<()> {
+        self.looks += times as u64;
+        if self.looks <= MOST_LOOKS {
+            return Ok(());
+        }
+        Err(Error::bad_input("rings are too entangled to tell holes from islands")
+            .remedy("mend the geometry, or write it as GeoJSON"))
     }
 
     /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
@@ -103,14 +141,8 @@ impl<'a> Rings<'a> {
         if a > b {
             return Ok(false);
         }
-        let edges = ring(self.coordinates, outer);
         for vertex in ring(self.coordinates, inner) {
-            self.looks += edges.len() as u64;
-            if self.looks > MOST_LOOKS {
-                return Err(Error::bad_input("rings are too entangled to tell holes from islands")
-                    .remedy("mend the geometry, or write it as GeoJSON"));
-            }
-            if let Some(is_inside) = contains(edges, vertex) {
+            if let Some(is_inside) = self.contains(outer, vertex)? {
                 return Ok(is_inside);
             }
         }
@@ -156,10 +188,20 @@ fn bounds(ring: &[[f64; 2]]) -> Bounds {
     ring.iter().fold(NOTHING, |all, &[x, y]| around(&all, &[x, y, x, y]))
 }
 
-/// Whether a place is inside a closed ring; `None` where it is on it.
-fn contains(ring: &[[f64; 2]], &[x, y]: &[f64; 2]) -> Option<bool> {
+/// A tree of the edges of a ring in which only heights count.
+fn heights(ring: &[[f64; 2]]) -> Tree {
+    let height = |pair: &[[f64; 2]]| {
+        let [[_, a], [_, b]] = [pair[0], pair[1]];
+        [f64::NEG_INFINITY, a.min(b), f64::INFINITY, a.max(b)]
+    };
+    Tree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
+}
+
+/// Whether a place is inside a closed ring, from the edges at its height (and any others); `None` where
+/// it is on one.
+fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2]) -> Option<bool> {
     let mut is_inside = false;
-    for pair in ring.windows(2) {
+    for pair in edges {
         let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
         if ay.min(by) > y || ay.max(by) < y {
             continue;
@@ -179,6 +221,7 @@ fn contains(ring: &[[f64; 2]], &[x, y]: &[f64; 2]) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     /// A square around the middle, clockwise or not.
     fn square(to: &mut Coordinates, [x, y]: [f64; 2], reach: f64, clockwise: bool) {
@@ -236,6 +279,45 @@ mod tests {
     }
 
     #[test]
+    fn rings_in_rings_in_rings_do_not_take_forever() {
+        let two = [([-9e9, 0.0], 1.0, true), ([9e9, 0.0], 1.0, true)];
+        let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
+        let mut all = Coordinates::default();
+        two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
+        assert!(group(all).unwrap_err().to_string().contains("entangled"));
+    }
+
+    proptest! {
+        #[test]
+        fn large_rings_are_as_small_ones(
+            corners in prop::collection::vec((0_i32..12, 0_i32..12), 80..200),
+            x in 0_i32..24,
+            y in 0_i32..24,
+        ) {
+            let mut ring = Coordinates::default();
+            corners.iter().for_each(|&(x, y)| ring.push([x.into(), y.into()], None, None));
+            ring.push([corners[0].0.into(), corners[0].1.into()], None, None);
+            ring.end_part();
+            let place = [f64::from(x) / 2.0, f64::from(y) / 2.0];
+            let expected = contains(ring.xy.windows(2), &place);
+            prop_assert_eq!(Rings::new(&ring).contains(0, &place).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn thousands_of_lakes_in_a_long_coast_are_quick() {
+        let mut all = Coordinates::default();
+        square(&mut all, [9e9, 0.0], 1.0, true);
+        let coast = (0..=1_000_000).rev().map(|i| f64::from(i % 1_000_000) * 6.283_185e-6);
+        coast.for_each(|turn| all.push([9e3 * turn.cos(), 9e3 * turn.sin()], None, None));
+        all.end_part();
+        for i in 0..5000 {
+            square(&mut all, [f64::from(i) - 2500.0, 0.0], 0.25, false);
+        }
+        assert_eq!(group(all).unwrap().coordinates().polygons, [1, 5002]);
+    }
+
+    #[test]
     fn inside_outside_and_between() {
         let ring = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 1.0], [0.0, 4.0], [0.0, 0.0]];
         for (place, expected) in [
@@ -247,7 +329,7 @@ mod tests {
             ([2.0, 0.5], Some(true)),
             ([5.0, 0.0], Some(false)),
         ] {
-            assert_eq!(contains(&ring, &place), expected, "{place:?}");
+            assert_eq!(contains(ring.windows(2), &place), expected, "{place:?}");
         }
     }
 }

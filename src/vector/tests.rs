@@ -108,6 +108,30 @@ fn what_a_format_can_hold_comes_back() {
 }
 
 #[test]
+fn features_larger_than_any_buffer_come_back() {
+    let line = |n: u32| {
+        let place = |i: u32| [f64::from(i % 360) * 0.5 - 90.0, f64::from(i / 360 + n) * 0.125];
+        let lines = Coordinates {
+            ends: vec![10, 40_000],
+            ..Coordinates::of((0..40_000).map(place).collect())
+        };
+        let geometry = Geometry::new(Kind::MultiLineString, lines).unwrap();
+        Feature { geometry, ..Feature::default() }
+    };
+    let features: Vec<Feature> = (0..3).map(line).collect();
+    for format in FORMATS.iter().filter(|format| format.create.is_some()) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(format, folder.path());
+        write_all(&path, format, &Layer::default(), &features);
+        let found = read_all(&path).unwrap();
+        let geometries = |features: &[Feature]| {
+            features.iter().map(|feature| feature.geometry.clone()).collect::<Vec<_>>()
+        };
+        assert!(geometries(&found) == geometries(&features), "{}", format.name);
+    }
+}
+
+#[test]
 fn the_crs_comes_back_wherever_a_format_has_a_place_for_it() {
     let line = Geometry::line(vec![[5.0, 50.0], [6.0, 51.0]]);
     let feature = Feature { geometry: line, ..Feature::default() };
@@ -191,6 +215,60 @@ fn coordinates_that_are_no_numbers_are_refused_with_their_place() {
         let error = read_all(&path).unwrap_err().to_string();
         assert!(error.contains("vertex 1") && error.contains("feature"), "{error}");
     }
+}
+
+#[test]
+fn what_a_shapefile_cannot_hold_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.shp");
+    let format = by_path(&path, None).unwrap();
+    let line =
+        Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
+    let refused = |second: Feature| {
+        let mut sink = create(&path, format, &Layer::default(), &WriteOptions::default()).unwrap();
+        sink.write(&line).unwrap();
+        sink.write(&second).and_then(|()| sink.finish(&[])).unwrap_err().to_string()
+    };
+    let mut long = line.clone();
+    long.properties.push("story", Value::Text("x".repeat(255)));
+    let error = refused(long);
+    assert!(
+        error.contains("feature 2") && error.contains("\"story\"") && error.contains("254"),
+        "{error}"
+    );
+    let point = Geometry::new(Kind::Point, Coordinates::of(vec![[1.0, 2.0]])).unwrap();
+    let error = refused(Feature { geometry: point.clone(), ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("lines or points"), "{error}");
+    let collection = Geometry::collection(vec![point]).unwrap();
+    let error = refused(Feature { geometry: collection, ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("collections"), "{error}");
+    let mut half = Coordinates::default();
+    half.push([0.0, 0.0], Some(1.0), None);
+    half.push([1.0, 0.0], None, None);
+    let half = Geometry::new(Kind::LineString, half).unwrap();
+    let error = refused(Feature { geometry: half, ..Feature::default() });
+    assert!(error.contains("feature 2") && error.contains("height"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn an_index_of_a_shapefile_that_points_astray_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.shp");
+    let line =
+        Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
+    write_all(&path, by_path(&path, None).unwrap(), &Layer::default(), &[line]);
+    let index = path.with_extension("shx");
+    let sound = std::fs::read(&index).unwrap();
+    for offset in [0_u32, 49, 90, u32::MAX] {
+        let mut damaged = sound.clone();
+        damaged[100..104].copy_from_slice(&offset.to_be_bytes());
+        std::fs::write(&index, &damaged).unwrap();
+        let error = read_all(&path).unwrap_err().to_string();
+        assert!(error.contains("a.shx") && error.contains("delete it"), "{error}");
+    }
+    std::fs::remove_file(&index).unwrap();
+    assert_eq!(read_all(&path).unwrap().len(), 1);
 }
 
 /// Small files of each format, written and by hand.

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Submits what is to do of a terrane plan to Slurm, as three jobs that wait for each other: an array
-# of the strips, an array of the seams, and the mesh.
+# Submits what is to do of a terrane plan to Slurm, as jobs that wait for each other: for a mesh an array
+# of the strips, an array of the seams, and the mesh; for a grid an array of the tiles, and the grid.
 #
 #     terrane-slurm.sh WORKDIR [OPTION OF sbatch...] [-- OPTION OF terrane run...]
 #
 # TERRANE is the program [terrane], ELEMENTS the most elements of an array [1000], BATCH the fewest
-# tasks of an element [1], OUTPUT the mesh file [in the folder]. Prints the numbers of the jobs.
+# tasks of an element [1], OUTPUT the file to write [in the folder]. Prints the numbers of the jobs.
 set -euo pipefail
 
 if (($# == 0)) || [[ $1 == -* ]]; then
@@ -50,15 +50,16 @@ share() {
 }
 
 "$terrane" status "$workdir" --json >"$lists/status.json"
-for kind in strip seam finish; do
+for kind in strip seam tile finish; do
   # Names stand in "id", those of others they wait for elsewhere.
   { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"
 done
-if ! [[ -s $lists/strip || -s $lists/seam || -s $lists/finish ]]; then
+if ! [[ -s $lists/strip || -s $lists/seam || -s $lists/tile || -s $lists/finish ]]; then
   rm -r "$lists"
   echo "nothing is left to do"
   exit
 fi
 submit strip "$(share strip)" "$@"
 submit seam "$(share seam)" "$@"
+submit tile "$(share tile)" "$@"
 submit finish 1 ${OUTPUT:+--output "$(realpath "$OUTPUT")"} "$@"

@@ -144,7 +144,9 @@ impl<'a> Cutter<'a> {
         }
         self.arcs.sources.extend_from_slice(arc);
         self.arcs.starts.push(self.arcs.sources.len());
-        self.arcs.closed.push(arc.len() > 2 && arc[0] == arc[arc.len() - 1]);
+        let closed = arc.len() > 2 && arc[0] == arc[arc.len() - 1];
+        self.arcs.closed.push(closed);
+        self.arcs.free.push(closed && !self.junction[arc[0] as usize]);
         Ok(id)
     }
 

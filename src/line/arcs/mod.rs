@@ -53,6 +53,8 @@ pub struct Arcs {
     pub starts: Vec<usize>,
     /// Which arcs end where they begin.
     pub closed: Vec<bool>,
+    /// Which of these have no junction: they may begin anywhere.
+    pub free: Vec<bool>,
     /// The arcs of each part, part by part, in the order in which it passes them.
     pub passages: Vec<Passage>,
     /// Where each part's begin in `passages`, and at the end how many there are.
@@ -68,6 +70,18 @@ pub struct Parts {
     pub starts: Vec<usize>,
 }
 
+/// Moves positions onto others no farther than `distance`, as [`Arcs::new`] does.
+///
+/// # Errors
+/// `Usage` for a distance that is not above 0 and finite.
+pub fn snap(points: &mut [Xy], distance: f64) -> Result<()> {
+    if !(distance > 0.0 && distance.is_finite()) {
+        return Err(Error::usage(format!("snap distance {distance} is not one")));
+    }
+    snap::snap(points, distance);
+    Ok(())
+}
+
 impl Arcs {
     /// Cuts parts into arcs. A vertex that repeats the one before it is dropped. With a `snap`
     /// distance above 0, positions no farther apart are made the same first: taken from the lowest on
@@ -81,14 +95,11 @@ impl Arcs {
     /// for 2^31 arcs and more.
     pub fn new(parts: &Chains<'_>, snap: f64) -> Result<Self> {
         parts.check()?;
-        if !(0.0..f64::INFINITY).contains(&snap) {
-            return Err(Error::usage(format!("snap distance {snap} is not one")));
-        }
         if snap == 0.0 {
             return cut(parts);
         }
         let mut points = parts.points.to_vec();
-        snap::snap(&mut points, snap);
+        self::snap(&mut points, snap)?;
         cut(&Chains { points: &points, ..*parts })
     }
 
@@ -97,7 +108,7 @@ impl Arcs {
         Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
     }
 
-    /// Lets a closed arc that is a ring by itself begin at another of its vertices, `at` from its first.
+    /// Lets an arc that is [free](Self::free) begin at another of its vertices, `at` from its first.
     pub fn open_at(&mut self, arc: usize, at: usize) {
         let range = self.starts[arc]..self.starts[arc + 1];
         open_at(&mut self.points[range.clone()], at);

@@ -43,10 +43,7 @@ impl Located {
     /// The difference to `other`, in metres at this vertex.
     #[inline(always)]
     fn to(&self, other: &Self) -> Xy {
-        [
-            (other.at[0] - self.at[0]) * self.scale[0],
-            (other.at[1] - self.at[1]) * self.scale[1],
-        ]
+        [(other.at[0] - self.at[0]) * self.scale[0], (other.at[1] - self.at[1]) * self.scale[1]]
     }
 }
 

@@ -23,14 +23,15 @@
 
 mod geographic;
 mod space;
+mod turned;
 mod vertical;
 
 pub use geographic::{Geographic, Located};
 pub use space::Space;
 pub use vertical::{Vertical, is_monotone};
 
-use super::wedge::{PlaneWedge, Wedge};
 use super::Xy;
+use super::wedge::{PlaneWedge, Wedge};
 
 /// A distance from vertices to segments.
 pub trait Metric<V: Copy>: Sync {
@@ -80,6 +81,11 @@ pub trait Metric<V: Copy>: Sync {
 
     /// The coordinates, 0 where there is none.
     fn coordinates(p: &V) -> [f64; 3];
+
+    /// The line itself, if this is the distance in the plane.
+    fn in_plane(_points: &[V]) -> Option<&[Xy]> {
+        None
+    }
 }
 
 /// Leaves room for the rounding of a product or a quotient.
@@ -254,6 +260,10 @@ impl Metric<Xy> for Plane {
     #[inline(always)]
     fn coordinates(p: &Xy) -> [f64; 3] {
         [p[0], p[1], 0.0]
+    }
+
+    fn in_plane(points: &[Xy]) -> Option<&[Xy]> {
+        Some(points)
     }
 }
 

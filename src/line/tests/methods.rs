@@ -8,7 +8,11 @@ use crate::line::rdp::rdp;
 use crate::line::registry::{METHODS, method};
 
 /// Ramer-Douglas-Peucker as in the book, one distance at a time.
-pub(super) fn plain_rdp<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
+pub(super) fn plain_rdp<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+) -> Vec<u32> {
     let mut kept: Vec<u32> = (0..points.len() as u32).take(1).collect();
     kept.extend((points.len() > 1).then(|| points.len() as u32 - 1));
     let mut parts = vec![(0, points.len().saturating_sub(1))];
@@ -176,7 +180,7 @@ fn degrees_are_metres() {
 #[test]
 fn lines_on_which_plain_splits_are_quadratic() {
     let count = 200_000;
-    let sign = |i: u32| if i % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |i: u32| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let lines: [Vec<Xy>; 3] = [
         (0..count).map(|i| [f64::from(i), sign(i)]).collect(),
         (0..count).map(|i| [f64::from(i), f64::from(i) * sign(i)]).collect(),
@@ -197,7 +201,9 @@ fn lines_on_which_plain_splits_are_quadratic() {
 fn straight_lines_with_rounding_noise_end() {
     let at = |i: u32| f64::from(i) / 100_000.0;
     let line: Vec<Xy> = (0..100_000).map(|i| [0.1 + at(i) * 0.7, 0.3 + at(i) * 0.9]).collect();
-    for (name, tolerance) in [("cone", 0.0), ("cone", 1e-16), ("imai-iri", 0.0), ("imai-iri", 1e-16)] {
+    for (name, tolerance) in
+        [("cone", 0.0), ("cone", 1e-16), ("imai-iri", 0.0), ("imai-iri", 1e-16)]
+    {
         let kept = run(method(name).expect("registered").plane, &Plane, &line, tolerance);
         assert_holds(&Plane, &line, tolerance, &kept);
     }

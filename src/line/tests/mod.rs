@@ -1,6 +1,7 @@
 //! Tests of the methods against slow obvious twins.
 
 mod hierarchies;
+mod hulls;
 mod methods;
 mod rings;
 mod triangles;
@@ -122,7 +123,10 @@ fn run<V: Copy, M: Metric<V>>(
 fn assert_holds<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64, kept: &[u32]) {
     assert!(kept.is_sorted_by(|a, b| a < b));
     assert_eq!(kept.first().copied(), (!points.is_empty()).then_some(0));
-    assert_eq!(kept.last().map(|last| *last as usize + 1), points.len().checked_sub(0).filter(|n| *n > 0));
+    assert_eq!(
+        kept.last().map(|last| *last as usize + 1),
+        points.len().checked_sub(0).filter(|n| *n > 0)
+    );
     if let Some((i, square)) = largest_distance2(metric, points, kept) {
         assert!(square <= tolerance * tolerance, "vertex {i}: {square} beyond {tolerance} squared");
         assert!(square.sqrt() <= tolerance);

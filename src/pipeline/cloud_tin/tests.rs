@@ -1,51 +1,16 @@
 //! Regions against the whole, and against the brute force of looking at every point.
 
 use super::*;
-use crate::geom::Crs;
 use crate::output::MeshBatch;
 use crate::pipeline::Silent;
+use crate::pipeline::few::Few;
 use crate::tin::scatter::{Fit, Mesh};
 use std::sync::{Arc, Mutex};
-
-/// Points in memory.
-struct Few {
-    info: CloudInfo,
-    points: Vec<Point>,
-}
-
-const PART: usize = 1000;
-
-impl PointSource for Few {
-    fn info(&self) -> &CloudInfo {
-        &self.info
-    }
-
-    fn parts(&self) -> usize {
-        self.points.len().div_ceil(PART)
-    }
-
-    fn points_of(&self, part: usize) -> u64 {
-        self.points.chunks(PART).nth(part).map_or(0, |part| part.len() as u64)
-    }
-
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        let points = self.points.chunks(PART).nth(part).unwrap_or_default();
-        each(points)?;
-        let count = points.len() as u64;
-        Ok(Census { read: count, kept: count, ..Census::default() })
-    }
-}
 
 const FRAME: Frame = Frame { scale: [0.01; 3], offset: [1000.0, 2000.0, 0.0] };
 
 fn source(points: Vec<Point>, claimed: u64) -> Few {
-    let fold = |f: fn(i32, i32) -> i32| {
-        let join = |a: Point, b: &Point| Point::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z));
-        points.iter().fold(points[0], join)
-    };
-    let bounds = Some([fold(i32::min), fold(i32::max)]);
-    let info = CloudInfo { frame: FRAME, bounds, count: claimed, crs: Crs::default() };
-    Few { info, points }
+    Few::new(FRAME, points).claiming(claimed)
 }
 
 /// Vertices and triangles.

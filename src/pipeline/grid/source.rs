@@ -1,5 +1,6 @@
 //! The bands of a grid whose points are all in, as grids that sinks are fed from.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::blocks::Blocks;
@@ -113,6 +114,11 @@ pub(super) struct BandSource<'a> {
     valid: AtomicU64,
 }
 
+thread_local! {
+    /// Room for values that are narrowed: new memory for each block costs more than the values.
+    static VALUES: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
+}
+
 /// Counts beyond this are not all `f32`.
 const EXACT: f64 = (1 << 24) as f64;
 
@@ -130,6 +136,16 @@ impl<'a> BandSource<'a> {
         &self.of.bands[self.number]
     }
 
+    fn narrow(&self, values: &[f64], out: &mut [f32]) -> Result<()> {
+        let is_count = self.band().statistic == Statistic::Count;
+        if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
+            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
+                .remedy("pass --type float64"));
+        }
+        out.iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
+        Ok(())
+    }
+
     fn tally(&self, values: &[f64]) {
         let counts = self.band().counts();
         let void = |value: &f64| value.is_nan() || (counts && *value == 0.0);
@@ -144,15 +160,12 @@ impl GridSource for BandSource<'_> {
     }
 
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        let mut values = vec![0.0; rect.len()];
-        self.read_f64(rect, &mut values)?;
-        let is_count = self.band().statistic == Statistic::Count;
-        if is_count && let Some(most) = values.iter().copied().find(|count| *count > EXACT) {
-            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
-                .remedy("pass --type float64"));
-        }
-        out.iter_mut().zip(values).for_each(|(out, value)| *out = value as f32);
-        Ok(())
+        let mut values = VALUES.take();
+        values.clear();
+        values.resize(rect.len(), 0.0);
+        let read = self.read_f64(rect, &mut values).and_then(|()| self.narrow(&values, out));
+        VALUES.set(values);
+        read
     }
 
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {

@@ -5,6 +5,7 @@
 //! times and memory depends on threads, memory budget, or the order of work.
 
 mod cloud;
+mod lines;
 mod parts;
 mod report;
 mod spill;
@@ -21,6 +22,7 @@ use crate::raster::{self, GridSource, Inputs, OpenOptions};
 use crate::verify::{Precision, Snapper};
 
 pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
+pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
 pub use report::{FaultReport, Place, VerifyReport};
 
 /// Least memory a verification can work in, and least for each thread.

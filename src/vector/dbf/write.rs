@@ -60,7 +60,10 @@ impl Plan {
 /// A name of at most ten bytes that no field has yet.
 fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
     let is_free = |name: &str| !fields.iter().any(|field| field.name.eq_ignore_ascii_case(name));
-    let cut = |most: usize| &name[..name.floor_char_boundary(most)];
+    let cut = |most: usize| {
+        let ends = name.char_indices().map(|(at, c)| at + c.len_utf8());
+        &name[..ends.take_while(|&end| end <= most).last().unwrap_or(0)]
+    };
     let names = std::iter::once(cut(10).to_owned()).chain(
         (1..10_000).map(|n| format!("_{n}")).map(|tail| format!("{}{tail}", cut(10 - tail.len()))),
     );

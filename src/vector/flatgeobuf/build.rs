@@ -53,7 +53,7 @@ impl Build {
         // so that what stands behind its first four bytes is.
         let list = 4 + 2 * slots.len();
         self.align(8);
-        while (self.bytes.len() + list + 4) % 8 != 0 {
+        while !(self.bytes.len() + list + 4).is_multiple_of(8) {
             self.bytes.push(0);
         }
         let start = self.bytes.len();
@@ -107,7 +107,7 @@ impl Build {
         size: usize,
         items: impl Iterator<Item = u8>,
     ) {
-        while (self.bytes.len() + 4) % size.max(4) != 0 {
+        while !(self.bytes.len() + 4).is_multiple_of(size.max(4)) {
             self.bytes.push(0);
         }
         self.link(place, self.bytes.len());

@@ -197,6 +197,8 @@ fn geometry(
         let mut parts = Vec::new();
         for table in view.tables(slot::GEOMETRY_PARTS)? {
             spend(budget, 8)?;
+            let count = parts.len() as u64;
+            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
             parts.push(geometry(table?, part, depth + 1, budget)?);
         }
         return match kind {
@@ -271,4 +273,40 @@ fn joined(parts: &[Geometry]) -> Result<Geometry> {
         found.end_polygon();
     }
     Geometry::new(Kind::MultiPolygon, found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::flatgeobuf::build::{Build, Slot};
+
+    /// Collections within one another, each with ten members that are one and the same table.
+    fn shared(levels: usize) -> Vec<u8> {
+        let mut build = Build::new();
+        let collection = |build: &mut Build| {
+            let none = || Slot::None;
+            let slots = [none(), none(), none(), none(), none(), none(), Slot::U8(7), Slot::Link];
+            build.table(&slots)
+        };
+        let (table, mut places) = collection(&mut build);
+        build.set_root(table);
+        for _ in 0..levels {
+            let links = build.links(places[slot::GEOMETRY_PARTS], 10);
+            let (table, inner) = collection(&mut build);
+            links.into_iter().for_each(|link| build.link(link, table));
+            places = inner;
+        }
+        build.links(places[slot::GEOMETRY_PARTS], 0);
+        build.finish().unwrap()
+    }
+
+    #[test]
+    fn shared_parts_and_deep_ones_are_refused() {
+        let read = |bytes: &[u8]| {
+            geometry(View::root(&bytes[4..]).unwrap(), None, 0, &mut (bytes.len() - 4))
+        };
+        assert_eq!(read(&shared(1)).unwrap().members().len(), 10);
+        assert!(read(&shared(9)).unwrap_err().to_string().contains("share"));
+        assert!(read(&shared(40)).unwrap_err().to_string().contains("depth"));
+    }
 }

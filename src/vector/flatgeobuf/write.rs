@@ -53,9 +53,10 @@ struct Sink {
 impl FeatureSink for Sink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let geometry = &feature.geometry;
-        let kind = *self.kind.get_or_insert(geometry.kind());
-        if kind != geometry.kind() {
-            self.kind = Some(Kind::Null);
+        // A feature without a place is one of any kind.
+        if geometry.kind() != Kind::Null {
+            let kind = *self.kind.get_or_insert(geometry.kind());
+            self.kind = Some(if kind == geometry.kind() { kind } else { Kind::Null });
         }
         self.has_z |= geometry.has_z();
         self.has_m |= geometry.has_m();

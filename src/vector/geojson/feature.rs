@@ -40,6 +40,8 @@ impl Reader {
                 "id" => feature.id = id(&mut cursor)?,
                 _ => {
                     is_geometry |= matches!(&*name, "coordinates" | "geometries");
+                    let count = feature.foreign.len() as u64;
+                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
                     feature.foreign.push(member(&name, &mut cursor)?);
                 }
             }
@@ -65,6 +67,7 @@ impl Reader {
         let mut is_first = true;
         while let Some(name) = cursor.member(&mut is_first)? {
             let at = properties.0.len();
+            limits::check("properties of a feature", at as u64, limits::MAX_FIELDS)?;
             let known = self.names.get(at).filter(|known| ***known == *name);
             let name = known.cloned().unwrap_or_else(|| Arc::from(&*name));
             properties.0.push((name, value(cursor.value()?)));
@@ -168,6 +171,8 @@ fn geometries(cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
     cursor.expect(b'[')?;
     let (mut is_first, mut members) = (true, Vec::new());
     while cursor.item(&mut is_first)? {
+        let count = members.len() as u64;
+        limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
         members.push(geometry(cursor, depth + 1)?);
     }
     Ok(members)

@@ -3,6 +3,8 @@
 
 mod feature;
 mod read;
+#[cfg(test)]
+mod tests;
 mod write;
 
 use super::{Holds, Kind, VectorFormat};

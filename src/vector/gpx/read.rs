@@ -194,6 +194,8 @@ impl Source {
     /// The element of `tag` as a property, if it is nothing but text.
     fn property(&mut self, tag: &Tag, properties: &mut Properties) -> Result<()> {
         if let Some(text) = self.text()?.filter(|text| !text.is_empty() && !tag.name.is_empty()) {
+            let count = properties.0.len() as u64;
+            limits::check("properties of a feature", count, limits::MAX_FIELDS)?;
             properties.push(tag.name.as_str(), Value::Text(text));
         }
         Ok(())

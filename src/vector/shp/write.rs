@@ -30,6 +30,7 @@ pub(super) fn create(
         base: None,
         has_z: false,
         has_m: false,
+        without_z: 0,
         path: path.to_path_buf(),
     }))
 }
@@ -44,6 +45,8 @@ struct Sink {
     base: Option<Base>,
     has_z: bool,
     has_m: bool,
+    /// Features with vertices and without heights.
+    without_z: u64,
     path: PathBuf,
 }
 
@@ -59,6 +62,12 @@ impl FeatureSink for Sink {
         let kind = Type { base, has_z: self.has_z, has_m: self.has_m };
         let mut rows = self.features.finish()?;
         let mut notes = std::mem::take(&mut rows.notes);
+        if self.has_z && self.without_z > 0 {
+            let count = self.without_z;
+            notes.push(format!(
+                "{count} features without heights have height 0, as others have some"
+            ));
+        }
         let records = u32::try_from(rows.len()).map_err(|_| too_large())?;
         let path = self.path.clone();
         let in_file = |e: Error| e.in_file(&path);
@@ -98,6 +107,7 @@ impl Sink {
         }
         self.has_z |= geometry.has_z();
         self.has_m |= geometry.has_m();
+        self.without_z += u64::from(!geometry.has_z() && !geometry.is_empty());
         Ok(())
     }
 }

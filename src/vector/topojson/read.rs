@@ -215,7 +215,11 @@ impl Maker<'_> {
                 }
                 "coordinates" => coordinates = Some(cursor.coordinates()?),
                 "geometries" => members = Some(self.members(cursor, depth)?),
-                _ => feature.foreign.push(member(&name, cursor)?),
+                _ => {
+                    let count = feature.foreign.len() as u64;
+                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
+                    feature.foreign.push(member(&name, cursor)?);
+                }
             }
         }
         let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
@@ -240,6 +244,8 @@ impl Maker<'_> {
         let (mut is_first, mut members) = (true, Vec::new());
         cursor.expect(b'[')?;
         while cursor.item(&mut is_first)? {
+            let count = members.len() as u64;
+            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
             members.push(self.feature(cursor, depth + 1)?.geometry);
         }
         Ok(members)

@@ -170,6 +170,8 @@ impl Source {
             // What is complete goes into the collection around it, which may be complete with it.
             while let Some(geometry) = done.take() {
                 let Some(members) = open.last_mut() else { return Ok(geometry) };
+                let count = members.len() as u64;
+                limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
                 members.push(geometry);
                 if self.take(b')')? {
                     done = Some(Geometry::collection(open.pop().unwrap_or_default())?);

@@ -1,5 +1,7 @@
 //! The checker sees what is wrong, and nothing else.
 
+use std::slice::from_ref;
+
 use super::*;
 
 type Part = Vec<[i32; 2]>;
@@ -56,7 +58,7 @@ fn what_is_the_same_is_sound() {
 fn distances_and_where_they_are() {
     let line = vec![[0, 0], [10, 3], [20, 5], [30, 0]];
     let after = vec![vec![[0, 0], [30, 0]]];
-    let found = report(&[line.clone()], &after, &[], 4.0);
+    let found = report(from_ref(&line), &after, &[], 4.0);
     let farthest = found.farthest.unwrap();
     assert_eq!((farthest.distance, farthest.part, farthest.at), (5.0, 0, [20.0, 5.0]));
     assert_eq!(found.beyond, Defect { count: 1, first: Some((0, [20.0, 5.0])) });
@@ -67,21 +69,23 @@ fn distances_and_where_they_are() {
 fn rings_may_begin_elsewhere_and_lines_may_not() {
     let ring = vec![[0, 0], [5, 0], [10, 0], [10, 10], [0, 10], [0, 0]];
     let turned = vec![[10, 10], [0, 10], [0, 0], [10, 0], [10, 10]];
-    assert!(report(&[ring.clone()], &[turned.clone()], &[], 0.0).is_sound());
+    assert!(report(from_ref(&ring), from_ref(&turned), &[], 0.0).is_sound());
     let back: Part = turned.into_iter().rev().collect();
     assert_eq!(report(&[ring], &[back], &[], 0.0).foreign.count, 1);
     let line = vec![[0, 0], [5, 0], [10, 0]];
-    assert_eq!(report(&[line.clone()], &[vec![[0, 0], [5, 0]]], &[], 0.0).foreign.count, 1);
+    assert_eq!(report(from_ref(&line), &[vec![[0, 0], [5, 0]]], &[], 0.0).foreign.count, 1);
     assert_eq!(report(&[line], &[vec![[0, 0], [6, 0], [10, 0]]], &[], 0.0).foreign.count, 1);
 }
 
 #[test]
 fn repeated_positions_are_matched_as_is_best() {
-    // The line passes [10, 0] twice; only the second time is it next to the end.
-    let line = vec![[0, 0], [10, 0], [10, 90], [11, 90], [11, 0], [10, 0], [20, 0]];
-    let after = vec![[0, 0], [10, 90], [11, 90], [10, 0], [20, 0]];
-    let found = report(&[line], &[after], &[], 10.0);
-    assert_eq!(found.foreign.count + found.beyond.count, 0);
+    // The line passes [10, 0] twice, and [9, 5] is nearer to the segment before than to the one after.
+    let line = vec![[0, 0], [10, 0], [9, 5], [10, 0], [20, 0]];
+    let found = report(&[line], &[vec![[0, 0], [10, 0], [20, 0]]], &[], 5.05);
+    assert_eq!(found.foreign.count + found.beyond.count, 0, "{found:?}");
+    let line = vec![[0, 0], [10, 0], [11, 5], [10, 0], [20, 0]];
+    let found = report(&[line], &[vec![[0, 0], [10, 0], [20, 0]]], &[], 5.05);
+    assert_eq!(found.foreign.count + found.beyond.count, 0, "{found:?}");
 }
 
 #[test]
@@ -151,10 +155,10 @@ fn crossings_are_those_of_all_pairs() {
 #[test]
 fn rings_collapsed_turned_and_dropped() {
     let ring = vec![[0, 0], [10, 0], [5, 1], [5, 9], [0, 0]];
-    let found = report(&[ring.clone()], &[vec![[0, 0], [5, 1], [0, 0]]], &[], 1e9);
+    let found = report(from_ref(&ring), &[vec![[0, 0], [5, 1], [0, 0]]], &[], 1e9);
     assert_eq!((found.collapsed.count, found.turned.count), (1, 0));
     let arrow = vec![[0, 0], [10, 10], [20, 0], [10, 11], [0, 0]];
-    let found = report(&[arrow.clone()], &[vec![[0, 0], [10, 10], [20, 0], [0, 0]]], &[], 1e9);
+    let found = report(from_ref(&arrow), &[vec![[0, 0], [10, 10], [20, 0], [0, 0]]], &[], 1e9);
     assert_eq!((found.collapsed.count, found.turned.count), (0, 1));
     let found = report(&[ring, arrow.clone()], &[vec![], arrow], &[], 0.0);
     assert_eq!(found.dropped, 1);
@@ -170,10 +174,18 @@ fn islands_and_points_that_change_sides() {
     assert_eq!(found.new_crossings.count, 0);
     assert_eq!(found.moved.first.map(|m| m.0), Some(0));
     assert_eq!(found.moved.count, 5, "each vertex");
-    let found = report(&[coast.clone()], &[flat.clone()], &[[50.0, 5.0], [50.0, 35.0]], 1e9);
+    let found = report(from_ref(&coast), from_ref(&flat), &[[50.0, 5.0], [50.0, 35.0]], 1e9);
     assert_eq!(found.moved, Defect { count: 1, first: Some((0, [50.0, 5.0])) });
     let found = report(&[coast], &[flat], &[[50.0, 0.0]], 1e9);
     assert_eq!(found.moved.count, 1, "it has come to lie on the coast");
+}
+
+#[test]
+fn what_lay_on_a_part_had_no_side_of_it() {
+    let bag = vec![[0, 0], [50, -30], [100, 0], [100, 99], [0, 99], [0, 0]];
+    let flat = vec![[0, 0], [100, 0], [100, 99], [0, 99], [0, 0]];
+    let points = [[25.0, -15.0], [50.0, -30.0]];
+    assert_eq!(report(&[bag], &[flat], &points, 1e9).moved.count, 0);
 }
 
 #[test]

@@ -104,6 +104,29 @@ fn anything_on_a_small_lattice() {
 }
 
 #[test]
+fn segments_accepted_one_by_one_need_no_mending() {
+    for seed in 0..200 {
+        let mut dice = Dice::new(seed);
+        let make = [worlds::archipelago, worlds::nested, worlds::spiral, worlds::coverage];
+        let world = make[dice.below(4) as usize](&mut dice);
+        if !world.is_clean() {
+            continue;
+        }
+        let (chains, tolerance) = (world.chains(), f64::from(1 << dice.below(12)));
+        let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
+            rdp(chains.points, from, to, tolerance, out);
+        };
+        let kept = Kept::simplified(&chains, &mut refine);
+        let (kept, _) = rings::mend(&chains, &kept, Collapse::Minimal, &mut refine);
+        let points = Points::new(&world.fixed).unwrap();
+        let (kept, _) = proactive::accept(&chains, &kept, &points, &mut refine);
+        assert!(twin::crossings(&world, &kept).is_empty(), "seed {seed}: crossings");
+        twin::sides(&world, &kept, &format!("seed {seed}"));
+        twin::within(&world, &kept, tolerance, &format!("seed {seed}"));
+    }
+}
+
+#[test]
 fn an_island_does_not_jump_the_coast() {
     let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
     let island = vec![[380, 30], [420, 30], [400, 50], [380, 30]];
@@ -113,6 +136,23 @@ fn an_island_does_not_jump_the_coast() {
     assert_eq!(solve(&alone, 100.0, Options::default()).kept.of(0), [0, 1, 3]);
     let beyond = World::new(vec![vec![[0, 0], [400, 90], [800, 0], [1600, 0]]], vec![[400, 95]]);
     assert_eq!(solve(&beyond, 100.0, Options::default()).kept.of(0), [0, 3]);
+}
+
+#[test]
+fn a_line_that_ends_below_the_coast_is_not_blamed() {
+    let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
+    let river = vec![[400, -300], [401, -100], [400, 50]];
+    let kept = solve(&World::new(vec![coast, river], vec![]), 100.0, Options::default()).kept;
+    assert_eq!((kept.of(0), kept.of(1)), (&[0, 1, 3][..], &[4, 6][..]));
+}
+
+#[test]
+fn what_is_dropped_first_is_not_in_the_way_later() {
+    let one = vec![[0, 0], [50, 10], [100, 0]];
+    let other = vec![[0, 5], [50, 15], [100, 5]];
+    let options = Options { strategy: Strategy::Proactive, ..Options::default() };
+    let kept = solve(&World::new(vec![one, other], vec![]), 20.0, options).kept;
+    assert_eq!(kept.vertices, [0, 2, 3, 5]);
 }
 
 #[test]

@@ -3,75 +3,38 @@
 use std::path::Path;
 
 use super::*;
-use crate::cloud::{Census, CloudInfo};
-use crate::geom::{Crs, Frame, Point3};
+use crate::geom::{Frame, Point3};
 use crate::output::MeshInfo;
 use crate::pipeline::Silent;
 use crate::pipeline::cloud_tin::{self, CloudTinJob};
+use crate::pipeline::few::Few;
 
 const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };
-const PART: usize = 1000;
 /// Steps of height allowed.
 const STEPS: i32 = 7;
 
-/// Points in memory.
-struct Few {
-    info: CloudInfo,
-    points: Vec<Point>,
+fn few(points: Vec<Point>) -> Few {
+    Few::new(FRAME, points)
 }
 
-impl Few {
-    fn new(points: Vec<Point>) -> Self {
-        let fold = |f: fn(i32, i32) -> i32| {
-            let join = |a: Point, b: Point| Point::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z));
-            points.iter().copied().reduce(join)
-        };
-        let bounds = fold(i32::min).zip(fold(i32::max)).map(|(low, high)| [low, high]);
-        let info =
-            CloudInfo { frame: FRAME, bounds, count: points.len() as u64, crs: Crs::default() };
-        Self { info, points }
-    }
-
-    /// A rough terrain; some points lie above others.
-    fn terrain(count: usize, crowded: bool) -> Self {
-        let mut state = 7u64;
-        let mut random = move |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            ((state >> 33) % below) as i32
-        };
-        let point = |i: usize| {
-            let far = if crowded && !i.is_multiple_of(50) { 700 } else { 40_000 };
-            let (x, y) = (random(far) - 300, random(far) + 11);
-            let wave = (f64::from(x) / 90.0).sin() * 25.0 + f64::from(y) / 40.0;
-            Point::new(x, y, wave as i32 + random(9))
-        };
-        let mut points: Vec<Point> = (0..count).map(point).collect();
-        let above: Vec<Point> =
-            points.iter().step_by(100).map(|p| Point { z: p.z + 3000, ..*p }).collect();
-        points.extend(above);
-        Self::new(points)
-    }
-}
-
-impl PointSource for Few {
-    fn info(&self) -> &CloudInfo {
-        &self.info
-    }
-
-    fn parts(&self) -> usize {
-        self.points.len().div_ceil(PART)
-    }
-
-    fn points_of(&self, part: usize) -> u64 {
-        self.points.chunks(PART).nth(part).map_or(0, |part| part.len() as u64)
-    }
-
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        let points = self.points.chunks(PART).nth(part).unwrap_or_default();
-        each(points)?;
-        let count = points.len() as u64;
-        Ok(Census { read: count, kept: count, ..Census::default() })
-    }
+/// A rough terrain; some points lie above others.
+fn terrain(count: usize, crowded: bool) -> Few {
+    let mut state = 7u64;
+    let mut random = move |below: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        ((state >> 33) % below) as i32
+    };
+    let point = |i: usize| {
+        let far = if crowded && !i.is_multiple_of(50) { 700 } else { 40_000 };
+        let (x, y) = (random(far) - 300, random(far) + 11);
+        let wave = (f64::from(x) / 90.0).sin() * 25.0 + f64::from(y) / 40.0;
+        Point::new(x, y, wave as i32 + random(9))
+    };
+    let mut points: Vec<Point> = (0..count).map(point).collect();
+    let above: Vec<Point> =
+        points.iter().step_by(100).map(|p| Point { z: p.z + 3000, ..*p }).collect();
+    points.extend(above);
+    few(points)
 }
 
 fn resources(threads: usize, memory: u64, folder: &Path) -> Resources {
@@ -157,7 +120,7 @@ fn tolerance() -> f64 {
 #[test]
 fn meshes_of_every_format_are_proved() {
     let folder = tempfile::tempdir().unwrap();
-    let cloud = Few::terrain(6000, false);
+    let cloud = terrain(6000, false);
     let resources = resources(2, 64 << 20, folder.path());
     for name in ["a.ply", "a.obj", "a.glb", "a.stl"] {
         for tolerance in [0.0, tolerance()] {
@@ -182,7 +145,7 @@ fn meshes_of_every_format_are_proved() {
 fn threads_and_memory_change_nothing() {
     let folder = tempfile::tempdir().unwrap();
     for crowded in [false, true] {
-        let cloud = Few::terrain(20_000, crowded);
+        let cloud = terrain(20_000, crowded);
         let mut mesh = Memory::of(&*made(&cloud, tolerance(), folder.path(), "b.ply"));
         // Some of every kind of finding.
         mesh.vertices[50][2] += 0.03;
@@ -205,7 +168,7 @@ fn threads_and_memory_change_nothing() {
 #[test]
 fn little_memory_spreads_crowds_again() {
     let folder = tempfile::tempdir().unwrap();
-    let cloud = Few::terrain(20_000, true);
+    let cloud = terrain(20_000, true);
     let mesh = made(&cloud, 0.0, folder.path(), "c.ply");
     let spilled = |memory| {
         let resources = resources(1, memory, folder.path());
@@ -218,10 +181,10 @@ fn little_memory_spreads_crowds_again() {
 /// What is said of the mesh of a cloud after both were spoiled.
 fn failures(spoil: impl FnOnce(&mut Memory, &mut Vec<Point>)) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
-    let mut cloud = Few::terrain(3000, false);
+    let mut cloud = terrain(3000, false);
     let mut mesh = Memory::of(&*made(&cloud, tolerance(), folder.path(), "d.ply"));
     spoil(&mut mesh, &mut cloud.points);
-    let cloud = Few::new(cloud.points);
+    let cloud = few(cloud.points);
     let report = proved(&mesh.settled(), &cloud, &resources(2, 64 << 20, folder.path()));
     assert_eq!(report.passed, report.failures.is_empty());
     report.failures
@@ -266,7 +229,7 @@ fn planted_faults_are_named() {
 fn the_tolerance_is_closed_to_the_step() {
     // Points over the middle of a triangle that lies level.
     let corners = [[0, 0], [900, 0], [0, 900]].map(|[x, y]| Point::new(x, y, 0));
-    let cloud = |z| Few::new(corners.into_iter().chain([Point::new(300, 300, z)]).collect());
+    let cloud = |z| few(corners.into_iter().chain([Point::new(300, 300, z)]).collect());
     let info = MeshInfo {
         vertices: 3,
         triangles: 1,
@@ -292,7 +255,7 @@ fn the_tolerance_is_closed_to_the_step() {
 #[test]
 fn what_cannot_be_proved_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
-    let cloud = Few::terrain(300, false);
+    let cloud = terrain(300, false);
     let mut mesh = Memory::of(&*made(&cloud, tolerance(), folder.path(), "e.ply"));
     let resources = resources(1, 1 << 20, folder.path());
     let prove = |mesh: &Memory, cloud: &Few, tolerance| {
@@ -300,8 +263,8 @@ fn what_cannot_be_proved_is_an_error() {
         prove_cloud(mesh, cloud, tolerance, &resources, &Silent, &cancel).unwrap_err()
     };
     assert_eq!(prove(&mesh, &cloud, Some(-1.0)).kind(), ErrorKind::Usage);
-    let line = Few::new((0..9).map(|i| Point::new(i, 2 * i, 3)).collect());
-    for cloud in [line, Few::new(Vec::new())] {
+    let line = few((0..9).map(|i| Point::new(i, 2 * i, 3)).collect());
+    for cloud in [line, few(Vec::new())] {
         let error = prove(&mesh, &cloud, None);
         assert!(error.to_string().contains("no surface"), "{error}");
     }

@@ -1,0 +1,331 @@
+//! `terrane line`: lines and rings made simpler.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use crate::cli::{Outcome, args, check, parse, text, tin};
+use crate::error::Result;
+use crate::line::topology::{Collapse, Strategy};
+use crate::line::{METHODS, Method};
+use crate::pipeline::Cancel;
+use crate::pipeline::line::{self, Goal, Length, LineJob, LineReport, Measure, Topology};
+
+/// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
+///
+/// Features keep their properties, ids, heights and measures. With --topology shared borders stay
+/// shared, nothing crosses that did not, and no ring turns over or changes sides.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "line")]
+pub(super) struct Args {
+    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON
+    #[arg(required = true)]
+    input: Vec<PathBuf>,
+    /// File to write; with several inputs a folder, in which each keeps its name
+    output: PathBuf,
+    #[command(flatten)]
+    goal: GoalArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    neighbours: Neighbours,
+    #[command(flatten)]
+    out: Output,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// How much is left out: one of these.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "How much")]
+#[group(id = "goal", required = true, multiple = false)]
+struct GoalArgs {
+    /// Largest distance of a vertex from the segment in its place, in units of the data, or with a
+    /// unit: 100m, 2km, 50ft (of longitudes and latitudes on the ellipsoid)
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    tolerance: Option<Length>,
+    /// For methods that go by area: smallest effective area, in squared units of the data
+    #[arg(long, value_name = "A", value_parser = parse_area)]
+    area: Option<f64>,
+    /// Keep this share of the vertices, from 0 to 1
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    keep_ratio: Option<f64>,
+    /// Keep so many vertices at most
+    #[arg(long, value_name = "N")]
+    keep_count: Option<u64>,
+    /// Write files of so many bytes at most, such as 5M
+    #[arg(long, value_name = "SIZE", value_parser = parse::size)]
+    target_size: Option<u64>,
+}
+
+/// Which vertices are kept.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Method")]
+struct MethodArgs {
+    /// How vertices are chosen: cone, rdp, imai-iri, visvalingam, weighted-visvalingam
+    #[arg(long, value_name = "NAME", default_value = METHODS[0].name, value_parser = parse_method)]
+    method: &'static Method,
+    /// What a distance is: in x and y, or in x, y and z
+    #[arg(long, value_name = "NAME", value_enum, default_value_t = MetricName::Plane)]
+    metric: MetricName,
+    /// What becomes of rings of which less than a triangle would be left
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = CollapseName::Minimal)]
+    collapse: CollapseName,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum MetricName {
+    Plane,
+    #[value(name = "3d")]
+    Space,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum CollapseName {
+    /// The smallest ring that keeps to the tolerance
+    Minimal,
+    /// They go
+    Drop,
+    /// All of their vertices stay
+    Keep,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum StrategyName {
+    /// Simplify, then put vertices back where lines cross
+    Retroactive,
+    /// Test each segment before it is accepted
+    Proactive,
+}
+
+/// What lies beside a line.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Neighbours")]
+struct Neighbours {
+    /// Keep shared borders shared, and let nothing cross, turn over or change sides that did not
+    #[arg(long)]
+    topology: bool,
+    /// When crossings are looked for [default: retroactive]
+    #[arg(long, value_name = "WHEN", value_enum, requires = "topology")]
+    strategy: Option<StrategyName>,
+    /// Make vertices one that are no farther apart than this, in units of the data
+    #[arg(long, value_name = "DISTANCE", value_parser = parse::positive, requires = "topology")]
+    snap: Option<f64>,
+    /// Points that stay on the side of every line that they are on
+    #[arg(long, value_name = "FILE", requires = "topology")]
+    sides: Option<PathBuf>,
+}
+
+/// What simplified lines are held to by `terrane verify`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Lines")]
+pub(super) struct Promises {
+    /// Largest distance allowed, as in terrane line [default: only measure it]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    pub(super) tolerance: Option<Length>,
+    /// What a distance is: 3d for x, y and z
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub(super) metric: Option<Solid>,
+    /// Judge crossings, rings, sides and shared borders, too
+    #[arg(long)]
+    pub(super) topology: bool,
+    /// Points that had to stay on their side
+    #[arg(long, value_name = "FILE", requires = "topology")]
+    pub(super) sides: Option<PathBuf>,
+    /// The object of a TopoJSON file that the lines were made from
+    #[arg(long, value_name = "NAME")]
+    pub(super) layer: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Solid {
+    #[value(name = "3d")]
+    Space,
+}
+
+impl Promises {
+    /// The first of these options that was given.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let options = [
+            ("--tolerance", self.tolerance.is_some()),
+            ("--metric", self.metric.is_some()),
+            ("--topology", self.topology),
+            ("--sides", self.sides.is_some()),
+            ("--layer", self.layer.is_some()),
+        ];
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+}
+
+/// What is written.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct Output {
+    /// Format to write [default: by the output's ending; with several inputs, as they are]
+    #[arg(short, long, value_name = "NAME")]
+    format: Option<String>,
+    /// The object of TopoJSON files to read [default: their first]
+    #[arg(long, value_name = "NAME")]
+    layer: Option<String>,
+    /// Digits behind the point in text formats [default: as many as it takes]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=17))]
+    decimals: Option<u8>,
+    /// Replace files that exist
+    #[arg(long)]
+    overwrite: bool,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.out.report {
+        tin::write_report(path, args.out.overwrite, &report)?;
+    }
+    args.show.tell(&report, || summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &Args) -> Result<LineJob> {
+    let Args { input, output, goal, method, neighbours, out, .. } = args;
+    let inputs: Vec<String> = input.iter().map(|path| path.display().to_string()).collect();
+    check::inputs(&inputs)?;
+    let outputs: Vec<&Path> =
+        std::iter::once(output.as_path()).chain(out.report.as_deref()).collect();
+    check::not_among(&inputs, &outputs)?;
+    if input.len() == 1 {
+        check::new_file(output, out.overwrite)?;
+    }
+    if let Some(report) = &out.report {
+        check::new_file(report, out.overwrite)?;
+    }
+    Ok(LineJob {
+        input: input.clone(),
+        layer: out.layer.clone(),
+        output: output.clone(),
+        format: out.format.clone(),
+        method: method.method,
+        goal: goal.goal(),
+        is_space: method.metric == MetricName::Space,
+        topology: neighbours.topology.then(|| neighbours.topology()),
+        collapse: match method.collapse {
+            CollapseName::Minimal => Collapse::Minimal,
+            CollapseName::Drop => Collapse::Drop,
+            CollapseName::Keep => Collapse::Keep,
+        },
+        decimals: out.decimals,
+        overwrite: out.overwrite,
+        resources: args.machine.resources(),
+    })
+}
+
+impl GoalArgs {
+    fn goal(&self) -> Goal {
+        let Self { tolerance, area, keep_ratio, keep_count, target_size } = *self;
+        let given = [
+            tolerance.map(Goal::Tolerance),
+            area.map(Goal::Area),
+            keep_ratio.map(Goal::Ratio),
+            keep_count.map(Goal::Count),
+            target_size.map(Goal::Size),
+        ];
+        // One of them is required.
+        given.into_iter().flatten().next().unwrap_or(Goal::Ratio(1.0))
+    }
+}
+
+impl Neighbours {
+    fn topology(&self) -> Topology {
+        Topology {
+            strategy: match self.strategy {
+                None | Some(StrategyName::Retroactive) => Strategy::Retroactive,
+                Some(StrategyName::Proactive) => Strategy::Proactive,
+            },
+            snap: self.snap.unwrap_or(0.0),
+            sides: self.sides.clone(),
+        }
+    }
+}
+
+/// A length such as 0.01, 100m, 2km or 50ft.
+pub(super) fn parse_length(text: &str) -> std::result::Result<Length, String> {
+    let units = [("km", 1000.0), ("ft", 0.3048), ("m", 1.0)];
+    let unit =
+        units.into_iter().find_map(|(name, metres)| Some((text.strip_suffix(name)?, metres)));
+    let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
+    match number.trim().parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
+        _ => Err("expected a number of 0 or more, alone or with m, km or ft".to_owned()),
+    }
+}
+
+fn parse_area(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a number of 0 or more".to_owned()),
+    }
+}
+
+fn parse_share(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0 to 1".to_owned()),
+    }
+}
+
+fn parse_method(name: &str) -> std::result::Result<&'static Method, String> {
+    line::method(name).map_err(|e| e.to_string())
+}
+
+/// A simplification for people.
+fn summary(r: &LineReport) -> String {
+    let share = text::percent(r.kept as f64 / r.vertices.max(1) as f64);
+    let unit = match r.measure {
+        Measure::Geographic => " m",
+        Measure::Plane | Measure::Space => "",
+    };
+    let (features, parts) = (text::count(r.features), text::count(r.parts));
+    let largest = text::number(r.largest_distance);
+    let mut rows = vec![
+        ("read", format!("{features} features, {parts} lines and rings, {}", r.crs)),
+        ("vertices", format!("{} of {} ({share})", text::count(r.kept), text::count(r.vertices))),
+        ("method", format!("{}, threshold {}{unit}", r.method, text::number(r.threshold.value))),
+        ("distance", format!("{largest}{unit} at most from what is left")),
+    ];
+    if r.collapsed > 0 {
+        rows.push(("collapsed", format!("{} rings", text::count(r.collapsed))));
+    }
+    if r.arcs > 0 {
+        let [arcs, refined, found] = [r.arcs, r.refined, r.input_crossings].map(text::count);
+        rows.push(("topology", format!("{arcs} arcs, {refined} pieces refined")));
+        rows.push(("crossings", format!("{found} that the input has")));
+    }
+    rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
+    rows.push(("time", text::seconds(r.wall_seconds)));
+    if let Some(peak) = r.peak_memory {
+        let budget = text::bytes(r.memory_budget);
+        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
+    }
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    format!("{}\n{}", r.inputs.join(", "), text::table(&rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        let of = |text| parse_length(text).map(|l| (l.value, l.unit));
+        assert_eq!(of("0.01"), Ok((0.01, None)));
+        assert_eq!(of("100m"), Ok((100.0, Some(1.0))));
+        assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
+        assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
+        assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
+    }
+}

@@ -1,0 +1,99 @@
+//! `terrane verify` on simplified lines.
+
+use std::path::Path;
+
+use crate::cli::{Outcome, check, say, text, tin, verify};
+use crate::error::{Error, Result};
+use crate::pipeline::Cancel;
+use crate::pipeline::line::Measure;
+use crate::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use crate::vector;
+
+/// True for a file of features.
+pub(super) fn are_lines(path: &Path) -> bool {
+    path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
+}
+
+pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let report = verify_lines(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.report {
+        tin::write_report(path, args.overwrite, &report)?;
+    }
+    if !args.show.tell(&report, || summary(&report))? {
+        report.failures.iter().for_each(|failure| say::failure(failure));
+    }
+    Ok(if report.passed { Outcome::Kept } else { Outcome::Broken })
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &verify::Args) -> Result<LineVerifyJob> {
+    let [original] = args.source.as_slice() else {
+        return Err(Error::usage("lines are proved against one file")
+            .remedy("name the file that they were made from"));
+    };
+    if args.max_error.is_some() {
+        return Err(Error::usage("--max-error is for meshes, and these are lines")
+            .in_file(&args.mesh)
+            .remedy("pass --tolerance"));
+    }
+    if let Some(option) = args.grid.given() {
+        return Err(Error::usage(format!("{option} is for grids, and these are lines"))
+            .in_file(&args.mesh)
+            .remedy(format!("leave {option} out")));
+    }
+    args.points.refuse(original)?;
+    check::input(original)?;
+    if let Some(report) = &args.report {
+        check::distinct(&[&args.mesh, Path::new(original), report])?;
+        check::new_file(report, args.overwrite)?;
+    }
+    let lines = &args.lines;
+    Ok(LineVerifyJob {
+        lines: args.mesh.clone(),
+        original: original.into(),
+        layer: lines.layer.clone(),
+        tolerance: lines.tolerance,
+        is_space: lines.metric.is_some(),
+        topology: lines.topology,
+        sides: lines.sides.clone(),
+        resources: args.machine.resources(),
+    })
+}
+
+/// A proof for people: the verdict, what failed, and the figures.
+fn summary(r: &LineVerifyReport) -> String {
+    let verdict = if r.passed { "every promise is kept" } else { "NOT kept" };
+    let unit = if r.measure == Measure::Geographic { " m" } else { "" };
+    let far = text::number(r.largest_distance);
+    let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));
+    let allowed = match r.tolerance {
+        Some(tolerance) => format!(" of {}{unit} allowed", text::number(tolerance)),
+        None => " (no --tolerance to hold it to)".to_owned(),
+    };
+    let [before, after] = r.vertices.map(text::count);
+    let [had, has, new] = r.crossings.map(text::count);
+    let (features, parts) = (text::count(r.features), text::count(r.parts));
+    let mut rows = vec![
+        ("proof", verdict.to_owned()),
+        ("lines", format!("{features} features, {parts} lines and rings, {} gone", r.dropped)),
+        ("vertices", format!("{after} of {before}")),
+        ("distance", format!("{far}{unit}{allowed}{place}")),
+        ("crossings", format!("{has}, of which {new} are new; {had} before")),
+        (
+            "rings",
+            format!(
+                "{} without area, {} turned over",
+                text::count(r.collapsed),
+                text::count(r.turned)
+            ),
+        ),
+        (
+            "sides",
+            format!("{} changed, {} borders torn", text::count(r.moved), text::count(r.torn)),
+        ),
+        ("time", text::seconds(r.wall_seconds)),
+    ];
+    rows.extend(r.failures.iter().map(|failure| ("broken", failure.clone())));
+    format!("{} <- {}\n{}", r.lines, r.original, text::table(&rows))
+}

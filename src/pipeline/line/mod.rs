@@ -1,0 +1,151 @@
+//! Lines made simpler: features stream through one by one, or, where their topology counts, all of
+//! them are taken together.
+
+mod files;
+mod goal;
+mod part;
+mod report;
+mod stream;
+mod tool;
+mod whole;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub(in crate::pipeline) use goal::measured as goal_of;
+pub use goal::{Goal, Length, Threshold};
+pub use report::LineReport;
+pub use tool::Measure;
+pub(in crate::pipeline) use whole::positions;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::line::topology::{Collapse, Strategy};
+use crate::line::{METHODS, Method, registry};
+use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
+use files::Files;
+use part::Tally;
+use tool::Rule;
+
+/// Lines to be simplified.
+#[derive(Clone, Debug)]
+pub struct LineJob {
+    /// Files of features.
+    pub input: Vec<PathBuf>,
+    /// The object of TopoJSON files; their first one when `None`.
+    pub layer: Option<String>,
+    /// The file to write; with several inputs a folder, in which each keeps its name.
+    pub output: PathBuf,
+    /// Name of the format to write; by the output's ending, or as the input, when `None`.
+    pub format: Option<String>,
+    /// How vertices are chosen.
+    pub method: &'static Method,
+    /// How many are left out.
+    pub goal: Goal,
+    /// Heights take part in distances.
+    pub is_space: bool,
+    /// Neighbours are looked at; each feature is simplified by itself when `None`.
+    pub topology: Option<Topology>,
+    /// What becomes of rings that have fewer than three vertices left.
+    pub collapse: Collapse,
+    /// Digits behind the point in text formats; as many as it takes when `None`.
+    pub decimals: Option<u8>,
+    /// Replace files that exist.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// How neighbours are looked at.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// When crossings are looked for.
+    pub strategy: Strategy,
+    /// Vertices no farther apart than this are made one first, in units of the data; 0 for none.
+    pub snap: f64,
+    /// Points that stay on the side of every line that they are on.
+    pub sides: Option<PathBuf>,
+}
+
+impl LineJob {
+    /// The job with everything else at its default.
+    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>, goal: Goal) -> Self {
+        Self {
+            input: vec![input.into()],
+            layer: None,
+            output: output.into(),
+            format: None,
+            method: &METHODS[0],
+            goal,
+            is_space: false,
+            topology: None,
+            collapse: Collapse::Minimal,
+            decimals: None,
+            overwrite: false,
+            resources: Resources::default(),
+        }
+    }
+}
+
+/// The method called `name`.
+///
+/// # Errors
+/// Usage: a name that is none; the known ones are listed.
+pub fn method(name: &str) -> Result<&'static Method> {
+    registry::method(name).ok_or_else(|| {
+        let known: Vec<_> = METHODS.iter().map(|method| method.name).collect();
+        Error::usage(format!("unknown method {name:?}"))
+            .remedy(format!("known methods are {}", known.join(", ")))
+    })
+}
+
+/// Runs the job. The outputs do not depend on threads or memory; nothing appears under an output's
+/// name unless it is whole.
+///
+/// # Errors
+/// Whatever the inputs, the outputs and the memory allow not; a goal that cannot be met, or not by
+/// the method.
+pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
+    let started = Instant::now();
+    job.goal.check(job.method)?;
+    let files = Files::of(job)?;
+    let mut report = match (&job.topology, job.goal) {
+        (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
+        _ => whole::run(job, &files, progress, cancel)?,
+    };
+    report.inputs = job.input.iter().map(|path| path.display().to_string()).collect();
+    report.method = job.method.name.to_owned();
+    report.threads = job.resources.threads;
+    report.memory_budget = job.resources.memory;
+    report.peak_memory = peak_memory();
+    report.wall_seconds = started.elapsed().as_secs_f64();
+    Ok(report)
+}
+
+impl LineReport {
+    fn add(&mut self, tally: &Tally) {
+        self.features += tally.features;
+        self.parts += tally.parts;
+        self.vertices += tally.vertices;
+        self.kept += tally.kept;
+        self.collapsed += tally.collapsed;
+        self.largest_distance = self.largest_distance.max(tally.square.sqrt());
+    }
+
+    fn measured_by(&mut self, rule: &Rule) {
+        self.measure = rule.measure;
+        self.threshold =
+            Threshold { value: rule.threshold, metres: rule.measure == Measure::Geographic };
+    }
+}
+
+/// Runs `work` on a pool of the job's threads.
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    Ok(pool.map_err(no_threads)?.install(work))
+}
+
+/// The name of a file for messages.
+fn name(path: &Path) -> String {
+    path.display().to_string()
+}

@@ -1,0 +1,39 @@
+//! What a simplification did.
+
+use serde::Serialize;
+
+use super::goal::Threshold;
+use super::tool::Measure;
+
+/// What a simplification did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct LineReport {
+    pub inputs: Vec<String>,
+    pub outputs: Vec<String>,
+    pub method: String,
+    pub measure: Measure,
+    pub threshold: Threshold,
+    pub crs: String,
+    pub features: u64,
+    /// Lines and rings.
+    pub parts: u64,
+    pub vertices: u64,
+    pub kept: u64,
+    /// The largest distance of a vertex from the segment in its place, in units of the metric.
+    pub largest_distance: f64,
+    /// Rings of which fewer than three vertices would have been left.
+    pub collapsed: u64,
+    /// Shared borders and what lies between them; 0 without topology.
+    pub arcs: u64,
+    /// Pieces that had to keep more vertices because of their neighbours.
+    pub refined: u64,
+    /// Pairs of segments that cross, touch or overlap in the input and still do.
+    pub input_crossings: u64,
+    pub output_bytes: u64,
+    pub notes: Vec<String>,
+    pub threads: usize,
+    pub memory_budget: u64,
+    pub peak_memory: Option<u64>,
+    pub wall_seconds: f64,
+}
