@@ -6,7 +6,7 @@ mod contour_support;
 use std::collections::HashMap;
 use std::path::Path;
 
-use contour_support::{Grid, Line, first_meeting, job, lines_of, made, read};
+use contour_support::{Grid, Line, first_meeting, job, lines_of, made, read, units};
 use proptest::prelude::*;
 use terrane::ErrorKind;
 use terrane::contour::{self, Levels, Lines, Scratch, Window};
@@ -188,11 +188,11 @@ fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
 #[test]
 fn the_same_bytes_for_any_threads_memory_and_tiles() {
     let folder = tempfile::tempdir().unwrap();
-    let run = |name: &str, tile, threads, memory: u64, tolerance| {
+    let run = |name: &str, tile, threads, memory: u64, tolerance: Option<f64>| {
         let path = folder.path().join(name);
         let mut job = job("synth:rough,size=700,seed=5", &path, 2.0, tile, threads);
         job.resources.memory = memory << 20;
-        job.tolerance = tolerance;
+        job.tolerance = tolerance.map(units);
         let report = made(&job).unwrap();
         (std::fs::read(&path).unwrap(), report)
     };
@@ -218,10 +218,10 @@ fn the_same_bytes_for_any_threads_memory_and_tiles() {
 fn simplified_terrain_crosses_nothing() {
     let folder = tempfile::tempdir().unwrap();
     for (terrain, tile) in [(TERRAIN, 64), ("synth:plateaus,size=300,seed=3", 100)] {
-        let run = |tolerance| {
+        let run = |tolerance: Option<f64>| {
             let path = folder.path().join("lines.geojson");
             let mut job = job(terrain, &path, 5.0, tile, 2);
-            (job.tolerance, job.overwrite) = (tolerance, true);
+            (job.tolerance, job.overwrite) = (tolerance.map(units), true);
             made(&job).unwrap();
             read(&path, "elev")
         };
@@ -322,7 +322,7 @@ fn what_cannot_be_is_refused_before_the_work() {
     job.tile = 8;
     fails(&job, ErrorKind::Usage, "choose 16 to 8192");
     job = usual();
-    job.tolerance = Some(-1.0);
+    job.tolerance = Some(units(-1.0));
     fails(&job, ErrorKind::Usage, "tolerance");
     job = usual();
     job.output = folder.path().join("a.topojson");

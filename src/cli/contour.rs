@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
-use crate::cli::{Outcome, args, check, parse, say, text, tin};
+use crate::cli::{Outcome, args, check, line, parse, text, tin};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
+use crate::pipeline::line::Length;
 
 /// Make contour lines of a grid
 ///
@@ -28,9 +29,13 @@ pub(super) struct Args {
     #[command(flatten)]
     levels: Where,
     /// Height from which the multiples are counted [default: 0]
-    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true, value_parser = parse::finite,
-          conflicts_with = "levels", help_heading = "Levels")]
+    #[arg(long, visible_alias = "offset", value_name = "HEIGHT", allow_hyphen_values = true,
+          value_parser = parse::finite, conflicts_with = "levels", help_heading = "Levels")]
     base: Option<f64>,
+    /// Mark lines at every N-th level from the base in a property "index" (true or false)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
+          conflicts_with = "levels", help_heading = "Levels")]
+    index: Option<u32>,
     #[command(flatten)]
     simple: Simple,
     #[command(flatten)]
@@ -61,11 +66,12 @@ struct Where {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Simplification")]
 struct Simple {
-    /// Leave out vertices that are at most so far from the line, in units of x and y; lines still
-    /// neither cross nor touch
-    #[arg(long, visible_alias = "simplify", value_name = "DISTANCE", allow_hyphen_values = true,
-          value_parser = distance)]
-    tolerance: Option<f64>,
+    /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit:
+    /// 100m, 2km, 50ft (of longitudes and latitudes on the ellipsoid); lines still neither cross nor
+    /// touch
+    #[arg(long, visible_alias = "simplify", value_name = "LENGTH", allow_hyphen_values = true,
+          value_parser = line::parse_length)]
+    tolerance: Option<Length>,
     /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they
     /// may have lost
     #[arg(long, value_name = "CELLS", default_value_t = USUAL_TILE, value_parser = tile_cells())]
@@ -94,11 +100,6 @@ struct Output {
     overwrite: bool,
 }
 
-fn distance(text: &str) -> std::result::Result<f64, String> {
-    let value = parse::finite(text).ok().filter(|value| *value >= 0.0);
-    value.ok_or_else(|| "expected a distance of zero or more, in units of x and y".to_owned())
-}
-
 fn tile_cells() -> impl TypedValueParser<Value = u32> {
     let (least, most) = TILE_CELLS.into_inner();
     RangedI64ValueParser::<u32>::new().range(i64::from(least)..=i64::from(most))
@@ -110,11 +111,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     if let Some(path) = &args.out.report {
         tin::write_report(path, args.out.overwrite, &report)?;
     }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&report))?;
-    }
+    args.show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 
@@ -135,6 +132,7 @@ fn job(args: &Args) -> Result<ContourJob> {
         tolerance: args.simple.tolerance,
         attribute,
         with_z,
+        index: args.index,
         tile: args.simple.tile,
         resources: args.machine.resources(),
         ..ContourJob::new(args.input.clone(), &args.output, heights(args)?)
@@ -188,8 +186,9 @@ fn vertices(r: &ContourReport) -> String {
     let written = text::count(r.vertices);
     match r.tolerance {
         Some(tolerance) => {
-            let (before, tolerance) = (text::count(r.original_vertices), text::number(tolerance));
-            format!("{written} of {before}, within {tolerance}")
+            let unit = if tolerance.metres { " m" } else { "" };
+            let (before, within) = (text::count(r.original_vertices), text::number(tolerance.value));
+            format!("{written} of {before}, within {within}{unit}")
         }
         None => written,
     }

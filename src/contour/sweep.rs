@@ -231,5 +231,5 @@ fn no_rank<H: Copy + Into<f64>>(window: &Window<'_, H>, col: usize, row: usize) 
 
 fn too_many(most: u64) -> Error {
     Error::new(ErrorKind::Resource, format!("more than {most} crossings of contours in a tile"))
-        .remedy("widen --interval, or allow more --memory")
+        .remedy("allow more --memory, choose a smaller --tile, or widen --interval")
 }

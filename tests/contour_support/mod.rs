@@ -8,6 +8,7 @@ use terrane::Result;
 use terrane::geom::plane::orient;
 use terrane::geom::{Affine, Crs, Rect};
 use terrane::pipeline::contour::{ContourJob, ContourReport, Heights, run, trace};
+use terrane::pipeline::line::Length;
 use terrane::pipeline::{Cancel, Resources, Silent};
 use terrane::raster::{GridInfo, GridSource, SampleType};
 use terrane::vector::{self, Value};
@@ -80,6 +81,11 @@ pub fn job(input: &str, output: &Path, interval: f64, tile: u32, threads: usize)
     ContourJob { tile, resources, ..ContourJob::new(input, output, heights) }
 }
 
+/// A length in units of the data.
+pub fn units(value: f64) -> Length {
+    Length { value, unit: None }
+}
+
 pub fn made(job: &ContourJob) -> Result<ContourReport> {
     run(job, &Silent, &Cancel::default())
 }
@@ -95,6 +101,7 @@ pub fn lines_of(
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lines.geojson");
     let usual = job("memory", &path, 1.0, tile, threads);
+    let tolerance = tolerance.map(units);
     let job = ContourJob { heights: heights.clone(), tolerance, ..usual };
     let report = trace(grid, &job, &Silent, &Cancel::default()).unwrap();
     (read(&path, "elev"), report)

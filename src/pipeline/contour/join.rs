@@ -212,5 +212,5 @@ fn lowest(vertices: &[Vertex]) -> Edge {
 
 fn too_many(most: u64) -> Error {
     Error::new(ErrorKind::Resource, format!("more than {most} pieces of contours"))
-        .remedy("widen --interval, or allow more --memory")
+        .remedy("allow more --memory, choose a larger --tile, or widen --interval")
 }

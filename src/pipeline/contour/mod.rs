@@ -12,10 +12,11 @@
 //! rim. Each vertex left out is within the tolerance of the segment in its place. The tile is an input
 //! here: on its rims each line keeps a vertex that it might have lost.
 //!
-//! **Memory.** Two parts are divided: what each thread needs for a tile (with as many crossings as fit
-//! into it), and what pieces take: a few dozen bytes each, plus 16 for each vertex until they are
-//! spilled. One line at a time is put together to be written. Where any of these does not fit, an error
-//! says so.
+//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as
+//! fit into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid:
+//! about 160 bytes for each piece of a line between two rims (or whole line within a tile), beside
+//! vertices of 16 bytes, which are spilled. When the tiles are done, their room is that of the line being
+//! written, 128 bytes a vertex. Where crossings, pieces or a line do not fit, an error says so.
 
 mod budget;
 mod join;
@@ -24,18 +25,19 @@ mod spool;
 mod tiles;
 mod write;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
 use serde::Serialize;
 
 use crate::contour::Levels;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::line::{Length, Measure, Threshold, goal_of};
 use crate::pipeline::workers::{self, lock};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::{self, GridSource, Inputs, OpenOptions};
-use crate::vector::{self, VectorFormat, WriteOptions};
+use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
+use crate::vector::{self, FeatureSink, VectorFormat, WriteOptions};
 use budget::Budget;
 use join::Pieces;
 use tiles::{Tiles, Worker};
@@ -77,17 +79,24 @@ pub struct ContourJob {
     pub overwrite: bool,
     /// Where lines are drawn.
     pub heights: Heights,
-    /// Largest distance of a vertex that is left out from the line, in units of x and y; all vertices
-    /// are kept when `None`.
-    pub tolerance: Option<f64>,
+    /// Largest distance of a vertex that is left out from the line; all vertices are kept when `None`.
+    pub tolerance: Option<Length>,
     /// Name of the property that holds the height of a line.
     pub attribute: String,
     /// Give each vertex the height of its line as z.
     pub with_z: bool,
+    /// Mark each level of this number of intervals from the base.
+    pub index: Option<u32>,
     /// Cells along the side of a tile, in [`TILE_CELLS`].
     pub tile: u32,
     /// What the job may use.
     pub resources: Resources,
+}
+
+impl Heights {
+    fn is_every(&self) -> bool {
+        matches!(self, Self::Every { .. })
+    }
 }
 
 impl ContourJob {
@@ -104,6 +113,7 @@ impl ContourJob {
             tolerance: None,
             attribute: "elev".to_owned(),
             with_z: false,
+            index: None,
             tile: USUAL_TILE,
             resources: Resources::default(),
         }
@@ -128,9 +138,17 @@ impl ContourJob {
             return Err(Error::usage(format!("tiles of {} cells", self.tile))
                 .remedy(format!("choose {least} to {most}")));
         }
-        if self.tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
+        if self.tolerance.is_some_and(|t| !(t.value >= 0.0 && t.value.is_finite())) {
             return Err(Error::usage("the tolerance is not a distance")
-                .remedy("give a number of 0 or more, in units of x and y"));
+                .remedy("give a number of 0 or more"));
+        }
+        if self.index == Some(0) || (self.index.is_some() && !self.heights.is_every()) {
+            return Err(Error::usage("index contours are counted in intervals, 1 or more")
+                .remedy("give an interval instead of levels, or leave --index out"));
+        }
+        if self.index.is_some() && self.attribute == write::INDEX {
+            return Err(Error::usage("the heights and the marks of index contours have one name")
+                .remedy("choose another --attribute"));
         }
         let format = vector::by_path(&self.output, self.format.as_deref())?;
         if !format.holds.kinds.contains(&vector::Kind::LineString) {
@@ -157,7 +175,7 @@ pub struct ContourReport {
     pub levels: u64,
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    pub tolerance: Option<f64>,
+    pub tolerance: Option<Threshold>,
     /// Cells along the side of a tile.
     pub tile: u32,
     /// Lines written, rings among them.
@@ -187,6 +205,7 @@ pub struct ContourReport {
 /// Those of [`ContourJob::check`]; an output that exists or cannot be written; whatever the grid's
 /// opener finds; heights beyond 1e30; too little memory.
 pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
+    let start = Instant::now();
     job.check()?;
     crate::atomic::refuse_existing(&job.output, job.overwrite)?;
     let budget = Budget::divide(job)?;
@@ -198,7 +217,12 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
         temp_dir: job.resources.temp_dir.clone(),
     };
     let source = raster::open_all(job.input.names(), &options)?;
-    trace(source.as_ref(), job, progress, cancel)
+    let work = Work::new(job, source.info())?;
+    let sink = work.sink()?;
+    let pieces = work.trace(source.as_ref(), progress, cancel)?;
+    // Decoded blocks make room for lines.
+    drop(source);
+    work.write(pieces, sink, start, progress, cancel)
 }
 
 /// As [`run`], from a grid that is open already (`job.input` is only named in the report).
@@ -212,56 +236,115 @@ pub fn trace(
     cancel: &Cancel,
 ) -> Result<ContourReport> {
     let start = Instant::now();
-    let format = job.check()?;
-    let (budget, levels, info) = (Budget::divide(job)?, job.levels()?, source.info());
-    let folder = job.spill_folder();
-    let options = WriteOptions {
-        overwrite: job.overwrite,
-        temp_dir: job.resources.temp_dir.clone(),
-        ..WriteOptions::default()
-    };
-    let layer = write::layer(job, format, info);
-    let sink = vector::create(&job.output, format, &layer, &options)?;
-    let tiles = Tiles::new(info, job.tile);
-    let samples = u64::from(info.width) * u64::from(info.height);
-    progress.begin("trace", samples);
-    let pieces = Mutex::new(Pieces::new(&budget, &folder));
-    let task = tiles::Task { source, levels: &levels, tiles, budget, tolerance: job.tolerance };
-    workers::run(
-        budget.threads,
-        tiles.count(),
-        cancel,
-        || Worker::new(&task),
-        |worker: &mut Worker<'_, '_>, tile| {
-            let traced = worker.trace(tile)?;
-            lock(&pieces).add(traced, tiles.rect(tile), tiles)?;
-            progress.advance(tiles.owned(tile));
-            Ok(())
-        },
-        |_| Ok(()),
-    )?;
-    progress.end();
-    let pieces = pieces.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let writer = write::Writer { job, format, levels: &levels, info, most: budget.line_vertices() };
-    let made = writer.write(pieces, sink, progress, cancel)?;
-    let wall_seconds = start.elapsed().as_secs_f64();
-    Ok(ContourReport {
-        input: job.input.to_string(),
-        output: job.output.display().to_string(),
-        format: format.name.to_owned(),
-        width: info.width,
-        height: info.height,
-        crs: info.crs.label(),
-        tolerance: job.tolerance,
-        tile: job.tile,
-        samples,
-        threads: budget.threads,
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
-        wall_seconds,
-        samples_per_second: samples as f64 / wall_seconds,
-        ..made
-    })
+    let work = Work::new(job, source.info())?;
+    let sink = work.sink()?;
+    let pieces = work.trace(source, progress, cancel)?;
+    work.write(pieces, sink, start, progress, cancel)
+}
+
+/// A job on a grid.
+struct Work<'a> {
+    job: &'a ContourJob,
+    format: &'static VectorFormat,
+    levels: Levels,
+    tolerance: Option<Tolerance>,
+    budget: Budget,
+    info: GridInfo,
+}
+
+impl<'a> Work<'a> {
+    fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
+        Ok(Self {
+            job,
+            format: job.check()?,
+            levels: job.levels()?,
+            tolerance: job.tolerance.map(|length| measured(length, info)).transpose()?,
+            budget: Budget::divide(job)?,
+            info: info.clone(),
+        })
+    }
+
+    fn sink(&self) -> Result<Box<dyn FeatureSink>> {
+        let options = WriteOptions {
+            overwrite: self.job.overwrite,
+            temp_dir: self.job.resources.temp_dir.clone(),
+            ..WriteOptions::default()
+        };
+        let layer = write::layer(self.job, self.format, &self.info);
+        vector::create(&self.job.output, self.format, &layer, &options)
+    }
+
+    fn trace(
+        &self,
+        source: &dyn GridSource,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Pieces> {
+        let tiles = Tiles::new(&self.info, self.job.tile);
+        progress.begin("trace", self.samples());
+        let pieces = Mutex::new(Pieces::new(&self.budget, &self.job.spill_folder()));
+        let Self { levels, budget, tolerance, .. } = self;
+        let task = tiles::Task { source, levels, tiles, budget: *budget, tolerance: *tolerance };
+        workers::run(
+            budget.threads,
+            tiles.count(),
+            cancel,
+            || Worker::new(&task),
+            |worker: &mut Worker<'_, '_>, tile| {
+                let traced = worker.trace(tile).map_err(|e| self.of_input(e))?;
+                lock(&pieces).add(traced, tiles.rect(tile), tiles)?;
+                progress.advance(tiles.owned(tile));
+                Ok(())
+            },
+            |_| Ok(()),
+        )?;
+        progress.end();
+        Ok(pieces.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    fn write(
+        &self,
+        pieces: Pieces,
+        sink: Box<dyn FeatureSink>,
+        start: Instant,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ContourReport> {
+        let Self { job, format, levels, info, .. } = self;
+        let most = self.budget.line_vertices();
+        let writer = write::Writer { job, format, levels, info, most };
+        let made = writer.write(pieces, sink, progress, cancel)?;
+        let wall_seconds = start.elapsed().as_secs_f64();
+        Ok(ContourReport {
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            format: format.name.to_owned(),
+            width: info.width,
+            height: info.height,
+            crs: info.crs.label(),
+            tolerance: self.tolerance.map(Tolerance::threshold),
+            tile: job.tile,
+            samples: self.samples(),
+            threads: self.budget.threads,
+            memory_budget: job.resources.memory,
+            peak_memory: peak_memory(),
+            wall_seconds,
+            samples_per_second: self.samples() as f64 / wall_seconds,
+            ..made
+        })
+    }
+
+    fn samples(&self) -> u64 {
+        u64::from(self.info.width) * u64::from(self.info.height)
+    }
+
+    /// Names the input in an error that names no file, if it is one of its heights.
+    fn of_input(&self, error: Error) -> Error {
+        match error.kind() {
+            ErrorKind::BadInput => error.in_file(Path::new(&self.job.input.to_string())),
+            _ => error,
+        }
+    }
 }
 
 impl ContourJob {
@@ -271,4 +354,30 @@ impl ContourJob {
         let folder = self.resources.temp_dir.as_deref().or(beside);
         folder.map_or_else(|| PathBuf::from("."), PathBuf::from)
     }
+}
+
+/// A tolerance as it is measured.
+#[derive(Clone, Copy, Debug)]
+struct Tolerance {
+    measure: Measure,
+    value: f64,
+}
+
+impl Tolerance {
+    fn threshold(self) -> Threshold {
+        Threshold { value: self.value, metres: self.measure == Measure::Geographic }
+    }
+}
+
+/// A length over a grid.
+fn measured(length: Length, info: &GridInfo) -> Result<Tolerance> {
+    let (measure, value) = goal_of(length, false, &info.crs)?;
+    let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
+    let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
+    let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
+    if measure == Measure::Geographic && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6) {
+        return Err(Error::bad_input("a latitude is beyond 90 degrees")
+            .remedy("pass --tolerance as a plain number, in units of x and y"));
+    }
+    Ok(Tolerance { measure, value })
 }

@@ -1,19 +1,19 @@
 //! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
 
+use super::Tolerance;
 use super::tiles::{Rim, Tiles};
 use crate::contour::{Line, Lines, Vertex};
 use crate::error::Result;
 use crate::geom::{Affine, Rect};
 use crate::line::cone::cone;
-use crate::line::metric::Plane;
 use crate::line::topology::{Chains, Kept, Options, open_at, refining, untangle};
-use crate::line::{Scratch, Xy, ring};
+use crate::line::{Geographic, Located, Metric, Plane, Scratch, Xy, ring};
+use crate::pipeline::line::Measure;
 
 /// Simplifies tiles, one after the other.
 pub(super) struct Simplifier {
-    tolerance: f64,
     transform: Affine,
-    scratch: Scratch,
+    cone: Cone,
     /// What became of the last tile.
     lines: Lines,
 }
@@ -32,9 +32,10 @@ struct Input {
 }
 
 impl Simplifier {
-    /// `tolerance` is in the units of x and y, to which `transform` maps.
-    pub(super) fn new(tolerance: f64, transform: Affine) -> Self {
-        Self { tolerance, transform, scratch: Scratch::default(), lines: Lines::default() }
+    /// Distances are those of positions after `transform`.
+    pub(super) fn new(tolerance: Tolerance, transform: Affine) -> Self {
+        let cone = Cone { tolerance, scratch: Scratch::default(), located: Vec::new() };
+        Self { transform, cone, lines: Lines::default() }
     }
 
     /// Simplifies the lines of the tile with the samples `rect`.
@@ -54,10 +55,7 @@ impl Simplifier {
         }
         let Input { points, starts, closed, kept, .. } = &input;
         let chains = Chains { points, starts, closed };
-        let (tolerance, scratch) = (self.tolerance, &mut self.scratch);
-        let mut refine = refining(points, |points, kept| {
-            cone(&Plane, points, tolerance, scratch, kept);
-        });
+        let mut refine = refining(points, |points, kept| self.cone.line(points, kept));
         let outcome = untangle(&chains, kept, &[], &Options::default(), &mut refine)?;
         drop(refine);
         self.collect(lines, &input, &outcome.kept);
@@ -71,7 +69,7 @@ impl Simplifier {
         input.vertices.extend_from_slice(vertices);
         let kept = &mut input.kept.vertices;
         let before = kept.len();
-        cone(&Plane, &input.points[start..], self.tolerance, &mut self.scratch, kept);
+        self.cone.line(&input.points[start..], kept);
         kept[before..].iter_mut().for_each(|v| *v += start as u32);
         input.end_chain(false, goes_on);
     }
@@ -83,11 +81,7 @@ impl Simplifier {
         input.vertices.extend_from_slice(vertices);
         let points = &mut input.points[start..];
         let mut kept = Vec::new();
-        let tolerance = self.tolerance;
-        let method = |points: &[Xy], scratch: &mut Scratch, kept: &mut Vec<u32>| {
-            cone(&Plane, points, tolerance, scratch, kept);
-        };
-        ring::simplify(&Plane, points, tolerance, true, method, &mut self.scratch, &mut kept);
+        self.cone.ring(points, &mut kept);
         let first = kept.first().copied().unwrap_or(0);
         open_at(points, first as usize);
         open_at(&mut input.vertices[start..], first as usize);
@@ -111,6 +105,58 @@ impl Simplifier {
             }
         }
     }
+}
+
+/// The greedy double cone, in the metric asked for.
+struct Cone {
+    tolerance: Tolerance,
+    scratch: Scratch,
+    located: Vec<Located>,
+}
+
+impl Cone {
+    /// Appends the vertices kept of a line.
+    fn line(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
+        let (tolerance, scratch) = (self.tolerance.value, &mut self.scratch);
+        match self.tolerance.measure {
+            Measure::Geographic => {
+                locate(points, &mut self.located);
+                cone(&Geographic, &self.located, tolerance, scratch, kept);
+            }
+            Measure::Plane | Measure::Space => cone(&Plane, points, tolerance, scratch, kept),
+        }
+    }
+
+    /// Appends the vertices kept of a ring.
+    fn ring(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
+        match self.tolerance.measure {
+            Measure::Geographic => {
+                locate(points, &mut self.located);
+                ring_in(&Geographic, &self.located, self.tolerance.value, &mut self.scratch, kept);
+            }
+            Measure::Plane | Measure::Space => {
+                ring_in(&Plane, points, self.tolerance.value, &mut self.scratch, kept);
+            }
+        }
+    }
+}
+
+fn locate(points: &[Xy], located: &mut Vec<Located>) {
+    located.clear();
+    located.extend(points.iter().map(|point| Located::new(*point)));
+}
+
+fn ring_in<V: Copy, M: Metric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+    scratch: &mut Scratch,
+    kept: &mut Vec<u32>,
+) {
+    let method = |points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+        cone(metric, points, tolerance, scratch, kept);
+    };
+    ring::simplify(metric, points, tolerance, true, method, scratch, kept);
 }
 
 impl Input {

@@ -1,5 +1,6 @@
 //! The tiles of a grid, and tracing one of them.
 
+use super::Tolerance;
 use super::budget::Budget;
 use super::simplify::Simplifier;
 use crate::contour::{self, Levels, Line, Lines, Scratch, Vertex, Window};
@@ -80,7 +81,7 @@ pub(super) struct Task<'a> {
     pub(super) levels: &'a Levels,
     pub(super) tiles: Tiles,
     pub(super) budget: Budget,
-    pub(super) tolerance: Option<f64>,
+    pub(super) tolerance: Option<Tolerance>,
 }
 
 /// The lines of a tile.

@@ -14,6 +14,9 @@ use crate::vector::{
 /// The property that numbers lines in formats without ids.
 const ID: &str = "id";
 
+/// The property that tells index contours from others.
+pub(super) const INDEX: &str = "index";
+
 /// Lines written between two looks at whether to stop.
 const BATCH: usize = 256;
 
@@ -22,7 +25,8 @@ pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) ->
     let field = |name: &str, kind| Field { name: name.into(), kind, width: None, decimals: None };
     let id = (!format.holds.ids).then(|| field(ID, FieldKind::Int));
     let height = field(&job.attribute, FieldKind::Real);
-    let schema = Some(id.into_iter().chain([height]).collect());
+    let index = job.index.map(|_| field(INDEX, FieldKind::Bool));
+    let schema = Some(id.into_iter().chain([height]).chain(index).collect());
     Layer { name: Some("contour".to_owned()), crs: info.crs.clone(), schema, ..Layer::default() }
 }
 
@@ -117,6 +121,10 @@ impl Writer<'_> {
             properties.push(ID, Value::Int(number));
         }
         properties.push(self.job.attribute.as_str(), Value::Real(height));
+        if let Some(every) = self.job.index {
+            let is_index = i64::from(line.level) % i64::from(every) == 0;
+            properties.push(INDEX, Value::Bool(is_index));
+        }
         Ok(Feature { id, properties, geometry, foreign: Vec::new() })
     }
 }
