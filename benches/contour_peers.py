@@ -6,7 +6,7 @@
 Without a DEM, a synthetic terrain of 4097 x 4097 samples is written into DIR and taken. terrane and GDAL go
 from a GeoTIFF to a FlatGeobuf; contourpy and scikit-image start from an array in memory, go level by level,
 and write nothing, so that their column is the time of the calls alone. A process of its own for each
-measurement, rounds interleaved; the median of the rounds counts, and the largest peak of memory. GDAL is the
+measurement, rounds interleaved; the medians count, of clock, processor and memory. GDAL is the
 library inside pyogrio's wheel, called as its program calls it: one thread, whatever there is.
 
 What each gives is compared with what terrane gives, level by level: lines, total length, and how far the
@@ -30,6 +30,11 @@ import textwrap
 import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+PEAK = """
+    def peak():
+        with open("/proc/self/status") as told:
+            return next(int(row.split()[1]) / 1024 for row in told if row.startswith("VmHWM"))
+"""
 GDAL = """
     import ctypes, glob, os, sys, time, pyogrio
     folder = os.path.join(os.path.dirname(os.path.dirname(pyogrio.__file__)), "pyogrio.libs")
@@ -40,7 +45,7 @@ GDAL = """
         function.restype = gives
         return function(*args)
     call("GDALAllRegister")
-    start = time.perf_counter()
+    start = time.perf_counter(), time.process_time()
     dem = pointer(call("GDALOpen", text({dem!r}.encode()), number(0)))
     band = pointer(call("GDALGetRasterBand", dem, number(1)))
     driver = pointer(call("GDALGetDriverByName", text(b"FlatGeobuf")))
@@ -57,7 +62,7 @@ GDAL = """
     if call("GDALContourGenerateEx", band, layer, listed, None, None, gives=number):
         sys.exit("GDAL failed")
     call("GDALClose", out)
-    print(time.perf_counter() - start)
+    print(time.perf_counter() - start[0], time.process_time() - start[1], peak())
 """
 ARRAY = """
     import math, time, numpy as np, rasterio
@@ -68,9 +73,9 @@ ARRAY = """
     first, last = (math.floor((end - {base}) / {interval}) for end in (low, high))
     levels = [{base} + k * {interval} for k in range(first, last + 1) if low < {base} + k * {interval} <= high]
     {before}
-    start = time.perf_counter()
+    start = time.perf_counter(), time.process_time()
     found = [{call} for level in levels]
-    print(time.perf_counter() - start)
+    print(time.perf_counter() - start[0], time.process_time() - start[1], peak())
     chains, heights = [], []
     for level, lines in zip(levels, found):
         for line in lines:
@@ -86,7 +91,7 @@ CONTOURPY = """import contourpy
 
 
 def program(text, **known):
-    return [sys.executable, "-c", textwrap.dedent(text.format(**known))]
+    return [sys.executable, "-c", textwrap.dedent(PEAK + text.format(**known))]
 
 
 def programs(terrane, dem, out, interval, base):
@@ -126,8 +131,10 @@ def apart(some, others):
     import shapely
     if not len(some) or not len(others):
         return 0.0
-    points = shapely.points(shapely.get_coordinates(some))
-    tree = shapely.STRtree(others)
+    points = shapely.points(np.unique(shapely.get_coordinates(some), axis=0))
+    ends, line = shapely.get_coordinates(others, return_index=True)
+    pairs = np.stack([ends[:-1], ends[1:]], axis=1)[line[:-1] == line[1:]]
+    tree = shapely.STRtree(shapely.linestrings(pairs))
     _, distances = tree.query_nearest(points, return_distance=True, all_matches=False)
     return float(distances.max())
 
@@ -146,15 +153,17 @@ def compare(ours, theirs):
 
 
 def measure(command):
-    """Seconds and the peak of memory in MiB."""
+    """Seconds on the clock and of the processor, and the peak of memory in MiB."""
     child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     text = child.stdout.read()
     _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         sys.exit(f"failed: {command[:3]}")
-    seconds = json.loads(text)
-    return seconds["wall_seconds"] if isinstance(seconds, dict) else seconds, usage.ru_maxrss / 1024
+    if text.startswith("{"):
+        report = json.loads(text)
+        return report["wall_seconds"], usage.ru_utime + usage.ru_stime, report["peak_memory"] / 2**20
+    return tuple(map(float, text.split()))
 
 
 def built():
@@ -171,19 +180,19 @@ def race(terrane, dem, args, folder):
         size, cell = f"{grid.width} x {grid.height}", abs(grid.transform.a)
     wanted = [job for job in programs(terrane, dem, os.path.join(folder, "out"), args.interval, args.base)
               if args.only in job[0] or job[0] == "terrane"]
-    runs, found, ours = {job[0]: [] for job in wanted}, {}, None
-    for round_ in range(args.rounds):
+    runs, found = {job[0]: [] for job in wanted}, {}
+    for turn in range(args.rounds):
         for name, command, out in wanted:
             if os.path.exists(out):
                 os.remove(out)
             runs[name].append(measure(command))
-            if round_ == 0:
+            if turn == 0:
                 found[name] = lines(out)
     ours = found["terrane"]
     for name in runs:
-        seconds, peak = statistics.median(run[0] for run in runs[name]), max(run[1] for run in runs[name])
+        wall, cpu, peak = (statistics.median(run[i] for run in runs[name]) for i in range(3))
         count, length, differ, levels, most = compare(ours, found[name])
-        print(f"| {os.path.basename(dem)} | {size} | {name} | {seconds:.3f} | {peak:.0f} | {count:,} | "
+        print(f"| {os.path.basename(dem)} | {size} | {name} | {wall:.3f} | {cpu:.3f} | {peak:.0f} | {count:,} | "
               f"{length / cell:,.1f} | {differ} of {levels} | {most / cell:.2g} |", flush=True)
 
 
@@ -208,8 +217,8 @@ def main():
         print(f"machine: {platform.processor() or platform.machine()}, {os.cpu_count()} cores  ")
         print(f"command: benches/contour_peers.py --interval {args.interval:g} --base {args.base:g} "
               f"--rounds {args.rounds}  \n")
-        print("| grid | samples | program | s | MiB | lines | length, cells | levels that differ | apart, cells |")
-        print("|---|---|---|---:|---:|---:|---:|---:|---:|")
+        print("| grid | samples | program | s | CPU s | MiB | lines | length, cells | levels that differ | apart, cells |")
+        print("|---|---|---|---:|---:|---:|---:|---:|---:|---:|")
         for dem in dems:
             race(terrane, os.path.abspath(dem), args, folder)
 

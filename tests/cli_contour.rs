@@ -69,6 +69,52 @@ fn levels_names_and_heights_are_as_asked() {
 }
 
 #[test]
+fn options_of_other_programs_are_known() {
+    let place = Place::new();
+    place.write("grid.asc", GRID);
+    let run = |args: &[&str]| {
+        place
+            .ok(&[&["contour", "grid.asc", "-o", "a.geojson", "-q", "--overwrite"], args].concat());
+        let text = std::fs::read_to_string(place.path("a.geojson")).unwrap();
+        let written: Value = serde_json::from_str(&text).unwrap();
+        let features = written["features"].as_array().unwrap();
+        features.iter().map(|f| f["properties"].clone()).collect::<Vec<_>>()
+    };
+    let heights = |args: &[&str]| -> Vec<f64> {
+        run(args).iter().map(|p| p["elev"].as_f64().unwrap()).collect()
+    };
+    assert_eq!(heights(&["-i", "4", "--offset", "-1.75"]), heights(&["-i", "4", "--base", "2.25"]));
+    // 9 means nothing now, and -9999 is a height.
+    assert!(heights(&["--levels", "-5000"]).is_empty());
+    assert_eq!(heights(&["--levels", "-5000", "--nodata", "9"]), [-5000.0]);
+    let marks: Vec<_> = run(&["-i", "2.5", "--index", "2"])
+        .iter()
+        .map(|p| (p["elev"].as_f64().unwrap(), p["index"].as_bool().unwrap()))
+        .collect();
+    let expected = [(2.5, false), (5.0, true), (7.5, false), (7.5, false), (10.0, true)];
+    assert_eq!(marks, expected);
+    place.fails(
+        &["contour", "grid.asc", "-o", "b.geojson", "-i", "1", "--band", "2"],
+        65,
+        &["band"],
+    );
+}
+
+#[test]
+fn simplified_lines_are_proved() {
+    let place = Place::new();
+    let run = |out: &str, more: &[&str]| {
+        place.ok(&[&["contour", TERRAIN, "-o", out, "-i", "5", "-q", "--tile", "64"], more].concat());
+    };
+    run("all.fgb", &[]);
+    run("few.geojson", &["--tolerance", "3"]);
+    let proved = ["verify", "few.geojson", "all.fgb", "--tolerance", "3.0000001", "--topology"];
+    place.ok(&proved);
+    let ran = place.run(&["verify", "few.geojson", "all.fgb", "--tolerance", "2"]);
+    assert_eq!(ran.code, 1, "{}", ran.out);
+}
+
+#[test]
 fn reports_are_the_same_on_stdout_and_in_a_file() {
     let place = Place::new();
     let args = ["contour", TERRAIN, "-o", "a.fgb", "-i", "50", "--tolerance", "5", "--json"];
@@ -110,6 +156,9 @@ fn nonsense_is_told_on_one_line() {
     fails(&["taken.geojson", "-i", "1"], 2, &["--overwrite"]);
     fails(&["grid.asc", "-i", "1", "--overwrite", "-f", "csv"], 2, &["input itself"]);
     fails(&["nowhere/a.geojson", "-i", "1"], 73, &["folder does not exist"]);
+    place.write("high.asc", GRID.replace("11 -9999", "1e31 -9999"));
+    let high = ["contour", "high.asc", "-o", "a.geojson", "-i", "1"];
+    place.fails(&high, 65, &["high.asc", "column 2, row 2", "--nodata"]);
     place.fails(&["contour", "none.tif", "-o", "a.geojson", "-i", "1"], 65, &["no such file"]);
     place.fails(
         &["contour", TERRAIN, "-o", "a.geojson", "-i", "1", "--memory", "8M"],

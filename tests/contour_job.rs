@@ -10,10 +10,12 @@ use contour_support::{Grid, Line, first_meeting, job, lines_of, made, read, unit
 use proptest::prelude::*;
 use terrane::ErrorKind;
 use terrane::contour::{self, Levels, Lines, Scratch, Window};
-use terrane::geom::{Affine, Rect};
+use terrane::geom::{Affine, Crs, Rect};
 use terrane::pipeline::contour::{ContourJob, Heights, trace};
+use terrane::pipeline::line::Length;
 use terrane::pipeline::{Cancel, Silent};
 use terrane::vector;
+use terrane::verify::lines::{self, Distance, Question};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 
@@ -30,14 +32,14 @@ fn at_once(grid: &Grid, levels: &Levels) -> (Vec<Line>, u64) {
         if line.around == Some(0) && ends[0] == ends[1] {
             continue;
         }
-        let low = (0..vertices.len()).min_by_key(|&i| vertices[i].edge).unwrap();
-        let key = (line.level, vertices[low].edge);
         if line.closed {
+            let low = (0..vertices.len()).min_by_key(|&i| vertices[i].edge).unwrap();
             vertices.pop();
             let count = vertices.len();
             vertices.rotate_left(low % count);
             vertices.push(vertices[0]);
         }
+        let key = (line.level, vertices[0].edge);
         let position = |v: &contour::Vertex| {
             let [col, row] = v.place(width);
             grid.info.transform.apply(col, row)
@@ -112,10 +114,11 @@ proptest! {
         let (before, _) = lines_of(&grid, &heights, None, 16, 1);
         let (after, _) = lines_of(&grid, &heights, Some(tolerance), 16, 2);
         prop_assert_eq!(after.len(), before.len());
-        check_simplified(&before, &after, tolerance);
+        let originals = check_simplified(&before, &after, tolerance);
         // The border between tiles is straight to the last bit where it runs along an axis.
         if map.b == 0.0 {
             prop_assert_eq!(first_meeting(&after), None);
+            prove(&before, &after, &originals, Distance::Plane, tolerance);
         }
     }
 
@@ -141,8 +144,37 @@ proptest! {
     }
 }
 
-/// Each line of `after` is one of `before` with vertices left out, ends kept, each within `tolerance`.
-fn check_simplified(before: &[Line], after: &[Line], tolerance: f64) {
+/// Holds lines to the independent checker: distances, crossings, rings, sides. `originals` are the
+/// places in `before` of what `after` was made from.
+fn prove(before: &[Line], after: &[Line], originals: &[usize], distance: Distance, tolerance: f64) {
+    type Flat = (Vec<[f64; 3]>, Vec<usize>, Vec<bool>);
+    let flat = |lines: &mut dyn Iterator<Item = &Line>| -> Flat {
+        let (mut points, mut starts, mut closed) = (Vec::new(), vec![0], Vec::new());
+        for line in lines {
+            points.extend(line.xy.iter().map(|[x, y]| [*x, *y, 0.0]));
+            starts.push(points.len());
+            closed.push(line.xy[0] == line.xy[line.xy.len() - 1]);
+        }
+        (points, starts, closed)
+    };
+    let sides = [flat(&mut originals.iter().map(|i| &before[*i])), flat(&mut after.iter())];
+    let [original, simplified] = [0, 1].map(|i| lines::Lines {
+        points: &sides[i].0,
+        starts: &sides[i].1,
+        closed: &sides[i].2,
+    });
+    // Its formula for distances is another one.
+    let tolerance = Some(tolerance * (1.0 + 1e-9) + 1e-9);
+    let question = Question { original, simplified, points: &[], distance, tolerance };
+    let report = lines::check(&question).unwrap();
+    assert!(report.is_sound(), "{report:?}");
+    assert_eq!((report.original_crossings, report.crossings, report.dropped), (0, 0, 0));
+    assert_eq!(report.parts, before.len() as u64);
+}
+
+/// Each line of `after` is one of `before` with vertices left out, ends kept, each within `tolerance`;
+/// which one.
+fn check_simplified(before: &[Line], after: &[Line], tolerance: f64) -> Vec<usize> {
     let mut places = HashMap::new();
     for (index, line) in before.iter().enumerate() {
         for (at, p) in line.xy.iter().enumerate().rev() {
@@ -150,10 +182,12 @@ fn check_simplified(before: &[Line], after: &[Line], tolerance: f64) {
         }
     }
     let mut seen = vec![false; before.len()];
+    let mut originals = Vec::new();
     for line in after {
         let place = |p: &[f64; 2]| places[&(line.height.to_bits(), p.map(f64::to_bits))];
         let (index, first) = place(&line.xy[0]);
         assert!(!std::mem::replace(&mut seen[index], true), "a line twice");
+        originals.push(index);
         let original = &before[index].xy;
         let closed = original[0] == original[original.len() - 1];
         assert_eq!(closed, line.xy[0] == line.xy[line.xy.len() - 1]);
@@ -176,6 +210,8 @@ fn check_simplified(before: &[Line], after: &[Line], tolerance: f64) {
         assert!(closed || at == original.len() - 1);
         assert!(!closed || at == first, "a ring that goes around more or less than once");
     }
+    assert!(originals.iter().copied().eq(0..before.len()), "in another order");
+    originals
 }
 
 fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -230,8 +266,9 @@ fn simplified_terrain_crosses_nothing() {
         let mut last = count(&before) + 1;
         for tolerance in [0.0, 0.5, 3.0, 20.0] {
             let after = run(Some(tolerance));
-            check_simplified(&before, &after, tolerance);
+            let originals = check_simplified(&before, &after, tolerance);
             assert_eq!(first_meeting(&after), None, "{terrain} {tolerance}");
+            prove(&before, &after, &originals, Distance::Plane, tolerance);
             assert!(count(&after) < last, "{terrain} {tolerance}");
             last = count(&after);
         }
@@ -301,6 +338,102 @@ fn lines_around_nothing_are_left_out_wherever_tiles_meet() {
     }
 }
 
+/// Waves over 90 x 70 samples that are `cell` apart, from `x0`, `y0` on, southwards.
+fn waves(x0: f64, y0: f64, cell: f64, crs: Crs) -> Grid {
+    let map = Affine { x0, a: cell, b: 0.0, y0, d: 0.0, e: -cell };
+    let wave = |i: u32| (f64::from(i % 90) / 6.0).sin() + (f64::from(i / 90) / 8.0).cos();
+    let mut grid = Grid::new(90, 70, map, (0..90 * 70).map(wave).collect());
+    grid.info.crs = crs;
+    grid
+}
+
+#[test]
+fn tolerances_have_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |grid: &Grid, value, unit| {
+        let path = folder.path().join("lines.geojson");
+        let mut job = job("memory", &path, 0.2, 32, 2);
+        (job.tolerance, job.overwrite) = (Some(Length { value, unit }), true);
+        let report = trace(grid, &job, &Silent, &Cancel::default())?;
+        Ok::<_, terrane::Error>((read(&path, "elev"), report))
+    };
+    let every = Heights::Every { interval: 0.2, base: 0.0 };
+    // Degrees: at 60 degrees north, one of longitude has half the metres of one of latitude.
+    let degrees = Crs { epsg: Some(4326), geographic: Some(true), ..Crs::default() };
+    let grid = waves(10.0, 60.0, 0.001, degrees.clone());
+    let (before, _) = lines_of(&grid, &every, None, 32, 1);
+    let (after, report) = run(&grid, 40.0, Some(1.0)).unwrap();
+    let told = report.tolerance.unwrap();
+    assert_eq!((told.value, told.metres), (40.0, true));
+    assert!(report.vertices * 3 < report.original_vertices, "{report:?}");
+    // 40 m are 0.00072 degrees of longitude there.
+    let originals = check_simplified(&before, &after, 0.00073);
+    prove(&before, &after, &originals, Distance::Geographic, 40.0);
+    // Feet are converted in a projected system.
+    let metres = Crs { epsg: Some(32633), geographic: Some(false), ..Crs::default() };
+    let grid = waves(5e5, 6e6, 30.0, metres);
+    let (in_feet, report) = run(&grid, 50.0, Some(0.3048)).unwrap();
+    assert_eq!(report.tolerance.map(|t| (t.value, t.metres)), Some((50.0 * 0.3048, false)));
+    assert_eq!(in_feet, run(&grid, 50.0 * 0.3048, None).unwrap().0);
+    // What cannot be told is refused.
+    let unknown = run(&waves(0.0, 0.0, 1.0, Crs::default()), 40.0, Some(1.0)).unwrap_err();
+    assert!(unknown.to_string().contains("--tolerance"), "{unknown}");
+    let beyond = run(&waves(0.0, 90.01, 0.001, degrees), 40.0, Some(1.0)).unwrap_err();
+    assert!(beyond.to_string().contains("beyond 90 degrees"), "{beyond}");
+}
+
+#[test]
+fn index_contours_are_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = waves(0.0, 0.0, 1.0, Crs::default());
+    for name in ["a.geojson", "a.fgb", "a.shp"] {
+        let path = folder.path().join(name);
+        let mut job = job("memory", &path, 0.25, 32, 1);
+        (job.index, job.heights) = (Some(4), Heights::Every { interval: 0.25, base: 0.5 });
+        trace(&grid, &job, &Silent, &Cancel::default()).unwrap();
+        let mut source = vector::open(&path, &Default::default()).unwrap();
+        let mut marked = 0;
+        while let Some(feature) = source.next().unwrap() {
+            let Some(vector::Value::Real(height)) = feature.properties.get("elev") else {
+                panic!()
+            };
+            let is_index = (height - 0.5).rem_euclid(1.0) == 0.0;
+            let mark = feature.properties.get("index");
+            assert_eq!(mark, Some(&vector::Value::Bool(is_index)), "{name} {height}");
+            marked += u32::from(is_index);
+        }
+        assert!(marked > 3, "{name}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_into_memory_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let fails = |heights: Vec<f64>, words: &str| {
+        let grid = Grid::new(600, 600, Affine::LATTICE, heights);
+        let path = folder.path().join("a.geojson");
+        let mut job = job("memory", &path, 1.0, 64, 1);
+        job.heights = Heights::List(vec![0.5]);
+        job.resources.memory = 24 << 20;
+        let error = trace(&grid, &job, &Silent, &Cancel::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        let told = error.to_string();
+        assert!(told.contains(words) && told.contains("--memory"), "{told}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    };
+    // A winding corridor: one line around it.
+    let is_wall = |i: u32| {
+        let (col, row) = (i % 600, i / 600);
+        let gap = if col % 4 == 0 { 1 } else { 598 };
+        [0, 599].contains(&col) || [0, 599].contains(&row) || (col % 2 == 0 && row != gap)
+    };
+    let corridor = (0..600 * 600).map(|i| f64::from(u8::from(is_wall(i))));
+    fails(corridor.collect(), "a contour at 0.5 has");
+    // Single samples, each with a ring around it.
+    let single = (0..600 * 600).map(|i| f64::from(u8::from(i % 2 == 0 && (i / 600) % 2 == 0)));
+    fails(single.collect(), "pieces of contours");
+}
+
 #[test]
 fn what_cannot_be_is_refused_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
@@ -319,6 +452,12 @@ fn what_cannot_be_is_refused_before_the_work() {
         fails(&ContourJob { heights, ..usual() }, ErrorKind::Usage, "");
     }
     let mut job = usual();
+    (job.index, job.heights) = (Some(5), Heights::List(vec![1.0]));
+    fails(&job, ErrorKind::Usage, "--index");
+    job = usual();
+    (job.index, job.attribute) = (Some(5), "index".to_owned());
+    fails(&job, ErrorKind::Usage, "--attribute");
+    job = usual();
     job.tile = 8;
     fails(&job, ErrorKind::Usage, "choose 16 to 8192");
     job = usual();

@@ -187,7 +187,8 @@ fn vertices(r: &ContourReport) -> String {
     match r.tolerance {
         Some(tolerance) => {
             let unit = if tolerance.metres { " m" } else { "" };
-            let (before, within) = (text::count(r.original_vertices), text::number(tolerance.value));
+            let (before, within) =
+                (text::count(r.original_vertices), text::number(tolerance.value));
             format!("{written} of {before}, within {within}{unit}")
         }
         None => written,

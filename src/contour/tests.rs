@@ -178,6 +178,30 @@ fn lines_go_clockwise_around_tops() {
 }
 
 #[test]
+fn the_mean_of_a_saddle_says_what_belongs_together() {
+    // High in the north-west and south-east. The mean is 0.5: it is above 0.4 and, being equal, 0.5,
+    // so the low corners are cut off, and the high ones where it is below the level.
+    let heights = [1.0, 0.0, 0.0, 1.0];
+    for (level, corners) in
+        [(0.4, [[1, 0], [0, 1]]), (0.5, [[1, 0], [0, 1]]), (0.6, [[0, 0], [1, 1]])]
+    {
+        let lines = traced(&heights, 2, &Levels::list(vec![level]).unwrap());
+        assert_eq!(lines.lines.len(), 2);
+        for corner in corners {
+            // A line cuts off the corner that both of its edges have.
+            let cuts = |i: usize| {
+                lines.of(i).iter().all(|v| {
+                    let (col, row) = v.edge.first(2);
+                    let (dc, dr) = if v.edge.is_down() { (0, 1) } else { (1, 0) };
+                    corner == [col, row] || corner == [col + dc, row + dr]
+                })
+            };
+            assert!(cuts(0) || cuts(1), "{level} {corner:?}");
+        }
+    }
+}
+
+#[test]
 fn samples_on_the_level_are_passed_on_the_lower_side() {
     // A single sample on the level: a ring next to it, around nothing.
     let mut heights = [0.0; 25];

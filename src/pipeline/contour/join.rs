@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::budget::Budget;
 use super::spool::Spool;
-use super::tiles::{Tiles, Traced};
+use super::tiles::{Tiles, Traced, lowest};
 use crate::contour::{Edge, Vertex};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
@@ -18,7 +18,8 @@ const NONE: u32 = u32::MAX;
 struct Piece {
     /// Address of its vertices.
     at: u64,
-    /// The lowest edge of a vertex.
+    /// Its first edge, and the lowest.
+    first: Edge,
     low: Edge,
     /// See [`crate::contour::Line::around`].
     around: Option<i64>,
@@ -42,8 +43,8 @@ enum End {
 pub(super) struct Line {
     /// The number of its level.
     pub(super) level: i32,
-    /// The lowest edge of a vertex; a crossing belongs to one line only.
-    pub(super) low: Edge,
+    /// Where it begins: of a ring, its lowest edge. A crossing belongs to one line only.
+    pub(super) start: Edge,
     /// The first piece: of a ring, the one with that edge.
     first: u32,
     pub(super) closed: bool,
@@ -89,7 +90,8 @@ impl Pieces {
             let id = self.pieces.len() as u32;
             self.pieces.push(Piece {
                 at: first_address + start,
-                low: lowest(vertices),
+                first: vertices[0].edge,
+                low: vertices[lowest(vertices)].edge,
                 around: line.around,
                 count: vertices.len() as u32,
                 level: line.level,
@@ -148,16 +150,16 @@ impl Pieces {
 
     /// The line that goes on from piece `start`.
     fn line(&self, start: u32, seen: &mut [bool]) -> Line {
-        let Piece { level, low, is_entered, .. } = self.pieces[start as usize];
-        let mut line = Line { level, low, first: start, closed: is_entered, around: Some(0) };
+        let Piece { level, first, low, is_entered: closed, .. } = self.pieces[start as usize];
+        let begins = if closed { low } else { first };
+        let mut line = Line { level, start: begins, first: start, closed, around: Some(0) };
         for id in self.from(start) {
             let piece = self.pieces[id as usize];
             seen[id as usize] = true;
             let sum = line.around.zip(piece.around);
             line.around = sum.map(|(a, b)| a.wrapping_add(b));
-            if piece.low < line.low {
-                line.low = piece.low;
-                line.first = if is_entered { id } else { start };
+            if closed && piece.low < line.start {
+                (line.start, line.first) = (piece.low, id);
             }
         }
         line
@@ -192,7 +194,7 @@ impl Pieces {
         }
         if line.closed {
             vertices.pop();
-            let low = vertices.iter().position(|v| v.edge == line.low).unwrap_or_default();
+            let low = vertices.iter().position(|v| v.edge == line.start).unwrap_or_default();
             vertices.rotate_left(low);
             vertices.push(vertices[0]);
         }
@@ -203,11 +205,6 @@ impl Pieces {
     pub(super) fn spilled(&self) -> u64 {
         self.spool.spilled()
     }
-}
-
-fn lowest(vertices: &[Vertex]) -> Edge {
-    let edges = vertices.iter().map(|vertex| vertex.edge);
-    edges.min().unwrap_or_else(|| Edge::new(0, 0, false, 0))
 }
 
 fn too_many(most: u64) -> Error {

@@ -2,15 +2,16 @@
 //!
 //! Threads trace tiles and hand over pieces of lines, which are joined where they meet on a rim and
 //! wait in memory, or in an unnamed file; when all tiles are done, lines are put together one by one
-//! and written, by level and then by their lowest edge. So the file depends on the grid and the levels
+//! and written, by level and then by the edge they begin at, a ring at its lowest. So the file depends on the grid and the levels
 //! alone, not on threads, memory or tiles.
 //!
 //! **Simplified lines** are simplified tile by tile, by the greedy double cone, and untangled
 //! ([`crate::line::topology`]), all levels together; vertices on rims stay. A tile is convex, so what
 //! is in it cannot cross what is in another. Touching along a rim is left, and impossible: a piece both
 //! of whose ends are on one rim keeps the vertex that is farthest from it, so no segment lies along a
-//! rim. Each vertex left out is within the tolerance of the segment in its place. The tile is an input
-//! here: on its rims each line keeps a vertex that it might have lost.
+//! rim. Each vertex left out is within the tolerance of the segment in its place. Where rings begin
+//! stays, too, so lines have the order and the ids that they have without a tolerance. The tile is an
+//! input here: on its rims each line keeps a vertex that it might have lost.
 //!
 //! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as
 //! fit into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid:

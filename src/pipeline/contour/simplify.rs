@@ -1,7 +1,7 @@
 //! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
 
 use super::Tolerance;
-use super::tiles::{Rim, Tiles};
+use super::tiles::{Rim, Tiles, lowest};
 use crate::contour::{Line, Lines, Vertex};
 use crate::error::Result;
 use crate::geom::{Affine, Rect};
@@ -27,7 +27,7 @@ struct Input {
     closed: Vec<bool>,
     /// What is kept of each chain.
     kept: Kept,
-    /// True for the second of two chains that are one line.
+    /// True for a chain that goes on from the one before it, as one line.
     goes_on: Vec<bool>,
 }
 
@@ -43,14 +43,13 @@ impl Simplifier {
         let mut input = Input { starts: vec![0], kept: Kept::new(), ..Input::default() };
         for (index, line) in lines.lines.iter().enumerate() {
             let vertices = lines.of(index);
-            let cut = if line.closed { None } else { turning(vertices, rect, tiles) };
-            match (line.closed, cut) {
-                (true, _) => self.add_ring(&mut input, vertices, tiles),
-                (false, None) => self.add(&mut input, vertices, false, tiles),
-                (false, Some(at)) => {
-                    self.add(&mut input, &vertices[..=at], false, tiles);
-                    self.add(&mut input, &vertices[at..], true, tiles);
-                }
+            if line.closed {
+                self.add_ring(&mut input, vertices, tiles);
+                continue;
+            }
+            let stays = staying(vertices, rect, tiles);
+            for (part, ends) in stays.windows(2).enumerate() {
+                self.add(&mut input, &vertices[ends[0]..=ends[1]], part > 0, tiles);
             }
         }
         let Input { points, starts, closed, kept, .. } = &input;
@@ -74,19 +73,26 @@ impl Simplifier {
         input.end_chain(false, goes_on);
     }
 
-    /// Adds a ring, beginning at a vertex that is kept.
+    /// Adds a ring, beginning at its lowest edge, which stays.
     fn add_ring(&mut self, input: &mut Input, vertices: &[Vertex], tiles: Tiles) {
         let start = input.points.len();
         input.points.extend(vertices.iter().map(|v| position(&self.transform, v, tiles)));
         input.vertices.extend_from_slice(vertices);
+        let low = lowest(vertices);
+        open_at(&mut input.vertices[start..], low);
         let points = &mut input.points[start..];
+        open_at(points, low);
         let mut kept = Vec::new();
         self.cone.ring(points, &mut kept);
-        let first = kept.first().copied().unwrap_or(0);
-        open_at(points, first as usize);
-        open_at(&mut input.vertices[start..], first as usize);
-        input.kept.vertices.extend(kept.iter().map(|v| v - first + start as u32));
-        input.kept.vertices.push(input.points.len() as u32 - 1);
+        let end = points.len() as u32 - 1;
+        if let (Some(&first), Some(&last)) = (kept.first(), kept.last())
+            && first > 0
+        {
+            kept = self.cone.around(points, first, last, &kept);
+        } else {
+            kept.push(end);
+        }
+        input.kept.vertices.extend(kept.iter().map(|v| v + start as u32));
         input.end_chain(true, false);
     }
 
@@ -125,6 +131,20 @@ impl Cone {
             }
             Measure::Plane | Measure::Space => cone(&Plane, points, tolerance, scratch, kept),
         }
+    }
+
+    /// `kept` of a ring, with its start and end: what lies before `first` and after `last` is done
+    /// again.
+    fn around(&mut self, points: &[Xy], first: u32, last: u32, kept: &[u32]) -> Vec<u32> {
+        let mut all = Vec::new();
+        self.line(&points[..=first as usize], &mut all);
+        all.extend(&kept[1..]);
+        let after = all.len();
+        self.line(&points[last as usize..], &mut all);
+        all[after..].iter_mut().for_each(|v| *v += last);
+        // It is there already.
+        all.remove(after);
+        all
     }
 
     /// Appends the vertices kept of a ring.
@@ -172,6 +192,21 @@ impl Input {
 pub(super) fn position(transform: &Affine, vertex: &Vertex, tiles: Tiles) -> Xy {
     let [col, row] = vertex.place(tiles.width);
     transform.apply(col, row)
+}
+
+/// The vertices of an open line that stay, ends included. One from rim to rim may be part of a ring: its
+/// lowest edge may be where that begins.
+fn staying(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Vec<usize> {
+    let last = vertices.len() - 1;
+    let is_on_rim = |at: usize| tiles.rim(rect, &vertices[at]).is_some();
+    let mut stays = vec![0, last];
+    if is_on_rim(0) && is_on_rim(last) {
+        stays.push(lowest(vertices));
+        stays.extend(turning(vertices, rect, tiles));
+    }
+    stays.sort_unstable();
+    stays.dedup();
+    stays
 }
 
 /// The vertex that is farthest from the rim which a line comes from and goes back to, if it does.

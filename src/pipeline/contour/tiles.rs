@@ -151,6 +151,12 @@ impl<'a, 'b> Worker<'a, 'b> {
     }
 }
 
+/// The vertex with the lowest edge.
+pub(super) fn lowest(vertices: &[Vertex]) -> usize {
+    let edge = |at: &usize| vertices[*at].edge;
+    (0..vertices.len()).min_by_key(edge).unwrap_or(0)
+}
+
 /// Takes out the rings that go around nothing; how many.
 fn leave_out(lines: &mut Lines) -> u64 {
     let is_nothing = |line: &Line| line.closed && line.around == Some(0);
