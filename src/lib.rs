@@ -1,7 +1,7 @@
 //! terrane: an out-of-core terrain engine. This file is the map of the house; it holds no logic.
 //!
-//! Pure rooms (`geom`, `tin`, `delaunay`, `gridding`, `line`, `synth`, `verify`, `render`) know slices
-//! and numbers only: no path, no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`,
+//! Pure rooms (`geom`, `tin`, `contour`, `delaunay`, `gridding`, `line`, `synth`, `verify`, `render`) know
+//! slices and numbers only: no path, no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`,
 //! `vector`, `output`) read and write files. `pipeline`
 //! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
 //! and `tests/tidy.rs` checks it.
@@ -9,6 +9,7 @@
 pub mod atomic;
 pub mod cli;
 pub mod cloud;
+pub mod contour;
 pub mod delaunay;
 pub mod error;
 mod fault;

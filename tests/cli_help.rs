@@ -5,8 +5,19 @@ mod cli_support;
 use cli_support::Place;
 use terrane::{output, raster, synth};
 
-const VERBS: [&str; 10] =
-    ["tin", "verify", "info", "view", "convert", "grid", "synth", "demo", "completions", "man"];
+const VERBS: [&str; 11] = [
+    "tin",
+    "verify",
+    "info",
+    "view",
+    "convert",
+    "grid",
+    "contour",
+    "synth",
+    "demo",
+    "completions",
+    "man",
+];
 
 #[test]
 fn help_and_version_go_to_stdout() {

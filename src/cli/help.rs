@@ -6,7 +6,7 @@ use crate::{gridding, line, output, raster, synth, vector};
 
 /// The whole command line, for parsing, help, completions and man pages.
 pub(super) fn command() -> Command {
-    let verbs = ["tin", "verify", "view", "info", "convert", "grid", "line", "synth"];
+    let verbs = ["tin", "verify", "view", "info", "convert", "grid", "contour", "line", "synth"];
     verbs.iter().fold(super::Cli::command(), |command, verb| {
         command.mut_subcommand(verb, |c| c.after_help(lists(verb)))
     })
@@ -22,6 +22,7 @@ fn lists(verb: &str) -> String {
         }
         "convert" => vec![grids(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
         "grid" => vec![statistics(), grids_written(), creation_options(), EXIT_CODES.to_owned()],
+        "contour" => vec![grids(), features_written(), EXIT_CODES.to_owned()],
         "line" => vec![simplifiers(), features(), EXIT_CODES.to_owned()],
         _ => vec![grids(), meshes()],
     };
@@ -47,6 +48,15 @@ fn grids_written() -> String {
     let formats = raster::write::FORMATS.iter();
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
     list("Grids written, by --format or ending", &rows)
+}
+
+fn features_written() -> String {
+    let lines = |f: &&vector::VectorFormat| {
+        f.create.is_some() && f.holds.kinds.contains(&vector::Kind::LineString)
+    };
+    let formats = vector::FORMATS.iter().filter(lines);
+    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
+    list("Lines written, by --format or ending", &rows)
 }
 
 fn statistics() -> String {
@@ -167,6 +177,9 @@ mod tests {
             for option in format.options {
                 assert!(help("convert").contains(option.key), "{}", option.key);
             }
+        }
+        for format in vector::FORMATS.iter().filter(|format| format.create.is_some()) {
+            assert!(help("contour").contains(format.name), "{}", format.name);
         }
         for method in gridding::METHODS {
             assert!(help("grid").contains(method.about), "{}", method.name);

@@ -10,6 +10,7 @@ mod cloud_info;
 mod cloud_tin;
 mod cloud_verify;
 mod complete;
+mod contour;
 mod convert;
 mod demo;
 mod feature_info;
@@ -61,6 +62,7 @@ enum Verb {
     View(view::Args),
     Convert(convert::Args),
     Grid(Box<grid::Args>),
+    Contour(contour::Args),
     Line(Box<line::Args>),
     Synth(synth::Args),
     Plan(plan::Args),
@@ -109,6 +111,7 @@ fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
         Verb::View(args) => view::run(args, cancel),
         Verb::Convert(args) => convert::run(args, cancel),
         Verb::Grid(args) => grid::run(args, cancel),
+        Verb::Contour(args) => contour::run(args, cancel),
         Verb::Line(args) => line::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
         Verb::Plan(args) => plan::run(args, cancel),

@@ -2,6 +2,7 @@
 
 pub mod cloud_stats;
 pub mod cloud_tin;
+pub mod contour;
 pub mod convert;
 pub mod delaunay;
 mod disk;

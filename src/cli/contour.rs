@@ -1,0 +1,196 @@
+//! `terrane contour`: contour lines of a grid.
+
+use std::path::PathBuf;
+
+use clap::builder::{RangedI64ValueParser, TypedValueParser};
+
+use crate::cli::{Outcome, args, check, line, parse, text, tin};
+use crate::error::{Error, Result};
+use crate::pipeline::Cancel;
+use crate::pipeline::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
+use crate::pipeline::line::Length;
+
+/// Make contour lines of a grid
+///
+/// The surface is linear along the lines between neighbouring samples; higher ground is on the right of
+/// each line. Lines end at voids and at the border, do not branch, and do not touch each other. With
+/// --tolerance they are simplified, and neither cross nor touch afterwards. The file is the same for
+/// any number of threads and any memory.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "contour")]
+pub(super) struct Args {
+    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
+    /// quotes are one mosaic
+    #[arg(required = true)]
+    input: Vec<String>,
+    /// File to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    levels: Where,
+    /// Height from which the multiples are counted [default: 0]
+    #[arg(long, visible_alias = "offset", value_name = "HEIGHT", allow_hyphen_values = true,
+          value_parser = parse::finite, conflicts_with = "levels", help_heading = "Levels")]
+    base: Option<f64>,
+    /// Mark lines at every N-th level from the base in a property "index" (true or false)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
+          conflicts_with = "levels", help_heading = "Levels")]
+    index: Option<u32>,
+    #[command(flatten)]
+    simple: Simple,
+    #[command(flatten)]
+    out: Output,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// Where lines are drawn.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Levels")]
+#[group(required = true, multiple = false)]
+struct Where {
+    /// Lines at all multiples of this height, in the vertical unit of the data
+    #[arg(short, long, value_name = "HEIGHT", value_parser = parse::positive)]
+    interval: Option<f64>,
+    /// Lines at these heights, such as 10,50,100, instead
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, value_delimiter = ',',
+          value_parser = parse::finite)]
+    levels: Vec<f64>,
+}
+
+/// Fewer vertices.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Simplification")]
+struct Simple {
+    /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit:
+    /// 100m, 2km, 50ft (of longitudes and latitudes on the ellipsoid); lines still neither cross nor
+    /// touch
+    #[arg(long, visible_alias = "simplify", value_name = "LENGTH", allow_hyphen_values = true,
+          value_parser = line::parse_length)]
+    tolerance: Option<Length>,
+    /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they
+    /// may have lost
+    #[arg(long, value_name = "CELLS", default_value_t = USUAL_TILE, value_parser = tile_cells())]
+    tile: u32,
+}
+
+/// What is written.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Output")]
+struct Output {
+    /// Format to write [default: by the output's ending]
+    #[arg(short, long, value_name = "NAME")]
+    format: Option<String>,
+    /// Name of the property that holds the height of a line
+    #[arg(short, long, value_name = "NAME", default_value = "elev",
+          value_parser = clap::builder::NonEmptyStringValueParser::new())]
+    attribute: String,
+    /// Give each vertex the height of its line
+    #[arg(long = "3d")]
+    with_z: bool,
+    /// Write the report to a file as JSON, too
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    overwrite: bool,
+}
+
+fn tile_cells() -> impl TypedValueParser<Value = u32> {
+    let (least, most) = TILE_CELLS.into_inner();
+    RangedI64ValueParser::<u32>::new().range(i64::from(least)..=i64::from(most))
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let job = job(args)?;
+    let report = contour::run(&job, args.show.progress().as_ref(), cancel)?;
+    if let Some(path) = &args.out.report {
+        tin::write_report(path, args.out.overwrite, &report)?;
+    }
+    args.show.tell(&report, || summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+/// Checks what can be checked without work, and makes the job.
+fn job(args: &Args) -> Result<ContourJob> {
+    check::inputs(&args.input)?;
+    args.grid.check_all(&args.input)?;
+    let Output { format, attribute, with_z, report, overwrite } = args.out.clone();
+    let outputs: Vec<_> = [Some(&args.output), report.as_ref()].into_iter().flatten().collect();
+    let paths: Vec<_> = outputs.iter().map(|path| path.as_path()).collect();
+    check::not_inputs(&args.input, &paths)?;
+    paths.iter().try_for_each(|path| check::new_file(path, overwrite))?;
+    let job = ContourJob {
+        band: args.grid.band(),
+        nodata: args.grid.nodata,
+        format,
+        overwrite,
+        tolerance: args.simple.tolerance,
+        attribute,
+        with_z,
+        index: args.index,
+        tile: args.simple.tile,
+        resources: args.machine.resources(),
+        ..ContourJob::new(args.input.clone(), &args.output, heights(args)?)
+    };
+    job.check()?;
+    Ok(job)
+}
+
+fn heights(args: &Args) -> Result<Heights> {
+    match (args.levels.interval, &args.levels.levels) {
+        (Some(interval), _) => Ok(Heights::Every { interval, base: args.base.unwrap_or(0.0) }),
+        (None, levels) if !levels.is_empty() => Ok(Heights::List(levels.clone())),
+        _ => Err(Error::usage("no levels given").remedy("add --interval or --levels")),
+    }
+}
+
+fn summary(r: &ContourReport) -> String {
+    let heights = match (r.lowest, r.highest) {
+        (Some(low), Some(high)) => {
+            let [low, high] = [low, high].map(text::number);
+            format!("{} from {low} to {high}", text::count(r.levels))
+        }
+        _ => "none: no height is crossed".to_owned(),
+    };
+    let lines = format!("{}, {} of them rings", text::count(r.lines), text::count(r.rings));
+    let mut rows = vec![
+        ("grid", format!("{} x {} samples", r.width, r.height)),
+        ("crs", r.crs.clone()),
+        ("levels", heights),
+        ("lines", lines),
+        ("vertices", vertices(r)),
+        ("output", format!("{}, {}", r.format, text::bytes(r.output_bytes))),
+        (
+            "time",
+            format!(
+                "{}, {}",
+                text::seconds(r.wall_seconds),
+                text::rate(r.samples_per_second, "samples")
+            ),
+        ),
+    ];
+    if r.left_out > 0 {
+        let count = text::count(r.left_out);
+        rows.push(("left out", format!("{count} around samples exactly on a level and no area")));
+    }
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
+
+fn vertices(r: &ContourReport) -> String {
+    let written = text::count(r.vertices);
+    match r.tolerance {
+        Some(tolerance) => {
+            let unit = if tolerance.metres { " m" } else { "" };
+            let (before, within) =
+                (text::count(r.original_vertices), text::number(tolerance.value));
+            format!("{written} of {before}, within {within}{unit}")
+        }
+        None => written,
+    }
+}
