@@ -70,7 +70,7 @@ fn size(job: &LineJob, files: &Files, all: &[Collected], rule: &Rule) -> Result<
         for feature in &collected.features {
             sink.write(&part::simplify(feature.clone(), rule)?.0)?;
         }
-        bytes += sink.finish(&collected.layer.foreign)?.bytes;
+        bytes += sink.finish(&collected.foreign)?.bytes;
     }
     Ok(bytes)
 }
