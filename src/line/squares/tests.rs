@@ -47,9 +47,9 @@ proptest! {
         of.iter().for_each(|square| counts[*square as usize] += 1);
         for (square, count) in counts.into_iter().enumerate() {
             prop_assert_eq!(squares.vertices(square), count);
-            prop_assert!(count <= most && count > 0);
+            prop_assert!(count <= most);
         }
-        prop_assert_eq!(squares.count() == 1, points.len() as u64 <= most || of.iter().all(|s| *s == 0));
+        prop_assert_eq!(squares.count() == 1, points.len() as u64 <= most);
         // Squares are apart: boxes around their vertices do not meet.
         let around = |square: u32| {
             let own = points.iter().zip(&of).filter(|(_, s)| **s == square).map(|(p, _)| *p);
@@ -89,9 +89,8 @@ proptest! {
         prop_assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
         for k in 0..=256 {
             let p = [0, 1].map(|i| a[i] + (b[i] - a[i]) / 256.0 * f64::from(k));
-            if let Some(square) = squares.of(p, &mut Place::default()) {
-                prop_assert!(found.contains(&square), "{p:?} in {square}, not in {found:?}");
-            }
+            let square = squares.of(p, &mut Place::default()).unwrap();
+            prop_assert!(found.contains(&square), "{p:?} in {square}, not in {found:?}");
         }
     }
 
@@ -158,7 +157,7 @@ fn a_crowd_far_from_the_rest_is_divided_by_finer_counts() {
     let mut points = vec![[-1e7, 0.0], [1e7, 3.0]];
     points.extend((0..500).map(|i| [f64::from(i % 25) * 0.01, f64::from(i / 25) * 0.01]));
     let squares = divided(&points, 20).unwrap();
-    assert!((25..120).contains(&squares.count()), "{}", squares.count());
+    assert!((50..200).contains(&squares.count()), "{}", squares.count());
 }
 
 #[test]

@@ -10,8 +10,8 @@ use crate::geom::plane::{Xy, orient};
 /// What a node of the tree is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Nothing is in it.
-    Empty,
+    /// Not known yet.
+    Open,
     /// The square of this number.
     Square(u32),
     /// Divided: its first of four children, which follow each other.
@@ -59,7 +59,7 @@ impl Node {
     }
 }
 
-/// Squares with at most so many vertices each, known by number.
+/// Squares with at most so many vertices each, known by number. Some have none: segments may meet there.
 #[derive(Clone, Debug)]
 pub struct Squares {
     /// Up to four roots, then children.
@@ -108,7 +108,7 @@ impl Squares {
         let level = counts.level + up.unwrap_or_default();
         let [low, high] = [low, high].map(|at| at.map(|c| c >> (level - counts.level)));
         for (y, x) in (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| (y, x))) {
-            all.nodes.push(Node { cell: [x, y], level, kind: Kind::Empty });
+            all.nodes.push(Node { cell: [x, y], level, kind: Kind::Open });
         }
         all.roots = all.nodes.len();
         all.divide((0..all.roots).collect(), &counts)?;
@@ -143,16 +143,14 @@ impl Squares {
         while let Some(at) = open.pop() {
             let Node { cell, level, .. } = self.nodes[at];
             let count = counts.of(cell, level);
-            self.nodes[at].kind = if count == 0 {
-                Kind::Empty
-            } else if count <= self.most {
+            self.nodes[at].kind = if count <= self.most {
                 self.counts.push(count);
                 Kind::Square(self.counts.len() as u32 - 1)
             } else if level > counts.level {
                 let first = self.nodes.len();
                 for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
                     let cell = [2 * cell[0] + x, 2 * cell[1] + y];
-                    self.nodes.push(Node { cell, level: level - 1, kind: Kind::Empty });
+                    self.nodes.push(Node { cell, level: level - 1, kind: Kind::Open });
                 }
                 open.extend((first..first + 4).rev());
                 Kind::Divided(first as u32)
@@ -200,7 +198,7 @@ impl Squares {
         }
     }
 
-    /// The square that a position is in; `None` where there is none. O(depth) where it is not that
+    /// The square that a position is in; `None` beyond all vertices. O(depth) where it is not that
     /// of `place`.
     #[inline]
     pub fn of(&self, p: Xy, place: &mut Place) -> Option<u32> {
@@ -229,7 +227,7 @@ impl Squares {
         while let Some(at) = open.pop() {
             let node = &self.nodes[at];
             match node.kind {
-                Kind::Empty | Kind::Crowded(_) => {}
+                Kind::Open | Kind::Crowded(_) => {}
                 _ if !node.meets(segment) => {}
                 Kind::Square(square) => found.push(square),
                 Kind::Divided(first) => open.extend(first as usize..first as usize + 4),
