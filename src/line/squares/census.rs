@@ -188,9 +188,7 @@ impl<'a> Finer<'a> {
             let up = level - finer;
             let low = cell.map(|c| c << up);
             let high = low.map(|c| c + (1 << up) - 1);
-            let count = |at: [i64; 2]| {
-                counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize]
-            };
+            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
             Counts::new(finer, [low, high], count)
         });
         made.collect()

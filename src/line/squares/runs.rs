@@ -19,13 +19,7 @@ pub struct Run {
 /// vertex, which is its first again, is left out. O(n).
 ///
 /// Every position has to be in a square.
-pub fn cut(
-    part: &[Xy],
-    is_ring: bool,
-    squares: &Squares,
-    place: &mut Place,
-    runs: &mut Vec<Run>,
-) {
+pub fn cut(part: &[Xy], is_ring: bool, squares: &Squares, place: &mut Place, runs: &mut Vec<Run>) {
     runs.clear();
     if squares.count() == 1 {
         runs.push(Run { square: 0, first: 0, count: part.len() });

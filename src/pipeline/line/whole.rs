@@ -48,7 +48,8 @@ pub(super) fn run(
     report.measured_by(&rule);
     match &job.topology {
         Some(topology) => {
-            Cover { job, files, topology, rule: &rule, progress, cancel }.run(input, &mut report)?;
+            Cover { job, files, topology, rule: &rule, progress, cancel }
+                .run(input, &mut report)?;
         }
         None => {
             progress.begin("write", files.pairs.len() as u64);

@@ -7,11 +7,13 @@ use std::sync::Mutex;
 
 use super::input::Input;
 use super::kept::{Kept, Reader};
+use super::own::is_flat;
 use super::spool::{self, Spool, by_square};
 use super::square::{Flat, Solved, World, solve};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::area_sign;
 use crate::line::squares::{Place, Run, Squares, cut};
+use crate::line::topology::Collapse;
 use crate::line::{Xy, arcs};
 use crate::pipeline::line::files::{self, Files};
 use crate::pipeline::line::part::{check, chosen};
@@ -57,8 +59,9 @@ impl Cover<'_> {
         let mut whole = Parts::new();
         loop {
             let kept = Kept::new(&self.folder(), squares.count(), self.memory() / 64);
-            self.solve_all(&mut input, &squares, &whole, &kept, report)?;
-            let turned = self.write(&mut input, &squares, &kept, report)?;
+            let now = Now { squares: &squares, whole: &whole, kept: &kept };
+            self.solve_all(&mut input, &now, report)?;
+            let turned = self.write(&mut input, &now, report)?;
             if turned.is_empty() {
                 return Ok(());
             }
@@ -134,11 +137,10 @@ impl Cover<'_> {
     fn solve_all(
         &self,
         input: &mut Input<'_>,
-        squares: &Squares,
-        whole: &Parts,
-        kept: &Kept,
+        now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<()> {
+        let squares = now.squares;
         let sides = match &self.topology.sides {
             Some(path) => by_square(positions(path, &OpenOptions::default())?, squares),
             None => Vec::new(),
@@ -150,7 +152,7 @@ impl Cover<'_> {
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
             let solved = solve(&world, self.topology.strategy, self.rule)?;
-            kept.set(square, &solved.bits)?;
+            now.kept.set(square, &solved.bits)?;
             lock(&total).add(&solved, square, squares);
             self.progress.advance(1);
             Ok(())
@@ -158,7 +160,7 @@ impl Cover<'_> {
         if squares.count() == 1 && input.held().is_some() {
             solve_one(0, self.flat(input)?)?;
         } else {
-            let spool = self.spool(input, squares, whole)?;
+            let spool = self.spool(input, now)?;
             self.solve_spooled(input, squares, &spool, solve_one)?;
         }
         self.progress.end();
@@ -194,12 +196,8 @@ impl Cover<'_> {
     }
 
     /// Sorts all parts into squares.
-    fn spool<'s>(
-        &self,
-        input: &mut Input<'_>,
-        squares: &'s Squares,
-        whole: &Parts,
-    ) -> Result<Spool<'s>> {
+    fn spool<'s>(&self, input: &mut Input<'_>, now: &Now<'s>) -> Result<Spool<'s>> {
+        let squares = now.squares;
         let has_z = self.rule.measure == Measure::Space;
         let largest = (0..squares.count()).map(|square| squares.vertices(square) * VERTEX).max();
         let (room, largest) = (self.room(input), largest.unwrap_or(0));
@@ -215,7 +213,7 @@ impl Cover<'_> {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule.measure)?;
                 let number = parts.cut(&part);
-                spool.push(&part, &parts.runs, whole.contains(&number))
+                spool.push(&part, &parts.runs, now.whole.contains(&number))
             })
         })?;
         Ok(spool)
@@ -234,9 +232,8 @@ impl Cover<'_> {
         spool: &Spool<'_>,
         solve_one: impl Fn(usize, World) -> Result<()> + Sync,
     ) -> Result<()> {
-        let size = |square: usize| {
-            squares.vertices(square) * VERTEX + spool.obstacles(square) * OBSTACLE
-        };
+        let size =
+            |square: usize| squares.vertices(square) * VERTEX + spool.obstacles(square) * OBSTACLE;
         let mut order: Vec<_> = (0..squares.count()).collect();
         order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
         let largest = order.first().map_or(0, |square| size(*square));
@@ -257,20 +254,19 @@ impl Cover<'_> {
     fn write(
         &self,
         input: &mut Input<'_>,
-        squares: &Squares,
-        kept: &Kept,
+        now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
         // A file that is written cannot be taken back.
-        if input.all.len() > 1 && squares.count() > 1 {
-            let mut left = Left::new(squares, kept);
+        if input.all.len() > 1 && now.squares.count() > 1 {
+            let mut left = Left::new(*now, self.rule.collapse);
             input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
             if !left.turned.is_empty() {
                 return Ok(left.turned);
             }
         }
         self.progress.begin("write", input.all.len() as u64);
-        let mut left = Left::new(squares, kept);
+        let mut left = Left::new(*now, self.rule.collapse);
         for (file, pair) in self.files.pairs.iter().enumerate() {
             let mut sink = pair.create(self.job, &input.all[file].layer)?;
             input.visit(file, self.cancel, |feature| {
@@ -292,6 +288,16 @@ impl Cover<'_> {
         (report.vertices, report.kept) = (input.vertices, left.vertices);
         Ok(left.turned)
     }
+}
+
+/// What is known when all squares are done: twice, if rings have turned over.
+#[derive(Clone, Copy)]
+struct Now<'a> {
+    squares: &'a Squares,
+    /// Parts that stay whole.
+    whole: &'a Parts,
+    /// What is kept.
+    kept: &'a Kept,
 }
 
 /// Sums over squares.
@@ -346,7 +352,9 @@ impl<'a> Cutting<'a> {
 /// What is left of features, one after the other.
 struct Left<'a> {
     parts: Cutting<'a>,
+    whole: &'a Parts,
     kept: Reader<'a>,
+    collapse: Collapse,
     indices: Vec<u32>,
     turned: Parts,
     features: u64,
@@ -354,10 +362,12 @@ struct Left<'a> {
 }
 
 impl<'a> Left<'a> {
-    fn new(squares: &'a Squares, kept: &'a Kept) -> Self {
+    fn new(now: Now<'a>, collapse: Collapse) -> Self {
         Self {
-            parts: Cutting::new(squares),
-            kept: kept.reader(),
+            parts: Cutting::new(now.squares),
+            whole: now.whole,
+            kept: now.kept.reader(),
+            collapse,
             indices: Vec::new(),
             turned: Parts::new(),
             features: 0,
@@ -386,8 +396,14 @@ impl<'a> Left<'a> {
         self.kept.part(&self.parts.runs, count, &mut self.indices)?;
         if part.is_ring() && is_cut {
             let left = self.indices.iter().map(|v| part.xy[*v as usize]);
-            if area_sign(left) != area_sign(part.xy.iter().copied()) {
+            let has_turned = area_sign(left) != area_sign(part.xy.iter().copied());
+            if has_turned && !self.whole.contains(&number) {
                 self.turned.insert(number);
+            }
+            // It has no area to begin with.
+            if is_flat(part.xy, &self.indices) {
+                let drops = self.collapse == Collapse::Drop;
+                return Ok(if drops { vector::Kept::Nothing } else { vector::Kept::All });
             }
         }
         Ok(match part.is_ring() && self.indices.len() == part.xy.len() {

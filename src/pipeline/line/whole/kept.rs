@@ -29,7 +29,9 @@ impl Bits {
         match kept {
             vector::Kept::All => (first..first + count).for_each(|at| self.insert(at)),
             vector::Kept::Nothing => {}
-            vector::Kept::Vertices(own) => own.iter().for_each(|v| self.insert(first + *v as usize)),
+            vector::Kept::Vertices(own) => {
+                own.iter().for_each(|v| self.insert(first + *v as usize))
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Runs of parts, and the segments between them, sorted by square: in memory or in nameless files.
 
+use std::cmp::Ordering;
 use std::path::Path;
 
 use super::square::World;
@@ -114,7 +115,7 @@ impl<'a> Spool<'a> {
         self.runs.forget(square);
         self.obstacles.read(square, |all| world.obstacles.extend(all.iter().map(in_order)))?;
         self.obstacles.forget(square);
-        world.obstacles.sort_unstable_by(|p, q| p.as_flattened().partial_cmp(q.as_flattened()).unwrap_or(std::cmp::Ordering::Equal));
+        world.obstacles.sort_unstable_by(by_place);
         world.obstacles.dedup();
         Ok(world)
     }
@@ -125,6 +126,11 @@ fn in_order(segment: &[Xy; 2]) -> [Xy; 2] {
     // 0 and -0 are the same.
     let [a, b] = segment.map(|p| p.map(|c| c + 0.0));
     if a <= b { [a, b] } else { [b, a] }
+}
+
+fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
+    let pairs = p.as_flattened().iter().zip(q.as_flattened());
+    pairs.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
 }
 
 /// Given points by square, in the order of the squares.
