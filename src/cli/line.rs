@@ -267,6 +267,7 @@ impl Neighbours {
             },
             snap: self.snap.unwrap_or(0.0),
             sides: self.sides.clone(),
+            ..Topology::default()
         }
     }
 }

@@ -17,6 +17,7 @@ pub mod rdp;
 mod regions;
 pub mod registry;
 pub mod ring;
+pub mod squares;
 pub mod topology;
 pub mod visvalingam;
 pub mod wedge;

@@ -105,8 +105,9 @@ pub fn refining<'a, V>(
 pub struct Outcome {
     /// What is kept.
     pub kept: Kept,
-    /// Pairs of original segments among the result that cross, touch or overlap off a common vertex.
-    pub input_crossings: u64,
+    /// Pairs of original segments among the result that cross, touch or overlap off a common vertex,
+    /// each known by its first vertex.
+    pub crossings: Vec<[u32; 2]>,
     /// Pieces that were split.
     pub refined: u64,
     /// Rings that had collapsed when they came, and were dealt with as the option says.
@@ -148,7 +149,7 @@ pub fn untangle(
     }
     settling.run(&points, refine);
     Ok(Outcome {
-        input_crossings: settling.input_crossings,
+        crossings: std::mem::take(&mut settling.crossings),
         refined: refined + settling.refined,
         collapsed: mended.collapsed,
         flat: mended.flat,

@@ -30,7 +30,7 @@ pub(super) struct Settling<'a> {
     layers: Vec<Layer>,
     /// The first piece made since rings were last looked at whether they turned over.
     pub(super) unturned: usize,
-    pub(super) input_crossings: u64,
+    pub(super) crossings: Vec<[u32; 2]>,
     pub(super) refined: u64,
     pub(super) rounds: u64,
 }
@@ -47,7 +47,7 @@ impl<'a> Settling<'a> {
             alive: Vec::new(),
             layers: Vec::new(),
             unturned: 0,
-            input_crossings: 0,
+            crossings: Vec::new(),
             refined: 0,
             rounds: 0,
         };
@@ -145,7 +145,7 @@ impl<'a> Settling<'a> {
         for (i, j) in found.crossings {
             let original = [i, j].map(|i| self.pieces[i as usize].is_original());
             if original == [true, true] {
-                self.input_crossings += 1;
+                self.crossings.push([i, j].map(|i| self.pieces[i as usize].from));
             } else if ![i, j].iter().any(|i| wrong[..known].binary_search(i).is_ok()) {
                 let blamed = [i, j].into_iter().zip(original).filter(|(_, whole)| !whole);
                 wrong.extend(blamed.map(|(i, _)| i));

@@ -61,8 +61,11 @@ pub struct LineJob {
     pub resources: Resources,
 }
 
+/// Most vertices of a [square](Topology::square) unless told otherwise.
+pub const SQUARE: u64 = 1 << 20;
+
 /// How neighbours are looked at.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Topology {
     /// When crossings are looked for.
     pub strategy: Strategy,
@@ -70,6 +73,16 @@ pub struct Topology {
     pub snap: f64,
     /// Points that stay on the side of every line that they are on.
     pub sides: Option<PathBuf>,
+    /// Most vertices that are looked at together. Where there are more in all files, space is divided
+    /// into squares that hold no more each, and segments from one square to another stay: what comes
+    /// out depends on it.
+    pub square: u64,
+}
+
+impl Default for Topology {
+    fn default() -> Self {
+        Self { strategy: Strategy::default(), snap: 0.0, sides: None, square: SQUARE }
+    }
 }
 
 impl LineJob {

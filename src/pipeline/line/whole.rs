@@ -2,7 +2,12 @@
 //! changes sides; or a number of vertices or bytes is to be met.
 
 mod cover;
+mod input;
+mod kept;
+mod own;
 mod search;
+mod spool;
+mod square;
 
 pub(in crate::pipeline) use cover::positions;
 
@@ -17,26 +22,10 @@ use super::trees::Trees;
 use super::{LineJob, LineReport, on_threads};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::{Cancel, Progress};
-use crate::vector::{Feature, Layer, OpenOptions};
+use crate::vector::Feature;
+use cover::Cover;
+use input::{Collected, Input};
 use rayon::prelude::*;
-
-/// The features of a file.
-pub(super) struct Collected {
-    pub(super) layer: Layer,
-    pub(super) features: Vec<Feature>,
-    /// How each of them is simplified, and where it was, until hierarchies are made.
-    orders: Vec<(Order, String)>,
-    /// The hierarchies of each; none without `--hierarchy`.
-    pub(super) trees: Vec<Trees>,
-    notes: Vec<String>,
-}
-
-/// Bytes for each vertex that is held: itself, its arc, what is kept of it, what is written.
-const VERTEX: u64 = 112;
-/// Bytes more for each vertex of which there is a hierarchy.
-const SPLIT: u64 = 24;
-/// Bytes for each feature beside its vertices, about.
-const FEATURE: u64 = 400;
 
 pub(super) fn run(
     job: &LineJob,
@@ -44,42 +33,42 @@ pub(super) fn run(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<LineReport> {
-    progress.begin("read", files.pairs.len() as u64);
-    let (mut held, mut store) = (0, Store::of(job, &files.rule(job, 0.0)?)?);
-    let read = |pair: &Pair| {
-        let collected = collect(job, pair, &mut store, &mut held, cancel);
-        progress.advance(1);
-        collected
-    };
-    let mut all: Vec<Collected> = files.pairs.iter().map(read).collect::<Result<_>>()?;
-    store.end()?;
-    progress.end();
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
-    on_threads(job.resources.threads, || {
-        split(files, &mut all, &files.rule(job, 0.0)?, &mut store, &mut report, cancel)?;
-        let rule = match job.goal {
-            Goal::Tolerance(_) | Goal::Area(_) => files.rule(job, 0.0)?,
-            _ => search::rule(job, files, &all, progress, cancel)?,
-        };
-        report.measured_by(&rule);
-        progress.begin("simplify", 1);
-        simplify(job, &mut all, &rule, &mut report, cancel)?;
-        progress.end();
-        cancel.check()
-    })??;
-    progress.begin("write", files.pairs.len() as u64);
-    for (pair, collected) in files.pairs.iter().zip(&all) {
-        let mut sink = pair.create(job, &collected.layer)?;
-        for feature in &collected.features {
-            cancel.check()?;
-            sink.write(feature)?;
-        }
-        let written = sink.finish(&collected.layer.foreign)?;
-        files::note(&mut report, written, collected.notes.clone());
-        progress.advance(1);
+    let is_search = !matches!(job.goal, Goal::Tolerance(_) | Goal::Area(_));
+    let most = job.resources.memory / if is_search { 4 } else { 2 };
+    let plain = files.rule(job, 0.0)?;
+    let mut store = Store::of(job, &plain)?;
+    let mut input = Input::read(job, files, most, &mut store, progress, cancel)?;
+    store.end()?;
+    if is_search && input.held().is_none() {
+        let message = "the threshold is looked for in memory, and this is more than is allowed";
+        return Err(Error::new(ErrorKind::Resource, message)
+            .in_file(&files.pairs[0].input)
+            .remedy("pass more --memory, pass --tolerance, or split the input"));
     }
-    report.stored(job, store)?;
-    progress.end();
+    let rule = match is_search {
+        false => plain,
+        true => on_threads(job.resources.threads, || {
+            split(files, &mut input.all, &plain, &mut store, &mut report, cancel)?;
+            search::rule(job, files, &input.all, progress, cancel)
+        })??,
+    };
+    report.measured_by(&rule);
+    match &job.topology {
+        Some(topology) => {
+            Cover { job, files, topology, rule: &rule, progress, cancel }
+                .run(input, &mut report)?;
+        }
+        None => {
+            progress.begin("write", files.pairs.len() as u64);
+            for (pair, collected) in files.pairs.iter().zip(input.all) {
+                write(job, (pair, collected), &rule, &mut report, cancel)?;
+                progress.advance(1);
+            }
+            report.stored(job, store)?;
+            progress.end();
+        }
+    }
     Ok(report)
 }
 
@@ -118,60 +107,25 @@ fn split(
     Ok(())
 }
 
-/// Simplifies all features in place.
-fn simplify(
+/// Simplifies the features of a file one by one and writes them.
+fn write(
     job: &LineJob,
-    all: &mut [Collected],
+    (pair, collected): (&Pair, Collected),
     rule: &Rule,
     report: &mut LineReport,
     cancel: &Cancel,
 ) -> Result<()> {
-    if let Some(topology) = &job.topology {
-        let points = match &topology.sides {
-            Some(path) => cover::positions(path, &OpenOptions::default())?,
-            None => Vec::new(),
-        };
-        return cover::simplify(all, topology, &points, rule, report, cancel);
-    }
-    for collected in all {
-        let features = std::mem::take(&mut collected.features);
-        let trees = &collected.trees;
-        let one = |(at, feature)| part::simplify(feature, trees.get(at), rule);
-        let made: Vec<(Feature, Tally)> =
-            features.into_par_iter().enumerate().map(one).collect::<Result<_>>()?;
-        made.iter().for_each(|(_, tally)| report.add(tally));
-        collected.features = made.into_iter().map(|(feature, _)| feature).collect();
+    let trees = &collected.trees;
+    let one = |(at, feature)| part::simplify(feature, trees.get(at), rule);
+    let made: Vec<(Feature, Tally)> = on_threads(job.resources.threads, || {
+        collected.features.into_par_iter().enumerate().map(one).collect::<Result<_>>()
+    })??;
+    let mut sink = pair.create(job, &collected.layer)?;
+    for (feature, tally) in &made {
         cancel.check()?;
+        report.add(tally);
+        sink.write(feature)?;
     }
+    files::note(report, sink.finish(&collected.foreign)?, collected.notes);
     Ok(())
-}
-
-/// Reads all features of a file, within the memory of the job.
-fn collect(
-    job: &LineJob,
-    pair: &Pair,
-    store: &mut Store,
-    held: &mut u64,
-    cancel: &Cancel,
-) -> Result<Collected> {
-    let mut source = pair.open(job)?;
-    let (mut features, mut orders) = (Vec::new(), Vec::new());
-    let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
-    while let Some(feature) = source.next()? {
-        cancel.check()?;
-        *held += feature.geometry.vertices() as u64 * vertex + FEATURE;
-        if *held > job.resources.memory {
-            let message = "neighbours are looked at in memory, and this is more than is allowed";
-            return Err(Error::new(ErrorKind::Resource, message)
-                .in_file(&pair.input)
-                .at(source.place())
-                .remedy("pass more --memory, leave --topology out, or split the input"));
-        }
-        if store.is_some() {
-            orders.push((store.next(&feature.geometry)?, source.place()));
-        }
-        features.push(feature);
-    }
-    let (layer, notes) = (source.layer().clone(), source.notes());
-    Ok(Collected { layer, features, orders, trees: Vec::new(), notes })
 }

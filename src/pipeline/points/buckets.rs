@@ -152,14 +152,14 @@ impl<T: Pod> Buckets<T> {
         Ok(())
     }
 
-    /// Hands on all records of a bucket, a run at a time, in an order that means nothing.
+    /// Hands on all records of a bucket, a run at a time: in the order in which one thread added
+    /// them, else in one that means nothing.
     pub(in crate::pipeline) fn read(
         &self,
         bucket: usize,
         mut each: impl FnMut(&[T]),
     ) -> Result<()> {
         let bucket = lock(&self.buckets[bucket]);
-        bucket.chunks.iter().for_each(|chunk| each(chunk));
         let mut piece = Vec::new();
         for &Extent { offset, records } in &bucket.extents {
             for first in (0..records).step_by(PIECE) {
@@ -170,7 +170,51 @@ impl<T: Pod> Buckets<T> {
                 each(&piece);
             }
         }
+        // What is in memory came later.
+        bucket.chunks.iter().for_each(|chunk| each(chunk));
         Ok(())
+    }
+
+    /// Fills `out` with the records of a bucket from number `first` on, in the order of
+    /// [`read`](Self::read); returns how many there were.
+    pub(in crate::pipeline) fn read_from(
+        &self,
+        bucket: usize,
+        mut first: usize,
+        out: &mut [T],
+    ) -> Result<usize> {
+        let bucket = lock(&self.buckets[bucket]);
+        let mut filled = 0;
+        for &Extent { offset, records } in &bucket.extents {
+            let count = records.saturating_sub(first).min(out.len() - filled);
+            if count > 0 {
+                let at = offset + (first * size_of::<T>()) as u64;
+                let bytes = bytemuck::cast_slice_mut(&mut out[filled..filled + count]);
+                self.read_at(at, bytes).map_err(|e| Error::read(&self.folder, e))?;
+            }
+            filled += count;
+            first = first.saturating_sub(records);
+        }
+        for chunk in &bucket.chunks {
+            let rest = chunk.get(first..).unwrap_or_default();
+            let count = rest.len().min(out.len() - filled);
+            out[filled..filled + count].copy_from_slice(&rest[..count]);
+            filled += count;
+            first = first.saturating_sub(chunk.len());
+        }
+        Ok(filled)
+    }
+
+    /// Forgets the records of a bucket that are in memory.
+    pub(in crate::pipeline) fn forget(&self, bucket: usize) {
+        let mut bucket = lock(&self.buckets[bucket]);
+        self.held.fetch_sub(bucket.bytes(), Ordering::Relaxed);
+        *bucket = Bucket::default();
+    }
+
+    /// Bytes of records in memory.
+    pub(in crate::pipeline) fn held(&self) -> u64 {
+        self.held.load(Ordering::Relaxed)
     }
 
     fn read_at(&self, at: u64, bytes: &mut [u8]) -> io::Result<()> {
@@ -230,6 +274,35 @@ mod tests {
                 .collect();
             assert_eq!(sorted(&memory, bucket), expected);
             assert_eq!(sorted(&file, bucket), expected);
+        }
+    }
+
+    #[test]
+    fn records_of_one_thread_come_back_in_order_from_anywhere() {
+        for budget in [1 << 30, 4096, 0] {
+            let folder = tempfile::tempdir().unwrap();
+            let buckets = Buckets::new(folder.path(), 3, budget);
+            for i in 0..3000u32 {
+                let run: Vec<u32> = (0..i % 5).map(|k| 10 * i + k).collect();
+                buckets.push(i as usize % 3, &run).unwrap();
+            }
+            for bucket in 0..3 {
+                let of = (0..3000u32).filter(|i| *i as usize % 3 == bucket);
+                let expected: Vec<u32> =
+                    of.flat_map(|i| (0..i % 5).map(move |k| 10 * i + k)).collect();
+                let mut all = Vec::new();
+                buckets.read(bucket, |run| all.extend_from_slice(run)).unwrap();
+                assert_eq!(all, expected);
+                for first in [0, 1, 700, 1990, expected.len(), expected.len() + 5] {
+                    let mut some = [0; 900];
+                    let count = buckets.read_from(bucket, first, &mut some).unwrap();
+                    let rest = expected.get(first..).unwrap_or_default();
+                    assert_eq!(some[..count], rest[..rest.len().min(900)]);
+                }
+                buckets.forget(bucket);
+                assert_eq!(buckets.read_from(bucket, 0, &mut [0]).unwrap(), 0);
+            }
+            assert_eq!(buckets.held(), 0);
         }
     }
 

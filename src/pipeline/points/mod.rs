@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 pub(in crate::pipeline) use around::Around;
-use buckets::Buckets;
+pub(in crate::pipeline) use buckets::Buckets;
 pub(in crate::pipeline) use limits::{Limits, parts_in};
 pub(in crate::pipeline) use surface::{Part, Positions, Shape, Surface, reach};
 pub(in crate::pipeline) use tiling::Tiling;

@@ -1,224 +1,416 @@
-//! Features as a coverage: their parts are cut into arcs where they meet, arcs are simplified once
-//! and untangled, and parts are put together again.
+//! Features as a coverage, square by square: what does not fit into memory is sorted into squares
+//! first, and what is kept is put together again as the features are read once more.
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
-use super::Collected;
+use super::input::Input;
+use super::kept::{Kept, Reader};
+use super::own::is_flat;
+use super::spool::{self, Spool, by_square};
+use super::square::{Flat, Solved, World, solve};
 use crate::error::{Error, ErrorKind, Result};
-use crate::line::arcs::{self, Arcs, Parts};
-use crate::line::topology::{
-    Chains, Collapse, Kept as Chosen, Options, Outcome, refining, untangle,
-};
-use crate::line::{Metric, Scratch, Xy};
-use crate::pipeline::Cancel;
+use crate::geom::plane::area_sign;
+use crate::line::squares::{Place, Run, Squares, cut};
+use crate::line::topology::Collapse;
+use crate::line::{Xy, arcs};
+use crate::pipeline::line::files::{self, Files};
 use crate::pipeline::line::part::{check, chosen};
-use crate::pipeline::line::tool::{Rule, Task, Tool, Vertex};
-use crate::pipeline::line::{LineReport, Topology};
-use crate::vector::{self, Kept, OpenOptions};
+use crate::pipeline::line::tool::Rule;
+use crate::pipeline::line::{LineJob, LineReport, Measure, Topology};
+use crate::pipeline::workers::{self, lock};
+use crate::pipeline::{Cancel, Progress, disk};
+use crate::vector::{self, Feature, OpenOptions, Part};
 
-/// The parts of all features, flat, in their order.
-#[derive(Default)]
-struct Flat {
-    points: Vec<Xy>,
-    /// Heights; empty where no distance asks for them.
-    z: Vec<f64>,
-    starts: Vec<usize>,
-    closed: Vec<bool>,
+/// Bytes for each vertex of a square that is worked on: itself, its arc, what is kept of it.
+const VERTEX: u64 = 112;
+/// Bytes for each segment that comes by a square.
+const OBSTACLE: u64 = 320;
+/// Bytes that are in use beside features, squares, and what waits for its square.
+const REST: u64 = 24 << 20;
+
+/// Numbers of parts.
+type Parts = BTreeSet<u64>;
+
+/// A job on all features.
+pub(super) struct Cover<'a> {
+    pub(super) job: &'a LineJob,
+    pub(super) files: &'a Files,
+    pub(super) topology: &'a Topology,
+    pub(super) rule: &'a Rule,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
 }
 
-impl Flat {
-    fn of(all: &[Collected], rule: &Rule) -> Result<Self> {
-        let mut flat = Self { starts: vec![0], ..Self::default() };
-        let has_z = rule.measure == crate::pipeline::line::Measure::Space;
-        for feature in all.iter().flat_map(|collected| &collected.features) {
-            for part in feature.geometry.parts() {
-                check(&part, rule.measure)?;
+impl Cover<'_> {
+    /// Simplifies all features together and writes them.
+    pub(super) fn run(&self, mut input: Input<'_>, report: &mut LineReport) -> Result<()> {
+        let squares = self.squares(&mut input)?;
+        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
+        let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8;
+        if input.held().is_some_and(|held| held + needed > self.memory()) && !self.snaps() {
+            input.release();
+        }
+        if input.held().unwrap_or(0) + needed > self.memory() {
+            return Err(self.too_little(needed));
+        }
+        self.snap(&mut input, &squares)?;
+        let mut whole = Parts::new();
+        loop {
+            let kept = Kept::new(&self.folder(), squares.count(), self.memory() / 64);
+            let now = Now { squares: &squares, whole: &whole, kept: &kept };
+            self.solve_all(&mut input, &now, report)?;
+            let turned = self.write(&mut input, &now, report)?;
+            if turned.is_empty() {
+                return Ok(());
+            }
+            whole.extend(turned);
+        }
+    }
+
+    fn memory(&self) -> u64 {
+        self.job.resources.memory
+    }
+
+    fn snaps(&self) -> bool {
+        self.topology.snap > 0.0
+    }
+
+    fn too_little(&self, needed: u64) -> Error {
+        let needed = (needed >> 20) + 1;
+        let message = format!("neighbours are looked at in memory, which takes {needed} MiB");
+        Error::new(ErrorKind::Resource, message)
+            .in_file(&self.files.pairs[0].input)
+            .remedy(format!("pass --memory {needed}M or more, or leave --topology out"))
+    }
+
+    /// Where what does not fit into memory goes: beside the output unless told otherwise.
+    fn folder(&self) -> PathBuf {
+        let beside = || {
+            let mut folders = self.job.output.ancestors().skip(1);
+            let found = folders.find(|folder| folder.is_dir());
+            found.unwrap_or(Path::new(".")).to_path_buf()
+        };
+        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+    }
+
+    /// Divides space.
+    fn squares(&self, input: &mut Input<'_>) -> Result<Squares> {
+        let most = self.topology.square.clamp(1, spool::MOST);
+        let mut squares = Squares::new(&input.census, most)?;
+        while let Some(mut finer) = squares.finer() {
+            input.visit_all(self.cancel, |feature| {
+                feature.geometry.parts().for_each(|part| finer.add(part.xy));
+                Ok(())
+            })?;
+            squares = Squares::refined(finer, &squares)?;
+        }
+        Ok(squares)
+    }
+
+    /// Makes vertices one that are nearly so, in all features.
+    fn snap(&self, input: &mut Input<'_>, squares: &Squares) -> Result<()> {
+        if !self.snaps() {
+            return Ok(());
+        }
+        if squares.count() > 1 {
+            let most = self.topology.square;
+            return Err(Error::unsupported(format!("--snap for more than {most} vertices"))
+                .in_file(&self.files.pairs[0].input)
+                .remedy("leave --snap out, or split the input"));
+        }
+        let mut points = Vec::new();
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.parts().for_each(|part| points.extend_from_slice(part.xy));
+            Ok(())
+        })?;
+        arcs::snap(&mut points, self.topology.snap)?;
+        let mut moved = points.into_iter();
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.place_parts(&mut moved);
+            Ok(())
+        })
+    }
+
+    /// Finds out what is kept of all squares.
+    fn solve_all(
+        &self,
+        input: &mut Input<'_>,
+        now: &Now<'_>,
+        report: &mut LineReport,
+    ) -> Result<()> {
+        let squares = now.squares;
+        let sides = match &self.topology.sides {
+            Some(path) => by_square(positions(path, &OpenOptions::default())?, squares),
+            None => Vec::new(),
+        };
+        self.progress.begin("simplify", squares.count() as u64);
+        let total = Mutex::new(Total::default());
+        let solve_one = |square: usize, mut world: World| {
+            let own = sides.partition_point(|(other, _)| (*other as usize) < square);
+            let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
+            world.sides = own.map(|(_, at)| *at).collect();
+            let solved = solve(&world, self.topology.strategy, self.rule)?;
+            now.kept.set(square, &solved.bits)?;
+            lock(&total).add(&solved, square, squares);
+            self.progress.advance(1);
+            Ok(())
+        };
+        if squares.count() == 1 && input.held().is_some() {
+            solve_one(0, self.flat(input)?)?;
+        } else {
+            let spool = self.spool(input, now)?;
+            self.solve_spooled(input, squares, &spool, solve_one)?;
+        }
+        self.progress.end();
+        let total = total.into_inner().unwrap_or_default();
+        report.arcs = total.arcs;
+        report.refined = total.refined;
+        report.input_crossings = total.crossings;
+        report.collapsed = total.collapsed;
+        report.largest_distance = total.square.sqrt();
+        Ok(())
+    }
+
+    /// All parts as they are held, as one square.
+    fn flat(&self, input: &mut Input<'_>) -> Result<World> {
+        let mut flat = Flat::default();
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.parts().try_for_each(|part| {
+                check(&part, self.rule.measure)?;
                 flat.points.extend_from_slice(part.xy);
-                if has_z {
+                if self.rule.measure == Measure::Space {
                     flat.z.extend_from_slice(part.z);
                 }
-                flat.starts.push(flat.points.len());
-                flat.closed.push(part.is_ring());
+                flat.end_part(part.xy.len(), part.is_ring());
+                Ok(())
+            })
+        })?;
+        Ok(World { flat, ..World::default() })
+    }
+
+    /// Memory for squares that are worked on and for what waits for them.
+    fn room(&self, input: &Input<'_>) -> u64 {
+        self.memory().saturating_sub(input.held().unwrap_or(0) + input.vertices / 8 + REST)
+    }
+
+    /// Sorts all parts into squares.
+    fn spool<'s>(&self, input: &mut Input<'_>, now: &Now<'s>) -> Result<Spool<'s>> {
+        let squares = now.squares;
+        let has_z = self.rule.measure == Measure::Space;
+        let largest = (0..squares.count()).map(|square| squares.vertices(square) * VERTEX).max();
+        let (room, largest) = (self.room(input), largest.unwrap_or(0));
+        let workers = self.workers(room / 8 * 7, largest) as u64;
+        let memory = room.saturating_sub(workers * largest).max(self.memory() / 8);
+        let bytes = input.vertices * if has_z { 24 } else { 16 };
+        if bytes > memory {
+            disk::check(&self.folder(), bytes)?;
+        }
+        let mut spool = Spool::new(squares, has_z, &self.folder(), memory);
+        let mut parts = Cutting::new(squares);
+        input.visit_all(self.cancel, |feature| {
+            feature.geometry.parts().try_for_each(|part| {
+                check(&part, self.rule.measure)?;
+                let number = parts.cut(&part);
+                spool.push(&part, &parts.runs, now.whole.contains(&number))
+            })
+        })?;
+        Ok(spool)
+    }
+
+    fn workers(&self, room: u64, largest: u64) -> usize {
+        let fitting = usize::try_from(room / largest.max(1)).unwrap_or(usize::MAX);
+        self.job.resources.threads.min(fitting).max(1)
+    }
+
+    /// Squares by so many threads as have room, those that take longest first.
+    fn solve_spooled(
+        &self,
+        input: &Input<'_>,
+        squares: &Squares,
+        spool: &Spool<'_>,
+        solve_one: impl Fn(usize, World) -> Result<()> + Sync,
+    ) -> Result<()> {
+        let size =
+            |square: usize| squares.vertices(square) * VERTEX + spool.obstacles(square) * OBSTACLE;
+        let mut order: Vec<_> = (0..squares.count()).collect();
+        order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
+        let largest = order.first().map_or(0, |square| size(*square));
+        let others = input.held().unwrap_or(0) + input.vertices / 8;
+        if others + largest > self.memory() {
+            return Err(self.too_little(others + largest));
+        }
+        let threads = self.workers(self.room(input).saturating_sub(spool.held()), largest);
+        let work = |(): &mut (), unit: u64| {
+            let square = order[unit as usize];
+            solve_one(square, spool.take(square)?)
+        };
+        workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
+    }
+
+    /// Writes all features with what is kept of them; or, if rings have turned over, which they are, and
+    /// nothing is written.
+    fn write(
+        &self,
+        input: &mut Input<'_>,
+        now: &Now<'_>,
+        report: &mut LineReport,
+    ) -> Result<Parts> {
+        // A file that is written cannot be taken back.
+        if input.all.len() > 1 && now.squares.count() > 1 {
+            let mut left = Left::new(*now, self.rule.collapse);
+            input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
+            if !left.turned.is_empty() {
+                return Ok(left.turned);
             }
         }
-        Ok(flat)
-    }
-
-    fn chains(&self) -> Chains<'_> {
-        Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
-    }
-}
-
-/// Simplifies the parts of all features in place, together.
-pub(super) fn simplify(
-    all: &mut [Collected],
-    topology: &Topology,
-    sides: &[Xy],
-    rule: &Rule,
-    report: &mut LineReport,
-    cancel: &Cancel,
-) -> Result<()> {
-    let mut flat = Flat::of(all, rule)?;
-    if topology.snap > 0.0 {
-        arcs::snap(&mut flat.points, topology.snap)?;
-        let mut moved = flat.points.iter().copied();
-        let features = all.iter_mut().flat_map(|collected| &mut collected.features);
-        features.for_each(|feature| feature.geometry.place_parts(&mut moved));
-    }
-    cancel.check()?;
-    let arcs = Arcs::new(&flat.chains(), 0.0)?;
-    report.arcs = arcs.closed.len() as u64;
-    let made = rule.apply(Together { arcs, flat: &flat, topology, sides, rule })?;
-    report.refined = made.outcome.refined;
-    report.input_crossings = made.outcome.input_crossings;
-    report.collapsed = made.outcome.collapsed;
-    report.largest_distance = made.square.sqrt();
-    report.parts = flat.closed.len() as u64;
-    report.vertices = flat.points.len() as u64;
-    cancel.check()?;
-    let (mut part, mut lost) = (0, false);
-    for feature in all.iter_mut().flat_map(|collected| &mut collected.features) {
-        report.features += 1;
-        feature.geometry = feature.geometry.keep(|_, _| {
-            let own = flat.starts[part]..flat.starts[part + 1];
-            let left = &made.parts.vertices[made.parts.starts[part]..made.parts.starts[part + 1]];
-            let place = |vertex: &u32| made.arcs.points[*vertex as usize];
-            let points = &flat.points[own];
-            let kept = match left.is_empty() && rule.collapse != Collapse::Drop {
-                // It had no area to begin with.
-                true => Some(Kept::All),
-                false => own_vertices(points, flat.closed[part], left.iter().map(place)),
-            };
-            part += 1;
-            lost |= kept.is_none();
-            kept.unwrap_or(Kept::All)
-        });
-        report.kept += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
-    }
-    match lost {
-        true => Err(Error::new(ErrorKind::Internal, "a part lost its way through its arcs")),
-        false => Ok(()),
+        self.progress.begin("write", input.all.len() as u64);
+        let mut left = Left::new(*now, self.rule.collapse);
+        for (file, pair) in self.files.pairs.iter().enumerate() {
+            let mut sink = pair.create(self.job, &input.all[file].layer)?;
+            input.visit(file, self.cancel, |feature| {
+                let geometry = left.of(feature)?;
+                let original = std::mem::replace(&mut feature.geometry, geometry);
+                sink.write(feature)?;
+                feature.geometry = original;
+                Ok(())
+            })?;
+            if !left.turned.is_empty() {
+                continue;
+            }
+            let written = sink.finish(&input.all[file].foreign)?;
+            files::note(report, written, input.all[file].notes.clone());
+            self.progress.advance(1);
+        }
+        self.progress.end();
+        (report.features, report.parts) = (left.features, left.parts.number);
+        (report.vertices, report.kept) = (input.vertices, left.vertices);
+        Ok(left.turned)
     }
 }
 
-/// What a part keeps of its own vertices, to pass through `left` in order; all of it, where it has no
-/// area of its own. `None` when there is no such way.
-fn own_vertices(own: &[Xy], is_ring: bool, left: impl Iterator<Item = Xy> + Clone) -> Option<Kept> {
-    let Some(first) = left.clone().next() else { return Some(Kept::Nothing) };
-    let starts = (0..own.len()).filter(|at| own[*at] == first);
-    // A ring may come by its first vertex again, on another way.
-    let mut found = starts.filter_map(|start| passing(own, is_ring, start, left.clone()));
-    let kept = found.next()?;
-    let is_flat = match kept.iter().map(|at| own[*at as usize]).collect::<Vec<_>>()[..] {
-        [a, b, c] => a == b || b == c || a == c,
-        ref all => all.len() < 3,
-    };
-    Some(if is_ring && is_flat { Kept::All } else { chosen(&kept) })
+/// What is known when all squares are done: twice, if rings have turned over.
+#[derive(Clone, Copy)]
+struct Now<'a> {
+    squares: &'a Squares,
+    /// Parts that stay whole.
+    whole: &'a Parts,
+    /// What is kept.
+    kept: &'a Kept,
 }
 
-/// The vertices of a part, from number `start` on and of a ring once around, that lie at `left` one
-/// after the other.
-fn passing(
-    own: &[Xy],
-    is_ring: bool,
-    start: usize,
-    left: impl Iterator<Item = Xy>,
-) -> Option<Vec<u32>> {
-    let count = own.len() - usize::from(is_ring);
-    let round = if is_ring { start..start + count + 1 } else { start..count };
-    let mut ahead = round.map(|at| at % count.max(1));
-    let find = |at: Xy| ahead.find(|own_at| own[*own_at] == at).map(|found| found as u32);
-    let mut kept = left.map(find).collect::<Option<Vec<u32>>>()?;
-    if is_ring && kept.len() > 1 && kept.first() == kept.last() {
-        kept.pop();
-    }
-    kept.sort_unstable();
-    Some(kept)
-}
-
-/// Arcs to be simplified together.
-struct Together<'a> {
-    arcs: Arcs,
-    flat: &'a Flat,
-    topology: &'a Topology,
-    sides: &'a [Xy],
-    rule: &'a Rule,
-}
-
-/// What became of them.
-struct Made {
-    arcs: Arcs,
-    parts: Parts,
-    outcome: Outcome,
-    /// The largest squared distance.
+/// Sums over squares.
+#[derive(Debug, Default)]
+struct Total {
+    arcs: u64,
+    refined: u64,
+    crossings: u64,
+    collapsed: u64,
     square: f64,
 }
 
-impl Task for Together<'_> {
-    type Output = Result<Made>;
-
-    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> Result<Made> {
-        let mut scratch = Scratch::default();
-        let kept = self.plain(tool, &mut scratch);
-        let vertices = self.vertices::<V>();
-        let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
-        let options = Options { strategy: self.topology.strategy, collapse: self.rule.collapse };
-        let chains = self.arcs.chains();
-        let outcome =
-            untangle(&chains, &kept, self.sides, &options, &mut refining(&vertices, run))?;
-        let parts = self.arcs.rebuild(&outcome.kept);
-        let square = largest(tool, &vertices, &outcome.kept);
-        Ok(Made { arcs: self.arcs, parts, outcome, square })
+impl Total {
+    fn add(&mut self, solved: &Solved, square: usize, squares: &Squares) {
+        self.arcs += solved.arcs;
+        self.refined += solved.refined;
+        self.collapsed += solved.collapsed;
+        self.square = self.square.max(solved.square);
+        // Segments that meet come by a square together, maybe by several: the first one counts them.
+        let mut near = [Vec::new(), Vec::new()];
+        let counts = solved.meeting.iter().filter(|pair| {
+            (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
+            let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
+            first == Some(&(square as u32))
+        });
+        self.crossings += solved.crossings + counts.count() as u64;
     }
 }
 
-impl Together<'_> {
-    /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
-    /// is kept; of one that collapsed it is only that vertex.
-    fn plain<V: Vertex, M: Metric<V> + Copy>(
-        &mut self,
-        tool: &Tool<V, M>,
-        scratch: &mut Scratch,
-    ) -> Chosen {
-        let mut all = Chosen::new();
-        let (mut points, mut kept) = (Vec::new(), Vec::new());
-        for arc in 0..self.arcs.closed.len() {
-            let range = self.arcs.starts[arc]..self.arcs.starts[arc + 1];
-            points.clear();
-            points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
-            kept.clear();
-            match self.arcs.free[arc] && points.len() > 3 {
-                false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
-                true => {
-                    if tool.whole_ring(&points, &mut tool.method(), scratch, &mut kept) {
-                        kept.truncate(1);
-                    }
-                    let at = kept.first().copied().unwrap_or(0);
-                    self.arcs.open_at(arc, at as usize);
-                    kept.iter_mut().for_each(|vertex| *vertex -= at);
-                    kept.push(points.len() as u32 - 1);
-                }
-            }
-            all.vertices.extend(kept.iter().map(|vertex| vertex + range.start as u32));
-            all.close();
+/// Parts cut into runs, one after the other.
+struct Cutting<'a> {
+    squares: &'a Squares,
+    place: Place,
+    runs: Vec<Run>,
+    /// Parts so far.
+    number: u64,
+}
+
+impl<'a> Cutting<'a> {
+    fn new(squares: &'a Squares) -> Self {
+        Self { squares, place: Place::default(), runs: Vec::new(), number: 0 }
+    }
+
+    /// Fills the runs with those of the next part; returns its number.
+    fn cut(&mut self, part: &Part<'_>) -> u64 {
+        cut(part.xy, part.is_ring(), self.squares, &mut self.place, &mut self.runs);
+        self.number += 1;
+        self.number - 1
+    }
+}
+
+/// What is left of features, one after the other.
+struct Left<'a> {
+    parts: Cutting<'a>,
+    whole: &'a Parts,
+    kept: Reader<'a>,
+    collapse: Collapse,
+    indices: Vec<u32>,
+    turned: Parts,
+    features: u64,
+    vertices: u64,
+}
+
+impl<'a> Left<'a> {
+    fn new(now: Now<'a>, collapse: Collapse) -> Self {
+        Self {
+            parts: Cutting::new(now.squares),
+            whole: now.whole,
+            kept: now.kept.reader(),
+            collapse,
+            indices: Vec::new(),
+            turned: Parts::new(),
+            features: 0,
+            vertices: 0,
         }
-        all
     }
 
-    fn vertex<V: Vertex>(&self, vertex: usize) -> V {
-        let source = self.arcs.sources[vertex] as usize;
-        V::of(self.arcs.points[vertex], self.flat.z.get(source).copied().unwrap_or(0.0))
+    /// What is left of the next feature.
+    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
+        let mut failed = Ok(());
+        let geometry = feature.geometry.keep(|_, part| {
+            self.part(&part).unwrap_or_else(|e| {
+                failed = Err(e);
+                vector::Kept::All
+            })
+        });
+        self.features += 1;
+        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
+        failed.map(|()| geometry)
     }
 
-    fn vertices<V: Vertex>(&self) -> Vec<V> {
-        (0..self.arcs.points.len()).map(|vertex| self.vertex(vertex)).collect()
+    fn part(&mut self, part: &Part<'_>) -> Result<vector::Kept> {
+        let number = self.parts.cut(part);
+        let is_cut = self.parts.runs.len() > 1;
+        let count = part.xy.len() - usize::from(is_cut && part.is_ring());
+        self.kept.part(&self.parts.runs, count, &mut self.indices)?;
+        if part.is_ring() && is_cut {
+            let left = self.indices.iter().map(|v| part.xy[*v as usize]);
+            let has_turned = area_sign(left) != area_sign(part.xy.iter().copied());
+            if has_turned && !self.whole.contains(&number) {
+                self.turned.insert(number);
+            }
+            // It has no area to begin with.
+            if is_flat(part.xy, &self.indices) {
+                let drops = self.collapse == Collapse::Drop;
+                return Ok(if drops { vector::Kept::Nothing } else { vector::Kept::All });
+            }
+        }
+        Ok(match part.is_ring() && self.indices.len() == part.xy.len() {
+            true => vector::Kept::All,
+            false => chosen(&self.indices),
+        })
     }
-}
-
-/// The largest squared distance of what was left out of chains that are still there.
-fn largest<V: Vertex, M: Metric<V> + Copy>(tool: &Tool<V, M>, points: &[V], kept: &Chosen) -> f64 {
-    let chains = kept.starts.windows(2).map(|ends| &kept.vertices[ends[0]..ends[1]]);
-    chains.map(|chain| tool.largest(points, chain)).fold(0.0, f64::max)
 }
 
 /// The points of a file, wherever they are in it.

@@ -74,7 +74,7 @@ fn size(job: &LineJob, files: &Files, all: &[Collected], rule: &Rule) -> Result<
             let trees = collected.trees.get(at);
             sink.write(&part::simplify(feature.clone(), trees, rule)?.0)?;
         }
-        bytes += sink.finish(&collected.layer.foreign)?.bytes;
+        bytes += sink.finish(&collected.foreign)?.bytes;
     }
     Ok(bytes)
 }

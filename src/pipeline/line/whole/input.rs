@@ -1,0 +1,174 @@
+//! The features of all files: in memory where they fit, else read anew each time.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::line::squares::Census;
+use crate::pipeline::line::LineJob;
+use crate::pipeline::line::files::{Files, Pair};
+use crate::pipeline::line::stored::{Order, Store};
+use crate::pipeline::line::trees::Trees;
+use crate::pipeline::{Cancel, Progress};
+use crate::vector::{Feature, Geometry, Layer, Member};
+
+/// Bytes for each feature beside its vertices, about.
+const FEATURE: u64 = 400;
+/// Bytes for each vertex of which there is a hierarchy.
+const SPLIT: u64 = 24;
+
+/// A file that has been read.
+pub(super) struct Collected {
+    /// What it says of itself at its beginning.
+    pub(super) layer: Layer,
+    /// And after its features.
+    pub(super) foreign: Vec<Member>,
+    pub(super) notes: Vec<String>,
+    /// Its features, if they are held.
+    pub(super) features: Vec<Feature>,
+    /// How each of them is simplified, and where it was, until hierarchies are made.
+    pub(super) orders: Vec<(Order, String)>,
+    /// The hierarchies of each; none without `--hierarchy`.
+    pub(super) trees: Vec<Trees>,
+}
+
+/// All files of a job.
+pub(super) struct Input<'a> {
+    job: &'a LineJob,
+    files: &'a Files,
+    pub(super) all: Vec<Collected>,
+    pub(super) vertices: u64,
+    /// Where they are.
+    pub(super) census: Census,
+    /// Bytes of the features, if they are held.
+    held: Option<u64>,
+}
+
+impl<'a> Input<'a> {
+    /// Reads all files and holds their features as long as they take no more than `most` bytes.
+    pub(super) fn read(
+        job: &'a LineJob,
+        files: &'a Files,
+        most: u64,
+        store: &mut Store,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let mut input = Self {
+            job,
+            files,
+            all: Vec::new(),
+            vertices: 0,
+            census: Census::default(),
+            held: Some(0),
+        };
+        progress.begin("read", files.pairs.len() as u64);
+        for pair in &files.pairs {
+            input.collect(pair, most, store, cancel)?;
+            progress.advance(1);
+        }
+        progress.end();
+        Ok(input)
+    }
+
+    fn collect(
+        &mut self,
+        pair: &Pair,
+        most: u64,
+        store: &mut Store,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let mut source = pair.open(self.job)?;
+        let layer = source.layer().clone();
+        self.all.push(Collected {
+            layer,
+            foreign: Vec::new(),
+            notes: Vec::new(),
+            features: Vec::new(),
+            orders: Vec::new(),
+            trees: Vec::new(),
+        });
+        while let Some(feature) = source.next()? {
+            cancel.check()?;
+            let own = bytes(&feature.geometry);
+            self.look(&feature, own).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
+            let split =
+                if store.is_some() { SPLIT * feature.geometry.vertices() as u64 } else { 0 };
+            let more = own + split + FEATURE;
+            self.held = self.held.map(|held| held + more).filter(|held| *held <= most);
+            match self.all.last_mut() {
+                Some(last) if self.held.is_some() => {
+                    if store.is_some() {
+                        last.orders.push((store.next(&feature.geometry)?, source.place()));
+                    }
+                    last.features.push(feature);
+                }
+                _ => self.release(),
+            }
+        }
+        if let Some(last) = self.all.last_mut() {
+            last.foreign = source.layer().foreign.clone();
+            last.notes = source.notes();
+        }
+        Ok(())
+    }
+
+    fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
+        if bytes > self.job.resources.memory / 2 {
+            let count = feature.geometry.vertices();
+            let message = format!("a feature of {count} vertices is more than memory holds");
+            return Err(Error::new(ErrorKind::Resource, message)
+                .remedy(format!("pass --memory {}M or more", (bytes >> 19) + 1)));
+        }
+        self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
+        match self.job.topology {
+            Some(_) => feature.geometry.parts().try_for_each(|part| self.census.add(part.xy)),
+            None => Ok(()),
+        }
+    }
+
+    /// Bytes of the features in memory; `None` when they are not held.
+    pub(super) fn held(&self) -> Option<u64> {
+        self.held
+    }
+
+    /// Holds the features no longer.
+    pub(super) fn release(&mut self) {
+        self.held = None;
+        self.all.iter_mut().for_each(|file| file.features = Vec::new());
+    }
+
+    /// Shows all features of a file, one after the other; changes last if they are held.
+    pub(super) fn visit(
+        &mut self,
+        file: usize,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature) -> Result<()>,
+    ) -> Result<()> {
+        let pair = &self.files.pairs[file];
+        if self.held.is_some() {
+            return self.all[file].features.iter_mut().try_for_each(|feature| {
+                cancel.check()?;
+                each(feature).map_err(|e| e.in_file(&pair.input))
+            });
+        }
+        let mut source = pair.open(self.job)?;
+        while let Some(mut feature) = source.next()? {
+            cancel.check()?;
+            each(&mut feature).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
+        }
+        Ok(())
+    }
+
+    /// Shows all features of all files.
+    pub(super) fn visit_all(
+        &mut self,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature) -> Result<()>,
+    ) -> Result<()> {
+        (0..self.all.len()).try_for_each(|file| self.visit(file, cancel, &mut each))
+    }
+}
+
+/// Bytes of the coordinates.
+fn bytes(geometry: &Geometry) -> u64 {
+    let each = 16 + 8 * u64::from(geometry.has_z()) + 8 * u64::from(geometry.has_m());
+    geometry.vertices() as u64 * each
+}

@@ -1,0 +1,108 @@
+//! Which vertices are kept, as bits: one for each vertex of a square, in the order in which the
+//! input comes by them.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::line::squares::Run;
+use crate::pipeline::points::Buckets;
+use crate::vector;
+
+/// Words of a square that are held at a time.
+const WORDS: usize = 128;
+
+/// A set of numbers from 0 on.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Bits(pub(super) Vec<u64>);
+
+impl Bits {
+    pub(super) fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    pub(super) fn insert(&mut self, at: usize) {
+        self.0[at / 64] |= 1 << (at % 64);
+    }
+
+    /// Adds what is kept of `count` vertices, of which the first has number `first`.
+    pub(super) fn add(&mut self, kept: &vector::Kept, first: usize, count: usize) {
+        match kept {
+            vector::Kept::All => (first..first + count).for_each(|at| self.insert(at)),
+            vector::Kept::Nothing => {}
+            vector::Kept::Vertices(own) => {
+                own.iter().for_each(|v| self.insert(first + *v as usize))
+            }
+        }
+    }
+}
+
+/// The bits of all squares, in memory or in a nameless file.
+pub(super) struct Kept {
+    bits: Buckets<u64>,
+    squares: usize,
+}
+
+impl Kept {
+    pub(super) fn new(folder: &Path, squares: usize, memory: u64) -> Self {
+        Self { bits: Buckets::new(folder, squares, memory), squares }
+    }
+
+    /// Sets the bits of a square, once.
+    pub(super) fn set(&self, square: usize, bits: &Bits) -> Result<()> {
+        self.bits.push(square, &bits.0)
+    }
+
+    pub(super) fn reader(&self) -> Reader<'_> {
+        Reader { kept: self, cursors: vec![Cursor::default(); self.squares] }
+    }
+}
+
+/// The next bits of a square.
+#[derive(Clone, Debug, Default)]
+struct Cursor {
+    words: Vec<u64>,
+    /// The number of the first of them.
+    first: usize,
+    /// The next bit.
+    next: usize,
+}
+
+/// Bits read square by square, each from its beginning: 1 KiB for each square.
+pub(super) struct Reader<'a> {
+    kept: &'a Kept,
+    cursors: Vec<Cursor>,
+}
+
+impl Reader<'_> {
+    /// What is kept of a part of `count` vertices, with these runs, the next ones of their squares:
+    /// indices, ascending.
+    pub(super) fn part(&mut self, runs: &[Run], count: usize, found: &mut Vec<u32>) -> Result<()> {
+        found.clear();
+        for run in runs {
+            for k in 0..run.count {
+                if self.next(run.square as usize)? {
+                    found.push(((run.first + k) % count) as u32);
+                }
+            }
+        }
+        // The last run of a ring goes on from its beginning.
+        if found.last() < found.first() {
+            found.sort_unstable();
+        }
+        Ok(())
+    }
+
+    fn next(&mut self, square: usize) -> Result<bool> {
+        let cursor = &mut self.cursors[square];
+        let word = cursor.next / 64;
+        if word >= cursor.first + cursor.words.len() {
+            cursor.words.resize(WORDS, 0);
+            let count = self.kept.bits.read_from(square, word, &mut cursor.words)?;
+            cursor.words.truncate(count);
+            cursor.first = word;
+        }
+        let bit = cursor.words.get(word - cursor.first).map(|w| w >> (cursor.next % 64) & 1);
+        cursor.next += 1;
+        Ok(bit == Some(1))
+    }
+}
