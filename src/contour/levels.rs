@@ -38,7 +38,8 @@ impl Levels {
             return Err(Error::usage(format!("an interval of {interval} between contours"))
                 .remedy("give one above 0"));
         }
-        if !(base.abs() / interval < MOST_RANK) {
+        let steps = base.abs() / interval;
+        if steps.is_nan() || steps >= MOST_RANK {
             return Err(Error::usage(format!(
                 "a base of {base} is too far from 0 for an interval of {interval}"
             ))
@@ -100,7 +101,7 @@ impl Levels {
         }
         let no_rank = |z: &H| {
             let z: f64 = (*z).into();
-            !z.is_nan() && !(z.abs() <= MOST_HEIGHT && self.is_in_reach(z))
+            !(z.is_nan() || z.abs() <= MOST_HEIGHT && self.is_in_reach(z))
         };
         Err(heights.iter().position(no_rank).unwrap_or_default())
     }

@@ -52,8 +52,8 @@ impl Budget {
             threads: shares.threads,
             cache: shares.cache,
             crossings,
-            pieces: shares.mesh / 2 / PIECE_BYTES,
-            vertices: shares.mesh / 2 / VERTEX_BYTES,
+            pieces: shares.mesh / 4 * 3 / PIECE_BYTES,
+            vertices: shares.mesh / 4 / VERTEX_BYTES,
             memory,
         })
     }

@@ -134,7 +134,7 @@ impl Pieces {
         let mut lines = Vec::new();
         for only_open in [true, false] {
             for first in 0..self.pieces.len() {
-                if !seen[first] && !(only_open && self.pieces[first].is_entered) {
+                if !(seen[first] || only_open && self.pieces[first].is_entered) {
                     let line = self.line(first as u32, &mut seen);
                     // Where the pieces of a ring meet was counted once, and its first vertex is its
                     // last again.
