@@ -106,3 +106,47 @@ impl Reader<'_> {
         Ok(bit == Some(1))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_come_back_in_the_order_of_the_parts() {
+        let folder = tempfile::tempdir().unwrap();
+        for memory in [1 << 20, 0] {
+            let kept = Kept::new(folder.path(), 2, memory);
+            // Every third vertex of the first square, every fifth of the second.
+            for (square, step) in [(0, 3), (1, 5)] {
+                let mut bits = Bits::new(20_000);
+                (0..20_000).step_by(step).for_each(|at| bits.insert(at));
+                kept.set(square, &bits).unwrap();
+            }
+            let mut reader = kept.reader();
+            let (mut found, mut first) = (Vec::new(), [0, 0]);
+            for part in 0..1500 {
+                let runs: Vec<Run> = (0..3)
+                    .scan(2, |at, k| {
+                        let run = Run { square: k % 2, first: *at, count: 3 + (part + *at) % 5 };
+                        *at += run.count;
+                        Some(run)
+                    })
+                    .collect();
+                // A ring: the last run ends with its first two vertices.
+                let count: usize = runs.iter().map(|run| run.count).sum();
+                let mut want = Vec::new();
+                for run in &runs {
+                    let (own, step) =
+                        (&mut first[run.square as usize], [3, 5][run.square as usize]);
+                    let is_kept = |k: &usize| (*own + k).is_multiple_of(step);
+                    let all = (0..run.count).filter(is_kept);
+                    want.extend(all.map(|k| ((run.first + k) % count) as u32));
+                    *own += run.count;
+                }
+                want.sort_unstable();
+                reader.part(&runs, count, &mut found).unwrap();
+                assert_eq!(found, want);
+            }
+        }
+    }
+}
