@@ -19,9 +19,15 @@ const LEAST: u64 = 16 << 20;
 pub(super) struct Pairs<'a> {
     job: &'a LineVerifyJob,
     cancel: &'a Cancel,
-    /// The features of both files, once it is known that they are not in the same order, and for each
-    /// of the original the one made from it.
-    held: Option<(Vec<Own>, Vec<Own>, Vec<Option<usize>>)>,
+    /// The features of both files, once it is known that they are not in the same order.
+    held: Option<Held>,
+}
+
+/// All features, and for each of the original the one made from it.
+struct Held {
+    before: Vec<Own>,
+    after: Vec<Own>,
+    partners: Vec<Option<usize>>,
 }
 
 /// How a comparison went.
@@ -42,7 +48,7 @@ impl<'a> Pairs<'a> {
 
     /// Visits all parts in the order of the original.
     pub(super) fn each(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
-        let Some((before, after, partners)) = &self.held else {
+        let Some(Held { before, after, partners }) = &self.held else {
             return self.side_by_side(progress, visit);
         };
         for (before, partner) in before.iter().zip(partners) {
@@ -115,7 +121,7 @@ impl<'a> Pairs<'a> {
             return Err(self.uneven([before.len() as u64, after.len() as u64]));
         }
         let partners = partners(&before, &after).map_err(|e| e.in_file(&self.job.lines))?;
-        self.held = Some((before, after, partners));
+        self.held = Some(Held { before, after, partners });
         Ok(())
     }
 
@@ -277,8 +283,9 @@ fn order_of_three(part: &[[f64; 3]], ring: &[[f64; 3]]) -> Option<bool> {
         }
     }
     let [Some(a), Some(b), Some(c)] = places else { return None };
-    let forward = (a < b && b < c) || (b < c && c < a) || (c < a && a < b);
-    (a != b && b != c && c != a).then_some(!forward)
+    // Once around there is one step back, or two the other way round.
+    let ahead = [(a, b), (b, c), (c, a)].iter().filter(|(from, to)| from < to).count();
+    (a != b && b != c && c != a).then_some(ahead < 2)
 }
 
 /// A position in the plane as bits, where 0 and -0 are the same.
