@@ -89,7 +89,7 @@ pub fn feature_stats(
     let mut fields = Fields::of(source.layer());
     let mut counts = [0; Kind::ALL.len()];
     while let Some(feature) = source.next()? {
-        if stats.features % STEP == 0 {
+        if stats.features.is_multiple_of(STEP) {
             cancel.check()?;
         }
         counts[place(feature.geometry.kind())] += 1;
