@@ -2,7 +2,8 @@
 //!
 //! The environment variable TERRANE_LINE_RACE holds `METHOD TOLERANCE OUTPUT`. Chains come from
 //! TERRANE_COAST and TERRANE_COAST_OFFSETS (starts, little-endian u64; one chain without it). METHOD is one of
-//! the registry, or one that bounds a distance followed by `+topology`. The line printed is
+//! the registry, or one that bounds a distance followed by `+topology`, or `hierarchy`: one of each chain is
+//! made before, and asked. The line printed is
 //! `method,tolerance,seconds,vertices`: processor seconds of the thread, the least of three calls (of
 //! one where that takes three seconds). OUTPUT gets, for each chain, the number of vertices kept and their
 //! indices, as u32.
@@ -10,7 +11,13 @@
 use std::fs;
 
 use terrane::line::topology::{Chains, Kept, Options, refining, untangle};
-use terrane::line::{METHODS, Method, Plane, Scratch, Xy};
+use terrane::line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
+
+/// Questions to a hierarchy that are timed together: one is shorter than the clock tells.
+const QUESTIONS: u32 = 50;
+
+/// What asks stored hierarchies.
+const STORED: &str = "hierarchy";
 
 /// A method as told, and where its output goes.
 struct Race {
@@ -27,10 +34,48 @@ impl Race {
         let mut words = told.splitn(3, ' ').map(String::from);
         let mut word = || words.next().expect("TERRANE_LINE_RACE=\"METHOD TOLERANCE OUTPUT\"");
         let (told, tolerance, output) = (word(), word(), word());
-        let name = told.trim_end_matches("+topology");
+        let name = if told == STORED { "rdp" } else { told.trim_end_matches("+topology") };
         let method = METHODS.iter().find(|method| method.name == name).expect("a known method");
         let tolerance = tolerance.parse().expect("a number");
         Some(Self { is_clean: name != told, told, method, tolerance, output })
+    }
+
+    /// The least processor seconds of three calls, and the vertices kept of all chains.
+    fn time(&self, chains: &Chains<'_>) -> (f64, Kept) {
+        let (mut least, mut spent, mut kept) = (f64::INFINITY, 0.0, Kept::default());
+        for _ in 0..3 {
+            let before = processor();
+            kept = self.run(chains);
+            let seconds = processor() - before;
+            (least, spent) = (least.min(seconds), spent + seconds);
+            if spent > 3.0 {
+                break;
+            }
+        }
+        (least, kept)
+    }
+
+    /// The same of hierarchies that are made before.
+    fn ask(&self, chains: &Chains<'_>) -> (f64, Kept) {
+        let own = |ends: &[usize]| Hierarchy::new(&Plane, &chains.points[ends[0]..ends[1]]);
+        let all: Vec<Hierarchy> = chains.starts.windows(2).map(own).collect();
+        let (mut least, mut kept) = (f64::INFINITY, Kept::new());
+        for _ in 0..3 {
+            let mut found = Vec::new();
+            let before = processor();
+            for _ in 0..QUESTIONS {
+                found.clear();
+                all.iter().for_each(|hierarchy| hierarchy.filter(self.tolerance, &mut found));
+            }
+            least = least.min((processor() - before) / f64::from(QUESTIONS));
+        }
+        for (hierarchy, start) in all.iter().zip(chains.starts) {
+            let at = kept.vertices.len();
+            hierarchy.filter(self.tolerance, &mut kept.vertices);
+            kept.vertices[at..].iter_mut().for_each(|vertex| *vertex += *start as u32);
+            kept.close();
+        }
+        (least, kept)
     }
 
     /// The vertices kept of all chains.
@@ -58,16 +103,7 @@ pub(crate) fn was_told(points: &[Xy]) -> bool {
     let starts = starts(points.len());
     let closed = vec![starts.len() > 2; starts.len() - 1];
     let chains = Chains { points, starts: &starts, closed: &closed };
-    let (mut least, mut spent, mut kept) = (f64::INFINITY, 0.0, Kept::default());
-    for _ in 0..3 {
-        let before = processor();
-        kept = race.run(&chains);
-        let seconds = processor() - before;
-        (least, spent) = (least.min(seconds), spent + seconds);
-        if spent > 3.0 {
-            break;
-        }
-    }
+    let (least, kept) = if race.told == STORED { race.ask(&chains) } else { race.time(&chains) };
     let mut words: Vec<u32> = Vec::new();
     for (chain, start) in starts.iter().take(chains.count()).enumerate() {
         let own = kept.of(chain);

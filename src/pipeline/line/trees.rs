@@ -68,15 +68,14 @@ fn cut_short() -> Error {
 
 /// What stands for the coordinates that distances are measured between, and how they make parts.
 pub(super) fn digest(geometry: &Geometry, measure: Measure) -> Digest {
-    let heads: Vec<[u8; 9]> = geometry.parts().map(|part| head(&part)).collect();
-    let mut runs: Vec<&[u8]> = Vec::new();
-    for (head, part) in heads.iter().zip(geometry.parts()) {
-        runs.extend([&head[..], bytemuck::cast_slice(part.xy)]);
+    let mut hasher = blake3::Hasher::new();
+    for part in geometry.parts() {
+        hasher.update(&head(&part)).update(bytemuck::cast_slice(part.xy));
         if measure == Measure::Space {
-            runs.push(bytemuck::cast_slice(part.z));
+            hasher.update(bytemuck::cast_slice(part.z));
         }
     }
-    Digest::of_parts(&runs)
+    Digest(*hasher.finalize().as_bytes())
 }
 
 /// What a part is, and how many vertices it has.
