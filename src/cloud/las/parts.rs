@@ -1,9 +1,8 @@
 //! Parts of a LAS or LAZ file: runs of records, compressed chunks, nodes of an octree.
 
-use std::io::BufReader;
-
 use crate::cloud::copc::Node;
-use crate::cloud::laz::{self, Chunk, Damage, Layout, Table, Unpacker};
+use crate::cloud::frame::Claim;
+use crate::cloud::laz::{self, Chunk, Layout, Table, Unpacker};
 use crate::cloud::lazip::{Fields, Wanted};
 use crate::error::{Error, Result};
 use crate::files::RawFile;
@@ -14,8 +13,6 @@ use super::{Header, LasFile};
 const PLAIN_POINTS: u64 = 1 << 17;
 /// Bytes of records that are read at a time: they and their points stay in the cache.
 const BLOCK_BYTES: u64 = 1 << 18;
-/// Bytes of a compressed stream that are read at a time.
-const STREAM_BYTES: usize = 1 << 18;
 
 /// A part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,8 +42,6 @@ enum Kind {
 pub(in crate::cloud) struct Room {
     /// As in the file.
     bytes: Vec<u8>,
-    /// Uncompressed records.
-    block: Vec<u8>,
     unpacker: Unpacker,
 }
 
@@ -150,7 +145,9 @@ fn with_lost(mut parts: Vec<Part>, claimed: u64) -> Vec<Part> {
 type Each<'a> = dyn FnMut(u64, Block<'_>) -> Result<()> + 'a;
 
 impl LasFile {
-    /// Hands on the points of a part; returns how many of its points cannot be read.
+    /// Hands on the points of a part; returns how many of its points cannot be read. With `salvage`, a
+    /// chunk is handed on whole or not at all: points decode from damaged bytes, too, and nothing tells
+    /// where in a chunk the damage begins, only that something in it is not as it can be.
     ///
     /// # Errors
     /// Damage, unless it is passed over, and whatever `each` returns.
@@ -192,35 +189,56 @@ impl LasFile {
         each: &mut Each<'_>,
     ) -> Result<u64> {
         let (Some(layout), part) = (&self.layout, self.parts[number]) else { return Ok(0) };
-        let file = self.reopen()?;
-        let mut next = part.first;
-        let mut each = |block: Block<'_>, points: usize| {
-            let first = next;
-            next += points as u64;
-            each(first, block)
-        };
-        let decoded = match part.kind {
-            Kind::Stream => {
-                let source = BufReader::with_capacity(STREAM_BYTES, file.reader_at(part.at));
-                laz::stream(layout, source, part.points, &mut room.block, &mut |records| {
-                    each(Block::Records(records), records.len() / layout.record)
-                })?
-            }
-            _ => {
-                room.bytes.resize(crate::files::to_usize("chunk", part.bytes)?, 0);
-                file.read_at(part.at, &mut room.bytes)?;
-                let Room { bytes, unpacker, .. } = room;
-                unpacker.decode(layout, bytes, part.points, wanted, &mut |fields| {
-                    each(Block::Fields(fields), fields.len())
-                })?
-            }
-        };
-        match decoded {
-            Ok(()) => Ok(0),
-            Err(damage) if salvage => Ok(part.points - damage.good),
-            Err(Damage { good, what }) => Err(Error::bad_input(format!("it is damaged: {what}"))
-                .at(format_args!("chunk {number}, point {}", part.first + good))
-                .remedy("copy the file again, or read the good part with --salvage")),
+        let (file, Room { bytes, unpacker }) = (self.reopen()?, room);
+        if part.kind == Kind::Chunk {
+            bytes.resize(crate::files::to_usize("chunk", part.bytes)?, 0);
+            file.read_at(part.at, bytes)?;
         }
+        let mut unpack = |each: &mut dyn FnMut(&Fields) -> Result<()>| match part.kind {
+            Kind::Stream => {
+                let found = unpacker.stream(layout, (&file, part.at), part.points, each)?;
+                Ok(found.map(drop))
+            }
+            _ => unpacker.chunk(layout, bytes, part.points, wanted, each),
+        };
+        if salvage {
+            let (reach, mut is_sound) = (self.reach(&part), true);
+            let whole = unpack(&mut |fields| {
+                is_sound &= can_be(fields, &reach);
+                Ok(())
+            })?;
+            if whole.is_err() || !is_sound {
+                return Ok(part.points);
+            }
+        }
+        let mut next = part.first;
+        let decoded = unpack(&mut |fields| {
+            let first = next;
+            next += fields.len() as u64;
+            each(first, Block::Fields(fields))
+        })?;
+        let Err(what) = decoded else { return Ok(0) };
+        let last = part.first + part.points - 1;
+        Err(Error::bad_input(format!("it is damaged: {what}"))
+            .at(format_args!("chunk {number}, points {} to {last}", part.first))
+            .remedy("copy the file again, or read the good part with --salvage"))
     }
+
+    /// Where points of a part may lie: in the bounds claimed, and in the cube of an octree's node.
+    fn reach(&self, part: &Part) -> Option<Claim> {
+        let claim = self.claim()?;
+        let Some([low, high]) = part.cube else { return Some(claim) };
+        let cube = Claim::new(claim.scale, claim.offset, low, high);
+        // Points are rounded to steps.
+        let low = std::array::from_fn(|i| claim.low[i].max(cube.low[i].saturating_sub(1)));
+        let high = std::array::from_fn(|i| claim.high[i].min(cube.high[i].saturating_add(1)));
+        Some(Claim { low, high, ..claim })
+    }
+}
+
+/// Whether all points may be what they are: within `reach`, and no return behind the last one.
+fn can_be(fields: &Fields, reach: &Option<Claim>) -> bool {
+    let within = |place: &[i32; 3]| reach.is_some_and(|reach| reach.holds(*place));
+    let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;
+    fields.places.iter().all(within) && fields.returns.iter().all(returned)
 }

@@ -1,37 +1,36 @@
-//! Decoding of chunks: bytes and a number of points go in, fields of points come out, some thousand
-//! at a time, so that memory is bounded whatever a file claims.
+//! Decoding of chunks and streams: bytes and a number of points go in, fields of points come out,
+//! some thousand at a time, so that memory is bounded whatever a file claims.
+//!
+//! No byte of a stream is under a checksum, and a damaged one goes on yielding points that look like
+//! points. What tells is its end: encoders leave it in one of few states, at the last byte, and a
+//! stream that was read wrongly anywhere hardly ever gets there.
 
-use crate::cloud::lazip::{self, Chunk, Decoder, Fields, Stream, Wanted};
+use crate::cloud::lazip::{self, Chunk, Decoder, Fields, Flow, Stream, Wanted};
 use crate::error::Result;
+use crate::files::RawFile;
 
 use super::{Compressor, Layout, layers};
 
 /// Points that are decoded before they are handed on.
-pub(super) const BLOCK: u64 = 8192;
+const BLOCK: u64 = 8192;
+/// Bytes of a stream that are at hand, as long as it has so many.
+const WINDOW: usize = 1 << 20;
+/// More symbols than a point has beside a byte for each of its record's, and bytes of each.
+const MOST_SYMBOLS: usize = 128;
+const MOST_SYMBOL_BYTES: usize = 3;
 
-/// Where and why decoding ended early; all points before were handed on.
-#[derive(Debug)]
-pub(in crate::cloud) struct Damage {
-    /// Points handed on.
-    pub(in crate::cloud) good: u64,
-    pub(in crate::cloud) what: String,
-}
+/// What was found at the end, or what is wrong and nothing told before.
+pub(in crate::cloud) type Decoded<T> = Result<std::result::Result<T, String>>;
+
+/// What takes blocks of points.
+type Each<'a> = dyn FnMut(&Fields) -> Result<()> + 'a;
 
 /// A decoder and its room, to be used again and again.
 #[derive(Default)]
 pub(in crate::cloud) struct Unpacker {
     decoder: Decoder,
     fields: Fields,
-}
-
-/// A chunk on its way, or what is wrong with its head.
-type Begun<'d> = std::result::Result<Stream<'d, 'd>, lazip::Damage>;
-
-/// A chunk, and what is wanted of it.
-struct Job<'a> {
-    layout: &'a Layout,
-    chunk: Chunk<'a>,
-    wanted: Wanted,
+    window: Vec<u8>,
 }
 
 impl Unpacker {
@@ -39,73 +38,127 @@ impl Unpacker {
     ///
     /// # Errors
     /// Whatever `each` returns.
-    pub(in crate::cloud) fn decode(
+    pub(in crate::cloud) fn chunk(
         &mut self,
         layout: &Layout,
         bytes: &[u8],
         count: u64,
         wanted: Wanted,
-        each: &mut dyn FnMut(&Fields) -> Result<()>,
-    ) -> Result<std::result::Result<(), Damage>> {
+        each: &mut Each<'_>,
+    ) -> Decoded<()> {
         if layout.compressor == Compressor::Layers
             && let Err(what) = check(layout, bytes, count)
         {
-            return Ok(Err(Damage { good: 0, what }));
+            return Ok(Err(what));
         }
-        let Self { decoder, fields } = self;
-        let job = Job { layout, chunk: Chunk { bytes, count: count as usize }, wanted };
-        let mut good = 0;
-        let what = match job.begin(decoder) {
-            Ok(stream) => go(stream, count, &mut good, fields, each)?,
-            Err(what) => Some(what),
+        let chunk = Chunk { bytes, count: count as usize };
+        match self.decoder.stream(&layout.schema, chunk, wanted) {
+            Ok(stream) => go(stream, count, &mut self.fields, each),
+            Err(what) => Ok(Err(what.to_string())),
+        }
+    }
+
+    /// Decodes the `count` points of the stream that begins at byte `at` of `file`; returns the bytes
+    /// it takes.
+    ///
+    /// # Errors
+    /// Whatever `each` returns, and a file that cannot be read.
+    pub(in crate::cloud) fn stream(
+        &mut self,
+        layout: &Layout,
+        (file, at): (&RawFile, u64),
+        count: u64,
+        each: &mut Each<'_>,
+    ) -> Decoded<u64> {
+        let Self { decoder, fields, window } = self;
+        window.clear();
+        let mut window = Window { file, end: at, bytes: window };
+        window.fill()?;
+        let mut flow = match decoder.flow(&layout.schema, window.bytes) {
+            Ok((flow, left)) => window.keep(left, flow),
+            Err(what) => return Ok(Err(what.to_string())),
         };
-        let Some(what) = what else { return Ok(Ok(())) };
-        let whole = good;
-        fields.clear();
-        good += job.search(decoder, whole, fields);
-        each(fields)?;
-        Ok(Err(Damage { good, what: what.to_string() }))
+        let mut left = count;
+        while left > 0 {
+            window.fill()?;
+            fields.clear();
+            let points = points_at_once(layout).min(left);
+            if let Err(what) = window.read(&mut flow, points, fields) {
+                return Ok(Err(what.to_string()));
+            }
+            each(fields)?;
+            left -= points;
+        }
+        window.fill()?;
+        let end = flow.end(window.bytes);
+        Ok(end.map(|behind| window.end - behind as u64 - at).map_err(|what| what.to_string()))
     }
 }
 
-/// Hands on blocks of points as long as they are whole, and says what ended that early.
+/// Points that a full window holds, whatever they are.
+fn points_at_once(layout: &Layout) -> u64 {
+    let most_bytes = MOST_SYMBOL_BYTES * (MOST_SYMBOLS + layout.record);
+    (WINDOW / most_bytes).max(1).min(BLOCK as usize) as u64
+}
+
+/// The part of a stream that is at hand.
+struct Window<'a> {
+    file: &'a RawFile,
+    /// Place in the file of the end of `bytes`.
+    end: u64,
+    bytes: &'a mut Vec<u8>,
+}
+
+impl Window<'_> {
+    /// Reads on until the window is full or the file ends.
+    fn fill(&mut self) -> Result<()> {
+        let there = self.bytes.len();
+        let more = (self.file.len() - self.end).min(WINDOW.saturating_sub(there) as u64);
+        self.bytes.resize(there + more as usize, 0);
+        self.file.read_at(self.end, &mut self.bytes[there..])?;
+        self.end += more;
+        Ok(())
+    }
+
+    /// Drops all but the last `left` bytes.
+    fn keep<T>(&mut self, left: usize, result: T) -> T {
+        self.bytes.drain(..self.bytes.len() - left);
+        result
+    }
+
+    fn read(
+        &mut self,
+        flow: &mut Flow<'_>,
+        points: u64,
+        fields: &mut Fields,
+    ) -> std::result::Result<(), lazip::Damage> {
+        let left = flow.read(self.bytes, points as usize, fields)?;
+        self.keep(left, Ok(()))
+    }
+}
+
+/// Hands on block after block of a chunk.
 fn go(
     mut stream: Stream<'_, '_>,
     count: u64,
-    good: &mut u64,
     fields: &mut Fields,
-    each: &mut dyn FnMut(&Fields) -> Result<()>,
-) -> Result<Option<lazip::Damage>> {
-    while *good < count {
+    each: &mut Each<'_>,
+) -> Decoded<()> {
+    let mut left = count;
+    while left > 0 {
         fields.clear();
-        let points = BLOCK.min(count - *good);
+        let points = BLOCK.min(left);
         if let Err(what) = stream.read(points as usize, fields) {
-            return Ok(Some(what));
+            return Ok(Err(what.to_string()));
         }
         each(fields)?;
-        *good += points;
+        left -= points;
     }
-    Ok(None)
-}
-
-impl Job<'_> {
-    fn begin<'d>(&'d self, decoder: &'d mut Decoder) -> Begun<'d> {
-        decoder.stream(&self.layout.schema, self.chunk, self.wanted)
-    }
-
-    /// Leaves the points that follow the first `whole` and come before the damage in `fields`, and
-    /// returns how many they are: the block is damaged, and some of its points are not.
-    fn search(&self, decoder: &mut Decoder, whole: u64, fields: &mut Fields) -> u64 {
-        let Ok(mut stream) = self.begin(decoder) else { return 0 };
-        for _ in 0..whole / BLOCK {
-            fields.clear();
-            // These were read before.
-            let _ = stream.read(BLOCK as usize, fields);
-        }
-        fields.clear();
-        while (fields.len() as u64) < BLOCK && stream.read(1, fields).is_ok() {}
-        fields.len() as u64
-    }
+    Ok(match stream.end() {
+        Ok(0) => Ok(()),
+        Ok(bytes) => Err(format!("{bytes} bytes follow its last point")),
+        Err(what) => Err(what.to_string()),
+    })
 }
 
 /// Its layers must lie in the chunk, and its points be those that the file claims.

@@ -46,10 +46,8 @@ pub(in crate::cloud) struct Layout {
     pub(in crate::cloud) record: usize,
     /// Streams of a layered chunk.
     pub(super) layers: usize,
-    /// For the decoder of chunks.
+    /// For the decoder.
     pub(super) schema: Schema,
-    /// For the decoder of streams.
-    pub(super) vlr: LazVlr,
 }
 
 impl Layout {
@@ -69,7 +67,7 @@ impl Layout {
         let vlr = LazVlr::from_buffer(data).map_err(|e| damaged(e.to_string()))?;
         let layers = vlr.items().iter().map(|item| layers(item.item_type())).sum();
         let chunk_points = Some(b.u32(12)).filter(|points| !VARIABLE.contains(points));
-        Ok(Self { compressor, chunk_points, record: header.record.into(), layers, schema, vlr })
+        Ok(Self { compressor, chunk_points, record: header.record.into(), layers, schema })
     }
 }
 

@@ -4,11 +4,8 @@
 mod decode;
 mod layers;
 mod layout;
-mod quiet;
-mod stream;
 mod table;
 
-pub(super) use decode::{Damage, Unpacker};
+pub(super) use decode::Unpacker;
 pub(super) use layout::{Compressor, Layout};
-pub(super) use stream::stream;
 pub(super) use table::{Chunk, Table, read as table};

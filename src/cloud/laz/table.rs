@@ -10,7 +10,7 @@ use crate::cloud::las::{Bytes, Header};
 use crate::error::{Error, Result};
 use crate::files::RawFile;
 
-use super::{Compressor, Layout, layers};
+use super::{Compressor, Layout, Unpacker, layers};
 
 /// Bytes of the table's place, before the first chunk and, where that could not be written later, at
 /// the file's end.
@@ -33,7 +33,7 @@ pub(in crate::cloud) struct Chunk {
 pub(in crate::cloud) enum Table {
     /// Each on its own.
     Chunks(Vec<Chunk>),
-    /// One after the other; where one ends is known when it is decoded.
+    /// All points in one stream.
     Stream(Chunk),
 }
 
@@ -166,6 +166,10 @@ fn placed(
         }
         (at, left) = (at + bytes, left - points);
     }
+    if at < room.end {
+        let (has, bytes) = (at - room.start, room.end - room.start);
+        return Err(missing(format!("the chunk table has {has} of {bytes} bytes of points")));
+    }
     if left > 0 {
         let has = count - left;
         return Err(missing(format!("the chunk table has {has} of {count} points")));
@@ -173,18 +177,35 @@ fn placed(
     Ok(chunks)
 }
 
-/// The chunks of a file without a table: layered ones tell their own lengths.
+/// The chunks of a file without a table: layered ones tell their own lengths, and where others end is
+/// known when they are decoded.
 fn without(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Table> {
     let first = first.min(file.len());
-    if layout.compressor == Compressor::Layers {
-        return Ok(Table::Chunks(walk(file, header, layout, first)?));
+    let chunks = match (layout.compressor, layout.chunk_points) {
+        (Compressor::Layers, _) => walk(file, header, layout, first)?,
+        (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
+        (_, None) => {
+            let what = "without its chunk table, the chunks of this file cannot be told apart";
+            return Err(Error::bad_input(what).remedy("copy the file again"));
+        }
+    };
+    Ok(Table::Chunks(chunks))
+}
+
+/// Chunks of `full` points from byte `at` on, decoded to their ends, up to the first that has none.
+fn follow(
+    file: &RawFile,
+    layout: &Layout,
+    (mut at, mut left, full): (u64, u64, u32),
+) -> Result<Vec<Chunk>> {
+    let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
+    while left > 0 && at < file.len() {
+        let points = u64::from(full).min(left);
+        let Ok(bytes) = unpacker.stream(layout, (file, at), points, &mut |_| Ok(()))? else { break };
+        chunks.push(Chunk { at, bytes, points });
+        (at, left) = (at + bytes, left - points);
     }
-    if layout.chunk_points.is_none() {
-        let what = "without its chunk table, the chunks of this file cannot be told apart";
-        return Err(Error::bad_input(what).remedy("copy the file again"));
-    }
-    let bytes = file.len() - first;
-    Ok(Table::Stream(Chunk { at: first, bytes, points: header.count }))
+    Ok(chunks)
 }
 
 /// Layered chunks by their own heads, as far as they are whole.

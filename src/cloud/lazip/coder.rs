@@ -54,6 +54,29 @@ impl<'a, M: Machine> Coder<'a, M> {
         self.beyond == 0 && self.excess == 0
     }
 
+    /// Whether the stream ends here, as every encoder ends one: at the last it names a place 2^24 into
+    /// what is left of the interval, or half of that where it is narrow, by as few bytes as do, and
+    /// fills up with zeros what a decoder takes in ahead. A stream that came to be read wrongly
+    /// somewhere hardly ever gets there.
+    pub(super) fn is_at_end(&self) -> bool {
+        let (most, unit) = match self.length > 1 << 25 {
+            true => (1 << 24, 1 << 24),
+            false => (1 << 23, 1 << 16),
+        };
+        self.is_sound() && (most - unit + 1..=most).contains(&self.value)
+    }
+
+    /// Bytes that were not taken in.
+    pub(super) fn left(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// The same, with other bytes to go on with.
+    pub(super) fn with<'b>(self, rest: &'b [u8]) -> Coder<'b, M> {
+        let Self { beyond, value, length, excess, machine, .. } = self;
+        Coder { rest, beyond, value, length, excess, machine }
+    }
+
     /// The next symbol of an adaptive model.
     #[inline(always)]
     pub(super) fn symbol<const B: usize>(&mut self, model: &mut Model<B>) -> usize {

@@ -28,13 +28,23 @@ impl<'a, M: Machine> Streams<'a, M> {
 
     /// Says which layer is damaged, if any is.
     pub(super) fn check(&self) -> Result<(), Damage> {
+        self.find(Coder::is_sound)
+    }
+
+    /// Says which layer does not end here, if any does not.
+    pub(super) fn check_ends(&self) -> Result<(), Damage> {
+        self.find(|coder| coder.is_at_end() && coder.left() == 0)
+    }
+
+    /// Says which layer is not `right`.
+    fn find(&self, right: impl Fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
         let layers = [
             (Layer::Places, Some(self.places)),
             (Layer::Heights, self.heights),
             (Layer::Classes, self.classes),
             (Layer::Flags, self.flags),
         ];
-        let is_off = |coder: Option<Coder<M>>| coder.is_some_and(|coder| !coder.is_sound());
+        let is_off = |coder: Option<Coder<'a, M>>| coder.is_some_and(|coder| !right(&coder));
         let off = layers.into_iter().find(|(_, coder)| is_off(*coder));
         off.map_or(Ok(()), |(layer, _)| Err(Damage::Layer(layer)))
     }

@@ -106,6 +106,11 @@ impl<'d, 'a> Run<'d, 'a> {
         self.streams.check()
     }
 
+    /// Fails unless all streams end here.
+    pub(super) fn end(&self) -> Result<(), Damage> {
+        self.streams.check_ends()
+    }
+
     /// Hands on the first point; returns how many of `count` are left.
     fn begin(&mut self, count: usize, fields: &mut Fields) -> usize {
         fields.reserve(count);

@@ -144,7 +144,7 @@ pub enum Damage {
     Short,
     /// The chunk says that it holds fewer points than asked for: this many.
     Count(u32),
-    /// A stream ends before its last point, or holds what no encoder writes.
+    /// A stream does not end with its last point, or holds what no encoder writes.
     Layer(Layer),
 }
 
@@ -153,7 +153,7 @@ impl fmt::Display for Damage {
         match self {
             Self::Short => f.write_str("the chunk ends before its last stream does"),
             Self::Count(held) => write!(f, "the chunk holds only {held} points"),
-            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends early"),
+            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends elsewhere"),
         }
     }
 }
@@ -210,6 +210,19 @@ impl Decoder {
         }))
     }
 
+    /// The points of a stream that begins with `bytes`, to be read in batches from windows, and how many
+    /// of the bytes are left over. Fields must share one stream.
+    ///
+    /// # Errors
+    /// Bytes that do not hold the first point.
+    pub fn flow(&mut self, schema: &Schema, bytes: &[u8]) -> Result<(Flow<'_>, usize), Damage> {
+        let Layout::Pointwise(records) = &schema.layout else {
+            return Err(Damage::Layer(Layer::Records));
+        };
+        let run = pointwise::Run::new(&mut self.pointwise, records, bytes)?;
+        Ok((Flow(&mut self.pointwise, run.with(&[])), run.left()))
+    }
+
     /// Appends the points of two chunks to `fields`, each to its own: the same as decoding one after
     /// the other, but in less time where fields are layers and the counts are alike.
     ///
@@ -261,6 +274,50 @@ impl Stream<'_, '_> {
             Way::Pointwise(pointwise, run) => run.read(pointwise, count, fields),
         };
         done.inspect_err(|_| fields.truncate(before))
+    }
+
+    /// Bytes of the chunk behind its only stream, or 0 where fields are layers; all of its points must
+    /// have been read.
+    ///
+    /// # Errors
+    /// A stream that does not end here as encoders end them, or a layer that goes on: some of what
+    /// was read from it was damaged, and nothing tells from which point on.
+    pub fn end(&self) -> Result<usize, Damage> {
+        match &self.0 {
+            Way::Layered(run) => run.end().map(|()| 0),
+            Way::Pointwise(_, run) => run.end(),
+        }
+    }
+}
+
+/// A stream without chunks, whose bytes are given a window at a time.
+pub struct Flow<'d>(&'d mut Pointwise, pointwise::Run<'static>);
+
+impl Flow<'_> {
+    /// Appends the next `count` points to `fields`, from `bytes`, which begin with the first byte not
+    /// yet taken in; returns how many of them are left over.
+    ///
+    /// # Errors
+    /// Damage so far, or bytes that do not suffice.
+    pub fn read(
+        &mut self,
+        bytes: &[u8],
+        count: usize,
+        fields: &mut Fields,
+    ) -> Result<usize, Damage> {
+        let mut run = self.1.with(bytes);
+        run.read(self.0, count, fields)?;
+        let left = run.left();
+        self.1 = run.with(&[]);
+        Ok(left)
+    }
+
+    /// How many of `bytes`, which begin with the first byte not yet taken in, are behind the stream.
+    ///
+    /// # Errors
+    /// As for [`Stream::end`].
+    pub fn end(&self, bytes: &[u8]) -> Result<usize, Damage> {
+        self.1.with(bytes).end()
     }
 }
 

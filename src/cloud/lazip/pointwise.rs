@@ -50,6 +50,25 @@ impl<'a> Run<'a> {
         Ok(Self { first: Some(old.begin(records.version, First::new(record))), coder: None, bytes })
     }
 
+    /// Bytes behind the end of the stream, which must be here.
+    pub(super) fn end(&self) -> Result<usize, Damage> {
+        // A single point leaves the stream unopened.
+        match self.coder.or_else(|| Coder::new(self.bytes)) {
+            Some(coder) if coder.is_at_end() => Ok(coder.left()),
+            _ => Err(Damage::Layer(Layer::Records)),
+        }
+    }
+
+    /// Bytes that were not taken in.
+    pub(super) fn left(&self) -> usize {
+        self.coder.map_or(self.bytes.len(), |coder| coder.left())
+    }
+
+    /// The same, with other bytes to go on with.
+    pub(super) fn with<'b>(&self, bytes: &'b [u8]) -> Run<'b> {
+        Run { first: self.first, coder: self.coder.map(|coder| coder.with(bytes)), bytes }
+    }
+
     /// Decodes the next `count` points.
     pub(super) fn read(
         &mut self,
