@@ -106,6 +106,177 @@ fn filters_mean_what_they_say() {
     }
 }
 
+/// The decimal of so many digits that people write for `units` of its last one.
+fn decimal(units: i64, digits: u32) -> f64 {
+    format!("{units}e-{digits}").parse().unwrap()
+}
+
+/// Points of steps of 10^-`digits`, with offsets of whole steps, `apart` from the origin.
+struct Steps {
+    digits: u32,
+    offset: i64,
+    apart: i32,
+}
+
+const STEPS: [Steps; 7] = [
+    Steps { digits: 2, offset: 0, apart: 0 },
+    Steps { digits: 2, offset: 100_000, apart: 0 },
+    Steps { digits: 3, offset: -4_750_000_500, apart: 0 },
+    Steps { digits: 1, offset: 7, apart: 0 },
+    Steps { digits: 6, offset: 3, apart: 0 },
+    Steps { digits: 7, offset: 12_345_678_901, apart: 0 },
+    // Too far off for the frame to begin where the file does.
+    Steps { digits: 3, offset: 1_100, apart: 1_600_000_000 },
+];
+
+impl Steps {
+    fn made(&self, format: u8, packing: Packing, count: usize) -> Made {
+        let mut made = Made::new(format, packing, count);
+        for record in &mut made.records {
+            for axis in 0..3 {
+                let at = raw(record)[axis] + self.apart;
+                record[4 * axis..4 * axis + 4].copy_from_slice(&at.to_le_bytes());
+            }
+        }
+        made.scale = [decimal(1, self.digits); 3];
+        made.offset = [decimal(self.offset, self.digits); 3];
+        made
+    }
+
+    /// Both ways to write the place of a step: the decimal, and what readers compute.
+    fn limits(&self, made: &Made, step: i32, axis: usize) -> [f64; 2] {
+        let read = f64::from(step) * made.scale[axis] + made.offset[axis];
+        [decimal(i64::from(step) + self.offset, self.digits), read]
+    }
+
+    /// A file, as LAS, LAZ or text.
+    fn write(&self, made: &Made, kind: &str, place: &Place) -> String {
+        if kind != "txt" {
+            return place.write(&format!("a.{kind}"), &made.bytes());
+        }
+        let line = |record: &Vec<u8>| {
+            let [x, y, z] = raw(record).map(|step| i64::from(step) + self.offset);
+            let number = |units: i64| {
+                let ten = 10_u64.pow(self.digits);
+                let (size, sign) = (units.unsigned_abs(), if units < 0 { "-" } else { "" });
+                format!("{sign}{}.{:0w$}", size / ten, size % ten, w = self.digits as usize)
+            };
+            format!("{} {} {}\n", number(x), number(y), number(z))
+        };
+        place.write("a.txt", made.records.iter().map(line).collect::<String>().as_bytes())
+    }
+}
+
+/// How many points a filter keeps.
+fn kept(name: &str, filter: Filter) -> usize {
+    let filter = Filter { keep_withheld: true, ..filter };
+    read_file(name, &OpenOptions { filter, ..OpenOptions::default() }).unwrap().0.len()
+}
+
+#[test]
+fn limits_on_steps_hold_the_points_on_them() {
+    let place = Place::new();
+    for steps in STEPS {
+        for (kind, packing) in
+            [("las", Packing::Plain), ("laz", Packing::Fixed(99)), ("txt", Packing::Plain)]
+        {
+            let made = steps.made(1, packing, 400);
+            let name = steps.write(&made, kind, &place);
+            let all: Vec<[i32; 3]> = made.records.iter().map(|record| raw(record)).collect();
+            let count = |is_in: &dyn Fn(&[i32; 3]) -> bool| all.iter().filter(|p| is_in(p)).count();
+            for p in all.iter().step_by(40) {
+                let of = |axis: usize, more: i32| steps.limits(&made, p[axis] + more, axis);
+                for which in 0..2 {
+                    let told = format!("{kind} {} {} {p:?} {which}", steps.digits, steps.offset);
+                    let at = of(2, 0)[which];
+                    let filter = Filter { z_range: Some([at, at]), ..Filter::default() };
+                    assert_eq!(kept(&name, filter), count(&|q| q[2] == p[2]), "{told}");
+                    let ends = |axis: usize| (of(axis, 0)[which], of(axis, 700)[which]);
+                    let ((west, east), (south, north)) = (ends(0), ends(1));
+                    let bounds = Some([west, south, east, north]);
+                    let within = |q: &[i32; 3], axis: usize, closed: i32| {
+                        p[axis] <= q[axis] && q[axis] < p[axis] + 700 + closed
+                    };
+                    let expected = count(&|q| within(q, 0, 1) && within(q, 1, 1));
+                    assert_eq!(
+                        kept(&name, Filter { bounds, ..Filter::default() }),
+                        expected,
+                        "{told}"
+                    );
+                    let corners = [[west, south], [east, south], [east, north], [west, north]];
+                    let polygon = Some(Arc::new(Polygon::new(&[corners.to_vec()])));
+                    let expected = count(&|q| within(q, 0, 0) && within(q, 1, 0));
+                    assert_eq!(
+                        kept(&name, Filter { polygon, ..Filter::default() }),
+                        expected,
+                        "{told}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn limits_between_steps_lie_between_points() {
+    let place = Place::new();
+    let steps = &STEPS[1];
+    let made = steps.made(6, Packing::Plain, 400);
+    let name = steps.write(&made, "las", &place);
+    for record in made.records.iter().step_by(40) {
+        let z = raw(record)[2];
+        let at = decimal(i64::from(z) + steps.offset, steps.digits);
+        let above = made.records.iter().filter(|record| raw(record)[2] > z).count();
+        let near = at.next_up().next_up().next_up().next_up();
+        for beside in [near, at + 1e-9, at + 0.004] {
+            let filter = Filter { z_range: Some([beside, 1e9]), ..Filter::default() };
+            assert_eq!(kept(&name, filter), above, "{beside}");
+        }
+    }
+}
+
+#[test]
+fn points_on_slanted_edges_are_decided_exactly() {
+    let place = Place::new();
+    for steps in &STEPS[..3] {
+        let mut made = steps.made(1, Packing::Plain, 2000);
+        // Near enough for many to lie on edges.
+        for record in &mut made.records {
+            for axis in 0..2 {
+                let at = raw(record)[axis].rem_euclid(21);
+                record[4 * axis..4 * axis + 4].copy_from_slice(&at.to_le_bytes());
+            }
+        }
+        let name = steps.write(&made, "las", &place);
+        let mut random = Random::of(5);
+        for _ in 0..20 {
+            let corners: [[i32; 2]; 3] =
+                [(); 3].map(|()| [(); 2].map(|()| random.below(21) as i32));
+            let place = |c: [i32; 2]| [0, 1].map(|axis| steps.limits(&made, c[axis], axis)[0]);
+            let polygon = Some(Arc::new(Polygon::new(&[corners.map(place).to_vec()])));
+            let inside = |record: &&Vec<u8>| {
+                let [x, y, _] = raw(record);
+                let left = [(0, 1), (1, 2), (2, 0)].into_iter().filter(|(a, b)| {
+                    let (mut low, mut high) = (corners[*a], corners[*b]);
+                    if low[1] > high[1] {
+                        (low, high) = (high, low);
+                    }
+                    let side =
+                        (high[0] - low[0]) * (y - low[1]) - (high[1] - low[1]) * (x - low[0]);
+                    low[1] <= y && y < high[1] && side <= 0
+                });
+                left.count() == 1
+            };
+            let expected = made.records.iter().filter(inside).count();
+            assert_eq!(
+                kept(&name, Filter { polygon, ..Filter::default() }),
+                expected,
+                "{corners:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn a_box_elsewhere_reads_nothing() {
     let place = Place::new();

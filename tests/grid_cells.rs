@@ -102,6 +102,89 @@ fn statistics_around_centres_agree_with_brute_force() {
     }
 }
 
+/// Points nearer to the centre (x, y) than `radius`, by their squared distances: all in whole numbers
+/// of 10^-6, `scale` of them to a step.
+fn within(points: &[Point], scale: [i64; 2], centre: [i64; 2], radius: i64) -> Vec<(i128, Point)> {
+    let square = |point: &Point| {
+        let steps = [point.x, point.y].map(i64::from);
+        [0, 1].map(|axis| i128::from(steps[axis] * scale[axis] - centre[axis]).pow(2)).iter().sum()
+    };
+    let all = points.iter().map(|point| (square(point), *point));
+    all.filter(|(square, _): &(i128, Point)| *square < i128::from(radius).pow(2)).collect()
+}
+
+#[test]
+fn nearest_and_radius_are_decided_in_whole_steps() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let (mut ties, mut on_radius) = (0, 0);
+    // Steps, sides of cells and radii in 10^-6; those of a step of x and y may differ, and cells need
+    // be no whole number of steps.
+    for (scale, cell, radius) in [
+        ([10_000, 10_000], 50_000, 50_000),
+        ([10_000, 10_000], 100_000, 250_000),
+        ([10_000, 10_000], 70_000, 130_000),
+        ([1_000, 1_000], 6_000, 25_000),
+        ([10_000, 20_000], 40_000, 100_000),
+        ([10_000, 10_000], 15_000, 50_000),
+        ([10_000, 10_000], 33_300, 65_000),
+        ([30_000, 10_000], 70_000, 130_000),
+    ] {
+        let world = |units: i64| format!("{units}e-6").parse::<f64>().unwrap();
+        let frame = Frame { scale: [world(scale[0]), world(scale[1]), 0.01], offset: [0.0; 3] };
+        let side = (12 * cell / scale[0]) as u32;
+        let points = points(90, side, (cell / scale[0]) as i32, cell as u64);
+        let source = Memory::new(frame, &points, 40);
+        let stats = format!("nearest:radius={0},idw:radius={0}", world(radius));
+        let job = GridJob { overwrite: true, ..wide(&path, &stats, world(cell)) };
+        run(&source, &job);
+        let [nearest, idw] = [1, 2].map(|band| read(&path, band));
+        let corner = nearest.corner.map(|v| (v / world(cell)).round() as i64 * cell);
+        for (i, value) in nearest.values.iter().enumerate() {
+            let (col, row) = ((i % nearest.width) as i64, (i / nearest.width) as i64);
+            let centre = [corner[0] + col * cell + cell / 2, corner[1] - row * cell - cell / 2];
+            let mut near = within(&points, scale, centre, radius);
+            near.sort();
+            let expected = near.first().map_or(f64::NAN, |(_, point)| f64::from(point.z) * 0.01);
+            let told = format!("{scale:?} {cell} {centre:?}: {value} {expected} {near:?}");
+            let is_right = near.is_empty() || (value - expected).abs() < 1e-9;
+            assert!(is_right && value.is_nan() == near.is_empty(), "{told}");
+            assert_eq!(idw.values[i].is_nan(), near.is_empty(), "{told}");
+            ties +=
+                usize::from(near.len() > 1 && near[0].0 == near[1].0 && near[0].1.x != near[1].1.x);
+            let beyond = within(&points, scale, centre, radius + 1);
+            on_radius += usize::from(near.is_empty() && !beyond.is_empty());
+        }
+    }
+    assert!(ties > 20 && on_radius > 5, "{ties} ties, {on_radius} on the radius");
+}
+
+#[test]
+fn borders_of_cells_of_any_size_are_decided_exactly() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    // Steps and cells in 10^-6.
+    for (scale, cell) in
+        [(10_000_i64, 33_300_i64), (10_000, 15_000), (1_000, 2_100), (30_000, 70_000)]
+    {
+        let world = |units: i64| format!("{units}e-6").parse::<f64>().unwrap();
+        let frame = frame(world(scale), [0.0; 3]);
+        let line = |i: i32| Point::new(i, 3 * i, i);
+        let points: Vec<Point> = (-1000..1000).map(line).collect();
+        let source = Memory::new(frame, &points, 999);
+        run(&source, &GridJob { overwrite: true, ..wide(&path, "count", world(cell)) });
+        let found = read(&path, 1);
+        let [west, north] = found.corner.map(|v| (v / world(cell)).round() as i64);
+        let mut expected = vec![0.0; found.values.len()];
+        for point in &points {
+            let index = |steps: i32| (i64::from(steps) * scale).div_euclid(cell);
+            let at = (index(point.x) - west, north - 1 - index(point.y));
+            expected[at.1 as usize * found.width + at.0 as usize] += 1.0;
+        }
+        assert!(found.values == expected, "{scale} {cell}");
+    }
+}
+
 #[test]
 fn order_parts_threads_and_memory_leave_no_trace() {
     let folder = tempdir().unwrap();

@@ -5,7 +5,7 @@ mod raster_support;
 use std::path::Path;
 
 use raster_support::formats::{
-    SIZE, Sample, bil, dted, gzip, height, heights, npy, png, samples, usgs, xyz, zip,
+    SIZE, Sample, bil, dted, envi, flt, gzip, height, heights, npy, png, samples, usgs, xyz, zip,
 };
 use raster_support::{open_band, read_all, read_in_windows, same, write_anew};
 use terrane::geom::Rect;
@@ -185,6 +185,164 @@ fn packed_heights_by_prefix_path_and_alpha() {
     }
 }
 
+/// Files of samples as they are, whose lengths their headers tell: what is opened, and what is beside it.
+fn exact_files() -> Vec<Sample> {
+    let array = |name, bytes| Sample { files: vec![(name, bytes)] };
+    let text = |text: &str| text.as_bytes().to_vec();
+    let head = "NCOLS 7\nNROWS 5\nBYTEORDER I\nULXMAP 0\nULYMAP 0\nXDIM 1\nYDIM 1\n";
+    let with = |name, bytes: usize, more: &str| Sample {
+        files: vec![(name, vec![1; bytes]), ("x.hdr", text(&format!("{head}{more}\n")))],
+    };
+    vec![
+        bil(),
+        flt(),
+        envi(),
+        array("a.dt0", dted()),
+        array("a.npy", npy("'<i4'", "False", i32::to_le_bytes, false)),
+        array("N48W125.hgt", vec![0; 1201 * 1201 * 2]),
+        with("x.bsq", 140, "NBANDS 2\nNBITS 16"),
+        with("x.bip", 105, "NBANDS 3\nNBITS 8"),
+        with("x.bsq", 147, "NBANDS 2\nNBITS 16\nBANDGAPBYTES 7"),
+        with("x.bil", 70, "PIXELTYPE SIGNEDINT"),
+    ]
+}
+
+#[test]
+fn bytes_behind_the_last_sample_are_refused() {
+    for sample in exact_files() {
+        let folder = tempfile::tempdir().unwrap();
+        sample.write(folder.path());
+        let (name, bytes) = &sample.files[0];
+        let path = folder.path().join(name);
+        open_band(&path, 1).unwrap_or_else(|e| panic!("{name}: {e}"));
+        for more in [1, 2, 35, bytes.len()] {
+            write_anew(&path, &[bytes.as_slice(), &vec![0; more]].concat());
+            let Err(error) = open_band(&path, 1) else { panic!("{name} with {more} more") };
+            let text = error.to_string();
+            assert!(text.contains(name) && !text.contains('\n'), "{text}");
+        }
+    }
+}
+
+#[test]
+fn what_fills_up_the_last_row_may_be_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    bil().write(folder.path());
+    let path = folder.path().join("a.bil");
+    let bytes = &bil().files[0].1;
+    for bytes in [bytes.clone(), bytes[..bytes.len() - 6].to_vec()] {
+        write_anew(&path, &bytes);
+        assert_eq!(read_all(open_band(&path, 2).unwrap().as_ref()).unwrap()[34], 167.0);
+    }
+    write_anew(&path, &bytes[..bytes.len() - 3]);
+    assert!(open_band(&path, 2).is_err());
+}
+
+#[test]
+fn a_header_without_the_width_of_samples_goes_by_the_length() {
+    use terrane::raster::SampleType;
+    let head = "NCOLS 7\nNROWS 5\nBYTEORDER I\nULXMAP 0\nULYMAP 0\nXDIM 1\nYDIM 1\n";
+    // What GDAL 3.10 makes of these, but for those with a pixel type, which it takes for bytes.
+    for (more, size, kind) in [
+        ("", 1, SampleType::U8),
+        ("", 2, SampleType::U16),
+        ("", 4, SampleType::F32),
+        ("NODATA -9999\n", 2, SampleType::I16),
+        ("PIXELTYPE SIGNEDINT\n", 2, SampleType::I16),
+        ("PIXELTYPE SIGNEDINT\n", 4, SampleType::I32),
+        ("PIXELTYPE UNSIGNEDINT\n", 2, SampleType::U16),
+        ("PIXELTYPE FLOAT\n", 4, SampleType::F32),
+        ("PIXELTYPE FLOAT\n", 8, SampleType::F64),
+        ("BANDROWBYTES 14\n", 2, SampleType::U16),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let header = format!("{head}{more}");
+        write_anew(&folder.path().join("a.hdr"), header.as_bytes());
+        let path = folder.path().join("a.bil");
+        write_anew(&path, &vec![1; 35 * size]);
+        let grid = open_band(&path, 1).unwrap_or_else(|e| panic!("{more}{size}: {e}"));
+        assert_eq!(grid.info().sample_type, kind, "{more}{size}");
+        for other in [34, 36, 35 * 3, 35 * size + 1] {
+            let beside = [("a.hdr", header.as_bytes())];
+            check_refusal("a.bil", &vec![1; other], &beside, "header lacks NBITS");
+        }
+    }
+    // Rows of one length hold samples of either width.
+    let either = format!("{head}BANDROWBYTES 20\n");
+    check_refusal("a.bil", &[1; 100], &[("a.hdr", either.as_bytes())], "header lacks NBITS");
+}
+
+#[test]
+fn headers_that_say_two_things_are_refused() {
+    for (sample, line, expected) in [
+        (bil(), "NBITS 8\n", "two things of nbits"),
+        (flt(), "ncols 5\n", "two things of ncols"),
+        (envi(), "data type = 4\n", "two things of data type"),
+    ] {
+        let (name, bytes) = &sample.files[0];
+        let (beside, header) = &sample.files[1];
+        let header = [header.as_slice(), line.as_bytes()].concat();
+        check_refusal(name, bytes, &[(*beside, &header)], expected);
+    }
+}
+
+/// What must not be in a line of "2 1 6": the line instead, and the line that is to be named.
+const BAD_LINES: [&str; 14] = [
+    "2 1 6 7937 3",
+    "2 1 6 7",
+    "2 1",
+    "2 1 6\r1",
+    "2 1\r6",
+    "2\r1 6",
+    "2 1 \"89.32",
+    "2 1 89.32\"",
+    "2 1 8\"9",
+    "2 1 6e999",
+    "2 1 -6e999",
+    "2 1e999 6",
+    "2 1 6\u{b}1",
+    "2 1 0x6",
+];
+
+#[test]
+fn every_line_of_points_is_like_the_first() {
+    for (separator, ending) in [(" ", "xyz"), (",", "csv"), (";", "txt"), ("\t", "xyz")] {
+        for bad in BAD_LINES {
+            for heading in ["", "x y z\n"] {
+                let text = format!("{heading}1 1 5\n{bad}\n1 2 7\n2 2 8\n").replace(' ', separator);
+                let line = if heading.is_empty() { "line 2: " } else { "line 3: " };
+                check_refusal(&format!("a.{ending}"), text.as_bytes(), &[], line);
+            }
+        }
+    }
+    // Others may follow, in every line.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.xyz");
+    write_anew(&path, b"1 1 5 9 9\n2 1 6 9 9\n1 2 7 9 9\n2 2 \"8\" 9 x\n");
+    assert_eq!(read_all(open_band(&path, 1).unwrap().as_ref()).unwrap(), [5.0, 6.0, 7.0, 8.0]);
+    // Beyond what 32 bits hold, and what is said to be infinite.
+    write_anew(&path, b"1 1 5.5\n2 1 1e39\n1 2 inf\n2 2 nan\n");
+    let found = read_all(open_band(&path, 1).unwrap().as_ref()).unwrap();
+    assert!(found[..2] == [5.5, 1e39] && found[2].is_nan() && found[3].is_nan(), "{found:?}");
+}
+
+#[test]
+fn every_line_of_a_text_cloud_is_like_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    for (separator, ending) in [(" ", "xyz"), (",", "csv"), (";", "txt")] {
+        for bad in BAD_LINES {
+            let text = format!("1 1 5\n{bad}\n1 2 7\n2 2 8\n").replace(' ', separator);
+            let path = folder.path().join(format!("a.{ending}"));
+            write_anew(&path, text.as_bytes());
+            let options = terrane::cloud::OpenOptions::default();
+            let name = path.to_str().unwrap().to_owned();
+            let Err(error) = terrane::cloud::open(&[name], &options) else { panic!("{text:?}") };
+            let told = error.to_string();
+            assert!(told.contains("line 2") && told.contains(ending), "{text:?}: {told}");
+        }
+    }
+}
+
 #[test]
 fn cells_with_damage() {
     let check = |at: usize, byte: u8, expected: &str| {
@@ -234,6 +392,8 @@ fn models_that_lie() {
     let last = 1024 * 7 + 144 + 6 * SIZE.1;
     check_refusal("a.dem", &usgs("")[..last - 1], &[], "profile 7 of 7: file is truncated");
     check_refusal("a.dem", b"hello", &[], "its first record has 1024 bytes");
+    let more = [usgs(""), vec![b'7'; 1027]].concat();
+    check_refusal("a.dem", &more, &[], "bytes follow its last profile");
 }
 
 #[test]

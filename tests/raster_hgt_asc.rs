@@ -138,6 +138,41 @@ fn damaged_text_grids_name_the_line() {
     check(header.replace("cellsize 4", "cellsize"), "line 6: cellsize is not followed by a number");
     check(header.to_owned(), "ends within its header");
     check(format!("{header}{}", "1".repeat(400)), "too long");
+    check(format!("{header}1 2\n3 6e999\n"), "line 7: \"6e999\" is not a number");
+    check(format!("{header}1 2\n3 \"4\n"), "line 7: \"\\\"4\" is not a number");
+    check(header.replace("nrows 2", "ncols 3\nnrows 2") + "1 2\n3 4\n", "two things of ncols");
+}
+
+#[test]
+fn rows_that_are_lines_are_so_all_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = "ncols 3\nnrows 4\nxllcorner 10\nyllcorner 20\ncellsize 4\n";
+    let write = |lines: &str| write(folder.path(), "t.asc", format!("{header}{lines}").as_bytes());
+    for (lines, place) in [
+        ("1 2 3\n4 5\n6 7 8 9\n10 11 12\n", "line 8"),
+        ("1 2 3\n4 5 6 7\n8 9\n10 11 12\n", "line 7"),
+        ("1 2 3\n4 5 6\n7 8 9\n10 1\r1\n", "line 9"),
+        ("1 2 3\n4 5 6\n7 8\r9\n10 11 12\n", "line 8"),
+    ] {
+        let told = refusal(&write(lines));
+        assert!(told.contains(place) && told.contains("of the first one"), "{told}");
+    }
+    let count: Vec<f64> = (1..13).map(f64::from).collect();
+    for lines in [
+        "1 2 3\n4 5 6\n7 8 9\n10 11 12\n",
+        "1 2 3\r\n\r\n4 5 6\r\n7 8 9\r\n10 11 12",
+        "1 2 3\r4 5 6\r7 8 9\r10 11 12\r",
+        "1 2 3 4 5 6 7 8 9 10 11 12",
+        "1 2\n3 4\n5 6\n7 8\n9 10\n11 12\n",
+        "1 2 3 4\n5 6 7 8\n9 10 11 12\n",
+        "1\n2\n3\n4\n5\n6\n7\n8\n9\n10\n11\n12\n",
+    ] {
+        let grid = open_band(&write(lines), 1).unwrap_or_else(|e| panic!("{lines:?}: {e}"));
+        assert_eq!(read_all(grid.as_ref()).unwrap(), count, "{lines:?}");
+    }
+    let grid = open_band(&write("1 2 3\n4 5 1e39\n7 8 9\n-3e300 11 1.5\n"), 1).unwrap();
+    let found = read_all(grid.as_ref()).unwrap();
+    assert_eq!((found[5], found[9], found[11]), (1e39, -3e300, 1.5));
 }
 
 /// Many blocks of rows, read backwards in small windows within a cache of two blocks.

@@ -421,6 +421,58 @@ fn virtual_rasters_that_are_refused() {
 }
 
 #[test]
+fn damage_anywhere_in_a_vrt_or_a_sidecar_is_told() {
+    let place = Place::new();
+    place.tiles(&[Tile::new(0, 0, 4, 4, |_, _| 1.0)]);
+    let sources = source("SimpleSource", "t000.asc", [0, 0, 4, 4], [0, 0], "");
+    let unused =
+        "<Metadata domain=\"X\"><MDI key=\"a\">b</MDI></Metadata><Other><Deep>c</Deep></Other>";
+    let vrt = std::fs::read_to_string(place.vrt("Byte", "", 4, &sources)).unwrap();
+    let vrt = vrt.replace(
+        "</VRTDataset>",
+        &format!("<VRTRasterBand band=\"2\">{unused}</VRTRasterBand></VRTDataset>"),
+    );
+    let sidecar = format!(
+        "<PAMDataset>{unused}<PAMRasterBand band=\"7\">{unused}</PAMRasterBand></PAMDataset>\n"
+    );
+    let other = format!("<Something>{unused}</Something>\n");
+    let open_vrt = |text: &str| opened(&[place.write("v.vrt", text)]).map(drop);
+    let open_beside = |text: &str| {
+        place.write("t000.asc.aux.xml", text);
+        opened(&[place.at("t000.asc")]).map(drop)
+    };
+    let cases: [(&str, &dyn Fn(&str) -> Result<()>); 3] =
+        [(&vrt, &open_vrt), (&sidecar, &open_beside), (&other, &open_beside)];
+    for (sound, open) in cases {
+        std::fs::remove_file(place.at("t000.asc.aux.xml")).ok();
+        open(sound).unwrap_or_else(|e| panic!("{sound}: {e}"));
+        for (from, to) in [
+            ("<MDI key=\"a\">b</MDI>", "<MDI key=\"a\">b"),
+            ("<MDI key=\"a\">b</MDI>", "<MDI key=\"a\">b</MDO>"),
+            ("key=\"a\"", "key=a"),
+            ("key=\"a\"", "key=\"a\"key=\"b\""),
+            ("key=\"a\"", "key=\"a"),
+            (">b<", ">b & c<"),
+            (">b<", ">b&nothing;<"),
+            (">b<", ">\u{1}<"),
+            ("<Deep>c</Deep>", "<Deep>c<Deep>"),
+            ("<Deep>", "<Deep><!-- c"),
+            ("<Deep>", "<Deep><![CDATA[ c"),
+            ("<Deep>c</Deep>", "<1>c</1>"),
+            ("</Other>", ""),
+        ] {
+            let damaged = sound.replacen(from, to, 1);
+            assert_ne!(damaged, *sound, "{from}");
+            let told = open(&damaged).unwrap_err().to_string();
+            assert!(told.contains("XML") || told.contains("middle"), "{to}: {told}");
+        }
+        for more in ["x", "<Other/>", "</Other>", "&amp;", sound] {
+            assert!(open(&format!("{sound}{more}")).is_err(), "{more}");
+        }
+    }
+}
+
+#[test]
 fn srtm_tiles_share_their_edges() {
     let Some(data) = data_folder() else { return };
     let name = |tile: &str| data.join(format!("dem/{tile}.hgt.zip")).display().to_string();

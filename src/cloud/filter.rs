@@ -5,9 +5,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::geom::{Frame, Point};
+
 use super::Polygon;
 
-/// Which points are wanted: those that meet every condition given.
+/// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
+/// cloud's frame first, and all is decided on steps (see [`Gate`]).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Filter {
     /// Of one of these classes.
@@ -79,6 +82,8 @@ impl Flags {
 /// All of a point that filters ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
+    /// In steps of the cloud's frame.
+    pub point: Point,
     /// World coordinates.
     pub world: [f64; 3],
     /// Classification.
@@ -117,18 +122,6 @@ impl Return {
 }
 
 impl Filter {
-    /// What becomes of `record`, condition by condition. A point that is withheld and not wanted
-    /// for another reason, too, counts as withheld.
-    pub fn judge(&self, record: &Record) -> Verdict {
-        if !self.keep_withheld && record.flags.meets(Flags::WITHHELD) {
-            return Verdict::Withheld;
-        }
-        match self.is_wanted(record) {
-            true => Verdict::Keep,
-            false => Verdict::Filtered,
-        }
-    }
-
     /// The box around the points asked for: x low, y low, x high, y high.
     pub fn area(&self) -> [f64; 4] {
         let [west, south, east, north] = self.bounds.unwrap_or(EVERYWHERE);
@@ -143,17 +136,68 @@ impl Filter {
         let across = low[0] <= east && west <= high[0] && low[1] <= north && south <= high[1];
         across && self.z_range.is_none_or(|[bottom, top]| low[2] <= top && bottom <= high[2])
     }
+}
+
+/// A filter whose limits are steps of a frame.
+#[derive(Clone, Debug)]
+pub struct Gate {
+    filter: Filter,
+    /// Lowest and highest steps of the points wanted; none where they cross over.
+    limits: [[i32; 2]; 3],
+    /// In steps.
+    polygon: Option<Arc<Polygon>>,
+}
+
+impl Gate {
+    /// For points of `frame`.
+    pub fn new(filter: &Filter, frame: &Frame) -> Self {
+        let [west, south, east, north] = filter.area();
+        let heights = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let asked = [[west, east], [south, north], heights];
+        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let limits = [0, 1, 2].map(|axis| {
+            let ruler = frame.ruler(axis);
+            [clip(ruler.first(asked[axis][0])), clip(ruler.last(asked[axis][1]))]
+        });
+        let polygon = filter.polygon.as_ref().map(|polygon| Arc::new(polygon.in_steps(frame)));
+        Self { filter: filter.clone(), limits, polygon }
+    }
+
+    /// What it was made of.
+    pub fn filter(&self) -> &Filter {
+        &self.filter
+    }
+
+    /// A box of points cut to the box and heights asked for; `None` where nothing is left.
+    pub fn cut(&self, [low, high]: [Point; 2]) -> Option<[Point; 2]> {
+        let [x, y, z] = self.limits;
+        let low = Point::new(low.x.max(x[0]), low.y.max(y[0]), low.z.max(z[0]));
+        let high = Point::new(high.x.min(x[1]), high.y.min(y[1]), high.z.min(z[1]));
+        (low.x <= high.x && low.y <= high.y && low.z <= high.z).then_some([low, high])
+    }
+
+    /// What becomes of `record`, condition by condition. A point that is withheld and not wanted
+    /// for another reason, too, counts as withheld.
+    pub fn judge(&self, record: &Record) -> Verdict {
+        if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {
+            return Verdict::Withheld;
+        }
+        match self.is_wanted(record) {
+            true => Verdict::Keep,
+            false => Verdict::Filtered,
+        }
+    }
 
     fn is_wanted(&self, record: &Record) -> bool {
-        let [x, y, z] = record.world;
-        self.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))
-            && self.classes.as_ref().is_none_or(|classes| classes.contains(&record.class))
-            && self.returns.is_none_or(|wanted| wanted.is(record.number, record.returns))
-            && !record.flags.meets(self.drop)
-            && self.bounds.is_none_or(|[west, south, east, north]| {
-                (west..=east).contains(&x) && (south..=north).contains(&y)
-            })
-            && self.z_range.is_none_or(|[low, high]| (low..=high).contains(&z))
-            && self.polygon.as_ref().is_none_or(|polygon| polygon.contains(x, y))
+        let (filter, Point { x, y, z }) = (&self.filter, record.point);
+        let within = |[low, high]: [i32; 2], step: i32| low <= step && step <= high;
+        filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))
+            && filter.classes.as_ref().is_none_or(|classes| classes.contains(&record.class))
+            && filter.returns.is_none_or(|wanted| wanted.is(record.number, record.returns))
+            && !record.flags.meets(filter.drop)
+            && within(self.limits[0], x)
+            && within(self.limits[1], y)
+            && within(self.limits[2], z)
+            && self.polygon.as_ref().is_none_or(|polygon| polygon.contains(x.into(), y.into()))
     }
 }

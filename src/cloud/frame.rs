@@ -1,7 +1,7 @@
 //! The frame of a cloud: one lattice for the points of all its files, whatever their order.
 
 use crate::error::{Error, Result};
-use crate::geom::{Frame, Point, REACH};
+use crate::geom::{Frame, Point, REACH, Ruler};
 
 use super::Filter;
 
@@ -41,13 +41,20 @@ impl Claim {
         (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&raw[axis]))
     }
 
-    /// The claim cut to the box and heights asked for; `None` where nothing is left.
+    /// The claim cut to the box and heights asked for, and a step around them, as points may be
+    /// rounded to steps of another lattice; `None` where nothing is left.
     pub(super) fn within(&self, filter: &Filter) -> Option<Self> {
         let [west, south, east, north] = filter.area();
         let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let asked = Self::new(self.scale, self.offset, [west, south, bottom], [east, north, top]);
-        let low = std::array::from_fn(|axis| self.low[axis].max(asked.low[axis]));
-        let high = std::array::from_fn(|axis| self.high[axis].min(asked.high[axis]));
+        let asked = [[west, east], [south, north], [bottom, top]];
+        let steps = |axis: usize| Ruler::new(self.scale[axis], self.offset[axis]);
+        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let low = std::array::from_fn(|axis| {
+            self.low[axis].max(clip(steps(axis).first(asked[axis][0]) - 1))
+        });
+        let high = std::array::from_fn(|axis| {
+            self.high[axis].min(clip(steps(axis).last(asked[axis][1]) + 1))
+        });
         let cut = Self { low, high, ..*self };
         (0..3).all(|axis| cut.low[axis] <= cut.high[axis]).then_some(cut)
     }
@@ -162,7 +169,7 @@ fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
     let frame = Frame {
         scale: std::array::from_fn(|axis| axes[axis].scale),
         offset: std::array::from_fn(|axis| {
-            axes[axis].base + origins[axis] as f64 * axes[axis].scale
+            Ruler::new(axes[axis].scale, axes[axis].base).at(origins[axis])
         }),
     };
     Ok(Common { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
@@ -180,7 +187,7 @@ fn rounded(claims: &[Claim]) -> Result<Common> {
             return Err(wide());
         }
         let origin = origin(first as i64, last as i64).ok_or_else(wide)?;
-        (frame.scale[axis], frame.offset[axis]) = (scale, origin as f64 * scale);
+        (frame.scale[axis], frame.offset[axis]) = (scale, Ruler::new(scale, 0.0).at(origin));
     }
     let maps = vec![Map::Round(frame); claims.len()];
     Ok(Common { frame, maps, moved: frame.scale.map(|scale| scale / 2.0) })

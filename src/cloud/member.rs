@@ -108,8 +108,7 @@ impl Visit for Sift<'_, '_> {
 
 /// Looks at records.
 struct Look<'a> {
-    filter: &'a Filter,
-    claim: Claim,
+    sieve: &'a Sieve,
     census: Census,
     each: &'a mut dyn FnMut(&Record),
 }
@@ -121,12 +120,9 @@ impl Visit for Look<'_> {
         records: impl ExactSizeIterator<Item = R> + Clone,
     ) -> Result<()> {
         for (index, raw) in (first..).zip(records) {
-            let [number, returns] = raw.returns();
-            let world = self.claim.world(raw.xyz());
-            let (class, flags) = (raw.class(), raw.flags());
-            let record = Record { world, class, number, returns, flags, index };
+            let record = self.sieve.record(raw, index);
             self.census.read += 1;
-            match self.filter.judge(&record) {
+            match self.sieve.gate().judge(&record) {
                 Verdict::Withheld => self.census.withheld += 1,
                 Verdict::Filtered => self.census.filtered += 1,
                 Verdict::Keep => {
@@ -180,14 +176,9 @@ impl Member {
     }
 
     /// Hands on all of the wanted points of a part.
-    pub(super) fn records(
-        &self,
-        part: usize,
-        filter: &Filter,
-        each: &mut dyn FnMut(&Record),
-    ) -> Result<Census> {
-        let Some(claim) = self.file.claim() else { return Ok(Census::default()) };
-        let mut look = Look { filter, claim, census: Census::default(), each };
+    pub(super) fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
+        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
+        let mut look = Look { sieve, census: Census::default(), each };
         let lost = take_room(|room| self.visit(part, Wanted::ALL, &mut room.records, &mut look))?;
         Ok(with_lost(look.census, lost))
     }
@@ -235,7 +226,7 @@ fn with_lost(census: Census, lost: u64) -> Census {
 impl Sieve {
     /// What it asks of each point, beside x, y and return numbers.
     fn wanted(&self) -> Wanted {
-        let filter = self.filter();
+        let filter = self.gate().filter();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
         Wanted { z: true, class: filter.classes.is_some(), flags }
     }

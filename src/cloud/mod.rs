@@ -16,7 +16,7 @@ pub mod synth;
 mod text;
 pub mod write;
 
-pub use filter::{Filter, Flags, Record, Return, Verdict};
+pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
 pub use open::{Cloud, OpenOptions, files, is_cloud, open};
 pub use polygon::Polygon;
 

@@ -14,7 +14,7 @@ use super::las::LasFile;
 use super::member::{File, Member, take_room};
 use super::sieve::Sieve;
 use super::text::TextFile;
-use super::{Census, CloudInfo, Filter, PointSource, Record, agree};
+use super::{Census, CloudInfo, Filter, Gate, PointSource, Record, agree};
 
 /// What says that a file is a cloud, before its name.
 const CLOUD_PREFIX: &str = "cloud:";
@@ -55,7 +55,6 @@ pub struct Cloud {
     claims: Vec<Option<[Point; 2]>>,
     /// Member, and part of it.
     parts: Vec<(u32, u32)>,
-    filter: Filter,
     notes: Vec<String>,
 }
 
@@ -80,7 +79,7 @@ impl Cloud {
     /// As [`PointSource::read`], but for points outside.
     pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
         let (member, inner) = self.part(part)?;
-        member.records(inner, &self.filter, each)
+        member.records(inner, each)
     }
 
     fn part(&self, part: usize) -> Result<(&Member, usize)> {
@@ -213,22 +212,23 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
         true => nowhere(&files),
         false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
     };
-    let bounds = bounds(&wanted, &common);
+    let gate = Gate::new(&options.filter, &common.frame);
     let mut maps = common.maps.iter();
     let (mut members, mut ends) = (Vec::new(), Vec::new());
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
         let map = touching.and_then(|_| maps.next().copied());
-        ends.push(touching.zip(map).map(|(claim, map)| placed(&claim, &map)));
+        ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
         let sieve = claim
             .zip(map)
-            .map(|(claim, map)| Sieve::new(&options.filter, claim, map, options.salvage));
+            .map(|(claim, map)| Sieve::new(gate.clone(), claim, map, options.salvage));
         members.push(Member { file, sieve, salvage: options.salvage });
     }
+    let bounds = ends.iter().flatten().copied().reduce(around);
     let parts = parts(&members, &options.filter);
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, common.moved);
-    Ok(Cloud { info, names, members, claims: ends, parts, filter: options.filter.clone(), notes })
+    Ok(Cloud { info, names, members, claims: ends, parts, notes })
 }
 
 /// The error with the first file that is beyond reach on its own.
@@ -260,13 +260,10 @@ fn placed(claim: &Claim, map: &Map) -> [Point; 2] {
     [map.place(claim.low, claim), map.place(claim.high, claim)]
 }
 
-/// Lowest and highest coordinates in the frame.
-fn bounds(claims: &[Claim], common: &Common) -> Option<[Point; 2]> {
-    let ends = claims.iter().zip(&common.maps).map(|(claim, map)| placed(claim, map));
-    ends.reduce(|[a, b], [c, d]| {
-        let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
-        [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]
-    })
+/// The box around two.
+fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
+    let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
+    [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]
 }
 
 /// The parts that may have wanted points, file by file.

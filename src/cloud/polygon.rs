@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{Error, Result};
+use crate::geom::{Frame, plane};
 use crate::limits;
 
 /// Polygons with holes: inside is where an odd number of rings goes around. Of two polygons that
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
-/// one, and points on an edge are right of it.
+/// one, and points on an edge are right of it. Which side of an edge a point is on is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Polygon {
     /// From the lower to the upper end.
@@ -37,6 +38,18 @@ impl Polygon {
             let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
             edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         }
+        Self::of_edges(edges)
+    }
+
+    /// The same polygons in steps of a frame: corners on its points are whole numbers.
+    pub fn in_steps(&self, frame: &Frame) -> Self {
+        let rulers = [frame.ruler(0), frame.ruler(1)];
+        let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
+        let edges = self.edges.iter().map(|edge| edge.map(place));
+        Self::of_edges(edges.filter(|[low, high]| low[1] < high[1]).collect())
+    }
+
+    fn of_edges(edges: Vec<[[f64; 2]; 2]>) -> Self {
         let bounds = edges.iter().flatten().fold(EMPTY, |[west, south, east, north], [x, y]| {
             [west.min(*x), south.min(*y), east.max(*x), north.max(*y)]
         });
@@ -120,8 +133,7 @@ const EMPTY: [f64; 4] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::N
 
 /// Whether an edge holds the height of a place and is left of it, or the place is on it.
 fn is_left([low, high]: &[[f64; 2]; 2], x: f64, y: f64) -> bool {
-    let across = (high[0] - low[0]) * (y - low[1]) - (x - low[0]) * (high[1] - low[1]);
-    low[1] <= y && y < high[1] && across <= 0.0
+    low[1] <= y && y < high[1] && plane::orient(*low, *high, [x, y]).is_le()
 }
 
 /// Gathers the rings of all polygons in a GeoJSON object. The parser bounds its depth.

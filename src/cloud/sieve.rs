@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::geom::Point;
 
 use super::frame::{Claim, Map};
-use super::{Census, Filter, Flags, Record, Verdict};
+use super::{Census, Filter, Flags, Gate, Record, Verdict};
 
 /// A point as its file has it.
 pub(super) trait Raw: Copy {
@@ -19,7 +19,7 @@ pub(super) trait Raw: Copy {
 /// What is done with the points of one file.
 #[derive(Clone, Debug)]
 pub(super) struct Sieve {
-    filter: Filter,
+    gate: Gate,
     /// True when all filters but for withheld points would let everything through.
     is_plain: bool,
     claim: Claim,
@@ -37,14 +37,14 @@ struct Counts {
 }
 
 impl Sieve {
-    pub(super) fn new(filter: &Filter, claim: Claim, map: Map, salvage: bool) -> Self {
-        let keep_withheld = filter.keep_withheld;
+    pub(super) fn new(gate: Gate, claim: Claim, map: Map, salvage: bool) -> Self {
+        let keep_withheld = gate.filter().keep_withheld;
         let open = Filter { keep_withheld, ..Filter::default() };
-        Self { is_plain: *filter == open, filter: filter.clone(), claim, map, salvage }
+        Self { is_plain: *gate.filter() == open, gate, claim, map, salvage }
     }
 
-    pub(super) fn filter(&self) -> &Filter {
-        &self.filter
+    pub(super) fn gate(&self) -> &Gate {
+        &self.gate
     }
 
     /// Counts `records` into `census` and leaves those wanted in `out`. `first` is the number of the
@@ -85,7 +85,8 @@ impl Sieve {
         out: &mut [Point],
     ) -> Counts {
         let mut counts = Counts::default();
-        let hidden = if self.filter.keep_withheld { Flags::default() } else { Flags::WITHHELD };
+        let hidden =
+            if self.gate.filter().keep_withheld { Flags::default() } else { Flags::WITHHELD };
         let low = self.claim.low;
         let span: [u32; 3] = std::array::from_fn(|i| self.claim.high[i].abs_diff(low[i]));
         for record in records {
@@ -112,13 +113,14 @@ impl Sieve {
         let mut counts = Counts::default();
         for (index, record) in (first..).zip(records) {
             let raw = record.xyz();
-            match self.filter.judge(&self.record(record, index)) {
+            let record = self.record(record, index);
+            match self.gate.judge(&record) {
                 Verdict::Withheld => counts.withheld += 1,
                 Verdict::Filtered => counts.filtered += 1,
                 Verdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
                 Verdict::Keep => {
                     let Some(place) = out.get_mut(counts.kept) else { break };
-                    *place = self.map.place(raw, &self.claim);
+                    *place = record.point;
                     counts.kept += 1;
                 }
             }
@@ -126,16 +128,23 @@ impl Sieve {
         counts
     }
 
-    fn record<R: Raw>(&self, record: R, index: u64) -> Record {
-        let [number, returns] = record.returns();
-        let world = self.claim.world(record.xyz());
-        Record { world, class: record.class(), number, returns, flags: record.flags(), index }
+    pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> Record {
+        let ([number, returns], raw) = (record.returns(), record.xyz());
+        Record {
+            point: self.map.place(raw, &self.claim),
+            world: self.claim.world(raw),
+            class: record.class(),
+            number,
+            returns,
+            flags: record.flags(),
+            index,
+        }
     }
 
     /// The error for the first point outside.
     fn outside<R: Raw>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
         let is_it = |(index, record): &(u64, R)| {
-            let wanted = self.filter.judge(&self.record(*record, *index)) == Verdict::Keep;
+            let wanted = self.gate.judge(&self.record(*record, *index)) == Verdict::Keep;
             wanted && !self.claim.holds(record.xyz())
         };
         let Some((index, record)) = (first..).zip(records).find(is_it) else {

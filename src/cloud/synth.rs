@@ -1,6 +1,6 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
-use super::filter::{Filter, Flags, Record, Verdict};
+use super::filter::{Filter, Flags, Gate, Record, Verdict};
 use super::{BATCH, Census, CloudInfo, OpenOptions, PointSource, write};
 use crate::error::{Error, Result};
 use crate::geom::{Crs, Frame, Point};
@@ -67,21 +67,22 @@ pub fn crs() -> Crs {
 /// not made.
 pub struct Synthetic {
     survey: Survey,
-    filter: Filter,
+    gate: Gate,
     info: CloudInfo,
 }
 
 impl Synthetic {
     /// The points of `survey` that pass `filter`.
     pub fn new(survey: Survey, filter: Filter) -> Self {
-        let info = info(&survey, &filter);
-        Self { survey, filter, info }
+        let gate = Gate::new(&filter, &frame(&survey));
+        let info = info(&survey, &gate);
+        Self { survey, gate, info }
     }
 
     /// Whether a part may have points in the box asked for.
     fn touches(&self, part: usize) -> bool {
         let [west, south, east, north] = self.area(part);
-        self.filter.touches([west, south, f64::MIN], [east, north, f64::MAX])
+        self.gate.filter().touches([west, south, f64::MIN], [east, north, f64::MAX])
     }
 
     /// Where the points of a part lie in the world: x min, y min, x max, y max.
@@ -93,6 +94,7 @@ impl Synthetic {
 
     fn record(&self, echo: &Echo, index: usize) -> Record {
         Record {
+            point: echo.point,
             world: self.info.frame.world(echo.point),
             class: echo.class,
             number: echo.number,
@@ -103,26 +105,10 @@ impl Synthetic {
     }
 }
 
-fn info(survey: &Survey, filter: &Filter) -> CloudInfo {
-    let frame = frame(survey);
+fn info(survey: &Survey, gate: &Gate) -> CloudInfo {
     let ([width, height], [low, high]) = (survey.steps(), survey.heights());
-    let mut ends = [[0, width - 1], [0, height - 1], [low, high]];
-    let mut cut = |axis: usize, from: f64, to: f64| {
-        let [low, high] = ends[axis].map(f64::from);
-        let from = frame.steps(axis, from).floor().clamp(low, high + 1.0);
-        let to = frame.steps(axis, to).ceil().clamp(low - 1.0, high);
-        ends[axis] = [from as i32, to as i32];
-    };
-    let [west, south, east, north] = filter.area();
-    cut(0, west, east);
-    cut(1, south, north);
-    if let Some([low, high]) = filter.z_range {
-        cut(2, low, high);
-    }
-    let is_empty = ends.iter().any(|[low, high]| low > high);
-    let corner = |k: usize| Point::new(ends[0][k], ends[1][k], ends[2][k]);
-    let bounds = (!is_empty).then(|| [corner(0), corner(1)]);
-    CloudInfo { frame, bounds, count: survey.expected(), crs: crs() }
+    let bounds = gate.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
+    CloudInfo { frame: frame(survey), bounds, count: survey.expected(), crs: crs() }
 }
 
 impl PointSource for Synthetic {
@@ -161,7 +147,7 @@ impl PointSource for Synthetic {
         let mut census = Census { read: echoes.len() as u64, ..Census::default() };
         let mut points = Vec::with_capacity(echoes.len());
         for (index, echo) in echoes.iter().enumerate() {
-            match self.filter.judge(&self.record(echo, index)) {
+            match self.gate.judge(&self.record(echo, index)) {
                 Verdict::Keep => points.push(echo.point),
                 Verdict::Withheld => census.withheld += 1,
                 Verdict::Filtered => census.filtered += 1,

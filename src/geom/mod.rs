@@ -2,18 +2,22 @@
 
 mod affine;
 mod crs;
+mod decimal;
 mod geokeys;
 pub mod plane;
 mod point;
 pub mod predicates;
 mod rect;
+mod ruler;
 pub mod wkt;
 
 pub use affine::Affine;
 pub use crs::Crs;
+pub use decimal::Decimal;
 pub use geokeys::GeoKeys;
-pub use point::{Frame, Point, REACH};
+pub use point::{Frame, Point, REACH, is_within};
 pub use rect::Rect;
+pub use ruler::Ruler;
 
 /// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.
 pub type Point3 = [f64; 3];

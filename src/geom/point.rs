@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::{Decimal, Ruler};
+
 /// A point of a cloud, in steps of its [`Frame`]. The order (x, then y, then z) is the canonical one:
 /// wherever a tie must be broken, the lowest point wins.
 #[repr(C)]
@@ -42,8 +44,75 @@ impl Frame {
         std::array::from_fn(|axis| steps[axis] * self.scale[axis] + self.offset[axis])
     }
 
-    /// Position of a world coordinate on `axis`, in steps; whole steps are points.
+    /// The steps along an axis.
+    pub fn ruler(&self, axis: usize) -> Ruler {
+        Ruler::new(self.scale[axis], self.offset[axis])
+    }
+
+    /// Position of a world coordinate on `axis`, in steps; whole steps are points, but for rounding.
     pub fn steps(&self, axis: usize, world: f64) -> f64 {
         (world - self.offset[axis]) / self.scale[axis]
+    }
+}
+
+/// Part of a square that floats do not decide.
+const DOUBT: f64 = 1e-9;
+
+/// Whether two points are no farther apart, across, than `most` world units: exactly, where `scale` and
+/// `most` are taken for the decimals they are.
+pub fn is_within(a: Point, b: Point, scale: [f64; 2], most: f64) -> bool {
+    let steps = [i64::from(a.x) - i64::from(b.x), i64::from(a.y) - i64::from(b.y)];
+    let [x, y] = [0, 1].map(|axis| steps[axis] as f64 * scale[axis]);
+    let (square, limit) = (x * x + y * y, most * most);
+    match (square - limit).abs() > DOUBT * limit {
+        true => square < limit,
+        false => is_within_exactly(steps, scale, most).unwrap_or(square <= limit),
+    }
+}
+
+/// The same in whole numbers; `None` where there are too many digits.
+#[cold]
+fn is_within_exactly(steps: [i64; 2], scale: [f64; 2], most: f64) -> Option<bool> {
+    let all = [Decimal::of(scale[0])?, Decimal::of(scale[1])?, Decimal::of(most)?];
+    let digits = all.iter().map(|number| number.digits()).max()?;
+    let square = |number: i128| number.checked_mul(number);
+    let along = |axis: usize| square(all[axis].units(digits)?.checked_mul(steps[axis].into())?);
+    Some(along(0)?.checked_add(along(1)?)? <= square(all[2].units(digits)?)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_compared_as_decimals() {
+        let mut off = 0;
+        for k in 1..400 {
+            // Three, four, five, turned and in steps of two sizes.
+            for (x, y, scale) in
+                [(3, 4, [0.01; 2]), (4, 3, [0.001; 2]), (3, 2, [0.01, 0.02]), (0, 5, [0.1; 2])]
+            {
+                let most: f64 = format!(
+                    "{}e-{}",
+                    5 * k,
+                    if scale[0] == 0.1 {
+                        1
+                    } else if scale[0] == 0.001 {
+                        3
+                    } else {
+                        2
+                    }
+                )
+                .parse()
+                .unwrap();
+                let (a, b) = (Point::new(7, -9, 0), Point::new(7 + x * k, -9 - y * k, 99));
+                assert!(is_within(a, b, scale, most), "{k} {x} {y}");
+                assert!(!is_within(a, b, scale, most.next_down()), "{k} {x} {y}");
+                assert!(!is_within(a, Point::new(b.x + 1, b.y, 0), scale, most), "{k} {x} {y}");
+                let [x, y] = [f64::from(x * k) * scale[0], f64::from(y * k) * scale[1]];
+                off += i32::from(x * x + y * y > most * most);
+            }
+        }
+        assert!(off > 50, "floats alone are wrong in {off}");
     }
 }

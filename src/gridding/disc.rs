@@ -1,7 +1,7 @@
 //! From points to the cells whose centres are near them.
 
 use super::block::Block;
-use super::lattice::Lattice;
+use super::lattice::{Lattice, Unit};
 use super::plane::Hits;
 use crate::error::Result;
 use crate::geom::{Point, Rect};
@@ -9,18 +9,19 @@ use crate::geom::{Point, Rect};
 /// Hands points to the cells whose centres they are nearer to than a radius.
 #[derive(Debug)]
 pub struct Scatter {
+    unit: Unit,
     /// Least squared distance that is not within the radius.
-    limit: f64,
+    limit: u128,
     /// Most columns and rows that a cell reached is away from the point's own.
     across: i64,
     down: i64,
     cells: Vec<u32>,
     points: Vec<Point>,
-    squares: Vec<f64>,
+    squares: Vec<u128>,
     filled: usize,
     /// Squared distances of a point from the columns and rows around it.
-    columns: Vec<f64>,
-    rows: Vec<f64>,
+    columns: Vec<u128>,
+    rows: Vec<u128>,
 }
 
 /// Hits that are handed over at once.
@@ -30,13 +31,15 @@ impl Scatter {
     /// For cells of `lattice`.
     pub fn new(lattice: &Lattice, radius: f64) -> Self {
         let reach = |cell: f64| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64;
+        let unit = lattice.unit(radius);
         Self {
-            limit: limit(radius),
+            unit,
+            limit: unit.square(radius),
             across: reach(lattice.x.world_cell()),
             down: reach(lattice.y.world_cell()),
             cells: vec![0; ROOM],
             points: vec![Point::default(); ROOM],
-            squares: vec![0.0; ROOM],
+            squares: vec![0; ROOM],
             filled: 0,
             columns: Vec::new(),
             rows: Vec::new(),
@@ -65,8 +68,8 @@ impl Scatter {
             let rows = clip(i64::from(*row), self.down, window.row, window.height);
             let first = (cols.start - i64::from(window.col)) as u32;
             let down = (rows.start - i64::from(window.row)) as u32;
-            lattice.x.squares(point.x, cols, &mut self.columns);
-            lattice.y.squares(point.y, rows, &mut self.rows);
+            lattice.x.squares(point.x, cols, self.unit, &mut self.columns);
+            lattice.y.squares(point.y, rows, self.unit, &mut self.rows);
             for i in 0..self.rows.len() {
                 let first = (down + i as u32) * stride + first;
                 self.row(*point, first, self.rows[i], block, region)?;
@@ -80,7 +83,7 @@ impl Scatter {
         &mut self,
         point: Point,
         first: u32,
-        down: f64,
+        down: u128,
         block: &mut Block,
         region: usize,
     ) -> Result<()> {
@@ -103,20 +106,9 @@ impl Scatter {
     fn flush(&mut self, block: &mut Block, region: usize) -> Result<()> {
         let filled = std::mem::take(&mut self.filled);
         let (cells, points) = (&self.cells[..filled], &self.points[..filled]);
-        block.add(region, Hits { cells, points, squares: &self.squares[..filled] })
+        let (squares, unit) = (&self.squares[..filled], self.unit.size);
+        block.add(region, Hits { cells, points, squares, unit })
     }
-}
-
-/// The least square whose root is not below `radius`.
-fn limit(radius: f64) -> f64 {
-    let mut limit = radius * radius;
-    while limit.sqrt() >= radius {
-        limit = limit.next_down();
-    }
-    while limit.sqrt() < radius {
-        limit = limit.next_up();
-    }
-    limit
 }
 
 /// The numbers within `reach` of `at` that lie in `count` from `first`.

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::geom::{Affine, Frame, Point};
+use crate::geom::{Affine, Decimal, Frame, Point};
 
 /// Which two borders belong to a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +30,18 @@ impl Lattice {
         let x = Axis::new(frame, 0, anchor[0], cell[0]);
         let y = Axis::new(frame, 1, anchor[1], cell[1]).down();
         let y = if edges == Edges::NorthClosed { y.upper_closed() } else { y };
-        Self { x, y }
+        let a = x.decimals(frame.scale[0], frame.offset[0]);
+        let b = y.decimals(frame.scale[1], frame.offset[1]);
+        let Some((a, b)) = a.zip(b) else { return Self { x, y } };
+        let digits = a.digits().max(b.digits());
+        Self { x: Axis { units: a.units(digits), ..x }, y: Axis { units: b.units(digits), ..y } }
+    }
+
+    /// What distances up to `reach` are measured in.
+    pub fn unit(&self, reach: f64) -> Unit {
+        let exact = self.x.units.zip(self.y.units).map(|(x, _)| Unit::exact(x.digits));
+        let fits = |unit: &Unit| reach / unit.size < MOST_UNITS;
+        exact.filter(fits).unwrap_or(Unit { size: reach / COARSE_UNITS, digits: None })
     }
 
     /// The lattice indices of the cells (x, y) that hold the lowest and highest of two points.
@@ -55,15 +66,57 @@ impl Lattice {
     }
 }
 
+/// What distances from points to the centres of cells are counted in, so that they are whole numbers
+/// and compared exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// World units.
+    pub size: f64,
+    /// It is half of the last of so many decimals, which all points, borders and centres are in;
+    /// `None` where there are too many to count, and distances are rounded to units.
+    digits: Option<u32>,
+}
+
+/// Squares of so many units, twice, are within `u128`.
+const MOST_UNITS: f64 = (1_u64 << 61) as f64;
+/// Units that a radius is divided into where decimals do not serve.
+const COARSE_UNITS: f64 = (1_u64 << 48) as f64;
+
+impl Unit {
+    fn exact(digits: u32) -> Self {
+        Self { size: Decimal::new(1, digits).value() / 2.0, digits: Some(digits) }
+    }
+
+    /// The least square that is not below that of `radius`, which `MOST_UNITS` hold.
+    pub fn square(&self, radius: f64) -> u128 {
+        let exact = self.digits.zip(Decimal::of(radius));
+        exact.and_then(|(digits, radius)| square(radius, digits)).unwrap_or_else(|| {
+            let units = (radius / self.size).ceil();
+            (units * units) as u128
+        })
+    }
+}
+
+/// The square of twice a number in units of 10^-`digits`, rounded up.
+fn square(number: Decimal, digits: u32) -> Option<u128> {
+    let finest = number.digits().max(digits);
+    let units = number.units(finest)?.checked_mul(2)?.unsigned_abs();
+    let ten = 10_u128.checked_pow(2 * (finest - digits))?;
+    Some(units.checked_mul(units)?.div_ceil(ten))
+}
+
 /// One axis of a lattice, and the stretch of it that a grid covers.
 ///
 /// Where the cell size is a whole number of steps, points are put into cells in whole numbers.
-/// Elsewhere the cell of a point with world coordinate w (in `f64`) is the one of lattice index
+/// Elsewhere the cell of a point with world coordinate w is the one of lattice index
 /// floor((w - anchor) / cell), or ceil(...) - 1 where the upper border belongs to a cell: a rule that
-/// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it.
+/// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it. It
+/// is decided in `f64`, and near borders in whole numbers of the last decimal of all that is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     rule: Rule,
+    /// The same in whole numbers, where all decimals can be counted.
+    units: Option<Units>,
     world_anchor: f64,
     world_cell: f64,
     upper_closed: bool,
@@ -81,6 +134,65 @@ enum Rule {
     Steps { anchor: f64, cell: i64, scale: f64 },
     /// In world coordinates: steps * scale + offset.
     World { scale: f64, offset: f64 },
+}
+
+/// An axis in decimals.
+struct Decimals {
+    scale: Decimal,
+    offset: Decimal,
+    anchor: Decimal,
+    cell: Decimal,
+}
+
+impl Decimals {
+    fn digits(&self) -> u32 {
+        let all = [self.scale, self.offset, self.anchor, self.cell];
+        all.into_iter().map(Decimal::digits).max().unwrap_or(0)
+    }
+
+    fn units(&self, digits: u32) -> Option<Units> {
+        let twice = |number: Decimal| number.units(digits)?.checked_mul(2);
+        let shift = twice(self.offset)?.checked_sub(twice(self.anchor)?)?;
+        let (scale, cell) = (twice(self.scale)?, twice(self.cell)?);
+        let fits = scale < MOST_SCALE && cell < MOST_SCALE && shift.abs() < MOST_SHIFT;
+        fits.then_some(Units { digits, scale, shift, cell })
+    }
+}
+
+/// An axis in halves of the last of so many decimals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Units {
+    digits: u32,
+    /// From a step to the next.
+    scale: i128,
+    /// From the anchor to step 0.
+    shift: i128,
+    /// From a cell to the next; even.
+    cell: i128,
+}
+
+/// Bounds of units below which no product with a step or the index of a cell overflows.
+const MOST_SCALE: i128 = 1 << 84;
+const MOST_SHIFT: i128 = 1 << 125;
+/// Part of a cell beside a border in which floats do not decide.
+const DOUBT: f64 = 1e-6;
+
+impl Units {
+    /// From the anchor to a step.
+    fn at(&self, steps: i32) -> i128 {
+        i128::from(steps) * self.scale + self.shift
+    }
+
+    fn index(&self, steps: i32, upper_closed: bool) -> i64 {
+        let at = self.at(steps) - i128::from(upper_closed);
+        at.div_euclid(self.cell).clamp(-i128::from(FAR), i128::from(FAR)) as i64
+    }
+
+    /// From the centre of a cell to a step.
+    fn apart(&self, steps: i32, index: i64) -> i64 {
+        let apart = self.at(steps) - i128::from(index) * self.cell - self.cell / 2;
+        apart.clamp(i64::MIN.into(), i64::MAX.into()) as i64
+    }
 }
 
 /// Largest relative difference from a whole number that is rounding: over the 2^30 steps that
@@ -108,6 +220,7 @@ impl Axis {
         let (upper_closed, down) = (false, false);
         Self {
             rule,
+            units: None,
             world_anchor: anchor,
             world_cell: cell,
             upper_closed,
@@ -115,6 +228,26 @@ impl Axis {
             first: 0,
             count: 0,
         }
+    }
+
+    /// What is in whole steps is so many of them, however it is written.
+    fn decimals(&self, scale: f64, offset: f64) -> Option<Decimals> {
+        let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
+        let world = |steps: i64, from: Decimal| {
+            let digits = scale.digits().max(from.digits());
+            let steps = scale.units(digits)?.checked_mul(steps.into())?;
+            Some(Decimal::new(steps.checked_add(from.units(digits)?)?, digits))
+        };
+        let (anchor, cell) = match self.rule {
+            Rule::Steps { anchor, cell, .. } if anchor.fract() == 0.0 => {
+                (world(anchor as i64, offset)?, world(cell, Decimal::new(0, 0))?)
+            }
+            Rule::Steps { cell, .. } => {
+                (Decimal::of(self.world_anchor)?, world(cell, Decimal::new(0, 0))?)
+            }
+            Rule::World { .. } => (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?),
+        };
+        Some(Decimals { scale, offset, anchor, cell })
     }
 
     /// The upper border belongs to a cell, not the lower one.
@@ -154,6 +287,11 @@ impl Axis {
             Rule::World { scale, offset } => {
                 let cells =
                     (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
+                if let Some(units) = &self.units
+                    && (cells - cells.round()).abs() < DOUBT
+                {
+                    return units.index(steps, self.upper_closed);
+                }
                 let index = if self.upper_closed { cells.ceil() - 1.0 } else { cells.floor() };
                 (index as i64).clamp(-FAR, FAR)
             }
@@ -200,23 +338,32 @@ impl Axis {
         number.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
     }
 
-    /// Squared distances along the axis from a coordinate to the centres of cells, in world units, into
-    /// `out` (emptied first). Each is computed by itself, so that it is the same for any grid on this
+    /// Squared distances along the axis from a coordinate to the centres of cells, in `unit`, into `out`
+    /// (emptied first). Each is computed by itself, so that it is the same for any grid on this
     /// lattice.
-    pub fn squares(&self, steps: i32, numbers: Range<i64>, out: &mut Vec<f64>) {
+    pub fn squares(&self, steps: i32, numbers: Range<i64>, unit: Unit, out: &mut Vec<u128>) {
         out.clear();
-        let index = |number: i64| (self.turned(number) + self.first) as f64 + 0.5;
-        let steps = f64::from(steps);
+        let index = |number: i64| self.turned(number) + self.first;
+        let square =
+            |apart: i64| u128::from(apart.unsigned_abs()) * u128::from(apart.unsigned_abs());
+        match self.units.filter(|_| unit.digits.is_some()) {
+            Some(units) => {
+                out.extend(numbers.map(|number| square(units.apart(steps, index(number)))))
+            }
+            None => out.extend(numbers.map(|number| {
+                square((self.apart(steps, index(number)) / unit.size).round() as i64)
+            })),
+        }
+    }
+
+    /// From the centre of a cell to a coordinate in steps, in world units, rounded.
+    fn apart(&self, steps: i32, index: i64) -> f64 {
+        let (steps, index) = (f64::from(steps), index as f64 + 0.5);
         match self.rule {
-            Rule::Steps { anchor, cell, scale } => out.extend(numbers.map(|number| {
-                let apart = (steps - (anchor + index(number) * cell as f64)) * scale;
-                apart * apart
-            })),
-            Rule::World { scale, offset } => out.extend(numbers.map(|number| {
-                let centre = self.world_anchor + index(number) * self.world_cell;
-                let apart = steps * scale + offset - centre;
-                apart * apart
-            })),
+            Rule::Steps { anchor, cell, scale } => (steps - (anchor + index * cell as f64)) * scale,
+            Rule::World { scale, offset } => {
+                steps * scale + offset - (self.world_anchor + index * self.world_cell)
+            }
         }
     }
 
@@ -292,9 +439,10 @@ mod tests {
         let x = lattice.x.covering(0, 2);
         assert!(x.is_exact());
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| x.number(steps)), [-1, 0, 0, 1, 1, 2]);
-        let mut squares = Vec::new();
-        x.squares(2, 0..2, &mut squares);
-        assert_eq!(squares, [0.0, 9.0]);
+        let (unit, mut squares) = (lattice.unit(10.0), Vec::new());
+        x.squares(2, 0..2, unit, &mut squares);
+        // In tenths, halved.
+        assert_eq!((unit.size, squares), (0.05, vec![0, 3600]));
         let north = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::NorthClosed);
         let y = north.y.covering(0, 2);
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| y.number(steps)), [2, 1, 1, 0, 0, -1]);
@@ -315,14 +463,15 @@ mod tests {
         for (scale, cell) in [(0.01, 1.0), (0.01, 0.333), (0.3, 0.7), (1e-7, 1.0 / 3600.0)] {
             for edges in [Edges::LowerClosed, Edges::NorthClosed] {
                 let lattice = Lattice::new(&frame(scale, 12.34), [0.1; 2], [cell; 2], edges);
+                let unit = lattice.unit(1000.0 * cell);
                 let [whole, part] = [(-500, 1000), (-20, 100)]
                     .map(|(first, count)| lattice.y.covering(first, count));
                 for steps in (-70_000..70_000).step_by(7) {
                     let number = whole.number(steps);
                     assert_eq!(part.number(steps), number - 420, "{scale} {cell}");
                     let [mut a, mut b] = [Vec::new(), Vec::new()];
-                    whole.squares(steps, 400..403, &mut a);
-                    part.squares(steps, 400 - 420..403 - 420, &mut b);
+                    whole.squares(steps, 400..403, unit, &mut a);
+                    part.squares(steps, 400 - 420..403 - 420, unit, &mut b);
                     assert_eq!(a, b);
                 }
             }

@@ -18,7 +18,7 @@ mod recipe;
 pub use block::{Block, Units};
 pub use disc::Scatter;
 pub use fill::fill;
-pub use lattice::{Axis, Edges, Lattice};
+pub use lattice::{Axis, Edges, Lattice, Unit};
 pub use method::{
     Asked, METHODS, MOST_POWER, Method, Parameter, Statistic, check_power, parse_list,
 };

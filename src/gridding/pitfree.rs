@@ -6,7 +6,7 @@
 //! and where it spans from one crown to the next its edges are long, so those triangles do not count.
 //! The triangulations are the caller's: this says which points belong to which of them, and joins them.
 
-use crate::geom::Point;
+use crate::geom::{Point, is_within};
 
 /// Which triangulations there are. Lengths are in the unit of the world.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,11 +87,7 @@ impl PitFree {
 /// x and y.
 pub fn is_short(corners: &[Point; 3], scale: [f64; 2], most: f64) -> bool {
     let [a, b, c] = *corners;
-    [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| {
-        let dx = (f64::from(to.x) - f64::from(from.x)) * scale[0];
-        let dy = (f64::from(to.y) - f64::from(from.y)) * scale[1];
-        dx * dx + dy * dy <= most * most
-    })
+    [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| is_within(from, to, scale, most))
 }
 
 #[cfg(test)]

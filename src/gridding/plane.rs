@@ -61,17 +61,26 @@ impl Falloff {
         Self { unit: WEIGHT_AT_RADIUS * raised(radius * radius, power), power }
     }
 
-    /// Calls `each` with the weights at these squared distances.
-    fn weigh(self, squares: &[f64], mut each: impl FnMut(usize, i64)) {
+    /// Calls `each` with the weights at the squared distances of `hits`.
+    fn weigh(self, hits: Hits<'_>, mut each: impl FnMut(usize, i64)) {
         let weight = |divisor: f64| (self.unit / divisor + 0.5) as i64;
-        let squares = squares.iter().enumerate();
+        let area = hits.unit * hits.unit;
+        let squares = hits.squares.iter().map(|square| float(*square) * area).enumerate();
         if self.power == 1.0 {
             squares.for_each(|(i, square)| each(i, weight(square.sqrt())));
         } else if self.power == 2.0 {
-            squares.for_each(|(i, square)| each(i, weight(*square)));
+            squares.for_each(|(i, square)| each(i, weight(square)));
         } else {
-            squares.for_each(|(i, square)| each(i, weight(raised(*square, self.power))));
+            squares.for_each(|(i, square)| each(i, weight(raised(square, self.power))));
         }
+    }
+}
+
+/// The nearest float; nearly all squares are short, and those are quick.
+fn float(square: u128) -> f64 {
+    match u64::try_from(square) {
+        Ok(short) => short as f64,
+        Err(_) => square as f64,
     }
 }
 
@@ -93,9 +102,11 @@ pub struct Hits<'a> {
     pub cells: &'a [u32],
     /// The points, one for each cell.
     pub points: &'a [Point],
-    /// Their squared distances from the centres of the cells, in world units; empty where nothing
-    /// asks for them.
-    pub squares: &'a [f64],
+    /// Their squared distances from the centres of the cells, in units; empty where nothing asks for
+    /// them.
+    pub squares: &'a [u128],
+    /// World size of the unit.
+    pub unit: f64,
 }
 
 /// Sums of weights.
@@ -110,14 +121,14 @@ pub(super) struct Weighted {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Near {
-    square: f64,
+    square: u128,
     point: Point,
     unused: u32,
 }
 
 impl Near {
     const NONE: Self =
-        Self { square: f64::INFINITY, point: Point::new(NONE_LOW, NONE_LOW, NONE_LOW), unused: 0 };
+        Self { square: u128::MAX, point: Point::new(NONE_LOW, NONE_LOW, NONE_LOW), unused: 0 };
 
     /// The nearer of two, of equally near ones the lowest.
     #[inline]
@@ -180,13 +191,13 @@ impl Plane {
             }),
             Self::Low(lows) => each().for_each(|(at, p)| lows[at] = lows[at].min(p.z)),
             Self::High(highs) => each().for_each(|(at, p)| highs[at] = highs[at].max(p.z)),
-            Self::Weights(sums, falloff) => falloff.weigh(hits.squares, |i, weight| {
+            Self::Weights(sums, falloff) => falloff.weigh(hits, |i, weight| {
                 let sum = &mut sums[hits.cells[i] as usize];
                 sum.weight += u128::from(weight.unsigned_abs());
                 sum.height += i128::from(weight) * i128::from(hits.points[i].z);
             }),
             Self::Hit(lows) => {
-                let at_centre = each().zip(hits.squares).filter(|(_, square)| **square == 0.0);
+                let at_centre = each().zip(hits.squares).filter(|(_, square)| **square == 0);
                 at_centre.for_each(|((at, p), _)| lows[at] = lows[at].min(p.z));
             }
             Self::Nearest(nearest) => {

@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(own.bytes_per_cell(), 4 + 8 + 16 + 4 + 4);
         let wide = recipe("mean,idw,idw:power=2,idw:radius=3,nearest,count", false);
         assert_eq!(wide.regions.len(), 3);
-        assert_eq!(wide.bytes_per_cell(), 4 + 8 + (32 + 4) + 32 + (32 + 4) + 24);
+        assert_eq!(wide.bytes_per_cell(), 4 + 8 + (32 + 4) + 32 + (32 + 4) + 32);
         assert_eq!((wide.reach(), own.reach()), (3.0, 0.0));
         assert_eq!(recipe("mean,idw", true).regions, [Region::Disc(2.0)]);
         assert_eq!(recipe("median,p95", false).bytes_per_point(), 8);

@@ -38,6 +38,13 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     Some((if negative { -value } else { value }, end))
 }
 
+/// The number that all of `text` is, as programs write it; `None` when it is none, or when digits say
+/// more than `f64` holds, which is not what they mean who write "inf".
+pub(super) fn whole(text: &str) -> Option<f64> {
+    let is_said = |value: &f64| value.is_finite() || !text.contains(|c: char| c.is_ascii_digit());
+    text.parse().ok().filter(is_said)
+}
+
 /// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
 #[inline(always)]
 fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
@@ -86,6 +93,20 @@ mod tests {
         for word in words.into_iter().chain(["9007199254740992", "-0.000000000000000001"]) {
             assert_eq!(check(word), Some(true), "{word}");
         }
+    }
+
+    #[test]
+    fn what_is_beyond_all_numbers_is_none() {
+        for (text, value) in
+            [("1e308", 1e308), ("inf", f64::INFINITY), ("-Infinity", -f64::INFINITY)]
+        {
+            assert_eq!(whole(text), Some(value), "{text}");
+        }
+        assert!(whole("NaN").is_some_and(f64::is_nan) && whole("1e-999") == Some(0.0));
+        assert_eq!(
+            (whole("6e999"), whole("-1e309"), whole("1 "), whole("x")),
+            (None, None, None, None)
+        );
     }
 
     #[test]

@@ -232,7 +232,11 @@ impl Columns<'_> {
             return Err(self.truncated());
         }
         limits::check("columns", count, limits::MAX_SIDE)?;
-        Ok(count)
+        match room - count * bytes {
+            0 => Ok(count),
+            more => Err(Error::bad_input(format!("{more} bytes follow its last column"))
+                .remedy("copy the file again")),
+        }
     }
 
     fn truncated(&self) -> Error {

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::geom::Affine;
 use crate::limits;
 use crate::raster::file::RawFile;
-use crate::raster::strided::{Layout, Strided};
+use crate::raster::strided::{Layout, Strided, check_exact};
 use crate::raster::{
     GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj, world,
 };
@@ -55,6 +55,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
         false => Layout::rows(header.width, size),
     };
     let layout = Layout { offset: start + bytes, big_endian: header.big_endian, ..layout };
+    let end = layout.end(header.width, header.height, size);
+    check_exact(&file, end.as_ref().map(std::slice::from_ref))?;
     Strided::new(file, info, layout)
 }
 

@@ -155,7 +155,8 @@ impl Said {
     fn read<R: std::io::BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Self> {
         let mut said = Self::default();
         if !xml.root()?.is("PAMDataset") {
-            return Ok(said);
+            xml.skip()?;
+            return xml.finish().map(|()| said);
         }
         while let Some(tag) = xml.child()? {
             match tag.name.to_ascii_lowercase().as_str() {
@@ -168,7 +169,7 @@ impl Said {
                 _ => xml.skip()?,
             }
         }
-        Ok(said)
+        xml.finish().map(|()| said)
     }
 
     fn read_band<R: std::io::BufRead>(&mut self, xml: &mut Xml<R>) -> Result<()> {

@@ -46,8 +46,24 @@ impl Layout {
     }
 }
 
+/// Fails unless the file has one of the `lengths` that what its header says can have, the first of
+/// which ends with the last sample (`None`: more than can be counted).
+pub(super) fn check_exact(file: &RawFile, lengths: Option<&[u64]>) -> Result<()> {
+    let end = lengths.and_then(|lengths| lengths.first().copied());
+    check_length(file, end)?;
+    match end.filter(|_| lengths.is_none_or(|lengths| !lengths.contains(&file.len()))) {
+        None => Ok(()),
+        Some(end) => Err(Error::bad_input(format!(
+            "{} bytes follow its last sample, so its header speaks of another file",
+            file.len() - end
+        ))
+        .in_file(file.path())
+        .remedy(format!("mend the header, or cut the file to {end} bytes"))),
+    }
+}
+
 /// Fails unless `expected` bytes (`None`: more than can be counted) are in the file.
-pub(super) fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
+fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
     let found = file.len();
     match expected {
         Some(expected) if expected <= found => Ok(()),

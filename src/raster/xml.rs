@@ -1,6 +1,8 @@
 //! XML as VRTs and sidecars need it, read as a stream: elements, attributes and text. No document
-//! type, no entity but the five of XML itself, and limits on depth and size.
+//! type, no entity but the five of XML itself, and limits on depth and size. What is passed over must be
+//! well-formed, too: a document damaged anywhere may be damaged in what is used.
 
+use std::collections::HashSet;
 use std::io::BufRead;
 
 use quick_xml::XmlVersion;
@@ -20,6 +22,8 @@ pub(super) struct Xml<R> {
     reader: Reader<R>,
     buffer: Vec<u8>,
     depth: u32,
+    /// True once anything was read.
+    is_begun: bool,
 }
 
 /// The start of an element.
@@ -104,7 +108,8 @@ impl<R: BufRead> Xml<R> {
     pub(super) fn new(from: R) -> Self {
         let mut reader = Reader::from_reader(from);
         reader.config_mut().expand_empty_elements = true;
-        Self { reader, buffer: Vec::new(), depth: 0 }
+        reader.config_mut().check_comments = true;
+        Self { reader, buffer: Vec::new(), depth: 0, is_begun: false }
     }
 
     /// The outermost element.
@@ -162,6 +167,21 @@ impl<R: BufRead> Xml<R> {
         Ok(())
     }
 
+    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    pub(super) fn finish(&mut self) -> Result<()> {
+        loop {
+            self.buffer.clear();
+            let event = self.reader.read_event_into(&mut self.buffer);
+            match event.map_err(|e| not_xml(&e))? {
+                Event::Eof => return Ok(()),
+                Event::Text(text) if text.trim_ascii().is_empty() => {}
+                Event::PI(pi) if is_name(pi.target()) => {}
+                Event::Comment(comment) => check_text(&comment)?,
+                _ => return Err(self.broken("goes on behind its outermost element")),
+            }
+        }
+    }
+
     /// Where the reader is.
     pub(super) fn place(&self) -> String {
         format!("byte {}", self.reader.buffer_position())
@@ -169,6 +189,7 @@ impl<R: BufRead> Xml<R> {
 
     fn next(&mut self) -> Result<Next> {
         loop {
+            self.is_begun = self.reader.buffer_position() > 0;
             self.buffer.clear();
             let event = self.reader.read_event_into(&mut self.buffer);
             let event = match event {
@@ -191,9 +212,14 @@ impl<R: BufRead> Xml<R> {
                     return Ok(Next::End);
                 }
                 Event::Text(text) => {
+                    check_text(&text)?;
+                    if text.windows(3).any(|three| three == b"]]>") {
+                        return Err(not_xml(&"]]> in a text"));
+                    }
                     return Ok(Next::Text(text.decode().map_err(|e| not_xml(&e))?.into_owned()));
                 }
                 Event::CData(text) => {
+                    check_text(&text)?;
                     return Ok(Next::Text(text.decode().map_err(|e| not_xml(&e))?.into_owned()));
                 }
                 Event::GeneralRef(name) => {
@@ -203,7 +229,12 @@ impl<R: BufRead> Xml<R> {
                 }
                 Event::DocType(_) => return Err(no_document_type()),
                 Event::Eof => return Err(Error::bad_input("ends in the middle of an element")),
-                Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
+                Event::Comment(comment) => check_text(&comment)?,
+                Event::Decl(_) if self.is_begun => return Err(not_xml(&"a second declaration")),
+                Event::PI(pi) if !is_name(pi.target()) => {
+                    return Err(not_xml(&"an instruction without a name"));
+                }
+                Event::Empty(_) | Event::Decl(_) | Event::PI(_) => {}
             }
         }
     }
@@ -214,9 +245,10 @@ impl<R: BufRead> Xml<R> {
 }
 
 fn tag(start: &BytesStart<'_>) -> Result<Tag> {
+    check_tag(start)?;
     let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).map_err(|e| not_xml(&e));
     let mut attributes = Vec::new();
-    // Looking for repeated names would take the square of their number.
+    // Repeated names were looked for.
     for attribute in start.attributes().with_checks(false) {
         let attribute = attribute.map_err(|e| not_xml(&e))?;
         let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|e| not_xml(&e))?;
@@ -224,6 +256,57 @@ fn tag(start: &BytesStart<'_>) -> Result<Tag> {
         limits::check("attributes of an element", attributes.len() as u64, MOST_NODES)?;
     }
     Ok(Tag { name: text(start.name().as_ref())?, attributes })
+}
+
+/// Fails unless the bytes of a start tag are a name and attributes with a space before each, quoted,
+/// and each there once.
+fn check_tag(start: &[u8]) -> Result<()> {
+    check_text(start)?;
+    let is_space = |c: &u8| matches!(c, b' ' | b'\t' | b'\r' | b'\n');
+    let split = |text: &[u8], is_end: &dyn Fn(&u8) -> bool| {
+        let end = text.iter().position(is_end).unwrap_or(text.len());
+        (text[..end].to_vec(), end)
+    };
+    let (name, mut at) = split(start, &is_space);
+    let mut names = HashSet::new();
+    let mut is_sound = is_name(&name);
+    while is_sound {
+        let (_, spaces) = split(&start[at..], &|c| !is_space(c));
+        if at + spaces == start.len() {
+            return Ok(());
+        }
+        let (name, end) = split(&start[at + spaces..], &|c| is_space(c) || *c == b'=');
+        let rest = start[at + spaces + end..].trim_ascii_start();
+        let value = rest.strip_prefix(b"=").unwrap_or_default().trim_ascii_start();
+        let quote = value.first().copied().filter(|c| matches!(c, b'"' | b'\''));
+        let inside = value.get(1..).unwrap_or_default();
+        let length = quote.and_then(|quote| inside.iter().position(|c| *c == quote));
+        is_sound = spaces > 0
+            && is_name(&name)
+            && length.is_some_and(|length| !inside[..length].contains(&b'<'))
+            && names.insert(name);
+        at = start.len() - inside.len() + length.map_or(0, |length| length + 1);
+    }
+    Err(not_xml(&"a tag is damaged"))
+}
+
+/// Whether the bytes may be a name: what is beyond ASCII is taken to be letters.
+fn is_name(name: &[u8]) -> bool {
+    let is_letter = |c: u8| c.is_ascii_alphabetic() || matches!(c, b'_' | b':' | 0x80..);
+    name.first().is_some_and(|c| is_letter(*c))
+        && name.iter().all(|c| is_letter(*c) || c.is_ascii_digit() || matches!(c, b'-' | b'.'))
+}
+
+/// Fails where bytes are no text, or hold characters that XML has not.
+fn check_text(bytes: &[u8]) -> Result<()> {
+    let text = std::str::from_utf8(bytes).map_err(|e| not_xml(&e))?;
+    let is_none = |c: char| {
+        c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
+    };
+    match text.contains(is_none) {
+        true => Err(not_xml(&"it holds control characters")),
+        false => Ok(()),
+    }
 }
 
 /// The text of `&name;`.
@@ -242,7 +325,7 @@ fn reference(c: Option<char>, name: &str) -> Result<String> {
     })
 }
 
-fn not_xml(error: &dyn std::error::Error) -> Error {
+fn not_xml(error: &dyn std::fmt::Display) -> Error {
     Error::bad_input(format!("is not well-formed XML: {error}"))
 }
 
@@ -257,7 +340,8 @@ mod tests {
     fn node(text: &str) -> Result<Node> {
         let mut xml = Xml::new(text.as_bytes());
         let tag = xml.root()?;
-        xml.node(tag)
+        let node = xml.node(tag)?;
+        xml.finish().map(|()| node)
     }
 
     fn refused(text: &str) -> String {
@@ -285,6 +369,63 @@ mod tests {
         assert!(xml.child().unwrap().unwrap().is("d"));
         assert!(xml.child().unwrap().is_none(), "d ends");
         assert!(xml.child().unwrap().is_none(), "a ends");
+    }
+
+    #[test]
+    fn what_is_passed_over_is_well_formed_too() {
+        let sound = "<?xml version='1.0'?>\n<a><b/></a>\n<!-- c --><?d e?>\n";
+        let skipped = |text: &str| {
+            let mut xml = Xml::new(text.as_bytes());
+            xml.root()?;
+            while xml.child()?.is_some() {
+                xml.skip()?;
+            }
+            xml.finish()
+        };
+        skipped(sound).unwrap();
+        skipped("<a><b c = '1'\td=\"2\" ></b ></a>").unwrap();
+        let too_late = "<a/><?xml version='1.0'?>";
+        for inside in [
+            "<b c=1/>",
+            "<b c/>",
+            "<b c='1'd='2'/>",
+            "<b c='1' c='2'/>",
+            "<b c='<'/>",
+            "<b c='&'/>",
+            "<b 1c='2'/>",
+            "<1/>",
+            "< b/>",
+            "<b></c>",
+            "<b>",
+            "</b>",
+            "x & y",
+            "&amp",
+            "&#0;",
+            "&#x110000;",
+            "&nbsp;",
+            "]]>",
+            "\u{1}",
+            "<b c='\u{2}'/>",
+            "<!-- -- -->",
+            "<!-- \u{3} -->",
+            "<![CDATA[ x",
+            "<!x>",
+            "<??>",
+            "<? x?>",
+            "<b",
+            "<b c='",
+            "<?xml version='1.0'?>",
+        ] {
+            for text in [format!("<a>{inside}</a>"), format!("<a><u>{inside}</u></a>")] {
+                assert!(skipped(&text).is_err(), "{text}");
+                assert!(node(&text).is_err(), "{text}");
+            }
+        }
+        for behind in ["<b/>", "x", "&amp;", "</a>", "<![CDATA[x]]>", "<!DOCTYPE a>", "<", "\u{1}"]
+        {
+            assert!(skipped(&format!("{sound}{behind}")).is_err(), "{behind}");
+        }
+        assert!(skipped(too_late).is_err());
     }
 
     #[test]

@@ -89,13 +89,15 @@ pub(crate) fn bil() -> Sample {
     Sample::of("a.bil", data).with("a.hdr", header)
 }
 
-fn flt() -> Sample {
+/// As GridFloat.
+pub(crate) fn flt() -> Sample {
     let header = "ncols 7\nnrows 5\nxllcorner 100\nyllcorner 150\ncellsize 10\n\
         NODATA_value -9999\nbyteorder LSBFIRST\n";
     Sample::of("g.flt", rows(|h| (h as f32).to_le_bytes())).with("g.hdr", header)
 }
 
-fn envi() -> Sample {
+/// The heights behind two bytes that are none.
+pub(crate) fn envi() -> Sample {
     let header = "ENVI\ndescription = {\n a }\nsamples = 7\nlines = 5\nbands = 1\n\
         header offset = 2\ndata type = 2\ninterleave = bsq\nbyte order = 0\n\
         map info = {UTM, 1, 1, 100, 200, 10, 10, 33, North, WGS-84, units=Meters}\n";

@@ -31,6 +31,8 @@ pub(crate) struct Spec {
     pub(crate) pad_last_strip: bool,
     /// Blocks left out (offset and byte count 0).
     pub(crate) sparse: Vec<usize>,
+    /// Blocks whose offset or byte count is not what it should be.
+    pub(crate) lie: Vec<(usize, Option<u64>, Option<u64>)>,
     pub(crate) extra: Vec<(u16, Value)>,
 }
 
@@ -52,6 +54,7 @@ impl Spec {
             separate: false,
             pad_last_strip: false,
             sparse: Vec::new(),
+            lie: Vec::new(),
             extra: Vec::new(),
         }
     }
@@ -102,6 +105,10 @@ impl Spec {
             if !sparse {
                 out.extend(block);
             }
+        }
+        for (block, offset, count) in &self.lie {
+            offsets[*block] = offset.unwrap_or(offsets[*block]);
+            counts[*block] = count.unwrap_or(counts[*block]);
         }
         self.directory(out, pointer_at, offsets, counts);
     }

@@ -201,7 +201,9 @@ fn follow(
     let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
     while left > 0 && at < file.len() {
         let points = u64::from(full).min(left);
-        let Ok(bytes) = unpacker.stream(layout, (file, at), points, &mut |_| Ok(()))? else { break };
+        let Ok(bytes) = unpacker.stream(layout, (file, at), points, &mut |_| Ok(()))? else {
+            break;
+        };
         chunks.push(Chunk { at, bytes, points });
         (at, left) = (at + bytes, left - points);
     }

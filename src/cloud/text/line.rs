@@ -55,6 +55,8 @@ pub(super) struct Grammar {
     columns: [Option<usize>; NAMES.len()],
     /// True when the first line names columns.
     pub(super) has_heading: bool,
+    /// Columns of the first line, and so of all.
+    count: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,11 +90,13 @@ impl Grammar {
             _ if line.contains(&b',') => Separator::Comma,
             _ => Separator::Space,
         };
-        let plain = Self {
+        let mut plain = Self {
             separator,
             columns: [Some(0), Some(1), Some(2), None, None, None],
             has_heading: false,
+            count: 0,
         };
+        plain.count = plain.fields(line).count();
         let is_word = |c: &u8| c.is_ascii_alphabetic() || *c == b'"';
         if !line.first().is_some_and(is_word) {
             return Ok(plain);
@@ -114,12 +118,17 @@ impl Grammar {
     /// The values of a line that holds something.
     pub(super) fn values(&self, line: &[u8]) -> Result<Values, String> {
         let mut found: [Option<&[u8]>; NAMES.len()] = [None; NAMES.len()];
+        let mut count = 0;
         for (number, field) in self.fields(line).enumerate() {
+            count += 1;
             for (place, column) in found.iter_mut().zip(self.columns) {
                 if column == Some(number) {
                     *place = Some(field);
                 }
             }
+        }
+        if count != self.count && count >= NEEDED {
+            return Err(format!("{count} columns, where the first line has {}", self.count));
         }
         let mut values = Values { returns: [1, 1], ..Values::default() };
         for axis in 0..3 {
@@ -149,13 +158,22 @@ impl Grammar {
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let separator = self.separator;
         let is_end = move |c: &u8| match separator {
-            Separator::Space => c.is_ascii_whitespace(),
+            // What else is white space is damage within a line.
+            Separator::Space => matches!(c, b' ' | b'\t'),
             Separator::Comma => *c == b',',
             Separator::Semicolon => *c == b';',
         };
-        let fields = line.split(is_end).map(<[u8]>::trim_ascii);
+        let fields = line.split(is_end).map(trimmed);
         fields.filter(move |field| separator != Separator::Space || !field.is_empty())
     }
+}
+
+/// Without spaces around it.
+fn trimmed(field: &[u8]) -> &[u8] {
+    let is_space = |c: &u8| matches!(c, b' ' | b'\t');
+    let start = field.iter().position(|c| !is_space(c)).unwrap_or(field.len());
+    let end = field.iter().rposition(|c| !is_space(c)).map_or(start, |last| last + 1);
+    &field[start..end]
 }
 
 /// A name without quotes, spaces and underscores, in lower case.
@@ -241,7 +259,7 @@ mod tests {
     #[test]
     fn headings_and_separators() {
         let plain = Grammar::of(b"1.5 2 3.25 7").unwrap();
-        assert_eq!(plain.values(b" 1.5\t 2  3.25").unwrap().world, [1.5, 2.0, 3.25]);
+        assert_eq!(plain.values(b" 1.5\t 2  3.25 8").unwrap().world, [1.5, 2.0, 3.25]);
         let named =
             Grammar::of(b"\"Z\",X,Y,Classification,Return_Number,Number Of Returns").unwrap();
         let values = named.values(b"3,1,2,6,2,3").unwrap();
@@ -249,8 +267,19 @@ mod tests {
         let decimal = Grammar::of(b"1,5;2;3,25").unwrap();
         assert_eq!(decimal.values(b"1,5;2;3,25").unwrap().world, [1.5, 2.0, 3.25]);
         assert!(Grammar::of(b"x y w").is_err());
-        for bad in [&b"1 2"[..], b"1 2 nan", b"1 2 z"] {
-            assert!(plain.values(bad).is_err());
+        let plain = Grammar::of(b"1.5 2 3.25").unwrap();
+        for bad in [
+            &b"1 2"[..],
+            b"1 2 nan",
+            b"1 2 z",
+            b"1 2 3 4",
+            b"1 2 6\r1",
+            b"1 2\r3",
+            b"1 2 \"3",
+            b"1 2 6e999",
+            b"1 2 3\x0b4",
+        ] {
+            assert!(plain.values(bad).is_err(), "{bad:?}");
         }
         assert_eq!((content(b"  # x"), content(b"// y"), content(b" \r\n")), (None, None, None));
     }

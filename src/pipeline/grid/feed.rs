@@ -199,7 +199,7 @@ impl<'a> Worker<'a> {
         let batch = &self.batch;
         batch.runs().try_for_each(|run| {
             let (cells, points) = (&batch.cells[run.clone()], &points[run.clone()]);
-            let hits = Hits { cells, points, squares: &[] };
+            let hits = Hits { cells, points, squares: &[], unit: 0.0 };
             blocks.change(batch.blocks[run.start], |block| block.add(0, hits))
         })
     }
@@ -277,7 +277,7 @@ impl Run<'_> {
     fn inside<'a>(&'a self, window: Rect, own: &'a mut Batch) -> Hits<'a> {
         let outside = |(col, row): &(i32, i32)| !is_in(window, *col, *row);
         if !self.places.iter().any(outside) {
-            return Hits { cells: self.cells, points: self.points, squares: &[] };
+            return Hits { cells: self.cells, points: self.points, squares: &[], unit: 0.0 };
         }
         own.clear();
         let points = self.places.iter().zip(self.points.iter().zip(self.cells));
@@ -285,7 +285,7 @@ impl Run<'_> {
             own.points.push(*point);
             own.cells.push(*cell);
         }
-        Hits { cells: &own.cells, points: &own.points, squares: &[] }
+        Hits { cells: &own.cells, points: &own.points, squares: &[], unit: 0.0 }
     }
 }
 

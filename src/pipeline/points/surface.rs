@@ -6,6 +6,7 @@ use super::{Around, PointStore};
 use crate::delaunay::{Found, Hull, Position, Window, interpolate};
 use crate::error::Result;
 use crate::geom::{Frame, Point, REACH};
+use crate::gridding::pitfree::is_short;
 
 /// Most points that are held for positions side by side, unless they are all needed for one.
 const MOST_POINTS: u64 = 1 << 19;
@@ -155,12 +156,9 @@ impl Surface<'_> {
     }
 
     /// True when no edge of a triangle is longer than `most` world units.
-    fn is_short(&self, &[a, b, c]: &[Point; 3], most: f64) -> bool {
-        let length = |a: Point, b: Point| {
-            let [x, y] = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| f64::from(a) - f64::from(b));
-            (x * self.frame.scale[0]).hypot(y * self.frame.scale[1])
-        };
-        length(a, b) <= most && length(b, c) <= most && length(c, a) <= most
+    fn is_short(&self, corners: &[Point; 3], most: f64) -> bool {
+        let [x, y, _] = self.frame.scale;
+        is_short(corners, [x, y], most)
     }
 }
 

@@ -67,7 +67,11 @@ pub(super) fn read(tokens: &mut Tokens<'_>) -> Result<Header> {
             }
             return finish(&values, (offset, tokens.line()));
         };
-        values.0[key] = Some(value_of(tokens, KEYS[key])?);
+        let value = value_of(tokens, KEYS[key])?;
+        if values.0[key].replace(value).is_some_and(|before| before != value) {
+            let message = format!("header says two things of {}", KEYS[key]);
+            return Err(Error::bad_input(message).at(tokens.place()));
+        }
     }
 }
 

@@ -55,8 +55,9 @@ impl AscGrid {
         let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
         let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
         limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
-        check_cache(block_bytes, options.cache_bytes)?;
         let scan = Scan::run(&file, &header, rows)?;
+        let samples = u64::from(header.width) * rows;
+        check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
         let info = describe(path, &header, &scan, rows as u32, options)?;
         let cache = BlockCache::new(options.cache_bytes);
         Ok(Self { to_height: ToHeight::of(&info), starts: scan.starts, file, info, cache })
@@ -98,6 +99,7 @@ impl AscGrid {
         let found = match self.info.sample_type {
             SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
             SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
+            SampleType::F64 => fill(&mut tokens, &mut out, f64::to_ne_bytes),
             _ => fill(&mut tokens, &mut out, |value| (value as f32).to_ne_bytes()),
         };
         match found {
@@ -197,15 +199,19 @@ impl Range {
     fn add(&mut self, value: f64) {
         // Whole numbers beyond 32 bits are read as decimals are.
         self.whole &= f64::from(value as i32) == value;
-        self.low = self.low.min(value);
-        self.high = self.high.max(value);
+        if value.is_finite() {
+            self.low = self.low.min(value);
+            self.high = self.high.max(value);
+        }
     }
 
-    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does.
+    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does, unless one is
+    /// beyond its range.
     fn sample_type(&self) -> SampleType {
         let within = |low: f64, high: f64| low <= self.low && self.high <= high;
         match self.whole {
-            false => SampleType::F32,
+            false if within(f32::MIN.into(), f32::MAX.into()) => SampleType::F32,
+            false => SampleType::F64,
             true if within(f64::from(i16::MIN), f64::from(i16::MAX)) => SampleType::I16,
             true => SampleType::I32,
         }
@@ -218,13 +224,16 @@ impl Scan {
         let values = u64::from(header.width) * u64::from(header.height);
         let mut tokens = Tokens::new(file, header.data.0, header.data.1);
         let mut range = Range { whole: true, low: 0.0, high: 0.0 };
+        let mut lines = Lines::default();
         let mut starts = Vec::new();
         for first in (0..values).step_by((u64::from(header.width) * rows) as usize) {
             starts.push(tokens.offset());
             let count = (values - first).min(u64::from(header.width) * rows);
-            let found = tokens.values(count, |value| range.add(value))?;
-            if found < count {
-                return Err(truncated(first + found, values).at(tokens.place()));
+            for row in (first..first + count).step_by(header.width as usize) {
+                let found = lines.row(&mut tokens, header.width, |value| range.add(value))?;
+                if found < u64::from(header.width) {
+                    return Err(truncated(row + found, values).at(tokens.place()));
+                }
             }
         }
         if tokens.next()?.is_some() {
@@ -233,6 +242,47 @@ impl Scan {
         }
         Ok(Self { starts, sample_type: range.sample_type() })
     }
+}
+
+/// Whether rows are lines. They need not be, but where the first one is a line, a value too many or too
+/// few in another would move all that follow.
+#[derive(Default)]
+struct Lines {
+    rows: u64,
+    are_rows: bool,
+    /// Ends of lines before the last value.
+    end: u64,
+}
+
+impl Lines {
+    /// Hands a row of values to `each`; returns how many there were if the file ends before.
+    fn row(
+        &mut self,
+        tokens: &mut Tokens<'_>,
+        width: u32,
+        mut each: impl FnMut(f64),
+    ) -> Result<u64> {
+        let first = tokens.values(1, &mut each)?;
+        let start = tokens.breaks();
+        let found = first + tokens.values(u64::from(width) - first, &mut each)?;
+        let (goes_on, is_line) = (start == self.end, tokens.breaks() == start);
+        self.end = tokens.breaks();
+        self.rows += 1;
+        match self.rows {
+            1 => self.are_rows = is_line,
+            2 if goes_on => self.are_rows = false,
+            _ if !self.are_rows || found < u64::from(width) => {}
+            _ if goes_on => return Err(uneven(width, "more").at(tokens.place())),
+            _ if !is_line => return Err(uneven(width, "fewer").at(tokens.place())),
+            _ => {}
+        }
+        Ok(found)
+    }
+}
+
+fn uneven(width: u32, how: &str) -> Error {
+    Error::bad_input(format!("a line has {how} than the {width} values of the first one"))
+        .remedy("mend the line")
 }
 
 fn truncated(i: u64, values: u64) -> Error {

@@ -19,12 +19,24 @@ pub(super) struct Tokens<'a> {
     end: u64,
     /// Where it started: offset and line.
     start: (u64, u64),
+    /// Ends of lines passed over before the last word.
+    breaks: u64,
+}
+
+/// True for a byte that ends a line, alone or with another.
+fn is_break(byte: u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
 }
 
 impl<'a> Tokens<'a> {
     /// Words from `offset` on; `line` is the number of the line it lies in.
     pub(super) fn new(file: &'a RawFile, offset: u64, line: u64) -> Self {
-        Self { file, buffer: Vec::new(), next: 0, end: offset, start: (offset, line) }
+        Self { file, buffer: Vec::new(), next: 0, end: offset, start: (offset, line), breaks: 0 }
+    }
+
+    /// A number that grows from one word to the next where a line ends between them, and only there.
+    pub(super) fn breaks(&self) -> u64 {
+        self.breaks
     }
 
     /// Number of the line of the last word, from 1. Reads what came before once more: lines are
@@ -83,10 +95,11 @@ impl<'a> Tokens<'a> {
     /// The same up to the first word that is no plain decimal or may go on behind the buffer.
     #[inline(always)]
     fn plain_values(&mut self, count: u64, each: &mut impl FnMut(f64)) -> u64 {
-        let (text, mut at) = (self.buffer.as_slice(), self.next);
+        let (text, mut at, mut breaks) = (self.buffer.as_slice(), self.next, 0);
         let is_space = |at: usize| text.get(at).is_some_and(u8::is_ascii_whitespace);
         for done in 0..count {
             while is_space(at) {
+                breaks += u64::from(is_break(text[at]));
                 at += 1;
             }
             match decimal::leading(&text[at..]) {
@@ -95,12 +108,12 @@ impl<'a> Tokens<'a> {
                     at += bytes;
                 }
                 _ => {
-                    self.next = at;
+                    (self.next, self.breaks) = (at, self.breaks + breaks);
                     return done;
                 }
             }
         }
-        self.next = at;
+        (self.next, self.breaks) = (at, self.breaks + breaks);
         count
     }
 
@@ -128,6 +141,7 @@ impl<'a> Tokens<'a> {
                 if !byte.is_ascii_whitespace() {
                     return Ok(true);
                 }
+                self.breaks += u64::from(is_break(*byte));
                 self.next += 1;
             }
             if !self.refill()? {
@@ -155,17 +169,17 @@ fn no_number(word: &[u8]) -> Error {
 }
 
 /// A number as people and programs write it: decimal comma, `nan`, and Microsoft's `1.#QNAN`.
-/// `None` when it is none.
+/// `None` when it is none, or one beyond all that `f64` holds.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
-    if let Ok(value) = text.parse() {
+    if let Some(value) = decimal::whole(text) {
         return Some(value);
     }
     let lower = text.to_lowercase();
     if ["#qnan", "#snan", "#ind", "#inf"].iter().any(|mark| lower.contains(mark)) {
         return Some(f64::NAN);
     }
-    if text.matches(',').count() == 1 { text.replace(',', ".").parse().ok() } else { None }
+    if text.matches(',').count() == 1 { decimal::whole(&text.replace(',', ".")) } else { None }
 }
 
 #[cfg(test)]
@@ -241,10 +255,11 @@ mod tests {
         for (word, value) in cases {
             assert_eq!(number(word.as_bytes()), Some(value), "{word}");
         }
-        for word in ["nan", "NaN", "-nan", "1.#QNAN", "-1.#IND"] {
+        for word in ["nan", "NaN", "-nan", "1.#QNAN", "-1.#IND", "-1.#INF"] {
             assert!(number(word.as_bytes()).unwrap().is_nan(), "{word}");
         }
-        for word in ["", "-", "x", "1,2,3", "1.2.3", "12a", "\u{e9}"] {
+        for word in ["", "-", "x", "1,2,3", "1.2.3", "12a", "\u{e9}", "6e999", "-6e999", "6,1e999"]
+        {
             assert_eq!(number(word.as_bytes()), None, "{word}");
         }
         assert_eq!(number(&[0xff, b'1']), None);

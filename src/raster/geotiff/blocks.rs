@@ -15,6 +15,9 @@ use super::tags;
 /// are read from the file one by one.
 const MOST_HELD: u64 = 1 << 18;
 
+/// Bytes that every file begins with, and no block lies in.
+const HEADER_BYTES: u64 = 8;
+
 /// Bytes beyond a full block that a deflate or zstd stream may carry.
 const PADDING: usize = 64 << 10;
 
@@ -124,8 +127,17 @@ impl Blocks {
             None if raw => needed,
             None => most_packed(plain).min(file.len().saturating_sub(offset)),
         };
-        if offset == 0 || bytes == 0 {
-            return Ok(None);
+        match (offset, bytes) {
+            (0, 0) => return Ok(None),
+            (..HEADER_BYTES, _) => {
+                let message = format!("has {bytes} bytes at offset {offset}, in the file's header");
+                return Err(Error::bad_input(message).remedy("copy the file again"));
+            }
+            (_, 0) => {
+                let message = format!("has no bytes, but the offset {offset}");
+                return Err(Error::bad_input(message).remedy("copy the file again"));
+            }
+            _ => {}
         }
         if raw && bytes < needed {
             return Err(Error::bad_input(format!("has {bytes} of the {needed} bytes expected")));

@@ -2,6 +2,7 @@
 //! in a small XML text.
 
 use crate::error::{Error, Result};
+use crate::raster::xml::{Node, Xml};
 
 use super::ifd::Directory;
 use super::tags;
@@ -39,18 +40,18 @@ pub(super) fn band_items(directory: &Directory<'_>, band: u32) -> Result<BandIte
     items_of(&xml, band)
 }
 
-fn items_of(xml: &str, band: u32) -> Result<BandItems> {
+fn items_of(text: &str, band: u32) -> Result<BandItems> {
     let mut found = BandItems { scale: 1.0, offset: 0.0, unit: None, description: None };
     let sample = (band - 1).to_string();
-    for (attributes, value) in items(xml) {
-        if attribute(attributes, "sample") != Some(&sample) {
+    for Node { tag, text, .. } in items(text).map_err(|e| e.at("tag GDAL_METADATA"))? {
+        if tag.attribute("sample") != Some(&sample) {
             continue;
         }
-        match attribute(attributes, "role") {
-            Some("scale") => found.scale = number("scale", value)?,
-            Some("offset") => found.offset = number("offset", value)?,
-            Some("unittype") => found.unit = Some(unescape(value)),
-            Some("description") => found.description = Some(unescape(value)),
+        match tag.attribute("role") {
+            Some("scale") => found.scale = number("scale", &text)?,
+            Some("offset") => found.offset = number("offset", &text)?,
+            Some("unittype") => found.unit = Some(text),
+            Some("description") => found.description = Some(text),
             _ => {}
         }
     }
@@ -60,25 +61,17 @@ fn items_of(xml: &str, band: u32) -> Result<BandItems> {
     Ok(found)
 }
 
-/// `(attributes, text)` of each `<Item attributes>text</Item>`.
-fn items(xml: &str) -> impl Iterator<Item = (&str, &str)> {
-    xml.split("<Item").skip(1).filter_map(|item| {
-        let (attributes, rest) = item.split_once('>')?;
-        let (text, _) = rest.split_once("</Item")?;
-        Some((attributes, text))
-    })
-}
-
-fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
-    let mut rest = attributes;
-    loop {
-        let (key, after) = rest.split_once("=\"")?;
-        let (value, after) = after.split_once('"')?;
-        if key.trim() == name {
-            return Some(value);
-        }
-        rest = after;
+/// All elements within the outermost one.
+fn items(text: &str) -> Result<Vec<Node>> {
+    let (mut xml, mut items) = (Xml::new(text.as_bytes()), Vec::new());
+    if text.trim().is_empty() {
+        return Ok(items);
     }
+    xml.root()?;
+    while let Some(tag) = xml.child()? {
+        items.push(xml.node(tag)?);
+    }
+    xml.finish().map(|()| items)
 }
 
 fn number(name: &str, text: &str) -> Result<f64> {
@@ -86,11 +79,6 @@ fn number(name: &str, text: &str) -> Result<f64> {
         Ok(value) if value.is_finite() => Ok(value),
         _ => Err(Error::bad_input(format!("band {name} is not a number: {:?}", shortened(text)))),
     }
-}
-
-fn unescape(text: &str) -> String {
-    let text = text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"");
-    text.replace("&apos;", "'").replace("&amp;", "&").trim().to_owned()
 }
 
 #[cfg(test)]
@@ -114,12 +102,13 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_an_error_or_nothing() {
+    fn damage_is_an_error() {
         assert!(items_of(&XML.replace("0.001", "much"), 1).is_err());
         assert!(items_of(&XML.replace("0.001", "0"), 1).is_err());
         assert!(items_of(&XML.replace("0.001", "nan"), 1).is_err());
-        for cut in 0..XML.len() {
-            let _ = items_of(&XML[..cut], 1);
+        for cut in 1..XML.len() {
+            assert!(items_of(&XML[..cut], 1).is_err(), "{cut}");
         }
+        assert!(items_of("", 1).is_ok());
     }
 }

@@ -1,6 +1,6 @@
 //! ENVI headers: `key = value`, with lists in braces that may go over lines.
 
-use super::{Header, Interleave, count, number, whole};
+use super::{Header, Interleave, count, number, once, whole};
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, wkt};
 use crate::limits;
@@ -10,7 +10,7 @@ use crate::raster::SampleType;
 struct Values(Vec<(String, String)>);
 
 impl Values {
-    fn of(text: &str) -> Self {
+    fn of(text: &str) -> Result<Self> {
         let mut values = Vec::new();
         let mut lines = text.lines();
         while let Some(line) = lines.next() {
@@ -23,7 +23,7 @@ impl Values {
             let value = value.trim_start_matches('{').split('}').next().unwrap_or_default().trim();
             values.push((key.trim().to_lowercase(), value.to_owned()));
         }
-        Self(values)
+        once(values.into_iter()).map(Self)
     }
 
     fn get(&self, key: &str) -> Option<&str> {
@@ -48,7 +48,7 @@ impl Values {
 
 /// Reads a header.
 pub(super) fn read(text: &str) -> Result<Header> {
-    let values = Values::of(text);
+    let values = Values::of(text)?;
     check_plain(&values)?;
     let map = values.get("map info").map(MapInfo::read).transpose()?;
     let crs = match values.get("coordinate system string") {

@@ -1,6 +1,6 @@
 //! ESRI headers: one key and value per line, in any case and order.
 
-use super::{Header, Interleave, count, number, whole};
+use super::{Header, Interleave, count, number, once, whole};
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs};
 use crate::limits;
@@ -10,12 +10,12 @@ use crate::raster::SampleType;
 struct Values<'a>(Vec<(String, &'a str)>);
 
 impl<'a> Values<'a> {
-    fn of(text: &'a str) -> Self {
+    fn of(text: &'a str) -> Result<Self> {
         let pair = |line: &'a str| {
             let mut words = line.split_whitespace();
             Some((words.next()?.to_lowercase(), words.next()?))
         };
-        Self(text.lines().filter_map(pair).collect())
+        once(text.lines().filter_map(pair)).map(Self)
     }
 
     /// The value of the first of `keys` that is there, with the key.
@@ -41,35 +41,76 @@ impl<'a> Values<'a> {
     }
 }
 
+/// Bits of a sample where NBITS may be left out.
+const BITS: [u64; 4] = [8, 16, 32, 64];
+
 /// Reads a header; `ending` is that of the data file, which tells floats from integers where the
-/// header does not.
-pub(super) fn read(text: &str, ending: &str) -> Result<Header> {
-    let values = Values::of(text);
+/// header does not, and `bytes` its length, which tells how wide samples are.
+pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<Header> {
+    let values = Values::of(text)?;
+    let header = match values.whole("nbits")? {
+        Some(bits) => with(&values, ending, sample_type(&values, ending, bits)?)?,
+        None => by_length(&values, ending, bytes)?,
+    };
+    Ok(Header { big_endian: big_endian(&values, header.sample_type)?, ..header })
+}
+
+/// The header of the samples that are as wide as the length of the data says.
+fn by_length(values: &Values<'_>, ending: &str, bytes: u64) -> Result<Header> {
+    let mut fitting = Vec::new();
+    for bits in BITS {
+        // Wide samples of an unknown kind are floats, as GDAL has it.
+        let kind = match values.get(&["pixeltype"]) {
+            None if bits == 32 => Ok(SampleType::F32),
+            _ => sample_type(values, ending, bits),
+        };
+        let Ok(kind) = kind else { continue };
+        let header = with(values, ending, kind)?;
+        if header.lengths().is_some_and(|lengths| lengths.contains(&bytes)) {
+            fitting.push(header);
+        }
+    }
+    if fitting.len() > 1 {
+        fitting.retain(Header::is_dense);
+    }
+    match fitting.pop().filter(|_| fitting.is_empty()) {
+        Some(header) => Ok(header),
+        None => Err(Error::bad_input(format!(
+            "header lacks NBITS, and the {bytes} bytes of the data do not tell it"
+        ))
+        .remedy("add a line such as NBITS 16, or copy the data again")),
+    }
+}
+
+/// The header of samples of this type, but for their byte order.
+fn with(values: &Values<'_>, ending: &str, sample_type: SampleType) -> Result<Header> {
     let (width, height) = (values.side("ncols")?, values.side("nrows")?);
     let bands = match values.get(&["nbands"]) {
         Some((key, value)) => count(key, value, limits::MAX_BANDS)?,
         None => 1,
     };
-    let nodata = values.number(&["nodata", "nodata_value"])?;
-    let sample_type = sample_type(&values, ending, nodata)?;
     Ok(Header {
         kind: "ESRI",
         width,
         height,
         bands,
         sample_type,
-        big_endian: big_endian(&values, sample_type)?,
-        interleave: interleave(&values, ending)?,
+        big_endian: false,
+        interleave: interleave(values, ending)?,
         skip: values.whole("skipbytes")?.unwrap_or(0),
         band_row_bytes: values.whole("bandrowbytes")?,
         total_row_bytes: values.whole("totalrowbytes")?,
         band_gap_bytes: values.whole("bandgapbytes")?.unwrap_or(0),
-        transform: transform(&values, height)?,
-        nodata,
+        transform: transform(values, height)?,
+        nodata: nodata(values)?,
         scale: Vec::new(),
         offset: Vec::new(),
         crs: Crs::default(),
     })
+}
+
+fn nodata(values: &Values<'_>) -> Result<Option<f64>> {
+    values.number(&["nodata", "nodata_value"])
 }
 
 fn interleave(values: &Values<'_>, ending: &str) -> Result<Interleave> {
@@ -106,7 +147,7 @@ enum Kind {
     Float,
 }
 
-fn sample_type(values: &Values<'_>, ending: &str, nodata: Option<f64>) -> Result<SampleType> {
+fn sample_type(values: &Values<'_>, ending: &str, bits: u64) -> Result<SampleType> {
     let stated = match values.get(&["pixeltype"]).map(|(_, name)| name.to_ascii_uppercase()) {
         None => None,
         Some(name) => Some(match name.as_str() {
@@ -116,13 +157,11 @@ fn sample_type(values: &Values<'_>, ending: &str, nodata: Option<f64>) -> Result
             _ => return Err(Error::unsupported(format!("pixel type {name} is not supported"))),
         }),
     };
-    let stated_bits = values.whole("nbits")?;
-    let by_ending = stated.is_none() && ending == "flt" && matches!(stated_bits, None | Some(32));
+    let by_ending = stated.is_none() && ending == "flt" && bits == 32;
     let is_float = stated == Some(Kind::Float) || by_ending;
-    let bits = stated_bits.unwrap_or(if is_float { 32 } else { 8 });
     // Old global grids say nodata -9999 and no pixel type: a negative nodata has a sign.
     let signed = stated == Some(Kind::Signed)
-        || (stated.is_none() && ending != "flt" && nodata.is_some_and(|v| v < 0.0));
+        || (stated.is_none() && ending != "flt" && nodata(values)?.is_some_and(|v| v < 0.0));
     match (bits, is_float, signed) {
         (32, true, _) => Ok(SampleType::F32),
         (64, true, _) => Ok(SampleType::F64),

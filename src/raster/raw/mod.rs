@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs};
 use crate::limits;
 use crate::raster::file::RawFile;
-use crate::raster::strided::{Layout, Strided, check_length};
+use crate::raster::strided::{Layout, Strided, check_exact};
 use crate::raster::{
     GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, prj, some_band, world,
 };
@@ -111,6 +111,24 @@ impl Header {
         Some(Layout { offset, col_pitch, row_pitch, big_endian: self.big_endian })
     }
 
+    /// The lengths that a file of this can have: it ends with the last sample, or with what fills up
+    /// the last row, or with the gap behind its band. `None` when that is beyond counting.
+    fn lengths(&self) -> Option<[u64; 3]> {
+        let last = self.layout(self.bands)?;
+        let end = last.end(self.width, self.height, self.sample_type.bytes())?;
+        let rows = last.row_pitch.checked_mul(self.height.into())?;
+        let start = if self.interleave == Interleave::Bsq { last.offset } else { self.skip };
+        let full = start.checked_add(rows)?;
+        Some([end, full, full.checked_add(self.band_gap_bytes)?])
+    }
+
+    /// True when nothing fills up the rows.
+    fn is_dense(&self) -> bool {
+        let row = u64::from(self.width) * self.sample_type.bytes() as u64;
+        self.band_row_bytes.is_none_or(|bytes| bytes == row)
+            && self.total_row_bytes.is_none_or(|bytes| bytes == row * u64::from(self.bands))
+    }
+
     /// Fails when stated row lengths are shorter than a row.
     fn check_rows(&self) -> Result<()> {
         let row = u64::from(self.width) * self.sample_type.bytes() as u64;
@@ -176,11 +194,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSou
                 name.file_name().unwrap_or_default().display()
             )));
     };
-    let header = read_header(path, &header_path).map_err(|e| e.in_file(&header_path))?;
-    some_band(options.band, header.bands).map_err(|e| e.in_file(path))?;
     let file = RawFile::open(path)?;
-    let end = |layout: Layout| layout.end(header.width, header.height, header.sample_type.bytes());
-    check_length(&file, header.layout(header.bands).and_then(end))?;
+    let header = read_header(&file, &header_path).map_err(|e| e.in_file(&header_path))?;
+    some_band(options.band, header.bands).map_err(|e| e.in_file(path))?;
+    check_exact(&file, header.lengths().as_ref().map(<[u64; 3]>::as_slice))?;
     let Some(layout) = header.layout(options.band) else {
         return Err(Error::bad_input("its rows are beyond counting").in_file(&header_path));
     };
@@ -217,14 +234,14 @@ fn is_header(path: &Path) -> Error {
     Error::usage("is the header of a grid, not its data").in_file(path).remedy(remedy)
 }
 
-fn read_header(data: &Path, path: &Path) -> Result<Header> {
+fn read_header(data: &RawFile, path: &Path) -> Result<Header> {
     let text = world::small_text(path, "bytes of a header", MOST_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {
         envi::read(text)?
     } else {
-        let ending = data.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        esri::read(text, &ending)?
+        let ending = data.path().extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        esri::read(text, &ending, data.len())?
     };
     header.check_rows()?;
     Ok(header)
@@ -248,6 +265,22 @@ fn whole(key: &str, value: &str) -> Result<u64> {
         let is_whole = number >= 0.0 && number.fract() == 0.0 && number < 1e15;
         if is_whole { Ok(number as u64) } else { Err(bad()) }
     })
+}
+
+/// Values by key; a key that has two is refused, as programs disagree on which counts.
+fn once<V: PartialEq>(pairs: impl Iterator<Item = (String, V)>) -> Result<Vec<(String, V)>> {
+    let mut values: Vec<(String, V)> = Vec::new();
+    for (key, value) in pairs {
+        match values.iter().find(|(known, _)| *known == key) {
+            Some((_, known)) if *known != value => {
+                return Err(Error::bad_input(format!("header says two things of {key}"))
+                    .remedy("take out the wrong line"));
+            }
+            Some(_) => {}
+            None => values.push((key, value)),
+        }
+    }
+    Ok(values)
 }
 
 /// A number from a header.

@@ -26,15 +26,33 @@ impl<'a> Fields<'a> {
         Self { file, buffer: Vec::new(), next: 0, end: offset }
     }
 
-    /// Moves to the next multiple of `record` bytes after `start`.
-    pub(super) fn align(&mut self, start: u64, record: u64) {
+    /// Moves to the next multiple of `record` bytes after `start`, past blanks.
+    pub(super) fn align(&mut self, start: u64, record: u64) -> Result<()> {
         let at = start + (self.offset() - start).div_ceil(record) * record;
-        let by = (at - self.offset()) as usize;
-        if by <= self.buffer.len() - self.next {
-            self.next += by;
-        } else {
-            *self = Self::new(self.file, at.min(self.file.len()));
+        self.skip_blanks(at)?;
+        if self.offset() < at.min(self.file.len()) {
+            return Err(Error::bad_input("more follows its last height"));
         }
+        Ok(())
+    }
+
+    /// Fails where more is left than blanks and a record of at most `most` bytes, which tells of
+    /// accuracy.
+    pub(super) fn finish(&mut self, most: u64) -> Result<()> {
+        self.skip_blanks(self.file.len())?;
+        match self.file.len() - self.offset() {
+            left if left <= most => Ok(()),
+            left => Err(Error::bad_input(format!("{left} bytes follow its last profile"))
+                .remedy("copy the file again")),
+        }
+    }
+
+    /// Moves to the first byte that is no blank, `end` at most.
+    fn skip_blanks(&mut self, end: u64) -> Result<()> {
+        while self.offset() < end && self.peek()?.is_some_and(|byte| byte.is_ascii_whitespace()) {
+            self.next += 1;
+        }
+        Ok(())
     }
 
     /// A whole number.
@@ -115,7 +133,7 @@ mod tests {
     #[test]
     fn numbers_that_touch_and_records() {
         let mut file = tempfile::tempfile().unwrap();
-        file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7 junk junk     8").unwrap();
+        file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7               8").unwrap();
         let file = RawFile::of(file, Path::new("t.dem")).unwrap();
         let mut fields = Fields::new(&file, 0);
         assert_eq!(fields.integer().unwrap(), 12);
@@ -124,11 +142,16 @@ mod tests {
         assert_eq!(fields.decimal().unwrap(), 5.0);
         assert_eq!(fields.decimal().unwrap(), -0.25);
         assert_eq!(fields.integer().unwrap(), 7);
-        fields.align(0, 40);
+        fields.align(0, 40).unwrap();
         assert_eq!(fields.integer().unwrap(), 8);
-        fields.align(0, 1000);
+        fields.align(0, 1000).unwrap();
         let error = fields.integer().unwrap_err().to_string();
         assert!(error.contains("it has 46 bytes"), "{error}");
         assert!(Fields::new(&file, 32).integer().is_err());
+        let mut fields = Fields::new(&file, 0);
+        fields.integer().unwrap();
+        assert!(fields.align(0, 40).unwrap_err().to_string().contains("more follows"));
+        assert!(fields.finish(41).unwrap_err().to_string().contains("42 bytes follow"));
+        assert!(fields.finish(42).is_ok());
     }
 }

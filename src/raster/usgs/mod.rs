@@ -27,6 +27,8 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 
 /// What a sample without a height holds.
 const VOID: f64 = -32767.0;
+/// Most bytes of a record, with its newline.
+const MOST_RECORD: u64 = 1024 + 2;
 /// Part of a cell that a profile may lie off its place.
 const SLACK: f64 = 0.05;
 
@@ -88,14 +90,15 @@ fn unpack(file: &RawFile, header: &Header, mut spool: Spool) -> Result<RawFile> 
     let mut column = Vec::new();
     for i in 0..header.width {
         let place = format!("profile {} of {}", i + 1, header.width);
-        let heights = profile(&mut fields, header, i).map_err(|e| e.at(place))?;
+        let heights = profile(&mut fields, header, i).map_err(|e| e.at(&place))?;
         column.clear();
         heights.iter().for_each(|height| push(&mut column, *height, header.sample_type()));
         spool.write(&column)?;
         if let Some(record) = header.record_bytes {
-            fields.align(header.data, record);
+            fields.align(header.data, record).map_err(|e| e.at(&place))?;
         }
     }
+    fields.finish(MOST_RECORD)?;
     spool.finish()
 }
 

@@ -135,7 +135,9 @@ impl Survey {
             survey.spans[0].add(point[0]);
             survey.spans[1].add(point[1]);
             survey.whole &= !point[2].is_finite() || point[2].fract() == 0.0;
-            survey.heights.add(point[2]);
+            if point[2].is_finite() {
+                survey.heights.add(point[2]);
+            }
             last = Some(point);
         }
         Ok(survey)
@@ -175,8 +177,11 @@ impl Survey {
                 self.points, x.count, y.count
             )));
         }
-        let largest = self.heights.low.abs().max(self.heights.high.abs());
-        let wide = self.whole && largest.is_finite() && largest > EXACT_IN_F32;
+        // Of no height at all both are infinite.
+        let heights = Some(self.heights).filter(|heights| heights.low <= heights.high);
+        let largest = heights.map_or(0.0, |heights| heights.low.abs().max(heights.high.abs()));
+        let most = if self.whole { EXACT_IN_F32 } else { f32::MAX.into() };
+        let wide = largest > most;
         let sample_type = if wide { SampleType::F64 } else { SampleType::F32 };
         Ok(Grid { x, y, by_column: self.by_column, northward: self.northward, sample_type })
     }

@@ -27,6 +27,8 @@ pub(super) struct Points<'a> {
     separator: Option<Separator>,
     /// Which words are x, y and z.
     columns: [usize; 3],
+    /// Words of the first line, and so of all.
+    words: Option<usize>,
 }
 
 impl<'a> Points<'a> {
@@ -39,8 +41,11 @@ impl<'a> Points<'a> {
             line: 0,
             separator: None,
             columns: [0, 1, 2],
+            words: None,
         };
         if points.next_line()?.is_some_and(is_heading) {
+            let heading = points.line_text();
+            points.words = Some(Separator::of(heading).words(heading).count());
             points.columns = columns(points.line_text()).map_err(|e| e.at("line 1"))?;
         } else {
             points.lines = BufReader::with_capacity(64 << 10, file.reader());
@@ -59,14 +64,19 @@ impl<'a> Points<'a> {
         }
         let text = self.line_text();
         let separator = self.separator.unwrap_or_else(|| Separator::of(text));
-        let point = point(text, separator, self.columns).map_err(|e| e.at(self.place()))?;
-        self.separator = Some(separator);
+        let words: Vec<&str> = separator.words(text).collect();
+        let found = words.len();
+        let point = point(&words, separator, self.columns)
+            .and_then(|point| even(found, self.words).map(|()| point))
+            .map_err(|e| e.at(self.place()))?;
+        (self.separator, self.words) = (Some(separator), Some(found));
         Ok(Some(point))
     }
 
     /// The next point if its line is plain and wholly in the buffer, as nearly all are.
     fn next_plain(&mut self) -> Option<[f64; 3]> {
-        let separator = self.separator.filter(|_| self.columns == [0, 1, 2])?;
+        let is_plain = self.columns == [0, 1, 2] && self.words == Some(3);
+        let separator = self.separator.filter(|_| is_plain)?;
         let (point, bytes) = plain_point(self.lines.buffer(), separator)?;
         self.lines.consume(bytes);
         self.line += 1;
@@ -107,8 +117,13 @@ impl<'a> Points<'a> {
     /// The line at hand, which is checked to be text.
     fn line_text(&self) -> &str {
         let text = std::str::from_utf8(&self.text).unwrap_or_default();
-        text.trim_start_matches('\u{feff}').trim()
+        trimmed(text.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']))
     }
+}
+
+/// Without spaces around it. No other white space is looked for: what is within a line is damage.
+fn trimmed(text: &str) -> &str {
+    text.trim_matches([' ', '\t'])
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +135,7 @@ enum Separator {
 
 impl Separator {
     fn of(line: &str) -> Self {
-        let mut spaced = line.split_whitespace();
+        let mut spaced = line.split([' ', '\t']).filter(|word| !word.is_empty());
         if line.contains(';') {
             Self::Semicolon
         } else if line.contains(',')
@@ -134,12 +149,12 @@ impl Separator {
 
     fn words(self, line: &str) -> impl Iterator<Item = &str> {
         let splits = move |c: char| match self {
-            Self::Space => c.is_whitespace(),
+            Self::Space => matches!(c, ' ' | '\t'),
             Self::Comma => c == ',',
             Self::Semicolon => c == ';',
         };
         let words = line.split(splits).filter(move |w| self != Self::Space || !w.is_empty());
-        words.map(|word| word.trim().trim_matches('"'))
+        words.map(|word| unquoted(trimmed(word)))
     }
 
     /// Its length where `text` begins with it, with spaces behind.
@@ -155,10 +170,26 @@ impl Separator {
 
     /// A number; where the comma is no separator it may be the decimal point.
     fn number(self, word: &str) -> Option<f64> {
-        word.parse().ok().or_else(|| {
+        decimal::whole(word).or_else(|| {
             let comma = self != Self::Comma && word.matches(',').count() == 1;
-            if comma { word.replace(',', ".").parse().ok() } else { None }
+            if comma { decimal::whole(&word.replace(',', ".")) } else { None }
         })
+    }
+}
+
+/// Without the quotes around it, if there are two.
+fn unquoted(word: &str) -> &str {
+    word.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(word)
+}
+
+/// Fails where a line has other columns than those before.
+fn even(found: usize, before: Option<usize>) -> Result<()> {
+    match before {
+        Some(before) if before != found => {
+            Err(Error::bad_input(format!("{found} values, where the lines before have {before}"))
+                .remedy("mend the line"))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -208,8 +239,7 @@ fn columns(heading: &str) -> Result<[usize; 3]> {
     }
 }
 
-fn point(line: &str, separator: Separator, columns: [usize; 3]) -> Result<[f64; 3]> {
-    let words: Vec<&str> = separator.words(line).collect();
+fn point(words: &[&str], separator: Separator, columns: [usize; 3]) -> Result<[f64; 3]> {
     let mut point = [0.0; 3];
     for (value, column) in point.iter_mut().zip(columns) {
         let word = words.get(column).ok_or_else(|| {
@@ -217,7 +247,7 @@ fn point(line: &str, separator: Separator, columns: [usize; 3]) -> Result<[f64; 
         })?;
         *value = separator.number(word).ok_or_else(|| {
             let word: String = word.chars().take(40).collect();
-            Error::bad_input(format!("{word:?} is not a number"))
+            Error::bad_input(format!("{word:?} is not a number that can be held"))
         })?;
     }
     if !(point[0].is_finite() && point[1].is_finite()) {
@@ -241,7 +271,9 @@ mod tests {
                 let text = format!("{line}\n1");
                 if let Some((plain, bytes)) = plain_point(text.as_bytes(), separator) {
                     prop_assert_eq!(bytes, line.len() + 1);
-                    let any = point(line.trim(), separator, [0, 1, 2]).unwrap();
+                    let words: Vec<&str> = separator.words(trimmed(line.trim_end())).collect();
+                    let any = point(&words, separator, [0, 1, 2]).unwrap();
+                    prop_assert_eq!(words.len(), 3);
                     prop_assert_eq!(plain.map(f64::to_bits), any.map(f64::to_bits));
                 }
             }
@@ -267,7 +299,8 @@ mod tests {
     }
 
     fn point_of(line: &str) -> Option<[f64; 3]> {
-        point(line, Separator::of(line), [0, 1, 2]).ok()
+        let separator = Separator::of(line);
+        point(&separator.words(line).collect::<Vec<_>>(), separator, [0, 1, 2]).ok()
     }
 
     #[test]
@@ -277,7 +310,22 @@ mod tests {
         {
             assert_eq!(point_of(line), Some([1.5, 2.0, 3.0]), "{line}");
         }
-        for line in ["1 2", "a b c", "1 2 x", "inf 1 2", "1,,2", "1 nan 2"] {
+        assert_eq!(point_of("\"1.5\";\"2\";3"), Some([1.5, 2.0, 3.0]));
+        for line in [
+            "1 2",
+            "a b c",
+            "1 2 x",
+            "inf 1 2",
+            "1,,2",
+            "1 nan 2",
+            "1 2 6e999",
+            "1 2 \"3",
+            "1 2 3\"",
+            "1 2 \"",
+            "1 2\r3",
+            "1 2 3\u{b}4",
+            "1 2 3\u{a0}000",
+        ] {
             assert_eq!(point_of(line), None, "{line}");
         }
     }

@@ -36,6 +36,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
         line: 0,
         first_line: 0,
         row: Row::default(),
+        count: 0,
         has_row: false,
         is_over: false,
         notes: Vec::new(),
@@ -74,6 +75,8 @@ struct Source {
     /// Where the last feature began.
     first_line: u64,
     row: Row,
+    /// Cells of the first line, and so of all.
+    count: usize,
     /// True where `row` is the first of the feature to come.
     has_row: bool,
     is_over: bool,
@@ -148,6 +151,7 @@ impl Source {
             let found = [b'\t', b';', b','].into_iter().find(|d| line.as_bytes().contains(d));
             self.delimiter = found.unwrap_or(b' ');
             self.row.cells = self.cells(&line)?;
+            self.count = self.row.cells.len();
             break;
         }
         let names: Vec<String> =
@@ -203,6 +207,9 @@ impl Source {
             let text = text.map_err(|_| self.bad("is not UTF-8"))?;
             // White space may be what divides columns.
             let text = text.trim_end_matches(['\r', ' ']).trim_start_matches(' ').to_owned();
+            if text.contains('\r') {
+                return Err(self.bad("has a carriage return within it").remedy("mend the line"));
+            }
             self.window.advance(bytes + 1);
             if !text.starts_with('#') {
                 return Ok(Some(text));
@@ -230,6 +237,11 @@ impl Source {
             return Ok(false);
         };
         self.row.cells = if line.trim().is_empty() { Vec::new() } else { self.cells(&line)? };
+        let found = self.row.cells.len();
+        if found > 0 && found != self.count {
+            let message = format!("has {found} columns, where the first line has {}", self.count);
+            return Err(self.bad(message).remedy("mend the line"));
+        }
         Ok(true)
     }
 
@@ -251,7 +263,19 @@ impl Source {
                     characters.next();
                     cells[last].push('"');
                 }
-                '"' => quoted = !quoted,
+                '"' if quoted => {
+                    quoted = false;
+                    if characters.peek().is_some_and(|next| *next != char::from(self.delimiter)) {
+                        return Err(self.bad("something follows a quotation mark in its cell"));
+                    }
+                }
+                '"' if cells[last].trim().is_empty() => {
+                    quoted = true;
+                    cells[last].clear();
+                }
+                '"' => {
+                    return Err(self.bad("a quotation mark is within a cell that has none before"));
+                }
                 c if c == char::from(self.delimiter) && !quoted => cells.push(String::new()),
                 c => cells[last].push(c),
             }
@@ -362,6 +386,11 @@ mod tests {
             ("x,y\n1,\n", "line 2: y is no"),
             ("x,y\n1,1e999\n", "line 2"),
             ("x,y\n1\n", "line 2: has 1 columns"),
+            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, where the first line has 2"),
+            ("1 2 3\n1 2\n", "line 2: has 2 columns, where the first line has 3"),
+            ("x,y\n6\r1,2\n", "line 2: has a carriage return"),
+            ("x,y\n8\"9\",2\n", "line 2: a quotation mark is within a cell"),
+            ("x,y\n\"8\"9,2\n", "line 2: something follows a quotation mark"),
             ("a,b\n1,2\n", "no columns x and y"),
             ("1,2,3,4,5\n", "5 columns without names"),
             ("x,y\n\"1,2\n", "line 2: a quotation mark"),

@@ -18,7 +18,7 @@ use crate::pipeline::plan::{self, InputFile, Planned};
 use crate::raster::SampleType;
 
 /// Changed whenever the same plan would give other bytes.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
 pub(super) const BLOCK: u32 = 256;
 /// Most cells along a tile.

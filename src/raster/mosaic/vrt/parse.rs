@@ -122,6 +122,7 @@ fn vrt<R: BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Vrt> {
     while let Some(tag) = xml.child()? {
         vrt.element(xml, tag, band)?;
     }
+    xml.finish()?;
     some_band(band, vrt.bands)?;
     Ok(vrt)
 }
