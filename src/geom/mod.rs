@@ -2,16 +2,13 @@
 
 mod affine;
 mod crs;
-mod geokeys;
 pub mod plane;
 mod point;
 pub mod predicates;
 mod rect;
-pub mod wkt;
 
 pub use affine::Affine;
-pub use crs::Crs;
-pub use geokeys::GeoKeys;
+pub use crs::{Crs, GeoKeys, wkt};
 pub use point::{Frame, Point, REACH};
 pub use rect::Rect;
 

@@ -15,8 +15,8 @@ const KEYS: [u16; 3] = [34_735, 34_736, 34_737];
 /// Bit of the global encoding: the system is given as well-known text.
 const IS_WKT: u16 = 1 << 4;
 
-/// What the records say. Text comes first where the header says so or where there are no keys; what
-/// one of them leaves open, the other fills in.
+/// What the records say: the text where the header says so, or where the keys do not tell. Two
+/// definitions are never mixed but for heights, of which text may say nothing and keys something.
 pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
     let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(USER, id)).map(|vlr| vlr.data(file));
     let text = data(WKT).transpose()?.map_or_else(Crs::default, |bytes| of_text(&bytes));
@@ -29,30 +29,27 @@ pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
         ),
         None => Crs::default(),
     };
-    Ok(match encoding & IS_WKT != 0 || keys.epsg.is_none() && keys.citation.is_none() {
-        true if !text.is_unknown() => join(text, keys),
-        _ => join(keys, text),
+    let is_text = encoding & IS_WKT != 0 || keys.to_wkt().is_none();
+    Ok(if is_text && text.is_named() {
+        with_heights(text, &keys)
+    } else {
+        with_heights(keys, &text)
     })
 }
 
-/// `first`, with its gaps filled from `second` where that is of the same system.
-fn join(first: Crs, second: Crs) -> Crs {
-    if first.is_unknown() {
-        return second;
+/// `first`, with what `second` says of heights where it says nothing of them, if both measure the
+/// plane in one unit.
+fn with_heights(first: Crs, second: &Crs) -> Crs {
+    if !first.is_named() {
+        return second.clone();
     }
-    let alike = match (first.epsg, second.epsg) {
-        (Some(a), Some(b)) => a == b,
-        _ => !second.is_unknown(),
-    };
-    if !alike {
+    let is_silent = first.vertical_epsg.is_none() && first.vertical_unit.is_none();
+    if !is_silent || first.horizontal_unit() != second.horizontal_unit() {
         return first;
     }
     Crs {
-        epsg: first.epsg.or(second.epsg),
-        vertical_epsg: first.vertical_epsg.or(second.vertical_epsg),
-        wkt: first.wkt.or(second.wkt),
-        geographic: first.geographic.or(second.geographic),
-        vertical_unit: first.vertical_unit.or(second.vertical_unit),
+        vertical_epsg: second.vertical_epsg,
+        vertical_unit: second.vertical_unit.clone(),
         ..first
     }
 }
@@ -60,7 +57,7 @@ fn join(first: Crs, second: Crs) -> Crs {
 fn of_text(bytes: &[u8]) -> Crs {
     let text = String::from_utf8_lossy(bytes);
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
-    if text.is_empty() { Crs::default() } else { wkt::from_text(text) }
+    wkt::of_srs(text)
 }
 
 fn of_keys(keys: &[u8], doubles: &[u8], ascii: &[u8]) -> Crs {
