@@ -27,6 +27,8 @@ from rasterio.crs import CRS
 from rasterio.transform import from_origin
 
 warnings.filterwarnings("ignore")
+# Codes that were given up are to stay what they are.
+os.environ["OSR_USE_NON_DEPRECATED"] = "NO"
 ELLIPSOID = "+ellps=GRS80 +x_0=100 +y_0=200"
 TWO = "+lat_1=45 +lat_2=49 +lat_0=46 +lon_0=9"
 CENTRE = "+lat_0=46 +lon_0=9"
@@ -234,6 +236,7 @@ def compare(terrane, source, folder):
     for out, read, command in jobs:
         path = os.path.join(folder, out)
         command = [path if part == out else part for part in command]
+        command += ["--round"] if out.endswith("png") else []
         code, _, err = run(terrane, *command, "--overwrite", "-q")
         if code != 0:
             yield out, err
@@ -260,6 +263,9 @@ def compare_codes(terrane, count, folder):
             continue
         if done == count:
             return
+        # Compound systems are told by their parts.
+        if not crs.to_wkt(version="WKT2_2019").startswith(("PROJCRS", "GEOGCRS")):
+            continue
         done += 1
         for dialect in ("WKT1_GDAL", "WKT1_ESRI", "WKT2_2019"):
             try:
@@ -270,12 +276,9 @@ def compare_codes(terrane, count, folder):
                 out.write(text)
             status, out, err = run(terrane, "info", os.path.join(folder, "x.asc"), "--json")
             told = json.loads(out)["epsg"] if status == 0 else err
-            horizontal = crs.to_epsg()
-            # Esri's dialect has no codes, and a compound system is told by its parts.
-            if told not in (None, horizontal) and "COMP" not in text[:5]:
+            # Esri's dialect has no codes.
+            if told != code and (told is not None or dialect != "WKT1_ESRI"):
                 yield f"{code} {dialect}", str(told)
-            elif told is None and dialect != "WKT1_ESRI" and text.startswith(("PROJ", "GEOG")):
-                yield f"{code} {dialect}", "no code"
 
 
 def main():

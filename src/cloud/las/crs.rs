@@ -29,12 +29,15 @@ pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
         ),
         None => Crs::default(),
     };
-    let is_text = encoding & IS_WKT != 0 || keys.to_wkt().is_none();
-    Ok(if is_text && text.is_named() {
-        with_heights(text, &keys)
-    } else {
-        with_heights(keys, &text)
-    })
+    Ok(choose(text, keys, encoding & IS_WKT != 0))
+}
+
+/// The one of two definitions that counts.
+fn choose(text: Crs, keys: Crs, is_text: bool) -> Crs {
+    match text.is_named() && (is_text || keys.to_wkt().is_none()) {
+        true => with_heights(text, &keys),
+        false => with_heights(keys, &text),
+    }
 }
 
 /// `first`, with what `second` says of heights where it says nothing of them, if both measure the
@@ -65,4 +68,30 @@ fn of_keys(keys: &[u8], doubles: &[u8], ascii: &[u8]) -> Crs {
     let doubles = doubles.as_chunks::<8>().0.iter().map(|eight| f64::from_le_bytes(*eight));
     let ascii = String::from_utf8_lossy(ascii).into_owned();
     GeoKeys::new(numbers, doubles.collect(), ascii).into_crs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_counts_where_the_header_says_so_and_two_definitions_are_never_mixed() {
+        let text = r#"PROJCS["feet",GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298.257]],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],UNIT["Foot_US",0.304800609601219]]"#;
+        let of = |keys: &[u16]| GeoKeys::new(keys.to_vec(), vec![], String::new()).into_crs();
+        let keys =
+            of(&[1, 1, 0, 4, 1024, 0, 1, 1, 3072, 0, 1, 32104, 3076, 0, 1, 9003, 4099, 0, 1, 9003]);
+        assert_eq!((keys.epsg, keys.horizontal_unit()), (None, "US survey foot"));
+        let found = choose(of_text(text.as_bytes()), keys.clone(), true);
+        assert_eq!((found.epsg, found.wkt.as_deref()), (None, Some(text)));
+        assert!(found.geo_keys.is_empty());
+        assert_eq!(found.vertical_unit.as_deref(), Some("US survey foot"));
+        let metres = of(&[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32104, 4099, 0, 1, 9001]);
+        assert_eq!(choose(of_text(text.as_bytes()), metres, true).vertical_unit, None);
+        assert_eq!(choose(of_text(text.as_bytes()), keys.clone(), false), keys);
+        assert_eq!(
+            choose(of_text(text.as_bytes()), Crs::default(), false).wkt.as_deref(),
+            Some(text)
+        );
+        assert_eq!(choose(Crs::default(), keys.clone(), true), keys);
+    }
 }

@@ -123,10 +123,20 @@ impl Projected {
 }
 
 impl Geographic {
+    /// Axis, flattening and meridian, compared with these slacks.
+    fn is_within(&self, other: &Self, [axis, flattening, meridian]: [f64; 3]) -> bool {
+        (self.axis - other.axis).abs() < axis
+            && (self.flattening - other.flattening).abs() < flattening
+            && (self.from_greenwich - other.from_greenwich).abs() < meridian
+    }
+
     fn same_figure(&self, other: &Self) -> bool {
-        (self.axis - other.axis).abs() < 1e-3
-            && (self.flattening - other.flattening).abs() < 1e-7
-            && (self.from_greenwich - other.from_greenwich).abs() < 1e-8
+        self.is_within(other, [1e-3, 1e-7, 1e-8])
+    }
+
+    /// Codes keep their number when the dataset mends their ellipsoid or meridian by a little.
+    fn about_same_figure(&self, other: &Self) -> bool {
+        self.is_within(other, [1.0, 1e-5, 1e-2])
     }
 
     /// By their codes, or else by the names of the datum and the system, in either dialect.
@@ -194,9 +204,9 @@ impl Horizontal {
     /// meridian, another ellipsoid. Names and methods that cannot be compared are believed.
     pub(super) fn contradicts(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Geographic(a), Self::Geographic(b)) => !a.same_figure(b),
+            (Self::Geographic(a), Self::Geographic(b)) => !a.about_same_figure(b),
             (Self::Projected(a), Self::Projected(b)) => {
-                !a.base.same_figure(&b.base) || (a.method == b.method && !a.same_numbers(b))
+                !a.base.about_same_figure(&b.base) || (a.method == b.method && !a.same_numbers(b))
             }
             _ => false,
         }

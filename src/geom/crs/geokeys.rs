@@ -369,7 +369,7 @@ mod tests {
         assert!(keys.pixel_is_point());
         let crs = keys.into_crs();
         assert_eq!((crs.epsg, crs.vertical_epsg), (Some(32611), Some(5703)));
-        assert_eq!(crs.label(), "EPSG:32611 (WGS 84 / UTM zone 11N)");
+        assert_eq!(crs.label(), "EPSG:32611+5703 (WGS 84 / UTM zone 11N)");
         assert_eq!(crs.geographic, Some(false));
         assert_eq!(crs.vertical_unit.as_deref(), Some("metre"));
         assert_eq!(crs.geo_keys, raw);

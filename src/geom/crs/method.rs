@@ -187,7 +187,7 @@ const fn method(
 }
 
 /// All methods, by their GeoTIFF codes.
-const METHODS: &[Method] = {
+pub(super) const METHODS: &[Method] = {
     use Centre::{Center, Origin};
     &[
         method(1, "Transverse_Mercator", &["gausskruger"], Origin, ORIGIN),

@@ -265,4 +265,120 @@ mod tests {
         assert_eq!(Crs { epsg: Some(32611), ..Crs::default() }.horizontal_unit(), "metre");
         assert_eq!(Crs::default().horizontal_unit(), "unit");
     }
+
+    /// One system in the dialects of GDAL, of Esri, of the second kind, and of heights in feet.
+    const DIALECTS: [&str; 3] = [
+        r#"PROJCS["a",GEOGCS["NAD83",DATUM["North_American_Datum_1983",SPHEROID["GRS 1980",6378137,298.257222101004]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic_2SP"],PARAMETER["latitude_of_origin",39.5],PARAMETER["central_meridian",-100],PARAMETER["standard_parallel_1",40],PARAMETER["standard_parallel_2",43],PARAMETER["false_easting",1640416.66666667],PARAMETER["false_northing",0],UNIT["US survey foot",0.304800609601219],AXIS["X",EAST],AXIS["Y",NORTH]]"#,
+        r#"PROJCS["b",GEOGCS["GCS_North_American_1983",DATUM["D_North_American_1983",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic"],PARAMETER["False_Easting",1640416.666666667],PARAMETER["False_Northing",0.0],PARAMETER["Scale_Factor",1.0],PARAMETER["Central_Meridian",-100.0],PARAMETER["Standard_Parallel_1",40.0],PARAMETER["Standard_Parallel_2",43.0],PARAMETER["Latitude_Of_Origin",39.5],UNIT["Foot_US",0.3048006096012192]]"#,
+        r#"PROJCRS["c",BASEGEOGCRS["NAD83",DATUM["North American Datum 1983",ELLIPSOID["GRS 1980",6378137,298.257222101,LENGTHUNIT["metre",1]]],PRIMEM["Greenwich",0,ANGLEUNIT["degree",0.0174532925199433]]],CONVERSION["d",METHOD["Lambert Conic Conformal (2SP)"],PARAMETER["Latitude of false origin",39.5,ANGLEUNIT["degree",0.0174532925199433]],PARAMETER["Longitude of false origin",-100,ANGLEUNIT["degree",0.0174532925199433]],PARAMETER["Latitude of 1st standard parallel",40,ANGLEUNIT["degree",0.0174532925199433]],PARAMETER["Latitude of 2nd standard parallel",43,ANGLEUNIT["degree",0.0174532925199433]],PARAMETER["Easting at false origin",500000,LENGTHUNIT["metre",1]],PARAMETER["Northing at false origin",0,LENGTHUNIT["metre",1]]],CS[Cartesian,2],AXIS["e",east,LENGTHUNIT["US survey foot",0.304800609601219]],AXIS["n",north,LENGTHUNIT["US survey foot",0.304800609601219]]]"#,
+    ];
+
+    #[test]
+    fn dialects_agree_and_any_other_number_does_not() {
+        let all = DIALECTS.map(wkt::from_text);
+        for (a, text) in all.iter().zip(DIALECTS) {
+            assert!(all.iter().all(|b| a.agrees(b) && b.is_said_by(text)), "{text}");
+            assert_eq!(a.horizontal_unit(), "US survey foot");
+            let first = a.to_wkt().unwrap();
+            assert!(first.starts_with("PROJCS[") && wkt::from_text(&first).agrees(a), "{first}");
+        }
+        for (from, to) in [
+            ("39.5", "39.6"),
+            ("-100", "-101"),
+            ("43", "44"),
+            ("1640416", "1640417"),
+            ("0.304800609601219]", "0.3048]"),
+            ("6378137", "6378138"),
+            ("\"Greenwich\",0", "\"Greenwich\",1"),
+            ("North_American_Datum_1983", "Elsewhere"),
+            ("_Conic_2SP", "_Conic_3SP"),
+        ] {
+            let text =
+                DIALECTS[0].replace(from, to).replace("US survey foot\",0.3048]", "foot\",0.3048]");
+            let text = text.replace(
+                "\"NAD83\"",
+                if to == "Elsewhere" { "\"Elsewhere\"" } else { "\"NAD83\"" },
+            );
+            let other = wkt::from_text(&text);
+            assert!(!other.agrees(&all[0]) && !all[0].agrees(&other), "{from} {to}");
+            assert!(!all[0].is_said_by(&text), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn damaged_text_is_no_system_or_another_but_never_a_panic() {
+        for text in DIALECTS {
+            for at in 0..text.len() {
+                let _ = wkt::from_text(&text[..at]).to_wkt();
+                for new in ["[", "]", "\"", ",", "9", "é"] {
+                    let other = [&text[..at], new, &text[at + 1..]].concat();
+                    let crs = wkt::from_text(&other);
+                    assert!(crs.agrees(&crs.clone()) && crs.to_wkt().is_none_or(|t| !t.is_empty()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_method_comes_back_from_the_text_it_is_written_as() {
+        let wgs84 = codes::geographic(4326).unwrap();
+        for method in method::METHODS {
+            let given = |role| {
+                let at = method::Role::ALL.iter().position(|own| *own == role)?;
+                method.roles.contains(&role).then_some(10.0 + 0.5 * at as f64)
+            };
+            let own = definition::Projected::new(
+                ("x \"y\"".to_owned(), None),
+                wgs84.clone(),
+                method,
+                given,
+                Unit::of_code(9002).unwrap(),
+            );
+            let horizontal = Horizontal::Projected(own.unwrap());
+            let text = Definition { horizontal: horizontal.clone(), vertical: None }.wkt();
+            let (found, _) = wkt::parts(&text);
+            assert!(found.is_some_and(|found| found.same(&horizontal)), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_code_counts_only_where_nothing_overrides_it() {
+        let text = codes::text(32104).unwrap();
+        assert_eq!(wkt::from_text(text).epsg, Some(32104));
+        let feet =
+            text.replace("UNIT[\"metre\",1,AUTHORITY[\"EPSG\",\"9001\"]]", "UNIT[\"foot\",0.3048]");
+        assert_ne!(feet, text);
+        assert_eq!(wkt::from_text(&feet).epsg, None);
+        let up =
+            r#"VERT_CS["n",VERT_DATUM["d",2005],UNIT["foot",0.3048],AUTHORITY["EPSG","5703"]]"#;
+        let both = format!("COMPD_CS[\"b\",{text},{up}]");
+        let crs = wkt::from_text(&both);
+        assert_eq!((crs.epsg, crs.vertical_epsg), (Some(32104), None));
+        assert_eq!(crs.vertical_unit.as_deref(), Some("foot"));
+    }
+
+    #[test]
+    fn what_text_cannot_say_is_told() {
+        let keys = |extra: &[u16]| {
+            let raw = [&[1, 1, 0, 3, 1024, 0, 1, 1, 1026, 34737, 5, 0][..], extra].concat();
+            GeoKeys::new(raw, vec![], "mine|".to_owned()).into_crs()
+        };
+        let odd = keys(&[3075, 0, 1, 5]);
+        assert_eq!(odd.to_wkt(), None);
+        assert!(odd.lost_in_wkt().unwrap().contains("mine"));
+        let high = Crs { epsg: Some(32611), vertical_epsg: Some(5030), ..Crs::default() };
+        assert!(high.lost_in_wkt().unwrap().contains("EPSG:5030"));
+        assert_eq!(wkt::of_srs("EPSG:32611+5703").lost_in_wkt(), None);
+        assert_eq!(Crs::default().lost_in_wkt(), None);
+    }
+
+    #[test]
+    fn heights_in_another_unit_than_their_system_are_no_code() {
+        let crs = Crs { vertical_unit: Some("metre".to_owned()), ..wkt::of_srs("EPSG:6339+6360") };
+        let text = crs.to_wkt().unwrap();
+        assert!(text.contains("VERT_CS") && !text.contains("\"6360\""), "{text}");
+        assert_eq!(wkt::from_text(&text).vertical_unit.as_deref(), Some("metre"));
+        let compound = wkt::of_srs("EPSG:7415");
+        assert_eq!((compound.epsg, compound.vertical_epsg), (Some(28992), Some(5709)));
+    }
 }

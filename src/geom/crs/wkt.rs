@@ -132,7 +132,7 @@ fn geographic(node: &Node<'_>) -> Option<Geographic> {
         code: node.code(),
         datum: of(datum),
         ellipsoid: of(ellipsoid),
-        axis: ellipsoid.number(0)?,
+        axis: number(ellipsoid, 1.0)?,
         flattening: ellipsoid.number(1)?,
         meridian: meridian.map_or("Greenwich", Node::name).to_owned(),
         from_greenwich: meridian.map_or(Some(0.0), |m| number(m, 1.0 / DEGREE))?,
