@@ -244,7 +244,7 @@ impl GeoKeys {
             return codes::geographic(code);
         }
         let own = |geographic: Geographic| {
-            let from_greenwich = self.from_greenwich()?;
+            let from_greenwich = self.meridian()?;
             let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
             let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
             Some(Geographic {
@@ -296,7 +296,7 @@ impl GeoKeys {
         Some((axis, self.double(INVERSE_FLATTENING).or(minor)?))
     }
 
-    fn from_greenwich(&self) -> Option<f64> {
+    fn meridian(&self) -> Option<f64> {
         match (self.double(PRIME_MERIDIAN_LONGITUDE), self.short(PRIME_MERIDIAN)) {
             (Some(longitude), _) => Some(longitude),
             (None, None | Some(8901)) => Some(0.0),

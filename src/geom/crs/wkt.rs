@@ -32,7 +32,7 @@ pub fn from_text(text: &str) -> Crs {
         .chain(&PROJECTED)
         .chain(&LOCAL)
         .chain(&OTHER)
-        .any(|known| is_known(&known))
+        .any(|known| is_known(known))
     {
         let name = text.lines().next().map(|line| line.trim().chars().take(80).collect());
         return Crs { citation: name, ..Crs::default() };
