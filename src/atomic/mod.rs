@@ -2,6 +2,7 @@
 //! link is written through: its target is replaced, the link stays.
 
 mod folder;
+mod sidecar;
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -13,6 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::fault::{self, Point};
 
 pub use folder::AtomicFolder;
+pub use sidecar::Sidecar;
 
 /// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
 const TEMP_PREFIX: &str = ".terrane-";

@@ -284,6 +284,7 @@ pub(super) fn summary(r: &TinReport) -> String {
         let budget = text::bytes(r.memory_budget);
         rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
     }
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 

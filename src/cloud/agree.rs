@@ -13,7 +13,7 @@ use super::member::File;
 /// Two files of different systems.
 pub(super) fn crs(names: &[String], files: &[File], given: Option<&Crs>) -> Result<Crs> {
     let of = |file: &File| match (file.crs(), given) {
-        (crs, Some(given)) if crs.is_unknown() => given.clone(),
+        (crs, Some(given)) if !crs.is_named() => given.clone(),
         (crs, _) => crs.clone(),
     };
     let mut systems = names.iter().zip(files.iter().map(of));
@@ -32,19 +32,14 @@ pub(super) fn crs(names: &[String], files: &[File], given: Option<&Crs>) -> Resu
 }
 
 fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
-    let label = |crs: &Crs| {
-        let vertical = crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
-        format!("{}{vertical}", crs.label())
-    };
-    let remedy = match first.1.is_unknown() || other.1.is_unknown() {
+    let [own, others] = first.1.told_apart(other.1);
+    let remedy = match !first.1.is_named() || !other.1.is_named() {
         true => "if it is the same one, say so with --crs; else bring both into one",
         false => "bring both into one, for example with pdal translate --filter reprojection",
     };
     Error::bad_input(format!(
-        "its coordinate reference system is {}, and that of {} is {}",
-        label(other.1),
-        first.0,
-        label(first.1)
+        "its coordinate reference system is {others}, and that of {} is {own}",
+        first.0
     ))
     .in_file(Path::new(other.0))
     .remedy(remedy)
@@ -65,7 +60,7 @@ fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
 /// What people overlook about a system.
 pub(super) fn notes(crs: &Crs) -> Vec<String> {
     let mut notes = Vec::new();
-    if crs.epsg.is_none() && crs.citation.is_none() && crs.wkt.is_none() {
+    if !crs.is_named() {
         notes.push("the coordinate system is not named (--crs names it)".to_owned());
     }
     let (across, up) = (crs.horizontal_unit(), crs.vertical_unit.as_deref());

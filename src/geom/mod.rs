@@ -3,18 +3,15 @@
 mod affine;
 mod crs;
 mod decimal;
-mod geokeys;
 pub mod plane;
 mod point;
 pub mod predicates;
 mod rect;
 mod ruler;
-pub mod wkt;
 
 pub use affine::Affine;
-pub use crs::Crs;
+pub use crs::{Crs, GeoKeys, wkt};
 pub use decimal::Decimal;
-pub use geokeys::GeoKeys;
 pub use point::{Frame, Point, REACH, is_within};
 pub use rect::Rect;
 pub use ruler::Ruler;

@@ -22,7 +22,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::geom::{Crs, Point3};
 
-pub use sidecar::{check_prj, prj_path, prj_sidecar, write_prj};
+pub use sidecar::{check_prj, prj_path, write_prj};
 
 /// Every mesh format. A new one is a file in this folder and a line here.
 pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];

@@ -200,6 +200,7 @@ impl Said {
         }
         if let Some(crs) = rules.crs.pick(self.crs, own.crs.is_unknown()) {
             let Crs { vertical_unit, vertical_unit_text, .. } = own.crs.clone();
+            let vertical_unit = vertical_unit.or(crs.vertical_unit);
             info.crs = Crs { vertical_unit, vertical_unit_text, ..crs };
         }
         if let Some(unit) = rules.unit.pick(self.unit, own.crs.vertical_unit.is_none()) {

@@ -1,13 +1,11 @@
 //! Coordinate reference systems of files of features: `.prj` files, and what GeoJSON says.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::atomic::{AtomicFile, refuse_existing};
-use crate::error::{Error, Result};
-use crate::files::RawFile;
+use crate::atomic::Sidecar;
+use crate::error::Result;
+use crate::files;
 use crate::geom::{Crs, wkt};
-use crate::limits;
 
 /// Longitude and latitude on WGS 84: what GeoJSON and GPX are in.
 pub(super) fn wgs84() -> Crs {
@@ -16,64 +14,25 @@ pub(super) fn wgs84() -> Crs {
 
 /// True where coordinates need no word in a format that is longitude and latitude on WGS 84.
 pub(super) fn is_wgs84(crs: &Crs) -> bool {
-    crs.epsg == Some(4326) || crs.is_unknown()
+    (crs.epsg, crs.vertical_epsg) == (Some(4326), None) || !crs.is_named()
 }
 
 /// The system that the `.prj` file beside `path` names; unknown where there is none.
 pub(super) fn beside(path: &Path) -> Result<Crs> {
-    for extension in ["prj", "PRJ"] {
-        let sidecar = path.with_extension(extension);
-        if sidecar.is_file() {
-            let file = RawFile::open(&sidecar)?;
-            limits::check("bytes of a .prj file", file.len(), limits::MAX_HEADER_BYTES)
-                .map_err(|e| e.in_file(&sidecar))?;
-            let bytes = file.head(limits::MAX_HEADER_BYTES)?;
-            return Ok(wkt::from_text(String::from_utf8_lossy(&bytes).trim()));
-        }
-    }
-    Ok(Crs::default())
+    Ok(wkt::of_srs(&files::prj(path)?))
 }
 
-/// The well-known text of a system: as it came, or else by its EPSG code.
-pub(super) fn text(crs: &Crs) -> Option<&str> {
-    let given = crs.wkt.as_deref().map(str::trim).filter(|wkt| !wkt.is_empty());
-    given.or_else(|| Some(crs_definitions::from_code(u16::try_from(crs.epsg?).ok()?)?.wkt))
+/// The `.prj` file of the file at `path`: written, replaced or, where nothing is known of `crs`,
+/// removed together with it.
+pub(super) fn prj(path: &Path, crs: &Crs, overwrite: bool) -> Result<Sidecar> {
+    let text = crs.to_wkt().map(|text| text + "\n");
+    let path = path.with_extension("prj");
+    Sidecar::new(path, text, |found| crs.is_said_by(found), overwrite)
 }
 
-/// A `.prj` file in the making.
-pub(super) struct Prj {
-    path: PathBuf,
-    text: String,
-    overwrite: bool,
-    /// True where it says the same already.
-    is_there: bool,
-}
-
-impl Prj {
-    /// Of the file at `path`; `None` where nothing is known of `crs`. Fails where another `.prj` is
-    /// there and is not to be replaced.
-    pub(super) fn new(path: &Path, crs: &Crs, overwrite: bool) -> Result<Option<Self>> {
-        let Some(text) = text(crs) else { return Ok(None) };
-        let path = path.with_extension("prj");
-        let is_small = std::fs::metadata(&path).is_ok_and(|m| m.len() <= limits::MAX_HEADER_BYTES);
-        let found = is_small.then(|| std::fs::read_to_string(&path).ok()).flatten();
-        let is_there = found.is_some_and(|found| found.trim() == text);
-        if !is_there {
-            refuse_existing(&path, overwrite)?;
-        }
-        Ok(Some(Self { path, text: text.to_owned(), overwrite, is_there }))
-    }
-
-    /// Writes it, whole or not at all; its path and size.
-    pub(super) fn finish(self) -> Result<(PathBuf, u64)> {
-        let bytes = self.text.len() as u64 + 1;
-        if !self.is_there {
-            let mut file = AtomicFile::create(&self.path, self.overwrite)?;
-            writeln!(file, "{}", self.text).map_err(|e| Error::write(&self.path, e))?;
-            file.commit()?;
-        }
-        Ok((self.path, bytes))
-    }
+/// What a file beside which a `.prj` lies does not say of `crs`.
+pub(super) fn notes(crs: &Crs) -> Vec<String> {
+    crs.lost_in_wkt().into_iter().collect()
 }
 
 /// The system of a GeoJSON "crs" member (of 2008, before RFC 7946): by name, as a URN or a code.
@@ -88,17 +47,30 @@ pub(super) fn of_member(json: &str) -> Crs {
     if upper.ends_with("CRS84") || upper.ends_with("CRS:84") {
         return wgs84();
     }
-    match upper.split_once("EPSG").map(|(_, rest)| rest.rsplit(':').next().unwrap_or_default()) {
-        Some(code) if code.parse::<u32>().is_ok() => wkt::of_srs(&format!("EPSG:{code}")),
+    // One code of a URN, or two of a compound one: "urn:ogc:def:crs,crs:EPSG::6339,crs:EPSG::6360".
+    let is_name = !name.contains('[');
+    let parts = upper.split(',').filter(|part| is_name && part.contains("EPSG"));
+    let codes = parts.map(|part| part.rsplit([':', '/']).next()?.parse::<u32>().ok());
+    match codes.collect::<Option<Vec<_>>>().as_deref() {
+        Some([code]) => wkt::of_srs(&format!("EPSG:{code}")),
+        Some([code, vertical]) => wkt::of_srs(&format!("EPSG:{code}+{vertical}")),
         _ => wkt::of_srs(name),
     }
 }
 
-/// The "crs" member for a system other than WGS 84, as GDAL writes it; `None` without an EPSG code.
+/// The "crs" member for a system other than WGS 84, as GDAL writes it: by code, or as well-known text,
+/// which GDAL reads there, too. `None` where neither is known.
 pub(super) fn member(crs: &Crs) -> Option<String> {
-    let code = crs.epsg.filter(|_| !is_wgs84(crs))?;
-    let name = format!("urn:ogc:def:crs:EPSG::{code}");
-    Some(format!("{{\"type\":\"name\",\"properties\":{{\"name\":\"{name}\"}}}}"))
+    if is_wgs84(crs) {
+        return None;
+    }
+    let name = match (crs.epsg, crs.vertical_epsg) {
+        (Some(code), None) => format!("urn:ogc:def:crs:EPSG::{code}"),
+        (Some(code), Some(up)) => format!("urn:ogc:def:crs,crs:EPSG::{code},crs:EPSG::{up}"),
+        (None, _) => crs.to_wkt()?,
+    };
+    let name = serde_json::Value::String(name);
+    Some(format!("{{\"type\":\"name\",\"properties\":{{\"name\":{name}}}}}"))
 }
 
 #[cfg(test)]
@@ -126,16 +98,31 @@ mod tests {
     }
 
     #[test]
+    fn a_member_holds_what_has_no_code_and_both_codes_of_a_compound_system() {
+        let text = r#"LOCAL_CS["a ""b""",UNIT["metre",1]]"#;
+        let own = wkt::from_text(text);
+        assert_eq!(of_member(&member(&own).unwrap()).wkt.as_deref(), Some(text));
+        let compound = wkt::of_srs("EPSG:6339+6360");
+        assert!(of_member(&member(&compound).unwrap()).agrees(&compound));
+        let high = wkt::of_srs("EPSG:4326+5773");
+        assert_eq!(of_member(&member(&high).unwrap()).vertical_epsg, Some(5773));
+    }
+
+    #[test]
     fn a_prj_is_written_once_and_never_replaced_unasked() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.wkt");
-        assert!(Prj::new(&path, &Crs::default(), false).unwrap().is_none());
-        Prj::new(&path, &wgs84(), false).unwrap().unwrap().finish().unwrap();
+        let write = |crs: &Crs, overwrite| prj(&path, crs, overwrite)?.commit();
+        write(&Crs::default(), false).unwrap();
+        assert!(beside(&path).unwrap().is_unknown());
+        write(&wgs84(), false).unwrap();
         assert_eq!(beside(&path).unwrap().epsg, Some(4326));
-        Prj::new(&path, &wgs84(), false).unwrap().unwrap().finish().unwrap();
+        write(&wgs84(), false).unwrap();
         let other = wkt::of_srs("EPSG:2154");
-        assert!(Prj::new(&path, &other, false).is_err());
-        Prj::new(&path, &other, true).unwrap().unwrap().finish().unwrap();
+        assert!(write(&other, false).is_err() && write(&Crs::default(), false).is_err());
+        write(&other, true).unwrap();
         assert_eq!(beside(&path).unwrap().epsg, Some(2154));
+        write(&Crs::default(), true).unwrap();
+        assert!(beside(&path).unwrap().is_unknown());
     }
 }

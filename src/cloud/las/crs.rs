@@ -15,8 +15,8 @@ const KEYS: [u16; 3] = [34_735, 34_736, 34_737];
 /// Bit of the global encoding: the system is given as well-known text.
 const IS_WKT: u16 = 1 << 4;
 
-/// What the records say. Text comes first where the header says so or where there are no keys; what
-/// one of them leaves open, the other fills in.
+/// What the records say: the text where the header says so, or where the keys do not tell. Two
+/// definitions are never mixed but for heights, of which text may say nothing and keys something.
 pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
     let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(USER, id)).map(|vlr| vlr.data(file));
     let text = data(WKT).transpose()?.map_or_else(Crs::default, |bytes| of_text(&bytes));
@@ -29,30 +29,30 @@ pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
         ),
         None => Crs::default(),
     };
-    Ok(match encoding & IS_WKT != 0 || keys.epsg.is_none() && keys.citation.is_none() {
-        true if !text.is_unknown() => join(text, keys),
-        _ => join(keys, text),
-    })
+    Ok(choose(text, keys, encoding & IS_WKT != 0))
 }
 
-/// `first`, with its gaps filled from `second` where that is of the same system.
-fn join(first: Crs, second: Crs) -> Crs {
-    if first.is_unknown() {
-        return second;
+/// The one of two definitions that counts.
+fn choose(text: Crs, keys: Crs, is_text: bool) -> Crs {
+    match text.is_named() && (is_text || keys.to_wkt().is_none()) {
+        true => with_heights(text, &keys),
+        false => with_heights(keys, &text),
     }
-    let alike = match (first.epsg, second.epsg) {
-        (Some(a), Some(b)) => a == b,
-        _ => !second.is_unknown(),
-    };
-    if !alike {
+}
+
+/// `first`, with what `second` says of heights where it says nothing of them, if both measure the
+/// plane in one unit.
+fn with_heights(first: Crs, second: &Crs) -> Crs {
+    if !first.is_named() {
+        return second.clone();
+    }
+    let is_silent = first.vertical_epsg.is_none() && first.vertical_unit.is_none();
+    if !is_silent || first.horizontal_unit() != second.horizontal_unit() {
         return first;
     }
     Crs {
-        epsg: first.epsg.or(second.epsg),
-        vertical_epsg: first.vertical_epsg.or(second.vertical_epsg),
-        wkt: first.wkt.or(second.wkt),
-        geographic: first.geographic.or(second.geographic),
-        vertical_unit: first.vertical_unit.or(second.vertical_unit),
+        vertical_epsg: second.vertical_epsg,
+        vertical_unit: second.vertical_unit.clone(),
         ..first
     }
 }
@@ -60,7 +60,7 @@ fn join(first: Crs, second: Crs) -> Crs {
 fn of_text(bytes: &[u8]) -> Crs {
     let text = String::from_utf8_lossy(bytes);
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
-    if text.is_empty() { Crs::default() } else { wkt::from_text(text) }
+    wkt::of_srs(text)
 }
 
 fn of_keys(keys: &[u8], doubles: &[u8], ascii: &[u8]) -> Crs {
@@ -68,4 +68,30 @@ fn of_keys(keys: &[u8], doubles: &[u8], ascii: &[u8]) -> Crs {
     let doubles = doubles.as_chunks::<8>().0.iter().map(|eight| f64::from_le_bytes(*eight));
     let ascii = String::from_utf8_lossy(ascii).into_owned();
     GeoKeys::new(numbers, doubles.collect(), ascii).into_crs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_counts_where_the_header_says_so_and_two_definitions_are_never_mixed() {
+        let text = r#"PROJCS["feet",GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298.257]],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],UNIT["Foot_US",0.304800609601219]]"#;
+        let of = |keys: &[u16]| GeoKeys::new(keys.to_vec(), vec![], String::new()).into_crs();
+        let keys =
+            of(&[1, 1, 0, 4, 1024, 0, 1, 1, 3072, 0, 1, 32104, 3076, 0, 1, 9003, 4099, 0, 1, 9003]);
+        assert_eq!((keys.epsg, keys.horizontal_unit()), (None, "US survey foot"));
+        let found = choose(of_text(text.as_bytes()), keys.clone(), true);
+        assert_eq!((found.epsg, found.wkt.as_deref()), (None, Some(text)));
+        assert!(found.geo_keys.is_empty());
+        assert_eq!(found.vertical_unit.as_deref(), Some("US survey foot"));
+        let metres = of(&[1, 1, 0, 3, 1024, 0, 1, 1, 3072, 0, 1, 32104, 4099, 0, 1, 9001]);
+        assert_eq!(choose(of_text(text.as_bytes()), metres, true).vertical_unit, None);
+        assert_eq!(choose(of_text(text.as_bytes()), keys.clone(), false), keys);
+        assert_eq!(
+            choose(of_text(text.as_bytes()), Crs::default(), false).wkt.as_deref(),
+            Some(text)
+        );
+        assert_eq!(choose(Crs::default(), keys.clone(), true), keys);
+    }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::files::RawFile;
+use crate::files::{self, RawFile};
 use crate::geom::{Crs, Frame, REACH, wkt};
 use crate::limits;
 
@@ -336,8 +336,5 @@ fn origin(all: &Survey, axis: usize, decimals: u8) -> Option<i64> {
 
 /// The system of a `.prj` file beside the points.
 fn crs_beside(path: &Path) -> Result<Crs> {
-    let found = ["prj", "PRJ"].map(|ending| path.with_extension(ending));
-    let Some(path) = found.iter().find(|path| path.is_file()) else { return Ok(Crs::default()) };
-    let bytes = RawFile::open(path)?.head(limits::MAX_HEADER_BYTES)?;
-    Ok(wkt::from_text(String::from_utf8_lossy(&bytes).trim()))
+    Ok(wkt::of_srs(&files::prj(path)?))
 }

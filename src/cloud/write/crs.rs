@@ -17,38 +17,17 @@ mod key {
     pub(super) const GEOGRAPHIC: u16 = 2;
 }
 
-/// The records for `crs`: well-known text where points have a new format and the text is known,
-/// GeoKeys otherwise, nothing when neither is known.
+/// The records for `crs`: well-known text where points have a new format and the text is known, or
+/// where there are no keys; GeoKeys otherwise; nothing when neither is known.
 pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
-    match wkt(crs).filter(|_| is_new) {
+    let keys = if is_new { Vec::new() } else { keys(crs) };
+    match crs.to_wkt().filter(|_| keys.is_empty()) {
         Some(text) => {
             let data = [text.as_bytes(), &[0]].concat();
             vec![Vlr { user: USER, number: WKT_RECORD, about: "OGC WKT", data }]
         }
-        None => keys(crs),
+        None => keys,
     }
-}
-
-fn wkt(crs: &Crs) -> Option<String> {
-    crs.wkt.clone().or_else(|| by_codes(crs))
-}
-
-/// The text of a code, joined with one for heights where they have a code of their own. Their
-/// definitions are not at hand: readers go by the code.
-fn by_codes(crs: &Crs) -> Option<String> {
-    let plane = crs_definitions::from_code(crs.epsg?.try_into().ok()?)?.wkt;
-    let Some(code) = crs.vertical_epsg else { return Some(plane.to_owned()) };
-    let name = plane.split('"').nth(1).unwrap_or_default();
-    let unit = match crs.vertical_unit.as_deref() {
-        Some("foot") => r#"UNIT["foot",0.3048,AUTHORITY["EPSG","9002"]]"#,
-        Some("US survey foot") => {
-            r#"UNIT["US survey foot",0.304800609601219,AUTHORITY["EPSG","9003"]]"#
-        }
-        _ => r#"UNIT["metre",1,AUTHORITY["EPSG","9001"]]"#,
-    };
-    Some(format!(
-        r#"COMPD_CS["{name} + EPSG:{code}",{plane},VERT_CS["EPSG:{code}",VERT_DATUM["EPSG:{code}",2005],{unit},AXIS["Up",UP],AUTHORITY["EPSG","{code}"]]]"#
-    ))
 }
 
 /// The GeoKeys as they were read, or else those of the codes.
@@ -81,7 +60,8 @@ fn made(crs: &Crs) -> Vec<u16> {
     };
     let mut entries = vec![[key::MODEL_TYPE, 0, 1, model], [system, 0, 1, code]];
     entries.extend(short(crs.vertical_epsg).map(|code| [key::VERTICAL_CRS, 0, 1, code]));
-    let mut directory = vec![1, 1, 0, entries.len() as u16];
+    let is_high = crs.vertical_epsg.is_some();
+    let mut directory = vec![1, 1, is_high.into(), entries.len() as u16];
     directory.extend(entries.concat());
     directory
 }

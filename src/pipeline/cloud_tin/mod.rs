@@ -135,6 +135,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     let mut report = make(job, &*source, format, progress, cancel)?;
     report.files = source.files().len() as u64;
     report.notes = source.notes().to_vec();
+    report.notes.extend(source.info().crs.lost_in_wkt());
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
     Ok(report)

@@ -239,18 +239,19 @@ fn like_grid(
 
 /// The CRS of a grid and a cloud that lie on each other.
 fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
-    let (a, b) = (grid.label(), cloud.label());
-    let unknown = Crs::default().label();
-    match (a == unknown, b == unknown) {
-        (_, true) => {
-            let note = format!("the cloud names no CRS; it is taken for that of the grid, {a}");
-            Ok((grid.clone(), if a == unknown { Vec::new() } else { vec![note] }))
-        }
+    let [a, b] = grid.told_apart(cloud);
+    match (grid.is_named(), cloud.is_named()) {
+        (false, false) => Ok((grid.clone(), Vec::new())),
         (true, false) => {
+            let note = format!("the cloud names no CRS; it is taken for that of the grid, {a}");
+            Ok((grid.clone(), vec![note]))
+        }
+        (false, true) => {
             let note = format!("the grid names no CRS; it is taken for that of the cloud, {b}");
             Ok((cloud.clone(), vec![note]))
         }
-        _ if grid.epsg.is_some() && grid.epsg == cloud.epsg || a == b => {
+        // Heights are the cloud's, whatever those of the grid are.
+        _ if grid.epsg.is_some() && grid.epsg == cloud.epsg || grid.agrees(cloud) => {
             Ok((cloud.clone(), Vec::new()))
         }
         _ => Err(Error::usage(format!("the grid is in {a}, the cloud in {b}"))

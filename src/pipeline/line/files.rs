@@ -51,11 +51,10 @@ impl Files {
                 None => crs = Some(own),
                 Some(first) if first.agrees(&own) => {}
                 Some(first) => {
+                    let [ours, theirs] = first.told_apart(&own);
                     let message = format!(
-                        "its coordinate reference system is {}, and that of {} is {}",
-                        own.label(),
+                        "its coordinate reference system is {theirs}, and that of {} is {ours}",
                         pairs[0].input.display(),
-                        first.label()
                     );
                     return Err(Error::bad_input(message)
                         .in_file(&pair.input)

@@ -299,6 +299,7 @@ impl Maker<'_> {
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
+            notes: info.crs.lost_in_wkt().into_iter().collect(),
             tiles: layout.tiles(),
             tile_cells: job.tile,
             threads: self.opened.shares.threads,

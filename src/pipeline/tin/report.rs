@@ -49,6 +49,9 @@ pub struct TinReport {
     pub output_bytes: u64,
     /// Coordinate reference system beside the mesh, when one was written.
     pub prj: Option<String>,
+    /// What people overlook about the mesh.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     pub tiles: u64,
     pub tile_cells: u32,
     pub threads: usize,

@@ -62,8 +62,11 @@ fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
     if a.agrees(b) {
         return Ok(());
     }
-    let target = |crs: &Crs| Some(format!("EPSG:{}{}", crs.epsg?, vertical(crs)));
-    let remedy = match (target(a), b.is_unknown()) {
+    let target = |crs: &Crs| {
+        let vertical = crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
+        Some(format!("EPSG:{}{vertical}", crs.epsg?))
+    };
+    let remedy = match (target(a), !b.is_named()) {
         (Some(code), true) => {
             format!("if it is the same one, say so: gdal_edit.py -a_srs {code} {}", other.name)
         }
@@ -72,13 +75,9 @@ fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
         }
         (None, _) => "bring both into one: gdalwarp -t_srs EPSG:CODE IN OUT".to_owned(),
     };
-    let label = |crs: &Crs| format!("{}{}", crs.label(), vertical(crs));
-    Err(differ(other.name, "coordinate reference system", &label(b), &label(a), first.name)
+    let [ours, theirs] = a.told_apart(b);
+    Err(differ(other.name, "coordinate reference system", &theirs, &ours, first.name)
         .remedy(remedy))
-}
-
-fn vertical(crs: &Crs) -> String {
-    crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default()
 }
 
 /// The answer to a file that does not lie on the lattice of the first one.

@@ -49,9 +49,9 @@ impl GeoKeys {
 
     fn made(crs: &Crs, raster_type: u16) -> Self {
         let epsg = crs.epsg.and_then(|code| u16::try_from(code).ok());
-        match (epsg, &crs.wkt) {
+        match (epsg, crs.to_wkt()) {
             (Some(code), _) => Self::by_code(code, crs, raster_type),
-            (None, Some(wkt)) => Self::by_text(wkt, raster_type),
+            (None, Some(wkt)) => Self::by_text(&wkt, raster_type),
             (None, None) if raster_type == key::PIXEL_IS_POINT => Self::by_type(raster_type),
             (None, None) => Self::default(),
         }
@@ -89,7 +89,9 @@ impl GeoKeys {
             [key::RASTER_TYPE, 0, 1, raster_type],
             [key::PROJECTED_CITATION, tag::GEO_ASCII, length, 0],
         ];
-        Self { directory: directory(&entries), doubles: Vec::new(), ascii }
+        let mut directory = directory(&entries);
+        directory[2] = u16::from(wkt.contains("VERT_CS"));
+        Self { directory, doubles: Vec::new(), ascii }
     }
 
     pub(in crate::raster) fn tags(&self) -> Vec<(u16, Values)> {
@@ -131,8 +133,10 @@ fn saying(raster_type: u16, keys: &[u16]) -> Vec<u16> {
     keys
 }
 
+/// Of the revision of 2019 where a vertical system is told: in older ones GDAL overlooks it.
 fn directory(entries: &[[u16; 4]]) -> Vec<u16> {
-    let mut directory = vec![1, 1, 0, entries.len() as u16];
+    let is_high = entries.iter().any(|entry| entry[0] == key::VERTICAL_CRS);
+    let mut directory = vec![1, 1, is_high.into(), entries.len() as u16];
     directory.extend(entries.concat());
     directory
 }

@@ -47,9 +47,9 @@ impl FltSink {
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
         // Readers prefer a header of this name.
-        sidecars.refuse(&["flt.hdr", "flt.HDR", "FLT.hdr", "FLT.HDR"])?;
+        sidecars.remove(&["flt.hdr", "flt.HDR", "FLT.hdr", "FLT.HDR"])?;
         if !info.georeferenced {
-            sidecars.refuse(&["wld", "WLD"])?;
+            sidecars.remove(&["wld", "WLD"])?;
         }
         sidecars.add("hdr", &header(&info))?;
         sidecars.add_prj(&info.crs)?;

@@ -155,7 +155,7 @@ fn sidecars(order: &Order<'_>) -> Result<Sidecars> {
         let numbers = [map.a, map.d, map.b, map.e, map.x0, map.y0].map(number);
         sidecars.add("pgw", &(numbers.join("\n") + "\n"))?;
     } else {
-        sidecars.refuse(&["pgw", "PGW", "pngw", "PNGW", "wld", "WLD"])?;
+        sidecars.remove(&["pgw", "PGW", "pngw", "PNGW", "wld", "WLD"])?;
     }
     sidecars.add_prj(&order.info.crs)?;
     Ok(sidecars)

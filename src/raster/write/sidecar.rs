@@ -1,20 +1,18 @@
 //! Small text files beside a grid (.prj, .hdr, .pgw), put into place together with it, and the corner
 //! that text headers want.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::atomic::AtomicFile;
+use crate::atomic::Sidecar;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Affine, Crs};
-use crate::limits;
 use crate::raster::GridInfo;
 
 /// Files beside the grid at a path, in the making.
 pub(super) struct Sidecars {
     grid: PathBuf,
     overwrite: bool,
-    files: Vec<AtomicFile>,
+    files: Vec<Sidecar>,
 }
 
 impl Sidecars {
@@ -25,66 +23,46 @@ impl Sidecars {
 
     /// Adds the file with `ending` in place of the grid's; one that says the same already stays.
     pub(super) fn add(&mut self, ending: &str, text: &str) -> Result<()> {
-        let path = self.grid.with_extension(ending);
-        if !says(&path, text) {
-            let mut file = AtomicFile::create(&path, self.overwrite)?;
-            file.write_all(text.as_bytes()).map_err(|e| Error::write(&path, e))?;
-            self.files.push(file);
-        }
-        Ok(())
+        let says_so = |found: &str| found.trim() == text.trim();
+        self.push(ending, Some(text.to_owned()), says_so)
     }
 
-    /// Adds the CRS as a .prj; without well-known text for it, one of an earlier grid is refused.
+    /// Adds the CRS as a .prj.
     pub(super) fn add_prj(&mut self, crs: &Crs) -> Result<()> {
-        match wkt(crs) {
-            Some(text) => self.add("prj", &format!("{text}\n")),
-            None => self.refuse(&["prj", "PRJ"]),
-        }
+        let text = crs.to_wkt().map(|text| text + "\n");
+        let is_said = text.is_some();
+        self.push("prj", text, |found| crs.is_said_by(found))?;
+        // Readers that find no .prj look for this one.
+        if is_said { Ok(()) } else { self.push("PRJ", None, |found| crs.is_said_by(found)) }
     }
 
-    /// Fails when there is a file with one of `endings` that readers would take for the new grid's.
-    pub(super) fn refuse(&self, endings: &[&str]) -> Result<()> {
-        let mut files = endings.iter().map(|ending| self.grid.with_extension(ending));
-        match files.find(|file| file.exists()) {
-            Some(file) => {
-                let message = "belongs to an earlier file and would be read with the new one";
-                Err(Error::new(ErrorKind::CannotWrite, message)
-                    .in_file(&file)
-                    .remedy("remove it, or write to another name"))
-            }
-            None => Ok(()),
-        }
+    /// Takes away files with one of `endings`, which readers would take for the new grid's.
+    pub(super) fn remove(&mut self, endings: &[&str]) -> Result<()> {
+        endings.iter().try_for_each(|ending| self.push(ending, None, |_| false))
+    }
+
+    fn push(
+        &mut self,
+        ending: &str,
+        text: Option<String>,
+        says_so: impl Fn(&str) -> bool,
+    ) -> Result<()> {
+        let path = self.grid.with_extension(ending);
+        self.files.push(Sidecar::new(path, text, says_so, self.overwrite)?);
+        Ok(())
     }
 
     /// Puts all files under their names.
     pub(super) fn commit(self) -> Result<()> {
-        self.files.into_iter().try_for_each(|file| file.commit().map(drop))
+        self.files.into_iter().try_for_each(|file| file.commit())
     }
-}
-
-/// True when the file at `path` holds `text`, white space around it aside.
-fn says(path: &Path, text: &str) -> bool {
-    let is_small = std::fs::metadata(path).is_ok_and(|meta| meta.len() <= limits::MAX_HEADER_BYTES);
-    is_small && std::fs::read_to_string(path).is_ok_and(|found| found.trim() == text.trim())
-}
-
-/// The well-known text that came with the grid, or else the definition of its EPSG code.
-fn wkt(crs: &Crs) -> Option<&str> {
-    let given = crs.wkt.as_deref().map(str::trim).filter(|wkt| !wkt.is_empty());
-    given.or_else(|| {
-        let code = u16::try_from(crs.epsg?).ok()?;
-        Some(crs_definitions::from_code(code)?.wkt)
-    })
 }
 
 /// What a grid of heights with a .prj beside it cannot say.
 pub(super) fn lost(info: &GridInfo) -> Vec<String> {
     let crs = &info.crs;
-    let mut lost = Vec::new();
-    if wkt(crs).is_none() && (crs.citation.is_some() || !crs.geo_keys.is_empty()) {
-        lost.push(format!("the CRS ({}) has neither a code nor a text to write", crs.label()));
-    }
-    if let Some(unit) = &crs.vertical_unit {
+    let mut lost: Vec<String> = crs.lost_in_wkt().into_iter().collect();
+    if let Some(unit) = crs.vertical_unit.as_ref().filter(|_| !crs.wkt_has_heights()) {
         lost.push(format!("the format does not say that heights are in {unit}"));
     }
     lost
@@ -141,17 +119,20 @@ mod tests {
         let grid = folder.path().join("a.asc");
         let prj = folder.path().join("a.prj");
         std::fs::write(&prj, "old").unwrap();
-        let unknown = Crs::default();
         let known = Crs { epsg: Some(4326), ..Crs::default() };
-        assert!(Sidecars::new(&grid, true).add_prj(&unknown).is_err());
-        assert!(Sidecars::new(&grid, false).add_prj(&known).is_err());
+        let read = || std::fs::read_to_string(&prj);
+        for crs in [&Crs::default(), &known] {
+            assert!(Sidecars::new(&grid, false).add_prj(crs).is_err());
+        }
         let mut sidecars = Sidecars::new(&grid, true);
         sidecars.add_prj(&known).unwrap();
-        assert_eq!(std::fs::read_to_string(&prj).unwrap(), "old", "until the grid is whole");
+        assert_eq!(read().unwrap(), "old", "until the grid is whole");
         sidecars.commit().unwrap();
-        assert!(std::fs::read_to_string(&prj).unwrap().starts_with("GEOGCS["));
-        let mut again = Sidecars::new(&grid, false);
-        again.add_prj(&known).unwrap();
-        assert!(again.files.is_empty(), "it says so already");
+        assert!(read().unwrap().starts_with("GEOGCS["));
+        Sidecars::new(&grid, false).add_prj(&known).unwrap();
+        let mut sidecars = Sidecars::new(&grid, true);
+        sidecars.add_prj(&Crs::default()).unwrap();
+        sidecars.commit().unwrap();
+        assert!(read().is_err());
     }
 }

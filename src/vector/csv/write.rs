@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::atomic::Sidecar;
 use crate::error::{Error, Result};
-use crate::vector::crs::Prj;
+use crate::vector::crs;
 use crate::vector::feature::{Feature, Layer, Member, Value};
 use crate::vector::geometry::Kind;
 use crate::vector::number;
@@ -19,7 +20,8 @@ pub(super) fn create(
 ) -> Result<Box<dyn FeatureSink>> {
     Ok(Box::new(Sink {
         out: Out::create(path, options.overwrite)?,
-        prj: Prj::new(path, &layer.crs, options.overwrite)?,
+        prj: crs::prj(path, &layer.crs, options.overwrite)?,
+        notes: crs::notes(&layer.crs),
         table: Table::new(path, layer, options.temp_dir.as_deref())?,
         decimals: options.decimals,
         has_z: false,
@@ -30,7 +32,8 @@ pub(super) fn create(
 
 struct Sink {
     out: Out,
-    prj: Option<Prj>,
+    prj: Sidecar,
+    notes: Vec<String>,
     table: Table,
     decimals: Option<u8>,
     has_z: bool,
@@ -66,7 +69,8 @@ impl FeatureSink for Sink {
             pen.row(at, &row, &mut out.buffer);
             out.settle()?;
         }
-        let mut notes = std::mem::take(&mut rows.notes);
+        let mut notes = this.notes;
+        notes.append(&mut rows.notes);
         if empty > 0 {
             notes.push(format!(
                 "{empty} features without a vertex are left out: CSV has a line for each vertex"
@@ -74,8 +78,8 @@ impl FeatureSink for Sink {
         }
         let (path, mut bytes) = out.commit()?;
         let mut files = vec![path];
-        if let Some(prj) = this.prj {
-            let (path, more) = prj.finish()?;
+        this.prj.commit()?;
+        if let Some((path, more)) = this.prj.place() {
             files.push(path);
             bytes += more;
         }

@@ -130,7 +130,8 @@ impl FeatureSink for Sink {
         }
         let (path, bytes) = out.commit()?;
         let features = order.len() as u64;
-        Ok(Written { features, bytes, files: vec![path], notes: std::mem::take(&mut rows.notes) })
+        let notes = [crs::notes(&this.crs), std::mem::take(&mut rows.notes)].concat();
+        Ok(Written { features, bytes, files: vec![path], notes })
     }
 }
 
@@ -154,7 +155,7 @@ struct Head<'a> {
 impl Head<'_> {
     fn bytes(&self) -> Option<Vec<u8>> {
         let mut build = Build::new();
-        let has_crs = !self.crs.is_unknown();
+        let has_crs = self.crs.is_named();
         let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
         let (root, places) = build.table(&[
             Slot::Link,
@@ -188,9 +189,11 @@ impl Head<'_> {
     }
 
     fn put_crs(&self, build: &mut Build, place: usize) {
-        let text = crs::text(self.crs);
+        let text = self.crs.to_wkt();
         let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
-        let code = self.crs.epsg.and_then(|code| i32::try_from(code).ok());
+        // Readers that find a code ask for no text, and a code says nothing of heights.
+        let code = self.crs.epsg.filter(|_| self.crs.vertical_epsg.is_none() || text.is_none());
+        let code = code.and_then(|code| i32::try_from(code).ok());
         let (table, places) = build.table(&[
             link(code.is_some()),
             code.map_or(Slot::None, Slot::I32),
@@ -206,7 +209,7 @@ impl Head<'_> {
             build.text(places[slot::CRS_NAME], name);
         }
         if let Some(text) = text {
-            build.text(places[slot::CRS_WKT], text);
+            build.text(places[slot::CRS_WKT], &text);
         }
     }
 }

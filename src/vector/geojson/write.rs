@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use crate::atomic::Sidecar;
 use crate::error::Result;
-use crate::vector::crs::{self, Prj};
+use crate::vector::crs;
 use crate::vector::feature::{Feature, Id, Layer, Member, Value};
 use crate::vector::geometry::{Coordinates, Geometry, Kind};
 use crate::vector::json::push_text;
@@ -33,7 +34,8 @@ pub(super) fn create_lines(
 
 struct Sink {
     out: Out,
-    prj: Option<Prj>,
+    /// Where the system has no place in the file.
+    prj: Option<Sidecar>,
     decimals: Option<u8>,
     is_collection: bool,
     features: u64,
@@ -54,18 +56,19 @@ impl Sink {
             crs::is_wgs84(&layer.crs) || (is_collection && crs::member(&layer.crs).is_some());
         let prj = match is_held {
             true => None,
-            false => Prj::new(path, &layer.crs, options.overwrite)?,
+            false => Some(crs::prj(path, &layer.crs, options.overwrite)?),
         };
         let mut notes = Vec::new();
-        if layer.crs.is_unknown() {
+        if !layer.crs.is_named() {
             let what = "programs will take coordinates for longitude and latitude on WGS 84";
             notes.push(format!("the CRS is not known, and {what}"));
         }
         if !crs::is_wgs84(&layer.crs) {
-            let how = match (is_held, &prj) {
+            let is_beside = prj.as_ref().is_some_and(|prj| prj.place().is_some());
+            let how = match (is_held, is_beside) {
                 (true, _) => "named in a \"crs\" member, as before RFC 7946",
-                (false, Some(_)) => "named in a .prj file beside it",
-                (false, None) => "not named in it",
+                (false, true) => "named in a .prj file beside it",
+                (false, false) => "not named in it",
             };
             let label = layer.crs.label();
             notes.push(format!("coordinates are in {label}, not in WGS 84; the CRS is {how}"));
@@ -132,9 +135,11 @@ impl FeatureSink for Sink {
         let (path, mut bytes) = self.out.commit()?;
         let mut files = vec![path];
         if let Some(prj) = self.prj {
-            let (path, more) = prj.finish()?;
-            files.push(path);
-            bytes += more;
+            prj.commit()?;
+            if let Some((path, more)) = prj.place() {
+                files.push(path);
+                bytes += more;
+            }
         }
         Ok(Written { features: self.features, bytes, files, notes: self.notes })
     }

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::shape::{self, Base, Type, too_large};
 use super::{HEADER_BYTES, MAGIC, NO_MEASURE, VERSION};
+use crate::atomic::Sidecar;
 use crate::error::{Error, Result};
-use crate::vector::crs::Prj;
+use crate::vector::crs;
 use crate::vector::dbf;
 use crate::vector::feature::{Feature, Layer, Member};
 use crate::vector::out::Out;
@@ -25,7 +26,8 @@ pub(super) fn create(
         places: out("shx")?,
         table: out("dbf")?,
         encoding: out("cpg")?,
-        prj: Prj::new(path, &layer.crs, options.overwrite)?,
+        prj: crs::prj(path, &layer.crs, options.overwrite)?,
+        notes: crs::notes(&layer.crs),
         features: Table::new(path, layer, options.temp_dir.as_deref())?,
         base: None,
         has_z: false,
@@ -40,7 +42,8 @@ struct Sink {
     places: Out,
     table: Out,
     encoding: Out,
-    prj: Option<Prj>,
+    prj: Sidecar,
+    notes: Vec<String>,
     features: Table,
     base: Option<Base>,
     has_z: bool,
@@ -61,7 +64,8 @@ impl FeatureSink for Sink {
         let base = self.base.unwrap_or(Base::Line);
         let kind = Type { base, has_z: self.has_z, has_m: self.has_m };
         let mut rows = self.features.finish()?;
-        let mut notes = std::mem::take(&mut rows.notes);
+        let mut notes = std::mem::take(&mut self.notes);
+        notes.append(&mut rows.notes);
         if self.has_z && self.without_z > 0 {
             let count = self.without_z;
             notes.push(format!(
@@ -82,9 +86,8 @@ impl FeatureSink for Sink {
             files.push(path);
             bytes += more;
         };
-        if let Some(prj) = self.prj {
-            add(prj.finish()?);
-        }
+        self.prj.commit()?;
+        self.prj.place().into_iter().for_each(&mut add);
         // The .shp comes last: where it is, the others are.
         for out in [self.encoding, self.table, self.places, self.shapes] {
             add(out.commit()?);

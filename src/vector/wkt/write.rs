@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use crate::atomic::Sidecar;
 use crate::error::{Error, Result};
-use crate::vector::crs::Prj;
+use crate::vector::crs;
 use crate::vector::feature::{Feature, Layer, Member};
 use crate::vector::geometry::{Coordinates, Geometry, Kind, Part};
 use crate::vector::number;
@@ -17,14 +18,16 @@ pub(super) fn create(
     options: &WriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     let out = Out::create(path, options.overwrite)?;
-    let prj = Prj::new(path, &layer.crs, options.overwrite)?;
+    let prj = crs::prj(path, &layer.crs, options.overwrite)?;
+    let notes = crs::notes(&layer.crs);
     let decimals = options.decimals;
-    Ok(Box::new(Sink { out, prj, decimals, features: 0, with_properties: 0, nulls: 0 }))
+    Ok(Box::new(Sink { out, prj, notes, decimals, features: 0, with_properties: 0, nulls: 0 }))
 }
 
 struct Sink {
     out: Out,
-    prj: Option<Prj>,
+    prj: Sidecar,
+    notes: Vec<String>,
     decimals: Option<u8>,
     features: u64,
     /// Features that had properties or an id.
@@ -47,7 +50,7 @@ impl FeatureSink for Sink {
     }
 
     fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
-        let mut notes = Vec::new();
+        let mut notes = self.notes;
         if self.with_properties > 0 {
             let count = self.with_properties;
             notes.push(format!("properties of {count} features are left out: WKT has none"));
@@ -58,8 +61,8 @@ impl FeatureSink for Sink {
         }
         let (path, mut bytes) = self.out.commit()?;
         let mut files = vec![path];
-        if let Some(prj) = self.prj {
-            let (path, more) = prj.finish()?;
+        self.prj.commit()?;
+        if let Some((path, more)) = self.prj.place() {
             files.push(path);
             bytes += more;
         }

@@ -1,0 +1,257 @@
+//! What a reference system means, whatever dialect it came in: what two systems are compared by, and
+//! what well-known text is written from where none came along.
+
+use super::method::{Method, Role};
+use super::unit::{Unit, plain};
+
+/// A system: its horizontal part, and its vertical one where it has one.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Definition {
+    pub(super) horizontal: Horizontal,
+    pub(super) vertical: Option<Vertical>,
+}
+
+/// What x and y mean.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Horizontal {
+    Geographic(Geographic),
+    Projected(Projected),
+    /// Of a site, without a place on Earth.
+    Local {
+        name: String,
+        unit: Unit,
+    },
+}
+
+/// Longitude and latitude in degrees.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Geographic {
+    pub(super) name: String,
+    pub(super) code: Option<u32>,
+    pub(super) datum: Named,
+    pub(super) ellipsoid: Named,
+    /// Half of the major axis, in metres.
+    pub(super) axis: f64,
+    /// Inverse of the flattening; 0 for a sphere.
+    pub(super) flattening: f64,
+    pub(super) meridian: String,
+    /// Longitude of the meridian, from Greenwich.
+    pub(super) from_greenwich: f64,
+    /// True with heights above the ellipsoid.
+    pub(super) is_3d: bool,
+}
+
+/// A name, with an EPSG code where there is one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Named {
+    pub(super) name: String,
+    pub(super) code: Option<u32>,
+}
+
+/// A map projection of a geographic system. Angles are in degrees, lengths in `unit`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Projected {
+    pub(super) name: String,
+    pub(super) code: Option<u32>,
+    pub(super) base: Geographic,
+    pub(super) method: &'static Method,
+    /// One number for each role of the method, in its order.
+    pub(super) values: Vec<f64>,
+    pub(super) unit: Unit,
+}
+
+/// What z means.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Vertical {
+    pub(super) name: String,
+    pub(super) code: Option<u32>,
+    pub(super) datum: Named,
+    pub(super) unit: Unit,
+    /// True for depths.
+    pub(super) is_down: bool,
+}
+
+impl Projected {
+    /// From the numbers of a file; `None` where one is missing that the method needs, or where one is
+    /// there that it does not know and that says something.
+    pub(super) fn new(
+        (name, code): (String, Option<u32>),
+        base: Geographic,
+        method: &'static Method,
+        given: impl Fn(Role) -> Option<f64>,
+        unit: Unit,
+    ) -> Option<Self> {
+        let parallel = given(Role::Parallel1).filter(|_| method.is_tangent());
+        let value = |role: Role| match (role, parallel) {
+            (Role::Latitude, Some(parallel)) => Some(parallel),
+            (Role::Parallel1, Some(_)) => None,
+            _ => given(role),
+        };
+        let is_moved = given(Role::Latitude)
+            .is_some_and(|latitude| parallel.is_some_and(|parallel| parallel != latitude));
+        let idle = |role: &Role| value(*role).is_none_or(|number| role.default() == Some(number));
+        if !Role::ALL.iter().filter(|role| !method.roles.contains(role)).all(idle)
+            || (is_moved && method.code == 9)
+        {
+            return None;
+        }
+        let needed = |role: &Role| match (value(*role), role) {
+            // A grid that is not turned back further is turned back by the azimuth.
+            (None, Role::GridAngle) => value(Role::Azimuth),
+            (given, role) => given.or(role.default()),
+        };
+        let values = method.roles.iter().map(needed).collect::<Option<Vec<f64>>>()?;
+        Some(Self { name, code, base, method, values, unit })
+    }
+
+    /// The same in another unit, which its code does not stand for.
+    pub(super) fn in_unit(mut self, unit: Unit) -> Self {
+        let ratio = self.unit.size / unit.size;
+        for (role, value) in self.method.roles.iter().zip(&mut self.values) {
+            *value *= if role.is_length() { ratio } else { 1.0 };
+        }
+        Self { code: None, unit, ..self }
+    }
+
+    fn same_numbers(&self, other: &Self) -> bool {
+        let lengths = |role: &Role| if role.is_length() { self.unit.size } else { 1.0 };
+        let pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
+        self.method == other.method
+            && self.unit.is(&other.unit)
+            && pairs.into_iter().all(|(role, (a, b))| (a - b).abs() * lengths(role) <= role.slack())
+    }
+}
+
+impl Geographic {
+    /// Axis, flattening and meridian, compared with these slacks.
+    fn is_within(&self, other: &Self, [axis, flattening, meridian]: [f64; 3]) -> bool {
+        (self.axis - other.axis).abs() < axis
+            && (self.flattening - other.flattening).abs() < flattening
+            && (self.from_greenwich - other.from_greenwich).abs() < meridian
+    }
+
+    fn same_figure(&self, other: &Self) -> bool {
+        self.is_within(other, [1e-3, 1e-7, 1e-8])
+    }
+
+    /// Codes keep their number when the dataset mends their ellipsoid or meridian by a little.
+    fn about_same_figure(&self, other: &Self) -> bool {
+        self.is_within(other, [1.0, 1e-5, 1e-2])
+    }
+
+    /// By their codes, or else by the names of the datum and the system, in either dialect.
+    fn same_datum(&self, other: &Self) -> bool {
+        if let (Some(a), Some(b)) = (self.datum.code, other.datum.code) {
+            return a == b;
+        }
+        let names =
+            |geographic: &Self| [datum_name(&geographic.datum.name), datum_name(&geographic.name)];
+        let (a, b) = (names(self), names(other));
+        let unknown = |names: &[String; 2]| names[0].starts_with("unknown");
+        unknown(&a) && unknown(&b) || a.iter().any(|name| b.contains(name) && !name.is_empty())
+    }
+}
+
+/// Names of datums as programs write them, and the one they are compared by.
+const DATUMS: &[(&str, &str)] = &[
+    ("worldgeodeticsystem1984", "wgs1984"),
+    ("worldgeodeticsystem1984ensemble", "wgs1984"),
+    ("wgs84", "wgs1984"),
+    ("northamericandatum1983", "northamerican1983"),
+    ("nad83", "northamerican1983"),
+    ("northamericandatum1927", "northamerican1927"),
+    ("nad27", "northamerican1927"),
+    ("europeanterrestrialreferencesystem1989", "etrs1989"),
+    ("europeanterrestrialreferencesystem1989ensemble", "etrs1989"),
+    ("etrs89", "etrs1989"),
+    ("nad83nationalspatialreferencesystem2011", "nad19832011"),
+    ("nad832011", "nad19832011"),
+];
+
+/// The name of a datum without Esri's prefix, spelt in one way.
+fn datum_name(name: &str) -> String {
+    let name = name.strip_prefix("D_").or(name.strip_prefix("GCS_")).unwrap_or(name);
+    let name = plain(name);
+    DATUMS.iter().find(|pair| pair.0 == name).map_or(name, |pair| pair.1.to_owned())
+}
+
+impl Horizontal {
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::Geographic(own) => &own.name,
+            Self::Projected(own) => &own.name,
+            Self::Local { name, .. } => name,
+        }
+    }
+
+    /// True for one system, whatever it is called.
+    pub(super) fn same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Geographic(a), Self::Geographic(b)) => {
+                a.same_figure(b) && a.same_datum(b) && a.is_3d == b.is_3d
+            }
+            (Self::Projected(a), Self::Projected(b)) => {
+                a.base.same_figure(&b.base) && a.base.same_datum(&b.base) && a.same_numbers(b)
+            }
+            (Self::Local { name: a, unit: x }, Self::Local { name: b, unit: y }) => {
+                a == b && x.is(y)
+            }
+            _ => false,
+        }
+    }
+
+    /// True where the numbers say that it is not `other`, whatever it claims: another unit, another
+    /// meridian, another ellipsoid. Names and methods that cannot be compared are believed.
+    pub(super) fn contradicts(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Geographic(a), Self::Geographic(b)) => !a.about_same_figure(b),
+            (Self::Projected(a), Self::Projected(b)) => {
+                !a.base.about_same_figure(&b.base) || (a.method == b.method && !a.same_numbers(b))
+            }
+            _ => false,
+        }
+    }
+
+    /// What tells it from others, name by name.
+    pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
+        let base = |own: &Geographic| {
+            vec![
+                ("datum", own.datum.name.clone()),
+                ("ellipsoid", format!("{} {}", own.axis, own.flattening)),
+                ("prime meridian", own.from_greenwich.to_string()),
+                ("dimensions", if own.is_3d { "3" } else { "2" }.to_owned()),
+            ]
+        };
+        match self {
+            Self::Geographic(own) => base(own),
+            Self::Local { name, unit } => vec![("name", name.clone()), ("unit", unit.name.clone())],
+            Self::Projected(own) => {
+                let mut facts = vec![("method", own.method.name.to_owned())];
+                let numbers = own.method.roles.iter().zip(&own.values);
+                facts.extend(
+                    numbers.map(|(role, value)| (own.method.parameter(*role), value.to_string())),
+                );
+                facts.push(("unit", own.unit.name.clone()));
+                facts.extend(base(&own.base));
+                facts
+            }
+        }
+    }
+}
+
+impl Vertical {
+    /// True for one system, or where one of them is not named.
+    pub(super) fn same(&self, other: &Self) -> bool {
+        let is_nameless = |own: &Self| matches!(plain(&own.datum.name).as_str(), "" | "unknown");
+        let is_alike = is_nameless(self)
+            || is_nameless(other)
+            || match (self.datum.code, other.datum.code) {
+                (Some(a), Some(b)) => a == b,
+                _ => {
+                    plain(&self.datum.name) == plain(&other.datum.name)
+                        || plain(&self.name) == plain(&other.name)
+                }
+            };
+        is_alike && self.unit.is(&other.unit) && self.is_down == other.is_down
+    }
+}

@@ -1,0 +1,408 @@
+//! GeoKeys to a coordinate reference system: codes, names and units; the raw keys are kept.
+//! GeoTIFF 1.1 (OGC 19-008r4) section 7.1.2.
+
+use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
+use super::method::{Method, Role};
+use super::unit::Unit;
+use super::{Crs, codes, wkt};
+
+/// The tags that numbers and texts lie in.
+const GEO_DOUBLE_PARAMS: u16 = 34_736;
+const GEO_ASCII_PARAMS: u16 = 34_737;
+const MODEL_TYPE: u16 = 1024;
+const RASTER_TYPE: u16 = 1025;
+const CITATION: u16 = 1026;
+const GEODETIC_CRS: u16 = 2048;
+const GEODETIC_CITATION: u16 = 2049;
+const DATUM: u16 = 2050;
+const PRIME_MERIDIAN: u16 = 2051;
+const ANGULAR_UNITS: u16 = 2054;
+const ELLIPSOID: u16 = 2056;
+const SEMI_MAJOR_AXIS: u16 = 2057;
+const SEMI_MINOR_AXIS: u16 = 2058;
+const INVERSE_FLATTENING: u16 = 2059;
+const PRIME_MERIDIAN_LONGITUDE: u16 = 2061;
+const PROJECTED_CRS: u16 = 3072;
+const PROJECTED_CITATION: u16 = 3073;
+const PROJECTION: u16 = 3074;
+const METHOD: u16 = 3075;
+const LINEAR_UNITS: u16 = 3076;
+const LINEAR_UNIT_SIZE: u16 = 3077;
+const VERTICAL_CRS: u16 = 4096;
+const VERTICAL_UNITS: u16 = 4099;
+/// The value of a key whose meaning is told by others.
+const USER_DEFINED: u16 = 32_767;
+/// Before well-known text that stands where a name does, because the system has no code.
+const ESRI_TEXT: &str = "ESRI PE String = ";
+/// The method that UTM zones are of, and what all of them have in common.
+const TRANSVERSE_MERCATOR: u16 = 1;
+
+/// The key directory and its parameter tags.
+#[derive(Clone, Debug, Default)]
+pub struct GeoKeys {
+    raw: Vec<u16>,
+    doubles: Vec<f64>,
+    ascii: String,
+}
+
+impl GeoKeys {
+    /// From the key directory and its parameters; damaged keys are skipped one by one.
+    pub fn new(raw: Vec<u16>, doubles: Vec<f64>, ascii: String) -> Self {
+        Self { raw, doubles, ascii }
+    }
+
+    /// The keys that `crs` came with.
+    pub(super) fn of(crs: &Crs) -> Self {
+        Self::new(crs.geo_keys.clone(), crs.geo_doubles.clone(), crs.geo_ascii.clone())
+    }
+
+    /// True when raster positions mean samples (PixelIsPoint), not cell corners.
+    pub fn pixel_is_point(&self) -> bool {
+        self.short(RASTER_TYPE) == Some(2)
+    }
+
+    /// What the keys say, with the raw keys kept. A code whose unit is overridden is no code.
+    pub fn into_crs(self) -> Crs {
+        let geographic = self.geographic();
+        let horizontal = if geographic == Some(true) { GEODETIC_CRS } else { PROJECTED_CRS };
+        let own = self.code(horizontal).filter(|code| self.unit_is_that_of(*code));
+        let epsg = own.or_else(|| self.geocentric_code());
+        let in_3d = self.geographic_3d_code();
+        let named = match self.esri_text() {
+            Some(text) => wkt::from_text(&text),
+            None => Crs { citation: self.citation(geographic), ..Crs::default() },
+        };
+        // Beside a text, keys may describe a part of it only.
+        let geographic = named.geographic.or(geographic);
+        let vertical = self.vertical();
+        let ellipsoidal = in_3d.map(|_| "metre".to_owned());
+        Crs {
+            epsg: in_3d.or(epsg).or(named.epsg),
+            vertical_epsg: match &vertical {
+                Some(own) => own.code,
+                None => self.vertical_code(),
+            }
+            .or(named.vertical_epsg),
+            citation: named.citation,
+            wkt: named.wkt,
+            geographic,
+            vertical_unit: vertical
+                .map(|own| own.unit)
+                .or_else(|| self.vertical_unit())
+                .map(|unit| unit.name)
+                .or(named.vertical_unit)
+                .or(ellipsoidal),
+            vertical_unit_text: None,
+            geo_keys: self.raw,
+            geo_doubles: self.doubles,
+            geo_ascii: self.ascii,
+        }
+    }
+
+    /// By the model type, or by which code is present.
+    fn geographic(&self) -> Option<bool> {
+        match self.short(MODEL_TYPE) {
+            Some(1 | 3) => Some(false),
+            Some(2) => Some(true),
+            _ if self.short(PROJECTED_CRS).is_some() => Some(false),
+            _ if self.short(GEODETIC_CRS).is_some() => Some(true),
+            _ => None,
+        }
+    }
+
+    fn geocentric_code(&self) -> Option<u32> {
+        (self.short(MODEL_TYPE) == Some(3)).then(|| self.code(GEODETIC_CRS)).flatten()
+    }
+
+    /// Files of latitude, longitude and ellipsoidal height put the code of the 3D system where that
+    /// of a vertical one belongs. No vertical system has a code in this range.
+    fn geographic_3d_code(&self) -> Option<u32> {
+        let code = self.code(VERTICAL_CRS).filter(|code| (4883..=4999).contains(code));
+        let own = self
+            .code(GEODETIC_CRS)
+            .filter(|code| codes::geographic(*code).is_some_and(|geographic| geographic.is_3d));
+        if self.geographic() == Some(true) { code.or(own) } else { None }
+    }
+
+    fn vertical_code(&self) -> Option<u32> {
+        self.code(VERTICAL_CRS).filter(|_| self.geographic_3d_code().is_none())
+    }
+
+    fn vertical_unit(&self) -> Option<Unit> {
+        self.short(VERTICAL_UNITS).and_then(Unit::of_code)
+    }
+
+    /// The vertical system, in the unit that the keys give it; one without a name where they give no
+    /// more than a unit.
+    pub(super) fn vertical(&self) -> Option<Vertical> {
+        let Some(code) = self.vertical_code() else {
+            let datum = Named { name: unknown(), code: None };
+            let nameless =
+                |unit| Vertical { name: unknown(), code: None, datum, unit, is_down: false };
+            return self.vertical_unit().filter(|_| self.geographic() == Some(false)).map(nameless);
+        };
+        let known = codes::vertical(code)?;
+        let unit = self.vertical_unit().unwrap_or_else(|| known.unit.clone());
+        let code = known.code.filter(|_| known.unit.is(&unit));
+        Some(Vertical { code, unit, ..known })
+    }
+
+    fn citation(&self, geographic: Option<bool>) -> Option<String> {
+        let own = if geographic == Some(true) { GEODETIC_CITATION } else { PROJECTED_CITATION };
+        let named = [CITATION, own, GEODETIC_CITATION].iter().find_map(|key| self.text(*key))?;
+        Some(named.strip_prefix("PCS Name = ").map_or(named.clone(), str::to_owned))
+    }
+
+    /// The text of a system that the keys have no words for.
+    fn esri_text(&self) -> Option<String> {
+        let texts = [PROJECTED_CITATION, CITATION, GEODETIC_CITATION].map(|key| self.text(key));
+        let mut texts = texts.iter().flatten();
+        texts.find_map(|text| text.strip_prefix(ESRI_TEXT)).map(str::to_owned)
+    }
+
+    /// True unless the keys state another unit of lengths than that of the system with `code`.
+    fn unit_is_that_of(&self, code: u32) -> bool {
+        match (self.linear_unit(), codes::horizontal(code)) {
+            (Some(unit), Some(Horizontal::Projected(known))) => known.unit.is(&unit),
+            _ => true,
+        }
+    }
+
+    pub(super) fn linear_unit(&self) -> Option<Unit> {
+        match self.short(LINEAR_UNITS)? {
+            USER_DEFINED => {
+                let size = self.double(LINEAR_UNIT_SIZE).filter(|size| *size > 0.0)?;
+                Some(Unit { name: "user-defined".to_owned(), size })
+            }
+            code => Unit::of_code(code),
+        }
+    }
+
+    /// What the keys say of x and y; `None` where that is not known.
+    pub(super) fn horizontal(&self) -> Option<Horizontal> {
+        match self.geographic() {
+            Some(true) => {
+                let code = self.geographic_3d_code();
+                code.and_then(codes::geographic).or_else(|| self.base()).map(Horizontal::Geographic)
+            }
+            Some(false) if self.short(MODEL_TYPE) != Some(3) => {
+                self.projected().map(Horizontal::Projected)
+            }
+            Some(false) => None,
+            None => {
+                let name = self.text(CITATION).unwrap_or_else(unknown);
+                self.linear_unit().map(|unit| Horizontal::Local { name, unit })
+            }
+        }
+    }
+
+    fn projected(&self) -> Option<Projected> {
+        let named = self.code(PROJECTED_CRS);
+        if let Some(known) = named {
+            let Horizontal::Projected(known) = codes::horizontal(known)? else { return None };
+            let unit = self.linear_unit().filter(|unit| !known.unit.is(unit));
+            return Some(unit.map_or(known.clone(), |unit| known.in_unit(unit)));
+        }
+        let unit = match self.short(LINEAR_UNITS) {
+            Some(_) => self.linear_unit()?,
+            None => Unit::metre(),
+        };
+        let name = self.citation(Some(false)).unwrap_or_else(unknown);
+        if let Some(zone) = self.utm_zone() {
+            let method = Method::of_code(TRANSVERSE_MERCATOR, |_| false)?;
+            let zone = |role| zone.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
+            let known = Projected::new((name, None), self.base()?, method, zone, Unit::metre())?;
+            return Some(known.in_unit(unit));
+        }
+        let given = |role: Role| role.keys().iter().find_map(|key| self.double(*key));
+        let method = Method::of_code(self.short(METHOD)?, |role| given(role).is_some())?;
+        Projected::new((name, None), self.base()?, method, given, unit)
+    }
+
+    /// The numbers of a UTM zone that the keys name instead of giving its numbers.
+    fn utm_zone(&self) -> Option<[(Role, f64); 4]> {
+        let code = self.short(PROJECTION)?;
+        let (zone, north) = match code {
+            16_001..=16_060 => (code - 16_000, 0.0),
+            16_101..=16_160 => (code - 16_100, 10_000_000.0),
+            _ => return None,
+        };
+        Some([
+            (Role::Longitude, 6.0 * f64::from(zone) - 183.0),
+            (Role::Scale, 0.9996),
+            (Role::Easting, 500_000.0),
+            (Role::Northing, north),
+        ])
+    }
+
+    /// The geographic system: by its code, by that of its datum, or by its ellipsoid.
+    fn base(&self) -> Option<Geographic> {
+        if !matches!(self.short(ANGULAR_UNITS), None | Some(9102 | 9122)) {
+            return None;
+        }
+        if let Some(code) = self.code(GEODETIC_CRS) {
+            return codes::geographic(code);
+        }
+        let own = |geographic: Geographic| {
+            let from_greenwich = self.meridian()?;
+            let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
+            let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
+            Some(Geographic {
+                name: name.unwrap_or_else(unknown),
+                code: None,
+                meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
+                from_greenwich,
+                is_3d: false,
+                ..geographic
+            })
+        };
+        if let Some(code) = self.code(DATUM) {
+            return own(codes::geographic_with(|known| known.datum.code == Some(code))?);
+        }
+        own(self.figure()?)
+    }
+
+    /// A system of no known datum on the ellipsoid of the keys.
+    fn figure(&self) -> Option<Geographic> {
+        let code = self.code(ELLIPSOID);
+        let known =
+            code.and_then(|code| codes::geographic_with(|own| own.ellipsoid.code == Some(code)));
+        let (axis, flattening) = match (self.axes(), &known) {
+            (Some(axes), _) => axes,
+            (None, Some(known)) => (known.axis, known.flattening),
+            (None, None) => return None,
+        };
+        let named = self.part_of_citation("Ellipsoid").unwrap_or_else(unknown);
+        let ellipsoid = known.map_or(Named { name: named, code: None }, |known| known.ellipsoid);
+        let datum = self.part_of_citation("Datum").unwrap_or_else(unknown);
+        Some(Geographic {
+            name: String::new(),
+            code: None,
+            datum: Named { name: datum, code: None },
+            ellipsoid,
+            axis,
+            flattening,
+            meridian: String::new(),
+            from_greenwich: 0.0,
+            is_3d: false,
+        })
+    }
+
+    /// The major axis and the inverse of the flattening.
+    fn axes(&self) -> Option<(f64, f64)> {
+        let axis = self.double(SEMI_MAJOR_AXIS)?;
+        let by_minor = |minor: f64| if minor == axis { 0.0 } else { axis / (axis - minor) };
+        let minor = self.double(SEMI_MINOR_AXIS).map(by_minor);
+        Some((axis, self.double(INVERSE_FLATTENING).or(minor)?))
+    }
+
+    fn meridian(&self) -> Option<f64> {
+        match (self.double(PRIME_MERIDIAN_LONGITUDE), self.short(PRIME_MERIDIAN)) {
+            (Some(longitude), _) => Some(longitude),
+            (None, None | Some(8901)) => Some(0.0),
+            (None, Some(_)) => None,
+        }
+    }
+
+    /// The value of "name = value|" in the text of the geographic system.
+    fn part_of_citation(&self, name: &str) -> Option<String> {
+        let text = self.text(GEODETIC_CITATION)?;
+        let mut parts = text.split('|').filter_map(|part| part.split_once('='));
+        let (_, value) = parts.find(|(own, _)| own.trim() == name)?;
+        Some(value.trim().to_owned()).filter(|value| !value.is_empty())
+    }
+
+    /// Keys as (id, location, count, value).
+    fn keys(&self) -> impl Iterator<Item = (u16, u16, u16, u16)> + '_ {
+        let keys = self.raw.chunks_exact(4).skip(1);
+        let count = usize::from(self.raw.get(3).copied().unwrap_or(0));
+        keys.take(count).map(|k| (k[0], k[1], k[2], k[3]))
+    }
+
+    /// A value stored in the directory itself.
+    fn short(&self, id: u16) -> Option<u16> {
+        self.keys().find(|k| k.0 == id && k.1 == 0).map(|k| k.3)
+    }
+
+    /// An EPSG code: 32767 is "user-defined" and 0 "undefined".
+    fn code(&self, id: u16) -> Option<u32> {
+        self.short(id).filter(|code| !matches!(code, 0 | USER_DEFINED..)).map(u32::from)
+    }
+
+    /// A number.
+    fn double(&self, id: u16) -> Option<f64> {
+        let (.., place) = self.keys().find(|k| k.0 == id && k.1 == GEO_DOUBLE_PARAMS)?;
+        self.doubles.get(usize::from(place)).copied().filter(|number| number.is_finite())
+    }
+
+    fn text(&self, id: u16) -> Option<String> {
+        let (_, _, count, first) = self.keys().find(|k| k.0 == id && k.1 == GEO_ASCII_PARAMS)?;
+        let first = usize::from(first);
+        let bytes = self.ascii.as_bytes().get(first..)?;
+        let bytes = &bytes[..bytes.len().min(usize::from(count))];
+        let text = String::from_utf8_lossy(bytes);
+        let text = text.trim_end_matches(['|', '\0']).trim();
+        (!text.is_empty()).then(|| text.to_owned())
+    }
+}
+
+/// What a system is called that has no name.
+fn unknown() -> String {
+    "unknown".to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(raw: &[u16], ascii: &str) -> GeoKeys {
+        GeoKeys { raw: raw.to_vec(), doubles: Vec::new(), ascii: ascii.to_owned() }
+    }
+
+    #[test]
+    fn projected_with_vertical() {
+        let raw = [
+            1, 1, 0, 6, 1024, 0, 1, 1, 1025, 0, 1, 2, 1026, 34737, 22, 0, 3072, 0, 1, 32611, 4096,
+            0, 1, 5703, 4099, 0, 1, 9001,
+        ];
+        let keys = keys(&raw, "WGS 84 / UTM zone 11N|rest|");
+        assert!(keys.pixel_is_point());
+        let crs = keys.into_crs();
+        assert_eq!((crs.epsg, crs.vertical_epsg), (Some(32611), Some(5703)));
+        assert_eq!(crs.label(), "EPSG:32611+5703 (WGS 84 / UTM zone 11N)");
+        assert_eq!(crs.geographic, Some(false));
+        assert_eq!(crs.vertical_unit.as_deref(), Some("metre"));
+        assert_eq!(crs.geo_keys, raw);
+    }
+
+    #[test]
+    fn well_known_text_in_the_citation() {
+        let text = r#"ESRI PE String = PROJCS["mine",GEOGCS["x"]]|"#;
+        let length = text.len() as u16;
+        let raw = [1, 1, 0, 2, 1024, 0, 1, 32_767, 3073, 34_737, length, 0];
+        let crs = keys(&raw, text).into_crs();
+        assert_eq!((crs.citation.as_deref(), crs.geographic), (Some("mine"), Some(false)));
+        assert_eq!(crs.wkt.as_deref(), Some(r#"PROJCS["mine",GEOGCS["x"]]"#));
+    }
+
+    #[test]
+    fn user_defined_codes_are_no_codes() {
+        let crs = keys(&[1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 32767], "").into_crs();
+        assert_eq!((crs.epsg, crs.geographic), (None, Some(true)));
+    }
+
+    #[test]
+    fn a_3d_system_in_the_vertical_key() {
+        let raw = [1, 1, 1, 3, 1024, 0, 1, 2, 2048, 0, 1, 4258, 4096, 0, 1, 4937];
+        let crs = keys(&raw, "").into_crs();
+        assert_eq!((crs.epsg, crs.vertical_epsg), (Some(4937), None));
+    }
+
+    #[test]
+    fn damaged_keys_say_nothing() {
+        for raw in [&[][..], &[1], &[1, 1, 0, 9], &[1, 1, 0, 9, 1026, 34737, 9, 9, 7]] {
+            let crs = keys(raw, "abc").into_crs();
+            assert_eq!((crs.epsg, crs.citation), (None, None));
+        }
+    }
+}

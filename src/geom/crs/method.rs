@@ -1,0 +1,261 @@
+//! Projection methods: what GeoTIFF, the dialects of well-known text and people call them, and the
+//! numbers they take.
+
+use super::unit::plain;
+
+/// A number that a projection takes. Names differ from method to method and from dialect to dialect;
+/// what they say is one of these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Latitude,
+    Longitude,
+    Parallel1,
+    Parallel2,
+    Azimuth,
+    GridAngle,
+    Scale,
+    Easting,
+    Northing,
+}
+
+use Role::{
+    Azimuth, Easting, GridAngle, Latitude, Longitude, Northing, Parallel1, Parallel2, Scale,
+};
+
+impl Role {
+    pub(super) const ALL: [Self; 9] =
+        [Latitude, Longitude, Parallel1, Parallel2, Azimuth, GridAngle, Scale, Easting, Northing];
+
+    /// What a file means that leaves it out; `None` where that is an error.
+    pub(super) fn default(self) -> Option<f64> {
+        match self {
+            Latitude | Longitude | Easting | Northing => Some(0.0),
+            Scale => Some(1.0),
+            Parallel1 | Parallel2 | Azimuth | GridAngle => None,
+        }
+    }
+
+    /// True for lengths, which are in the unit of x and y.
+    pub(super) fn is_length(self) -> bool {
+        matches!(self, Easting | Northing)
+    }
+
+    /// How far two values of one system may lie apart: about a millimetre on the ground.
+    pub(super) fn slack(self) -> f64 {
+        match self {
+            Easting | Northing => 1e-3,
+            Scale => 1e-10,
+            _ => 1e-8,
+        }
+    }
+
+    /// GeoKeys that hold it, in any method.
+    pub(super) fn keys(self) -> &'static [u16] {
+        match self {
+            Latitude => &[3081, 3085, 3089],
+            Longitude => &[3080, 3084, 3088, 3095],
+            Parallel1 => &[3078],
+            Parallel2 => &[3079],
+            Azimuth => &[3094],
+            GridAngle => &[3096],
+            Scale => &[3092, 3093],
+            Easting => &[3082, 3086, 3090],
+            Northing => &[3083, 3087, 3091],
+        }
+    }
+
+    /// By the name of a `PARAMETER`, in any dialect.
+    pub(super) fn of_name(name: &str) -> Option<Self> {
+        Some(match plain(name).as_str() {
+            "latitudeoforigin"
+            | "latitudeofcenter"
+            | "latitudeofnaturalorigin"
+            | "latitudeoffalseorigin"
+            | "latitudeofprojectioncentre" => Latitude,
+            "centralmeridian"
+            | "longitudeofcenter"
+            | "longitudeoforigin"
+            | "longitudeofnaturalorigin"
+            | "longitudeoffalseorigin"
+            | "longitudeofprojectioncentre"
+            | "straightverticallongitudefrompole" => Longitude,
+            "standardparallel1"
+            | "latitudeof1ststandardparallel"
+            | "latitudeofstandardparallel" => Parallel1,
+            "standardparallel2" | "latitudeof2ndstandardparallel" => Parallel2,
+            "azimuth" | "azimuthofinitialline" | "azimuthatprojectioncentre" => Azimuth,
+            "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" => GridAngle,
+            "scalefactor"
+            | "scalefactoratnaturalorigin"
+            | "scalefactoroninitialline"
+            | "scalefactoratprojectioncentre" => Scale,
+            "falseeasting" | "eastingatfalseorigin" | "eastingatprojectioncentre" => Easting,
+            "falsenorthing" | "northingatfalseorigin" | "northingatprojectioncentre" => Northing,
+            _ => return None,
+        })
+    }
+}
+
+/// What latitude and longitude are called in the first well-known text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Centre {
+    Origin,
+    Center,
+}
+
+/// A projection method.
+#[derive(Debug)]
+pub(super) struct Method {
+    /// Its code in a GeoTIFF.
+    pub(super) code: u16,
+    /// Its name in the first well-known text.
+    pub(super) name: &'static str,
+    /// Its names elsewhere, letters and digits alone.
+    also: &'static [&'static str],
+    centre: Centre,
+    /// The numbers it takes, in the order they are written.
+    pub(super) roles: &'static [Role],
+}
+
+impl PartialEq for Method {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Method {
+    /// What `role` is called in the first well-known text.
+    pub(super) fn parameter(&self, role: Role) -> &'static str {
+        match (role, self.centre) {
+            (Latitude, Centre::Origin) => "latitude_of_origin",
+            (Latitude, Centre::Center) => "latitude_of_center",
+            (Longitude, Centre::Origin) => "central_meridian",
+            (Longitude, Centre::Center) => "longitude_of_center",
+            (Parallel1, _) => "standard_parallel_1",
+            (Parallel2, _) => "standard_parallel_2",
+            (Azimuth, _) => "azimuth",
+            (GridAngle, _) => "rectified_grid_angle",
+            (Scale, _) => "scale_factor",
+            (Easting, _) => "false_easting",
+            (Northing, _) => "false_northing",
+        }
+    }
+
+    /// Where its one parallel is the latitude of its origin, whatever the file calls it.
+    pub(super) fn is_tangent(&self) -> bool {
+        matches!(self.code, 9 | 15)
+    }
+
+    /// By its code in a GeoTIFF and the numbers that are there.
+    pub(super) fn of_code(code: u16, has: impl Fn(Role) -> bool) -> Option<&'static Self> {
+        let mut methods = METHODS.iter().filter(|method| method.code == code);
+        // Mercator has one code for both of its kinds.
+        let is_alike = |method: &&Self| method.roles.contains(&Parallel1) == has(Parallel1);
+        methods.clone().find(is_alike).or_else(|| methods.next())
+    }
+
+    /// By its name in well-known text and the numbers that are there.
+    pub(super) fn of_name(name: &str, has: impl Fn(Role) -> bool) -> Option<&'static Self> {
+        let name = plain(name);
+        let method = |code| Self::of_code(code, &has);
+        match name.as_str() {
+            // Esri has one name for both kinds of each.
+            "lambertconformalconic" if has(Parallel2) => method(8),
+            "lambertconformalconic" => method(9),
+            "mercator" => method(7),
+            _ => METHODS
+                .iter()
+                .find(|method| plain(method.name) == name || method.also.contains(&name.as_str())),
+        }
+    }
+}
+
+const ORIGIN: &[Role] = &[Latitude, Longitude, Scale, Easting, Northing];
+const PLAIN: &[Role] = &[Latitude, Longitude, Easting, Northing];
+const TWO: &[Role] = &[Latitude, Longitude, Parallel1, Parallel2, Easting, Northing];
+const OBLIQUE: &[Role] = &[Latitude, Longitude, Azimuth, GridAngle, Scale, Easting, Northing];
+const WORLD: &[Role] = &[Longitude, Easting, Northing];
+
+const fn method(
+    code: u16,
+    name: &'static str,
+    also: &'static [&'static str],
+    centre: Centre,
+    roles: &'static [Role],
+) -> Method {
+    Method { code, name, also, centre, roles }
+}
+
+/// All methods, by their GeoTIFF codes.
+pub(super) const METHODS: &[Method] = {
+    use Centre::{Center, Origin};
+    &[
+        method(1, "Transverse_Mercator", &["gausskruger"], Origin, ORIGIN),
+        method(3, "Hotine_Oblique_Mercator", &["hotineobliquemercatorvarianta"], Center, OBLIQUE),
+        method(
+            9815,
+            "Hotine_Oblique_Mercator_Azimuth_Center",
+            &["hotineobliquemercatorvariantb"],
+            Center,
+            OBLIQUE,
+        ),
+        method(
+            7,
+            "Mercator_1SP",
+            &["mercatorvarianta"],
+            Origin,
+            &[Longitude, Scale, Easting, Northing],
+        ),
+        method(
+            7,
+            "Mercator_2SP",
+            &["mercatorvariantb"],
+            Origin,
+            &[Parallel1, Longitude, Easting, Northing],
+        ),
+        method(8, "Lambert_Conformal_Conic_2SP", &["lambertconicconformal2sp"], Origin, TWO),
+        method(9, "Lambert_Conformal_Conic_1SP", &["lambertconicconformal1sp"], Origin, ORIGIN),
+        method(10, "Lambert_Azimuthal_Equal_Area", &[], Center, PLAIN),
+        method(11, "Albers_Conic_Equal_Area", &["albers", "albersequalarea"], Center, TWO),
+        method(12, "Azimuthal_Equidistant", &["modifiedazimuthalequidistant"], Center, PLAIN),
+        method(13, "Equidistant_Conic", &[], Center, TWO),
+        method(14, "Stereographic", &[], Origin, ORIGIN),
+        method(
+            15,
+            "Polar_Stereographic",
+            &[
+                "polarstereographicvarianta",
+                "polarstereographicvariantb",
+                "stereographicnorthpole",
+                "stereographicsouthpole",
+            ],
+            Origin,
+            ORIGIN,
+        ),
+        method(16, "Oblique_Stereographic", &["doublestereographic"], Origin, ORIGIN),
+        method(
+            17,
+            "Equirectangular",
+            &["equidistantcylindrical"],
+            Origin,
+            &[Latitude, Longitude, Parallel1, Easting, Northing],
+        ),
+        method(18, "Cassini_Soldner", &["cassini"], Origin, PLAIN),
+        method(19, "Gnomonic", &[], Origin, PLAIN),
+        method(20, "Miller_Cylindrical", &[], Center, WORLD),
+        method(21, "Orthographic", &[], Origin, PLAIN),
+        method(22, "Polyconic", &["americanpolyconic"], Origin, PLAIN),
+        method(23, "Robinson", &[], Center, WORLD),
+        method(24, "Sinusoidal", &[], Center, WORLD),
+        method(25, "VanDerGrinten", &["vandergrinteni"], Origin, WORLD),
+        method(26, "New_Zealand_Map_Grid", &["newzealandmapgrid"], Origin, PLAIN),
+        method(27, "Transverse_Mercator_South_Orientated", &[], Origin, ORIGIN),
+        method(
+            28,
+            "Cylindrical_Equal_Area",
+            &["lambertcylindricalequalarea"],
+            Origin,
+            &[Parallel1, Longitude, Easting, Northing],
+        ),
+    ]
+};
