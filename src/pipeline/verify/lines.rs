@@ -157,7 +157,8 @@ fn told(
         not_judged.insert(0, "distances, as no bound is known (--tolerance)".to_owned());
     } else if found.unknown > 0 {
         let count = found.unknown;
-        not_judged.push(format!("{count} rings that are gone, too large to tell whether they could go"));
+        not_judged
+            .push(format!("{count} rings that are gone, too large to tell whether they could go"));
     }
     let cut = &findings.cut;
     let note = format!("names of fields are cut: {}", cut.join(", "));

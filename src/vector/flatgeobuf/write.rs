@@ -184,13 +184,17 @@ impl Shape {
         {
             if there && with < self.placed {
                 let count = self.placed - with;
-                notes.push(format!("{count} features without {what} have NaN for them, as others have some"));
+                notes.push(format!(
+                    "{count} features without {what} have NaN for them, as others have some"
+                ));
             }
         }
         let single = [Kind::Point, Kind::LineString, Kind::Polygon];
         for kind in single.into_iter().filter(|k| several(*k) == form.kind && self.count(*k) > 0) {
             let (count, name, more) = (self.count(kind), kind.name(), form.kind.name());
-            notes.push(format!("{count} {name} features are {more} of one, as a layer with {has_more} has one type"));
+            notes.push(format!(
+                "{count} {name} features are {more} of one, as a layer with {has_more} has one type"
+            ));
         }
         let kinds = self.kinds.iter().zip(Kind::ALL).filter(|(n, k)| **n > 0 && *k != Kind::Null);
         if form.kind == Kind::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
@@ -366,8 +370,8 @@ fn put_leaf(
     let end =
         ends.last().copied().unwrap_or(if from.ends.is_empty() { from.xy.len() } else { start });
     let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
-    // Of one part the end needs no word.
-    let has_ends = ends.len() > 1;
+    // Of one ring the end needs no word; of one line of several some readers want it.
+    let has_ends = ends.len() > 1 || form.kind == Kind::MultiLineString;
     let (table, places) = build.table(&[
         link(has_ends),
         Slot::Link,
@@ -390,4 +394,124 @@ fn put_leaf(
     };
     values(form.has_z, slot::GEOMETRY_Z, &from.z);
     values(form.has_m, slot::GEOMETRY_M, &from.m);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::flatgeobuf::view::View;
+    use crate::vector::{OpenOptions, open};
+
+    /// Kinds of features, whether each has heights and measures, and the type of the layer with the kinds
+    /// that come back.
+    type Case<'a> = (&'a [(Kind, bool, bool)], (Kind, bool, bool), &'a [Kind]);
+
+    fn geometry(kind: Kind, has_z: bool, has_m: bool) -> Geometry {
+        let mut found = Coordinates::default();
+        for (at, [x, y]) in [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].into_iter().enumerate()
+        {
+            if at == 0 || kind != Kind::Point {
+                found.push([x, y], has_z.then_some(x + 1.0), has_m.then_some(y));
+            }
+        }
+        if kind == Kind::Null { Geometry::null() } else { Geometry::new(kind, found).unwrap() }
+    }
+
+    fn written(path: &Path, features: &[(Kind, bool, bool)]) -> Written {
+        let mut sink = create(path, &Layer::default(), &WriteOptions::default()).unwrap();
+        for &(kind, has_z, has_m) in features {
+            let geometry = geometry(kind, has_z, has_m);
+            sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
+        }
+        sink.finish(&[]).unwrap()
+    }
+
+    #[test]
+    fn a_layer_is_what_readers_go_by() {
+        use Kind::{LineString, MultiLineString, MultiPolygon, Null, Point, Polygon};
+        let cases: &[Case<'_>] = &[
+            (&[(LineString, false, false)], (LineString, false, false), &[LineString]),
+            (
+                &[(LineString, false, false), (LineString, true, false)],
+                (LineString, true, false),
+                &[LineString, LineString],
+            ),
+            (
+                &[(Polygon, true, false), (MultiPolygon, false, false), (Null, false, false)],
+                (MultiPolygon, true, false),
+                &[MultiPolygon, MultiPolygon, Null],
+            ),
+            (
+                &[(MultiLineString, false, true), (LineString, false, false)],
+                (MultiLineString, false, true),
+                &[MultiLineString, MultiLineString],
+            ),
+            (
+                &[(LineString, false, false), (MultiLineString, false, false)],
+                (Null, false, false),
+                &[LineString, MultiLineString],
+            ),
+            (&[(Point, true, true), (Polygon, true, false)], (Null, true, true), &[Point, Polygon]),
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        for (features, layer, kinds) in cases {
+            let path = folder.path().join("name of it.fgb");
+            let notes = written(&path, features).notes;
+            let bytes = std::fs::read(&path).unwrap();
+            let header = View::root(&bytes[12..]).unwrap();
+            let flag = |slot: usize| header.u8(slot).unwrap() == 1;
+            let type_of = header.u8(slot::HEADER_KIND).unwrap();
+            let (kind, has_z, has_m) = *layer;
+            assert_eq!((type_of, flag(3), flag(4)), (code_of(kind), has_z, has_m), "{features:?}");
+            assert_eq!(header.text(slot::HEADER_NAME).unwrap(), Some("name of it"));
+            let is_as_it_was = features.iter().zip(*kinds).all(|((was, z, m), is)| {
+                was == is && ((*z, *m) == (has_z, has_m) || *was == Kind::Null)
+            });
+            assert_eq!(
+                notes.is_empty(),
+                is_as_it_was && kind != Kind::Null || !has_z && !has_m,
+                "{notes:?}"
+            );
+            let mut source = open(&path, &OpenOptions::default()).unwrap();
+            let mut found = Vec::new();
+            while let Some(feature) = source.next().unwrap() {
+                found.push(feature.geometry);
+            }
+            let sorted = |all: &mut Vec<String>| all.sort();
+            let tell = |g: &Geometry| format!("{:?} {:?} {:?}", g.kind(), g.has_z(), g.has_m());
+            let mut told: Vec<String> = found.iter().map(tell).collect();
+            let mut wanted: Vec<String> = features
+                .iter()
+                .zip(*kinds)
+                .map(|((was, z, m), kind)| {
+                    format!("{kind:?} {:?} {:?}", *z && *was != Null, *m && *was != Null)
+                })
+                .collect();
+            (sorted(&mut told), sorted(&mut wanted));
+            assert_eq!(told, wanted);
+            std::fs::remove_file(&path).unwrap();
+        }
+    }
+
+    #[test]
+    fn every_vertex_of_a_layer_with_heights_has_a_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fgb");
+        let mut sink =
+            create(&path, &Layer::default(), &WriteOptions { index: false, ..Default::default() })
+                .unwrap();
+        for has_z in [false, true] {
+            let geometry = geometry(Kind::LineString, has_z, false);
+            sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
+        }
+        sink.finish(&[]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let size = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        let first = 12 + size(8);
+        for at in [first, first + 4 + size(first)] {
+            let feature = View::root(&bytes[at + 4..]).unwrap();
+            let geometry = feature.table(slot::FEATURE_GEOMETRY).unwrap().unwrap();
+            assert_eq!(geometry.list(slot::GEOMETRY_Z, 8).unwrap().len(), 4 * 8);
+        }
+    }
 }

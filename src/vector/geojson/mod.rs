@@ -12,8 +12,7 @@ use super::{Holds, Kind, Values, VectorFormat};
 pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
 
 /// What both hold.
-const HOLDS: Holds =
-Holds {
+const HOLDS: Holds = Holds {
     kinds: &Kind::ALL,
     mixed: true,
     z: true,

@@ -71,9 +71,10 @@ fn is_wide(distance: Distance, all: &[[f64; 3]], tolerance: f64) -> bool {
     let width = |(a, b): (&Xy, &Xy)| {
         let (x, y) = (b[0] - a[0], b[1] - a[1]);
         let off = |p: &Xy| ((p[0] - a[0]) * y - (p[1] - a[1]) * x) / x.hypot(y);
-        let (low, high) = some.iter().map(off).fold((0.0, 0.0), |(low, high): (f64, f64), off| {
-            (low.min(off), high.max(off))
-        });
+        let (low, high) = some
+            .iter()
+            .map(off)
+            .fold((0.0, 0.0), |(low, high): (f64, f64), off| (low.min(off), high.max(off)));
         high - low
     };
     // The narrowest strip has two of the outermost vertices on its border.

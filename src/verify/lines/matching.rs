@@ -63,12 +63,7 @@ pub(super) struct Matching<'a> {
 
 impl<'a> Matching<'a> {
     /// O(n log n).
-    pub(super) fn new(
-        distance: Distance,
-        before: Vertices<'a>,
-        own: Own,
-        is_ring: bool,
-    ) -> Self {
+    pub(super) fn new(distance: Distance, before: Vertices<'a>, own: Own, is_ring: bool) -> Self {
         let all = before.points;
         let old = if is_ring && all.len() > 1 { &all[..all.len() - 1] } else { all };
         let key_of = |(at, point): (usize, &[f64; 3])| own.key(point, before.extras.get(at));

@@ -21,6 +21,8 @@ pub(super) struct Rules {
     columns: Vec<Field>,
     /// Names of properties that are cut in the file, by those of the original.
     cut: HashMap<String, String>,
+    /// True where ids have a place of their own: cells are all alike.
+    has_ids: bool,
     /// What was not compared, and of how many features.
     pub(super) lost: Lost,
 }
@@ -42,7 +44,8 @@ impl Rules {
     /// Those of a file of lines of a format.
     pub(super) fn new(holds: Holds, lines: &dyn FeatureSource) -> Self {
         let columns = lines.layer().schema.clone().unwrap_or_default();
-        Self { holds, columns, cut: HashMap::new(), lost: Lost::default() }
+        let has_ids = holds.ids && holds.values != Values::Cells;
+        Self { holds, columns, cut: HashMap::new(), has_ids, lost: Lost::default() }
     }
 
     /// Names that are cut in the file, with what they were.
@@ -68,7 +71,7 @@ impl Rules {
                 self.lost.ids += u64::from(id.is_some());
                 Some(if feature.geometry.kind() == Kind::Point { points } else { lines })
             }
-            _ if self.holds.ids => {
+            _ if self.has_ids => {
                 facts.extend(id.map(|id| (OWN_ID.to_owned(), id)));
                 None
             }
@@ -91,7 +94,7 @@ impl Rules {
 
     /// What is there of a feature of the lines.
     pub(super) fn found(&self, feature: &Feature) -> Facts {
-        let id_name = if self.holds.ids { OWN_ID } else { ID };
+        let id_name = if self.has_ids { OWN_ID } else { ID };
         let id = feature.id.as_ref().map(|id| (id_name.to_owned(), value_of(id)));
         let all = feature.properties.iter().map(|(name, value)| (name.to_string(), value.clone()));
         self.without_nulls(id.into_iter().chain(all).collect())
@@ -122,7 +125,8 @@ impl Rules {
         let is_cut = |field: &&Field| {
             let stem = field.name.trim_end_matches(|c: char| c.is_ascii_digit());
             let stem = stem.strip_suffix('_').filter(|_| stem.len() < field.name.len());
-            let is_start = |of: &str| name.get(..of.len()).is_some_and(|own| own.eq_ignore_ascii_case(of));
+            let is_start =
+                |of: &str| name.get(..of.len()).is_some_and(|own| own.eq_ignore_ascii_case(of));
             (name.len() > NAME_BYTES && is_start(&field.name)) || stem.is_some_and(is_start)
         };
         let free = || self.columns.iter().filter(is_free);
@@ -135,7 +139,8 @@ impl Rules {
     /// What of a feature is not as it was; `None` where all is.
     pub(super) fn difference(&mut self, expected: &Facts, found: &Facts) -> Option<String> {
         for (name, value) in expected {
-            let Some((_, own)) = found.iter().find(|(other, _)| other == name) else {
+            let is_it = |of: &str| found.iter().find(|(other, _)| other == of);
+            let Some((_, own)) = is_it(name).or_else(|| is_it(counterpart(name)?)) else {
                 return Some(format!("{name} is gone"));
             };
             match self.compare(name, value, own) {
@@ -152,7 +157,8 @@ impl Rules {
                 Values::Dbase => name == NUMBER && expected.is_empty(),
                 _ => false,
             };
-            !is_number && !expected.iter().any(|(known, _)| known == name)
+            let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
+            !is_number && !is_known(name) && !counterpart(name).is_some_and(is_known)
         };
         found.iter().find(is_new).map(|(name, _)| format!("{name} is new"))
     }
@@ -201,6 +207,15 @@ impl Rules {
             }
             _ => text,
         }
+    }
+}
+
+/// Ids may move: from a place of their own to a property, or back.
+fn counterpart(name: &str) -> Option<&'static str> {
+    match name {
+        ID => Some(OWN_ID),
+        OWN_ID => Some(ID),
+        _ => None,
     }
 }
 

@@ -122,7 +122,8 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
     let mut added = Vec::new();
     for at in strangers {
         let is_ring = after.parts[at].is_ring();
-        let free = (0..of.len()).find(|&old| of[old].is_none() && before.parts[old].is_ring() == is_ring);
+        let free =
+            (0..of.len()).find(|&old| of[old].is_none() && before.parts[old].is_ring() == is_ring);
         match free {
             Some(old) => of[old] = Some(at),
             None => added.push(at),
@@ -136,7 +137,8 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
 fn is_walk(old: &OwnPart, new: &OwnPart) -> bool {
     let ends = usize::from(new.is_ring());
     let (old, new) = (&old.points, &new.points);
-    let (old, new) = (&old[..old.len().saturating_sub(ends)], &new[..new.len().saturating_sub(ends)]);
+    let (old, new) =
+        (&old[..old.len().saturating_sub(ends)], &new[..new.len().saturating_sub(ends)]);
     let Some(first) = new.first() else { return true };
     let starts = || if ends == 0 { 0..1.min(old.len()) } else { 0..old.len() };
     let Some(start) = starts().find(|&at| key(&old[at]) == key(first)) else { return false };

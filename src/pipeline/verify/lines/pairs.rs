@@ -172,9 +172,9 @@ impl<'a> Pairs<'a> {
             }
             let message = "features are not those of the original in the same order, and more than \
                            memory holds";
-            Err(Error::new(ErrorKind::Resource, message).in_file(&self.job.lines).remedy(
-                "pass more --memory, or write lines to a format that keeps the order",
-            ))
+            Err(Error::new(ErrorKind::Resource, message)
+                .in_file(&self.job.lines)
+                .remedy("pass more --memory, or write lines to a format that keeps the order"))
         };
         let (mut before, mut after) = (Vec::new(), Vec::new());
         while let Some(feature) = original.next()? {

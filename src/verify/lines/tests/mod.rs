@@ -4,6 +4,8 @@ use std::slice::from_ref;
 
 use super::*;
 
+mod gone;
+mod rings;
 mod twin;
 
 type Part = Vec<[i32; 2]>;
