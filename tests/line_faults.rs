@@ -298,11 +298,11 @@ fn without_a_tolerance_distances_are_not_judged() {
 /// lines cross; or neat ones, which topology can be asked of.
 fn world(dice: &mut Dice, is_neat: bool) -> Vec<Value> {
     let has_heights = dice.below(3);
-    let mut vertex = |dice: &mut Dice, x: f64, y: f64| match has_heights {
+    let vertex = |dice: &mut Dice, x: f64, y: f64| match has_heights {
         0 => json!([x, y]),
         _ => json!([x, y, dice.below(4)]),
     };
-    let mut odd = |dice: &mut Dice, least: u64| -> Vec<Value> {
+    let odd = |dice: &mut Dice, least: u64| -> Vec<Value> {
         let count = least + dice.below(11);
         let at = |dice: &mut Dice| dice.below(12) as f64;
         (0..count)

@@ -160,7 +160,11 @@ fn a_mesh_that_states_no_bound_is_not_said_to_keep_it() {
         place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5"]);
         // Every format states its bound.
         let report = json(&place.ok(&["verify", &mesh, TERRAIN, "--json"]).out);
-        assert_eq!((&report["tolerance"], &report["judged"]), (&5.into(), &true.into()), "{mesh}");
+        assert_eq!(
+            (&report["tolerance"], &report["judged"]),
+            (&5.0.into(), &true.into()),
+            "{mesh}"
+        );
         let mut bytes = std::fs::read(place.path(&mesh)).unwrap();
         let at = bytes.windows(9).position(|some| some == b"max error").unwrap();
         bytes[at..at + 9].copy_from_slice(b"any error");

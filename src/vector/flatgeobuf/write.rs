@@ -467,17 +467,13 @@ mod tests {
             let is_as_it_was = features.iter().zip(*kinds).all(|((was, z, m), is)| {
                 was == is && ((*z, *m) == (has_z, has_m) || *was == Kind::Null)
             });
-            assert_eq!(
-                notes.is_empty(),
-                is_as_it_was && kind != Kind::Null || !has_z && !has_m,
-                "{notes:?}"
-            );
+            let is_plain = (is_as_it_was && kind != Kind::Null) || (!has_z && !has_m);
+            assert_eq!(notes.is_empty(), is_plain, "{notes:?}");
             let mut source = open(&path, &OpenOptions::default()).unwrap();
             let mut found = Vec::new();
             while let Some(feature) = source.next().unwrap() {
                 found.push(feature.geometry);
             }
-            let sorted = |all: &mut Vec<String>| all.sort();
             let tell = |g: &Geometry| format!("{:?} {:?} {:?}", g.kind(), g.has_z(), g.has_m());
             let mut told: Vec<String> = found.iter().map(tell).collect();
             let mut wanted: Vec<String> = features
@@ -487,7 +483,8 @@ mod tests {
                     format!("{kind:?} {:?} {:?}", *z && *was != Null, *m && *was != Null)
                 })
                 .collect();
-            (sorted(&mut told), sorted(&mut wanted));
+            told.sort();
+            wanted.sort();
             assert_eq!(told, wanted);
             std::fs::remove_file(&path).unwrap();
         }
