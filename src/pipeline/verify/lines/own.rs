@@ -94,6 +94,26 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
         let of = (0..before.parts.len()).map(Some).collect();
         return Placed { of, added: Vec::new(), fits: same_points };
     }
+    let (mut of, strangers) = placed_by_vertices(before, after);
+    let fits = strangers.is_empty() && same_points;
+    let mut added = Vec::new();
+    // The first line and the first ring that may be left.
+    let mut next = [0; 2];
+    for at in strangers {
+        let is_ring = after.parts[at].is_ring();
+        let next = &mut next[usize::from(is_ring)];
+        let is_free = |old: usize| of[old].is_none() && before.parts[old].is_ring() == is_ring;
+        *next = (*next..of.len()).find(|&old| is_free(old)).unwrap_or(of.len());
+        match of.get_mut(*next) {
+            Some(old) => *old = Some(at),
+            None => added.push(at),
+        }
+    }
+    Placed { of, added, fits }
+}
+
+/// For each part before the one after that has its vertices, and those after that have those of none.
+fn placed_by_vertices(before: &Own, after: &Own) -> (Vec<Option<usize>>, Vec<usize>) {
     let mut having: HashMap<[u64; 2], Vec<usize>> = HashMap::new();
     for (number, part) in before.parts.iter().enumerate() {
         for point in &part.points {
@@ -106,11 +126,10 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
     let mut of: Vec<Option<usize>> = vec![None; before.parts.len()];
     let mut strangers = Vec::new();
     for (at, part) in after.parts.iter().enumerate() {
-        let first = part.points.first().map(key);
-        let candidates = first.and_then(|first| having.get(&first)).map_or(&[][..], Vec::as_slice);
+        let near = part.points.first().and_then(|first| having.get(&key(first)));
         let is_free =
             |&&old: &&usize| of[old].is_none() && before.parts[old].is_ring() == part.is_ring();
-        let free = || candidates.iter().filter(is_free);
+        let free = || near.into_iter().flatten().filter(is_free);
         let found = free().find(|&&old| is_walk(&before.parts[old], part));
         let found = found.or_else(|| free().find(|&&old| is_known(&before.parts[old], part)));
         match found.copied() {
@@ -118,18 +137,7 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
             None => strangers.push(at),
         }
     }
-    let fits = strangers.is_empty() && same_points;
-    let mut added = Vec::new();
-    for at in strangers {
-        let is_ring = after.parts[at].is_ring();
-        let free =
-            (0..of.len()).find(|&old| of[old].is_none() && before.parts[old].is_ring() == is_ring);
-        match free {
-            Some(old) => of[old] = Some(at),
-            None => added.push(at),
-        }
-    }
-    Placed { of, added, fits }
+    (of, strangers)
 }
 
 /// Whether the vertices of `new` come in their order in `old`, of a ring from any start and either way

@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use super::LineVerifyJob;
-use super::attributes::Rules;
+use super::attributes::{Facts, Rules};
 use super::findings::Findings;
 use super::own::{Own, OwnPart, Placed, beside, key};
 use crate::error::{Error, ErrorKind, Result};
@@ -165,28 +165,9 @@ impl<'a> Pairs<'a> {
         let [mut original, mut lines] = self.open()?;
         let mut rules = Rules::new(self.format.holds, &*lines);
         let mut held = 0;
-        let mut take = |feature: &Feature| {
-            held += (feature.geometry.vertices() as u64 + 1) * VERTEX;
-            if held <= self.job.resources.memory {
-                return self.cancel.check();
-            }
-            let message = "features are not those of the original in the same order, and more than \
-                           memory holds";
-            Err(Error::new(ErrorKind::Resource, message)
-                .in_file(&self.job.lines)
-                .remedy("pass more --memory, or write lines to a format that keeps the order"))
-        };
-        let (mut before, mut after) = (Vec::new(), Vec::new());
-        while let Some(feature) = original.next()? {
-            take(&feature)?;
-            let facts = rules.expected(&feature);
-            before.push(self.own(&feature, facts, &*original)?);
-        }
-        while let Some(feature) = lines.next()? {
-            take(&feature)?;
-            after.push(self.own(&feature, rules.found(&feature), &*lines)?);
-        }
-        let (partners, made) = partners(&before, &after);
+        let before = self.all(&mut *original, &mut held, |feature| rules.expected(feature))?;
+        let after = self.all(&mut *lines, &mut held, |feature| rules.found(feature))?;
+        let Partners { of: partners, made, .. } = Partners::find(&before, &after);
         let mut findings = Findings { features: before.len() as u64, ..Findings::default() };
         for (number, (old, partner)) in before.iter().zip(&partners).enumerate() {
             match partner {
@@ -208,18 +189,38 @@ impl<'a> Pairs<'a> {
         Ok(())
     }
 
+    /// All features of a file, as far as memory holds them with those held already.
+    fn all(
+        &self,
+        source: &mut dyn FeatureSource,
+        held: &mut u64,
+        mut facts: impl FnMut(&Feature) -> Facts,
+    ) -> Result<Vec<Own>> {
+        let mut all = Vec::new();
+        while let Some(feature) = source.next()? {
+            self.cancel.check()?;
+            *held += (feature.geometry.vertices() as u64 + 1) * VERTEX;
+            if *held > self.job.resources.memory {
+                let message = "features are not those of the original in the same order, and more \
+                               than memory holds";
+                return Err(Error::new(ErrorKind::Resource, message)
+                    .in_file(&self.job.lines)
+                    .remedy(
+                        "pass more --memory, or write lines to a format that keeps the order",
+                    ));
+            }
+            all.push(self.own(&feature, facts(&feature), source)?);
+        }
+        Ok(all)
+    }
+
     fn open(&self) -> Result<[Box<dyn FeatureSource>; 2]> {
         let options = OpenOptions { layer: self.job.layer.clone() };
         let original = vector::open(&self.job.original, &options)?;
         Ok([original, vector::open(&self.job.lines, &OpenOptions::default())?])
     }
 
-    fn own(
-        &self,
-        feature: &Feature,
-        facts: super::attributes::Facts,
-        source: &dyn FeatureSource,
-    ) -> Result<Own> {
+    fn own(&self, feature: &Feature, facts: Facts, source: &dyn FeatureSource) -> Result<Own> {
         let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
         let own = Own::new(feature, facts);
         // Products of larger ones could not be told exactly.
@@ -303,51 +304,74 @@ fn named(own: &Own) -> String {
     first.map_or(String::new(), |(name, value)| format!(" ({name} {value:?})"))
 }
 
-/// For each feature before the one made from it, and which of those after were: first those whose facts
-/// and vertices both are its own, then those with its vertices, then those with its facts.
-fn partners(before: &[Own], after: &[Own]) -> (Vec<Option<usize>>, Vec<bool>) {
-    let mut having: HashMap<[u64; 2], Vec<usize>> = HashMap::new();
-    let mut stamped: HashMap<(&str, bool), VecDeque<usize>> = HashMap::new();
-    for (number, feature) in before.iter().enumerate() {
+/// Which features were made from which.
+struct Partners<'a> {
+    before: &'a [Own],
+    after: &'a [Own],
+    /// For each feature before the one made from it, and for each after whether it has been found.
+    of: Vec<Option<usize>>,
+    made: Vec<bool>,
+}
+
+impl<'a> Partners<'a> {
+    /// First those whose facts and vertices both are its own, then those with its vertices, then those
+    /// with its facts; what is empty now is most likely what was empty.
+    fn find(before: &'a [Own], after: &'a [Own]) -> Self {
+        let (of, made) = (vec![None; before.len()], vec![false; after.len()]);
+        let mut found = Self { before, after, of, made };
+        let (having, mut stamped) = indices(before);
+        found.by_vertices(&having, true);
+        found.by_vertices(&having, false);
+        found.by_facts(&mut stamped, true);
+        found.by_facts(&mut stamped, false);
+        found
+    }
+
+    fn by_vertices(&mut self, having: &Having, with_stamp: bool) {
+        for (number, feature) in self.after.iter().enumerate() {
+            let first = feature.vertices().next().filter(|_| !self.made[number]);
+            let Some(near) = first.and_then(|first| having.get(&key(first))) else { continue };
+            let is_own = |old: &&usize| {
+                let before = &self.before[**old];
+                self.of[**old].is_none()
+                    && (!with_stamp || before.stamp == feature.stamp)
+                    && beside(before, feature).fits
+            };
+            if let Some(&old) = near.iter().find(is_own) {
+                (self.of[old], self.made[number]) = (Some(number), true);
+            }
+        }
+    }
+
+    fn by_facts(&mut self, stamped: &mut Stamped<'a>, is_alike: bool) {
+        for (number, feature) in self.after.iter().enumerate() {
+            let kind = (&*feature.stamp, feature.is_empty() == is_alike);
+            let Some(same) = stamped.get_mut(&kind).filter(|_| !self.made[number]) else {
+                continue;
+            };
+            let free = std::iter::from_fn(|| same.pop_front()).find(|&old| self.of[old].is_none());
+            if let Some(old) = free {
+                (self.of[old], self.made[number]) = (Some(number), true);
+            }
+        }
+    }
+}
+
+/// The features that have a vertex at a position.
+type Having = HashMap<[u64; 2], Vec<usize>>;
+/// The features with a stamp, and without a vertex or with some.
+type Stamped<'a> = HashMap<(&'a str, bool), VecDeque<usize>>;
+
+fn indices(features: &[Own]) -> (Having, Stamped<'_>) {
+    let (mut having, mut stamped) = (Having::new(), Stamped::new());
+    for (number, feature) in features.iter().enumerate() {
         for point in feature.vertices() {
             let numbers = having.entry(key(point)).or_default();
             if numbers.last() != Some(&number) {
                 numbers.push(number);
             }
         }
-        stamped.entry((&feature.stamp, feature.is_empty())).or_default().push_back(number);
+        stamped.entry((&*feature.stamp, feature.is_empty())).or_default().push_back(number);
     }
-    let mut partners: Vec<Option<usize>> = vec![None; before.len()];
-    let mut made = vec![false; after.len()];
-    for with_stamp in [true, false] {
-        for (number, feature) in after.iter().enumerate().filter(|(_, own)| !own.is_empty()) {
-            if made[number] {
-                continue;
-            }
-            let near = feature.vertices().next().and_then(|first| having.get(&key(first)));
-            let is_own = |old: &&usize| {
-                let old = **old;
-                partners[old].is_none()
-                    && (!with_stamp || before[old].stamp == feature.stamp)
-                    && beside(&before[old], feature).fits
-            };
-            if let Some(&old) = near.and_then(|near| near.iter().find(is_own)) {
-                (partners[old], made[number]) = (Some(number), true);
-            }
-        }
-    }
-    // What is empty now is most likely what was empty.
-    for is_alike in [true, false] {
-        for (number, feature) in after.iter().enumerate() {
-            let kind = (&*feature.stamp, feature.is_empty() == is_alike);
-            let Some(same) = stamped.get_mut(&kind).filter(|_| !made[number]) else { continue };
-            while let Some(old) = same.pop_front() {
-                if partners[old].is_none() {
-                    (partners[old], made[number]) = (Some(number), true);
-                    break;
-                }
-            }
-        }
-    }
-    (partners, made)
+    (having, stamped)
 }
