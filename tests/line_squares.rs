@@ -68,6 +68,7 @@ impl Place {
             tolerance: Some(Length { value: tolerance * (1.0 + 1e-12), unit: None }),
             is_space: false,
             topology: true,
+            may_drop: false,
             sides: self.sides(),
             resources: resources(1 << 30, 1),
         }
@@ -120,7 +121,9 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
             job.collapse = collapse;
             job.topology.as_mut().unwrap().strategy = strategy;
             let report = simplify(&job);
-            let proof = place.proof(tolerance);
+            let mut proof = place.proof_job(tolerance);
+            proof.may_drop = collapse == Collapse::Drop;
+            let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
             let name = format!("{name} {seed}, {square}, {tolerance}, {strategy:?} {collapse:?}");
             assert_eq!(proof.crossings[2], 0, "{name}: {proof:?}");
             // A loop of a line that touches itself may be dropped.

@@ -153,6 +153,36 @@ fn a_written_mesh_that_was_tampered_with_fails_unless_it_is_not_ours() {
 }
 
 #[test]
+fn a_mesh_that_states_no_bound_is_not_said_to_keep_it() {
+    let place = Place::new();
+    for format in terrane::output::FORMATS {
+        let mesh = format!("a.{}", format.extensions[0]);
+        place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5"]);
+        // Every format states its bound.
+        let report = json(&place.ok(&["verify", &mesh, TERRAIN, "--json"]).out);
+        assert_eq!(
+            (&report["tolerance"], &report["judged"]),
+            (&5.0.into(), &true.into()),
+            "{mesh}"
+        );
+        let mut bytes = std::fs::read(place.path(&mesh)).unwrap();
+        let at = bytes.windows(9).position(|some| some == b"max error").unwrap();
+        bytes[at..at + 9].copy_from_slice(b"any error");
+        place.write(&mesh, &bytes);
+        let told = place.run(&["verify", &mesh, TERRAIN]);
+        assert!(told.code == 3 && told.out.contains("not judged: the error"), "{}", told.out);
+        assert!(!told.out.contains("every promise"), "{}", told.out);
+        let report = json(&place.run(&["verify", &mesh, TERRAIN, "--json"]).out);
+        assert_eq!((&report["passed"], &report["judged"]), (&true.into(), &false.into()));
+        assert_eq!(report["not_judged"].as_array().unwrap().len(), 1);
+        let told = place.run(&["verify", &mesh, TERRAIN, "-q"]);
+        assert!(told.code == 3 && told.err.starts_with("terrane: not judged: "), "{}", told.err);
+        place.ok(&["verify", &mesh, TERRAIN, "--max-error", "5"]);
+        assert_eq!(place.run(&["verify", &mesh, TERRAIN, "--max-error", "0.01"]).code, 1);
+    }
+}
+
+#[test]
 fn a_stated_bound_that_is_no_number_is_an_error() {
     let place = Place::new();
     place.ok(&["tin", TERRAIN, "a.ply", "--max-error", "5"]);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin};
+use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin, verify};
 use crate::cloud::{self as clouds, is_cloud};
 use crate::error::{Error, Result};
 use crate::output;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
         say::result(&summary(&made))?;
         checked.as_ref().map_or(Ok(()), |c| say::result(&cloud_verify::summary(c)))?;
     } else {
-        checked.iter().for_each(cloud_verify::tell_failures);
+        checked.iter().for_each(|r| verify::tell(&r.failures, &r.not_judged));
     }
     Ok(checked.as_ref().map_or(Outcome::Kept, cloud_verify::outcome))
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::cli::{Outcome, check, cloud, say, text, tin, verify};
+use crate::cli::{Outcome, check, cloud, text, tin, verify};
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
@@ -16,7 +16,7 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
         tin::write_report(path, args.overwrite, &report)?;
     }
     if !args.show.tell(&report, || summary(&report))? {
-        tell_failures(&report);
+        verify::tell(&report.failures, &report.not_judged);
     }
     Ok(outcome(&report))
 }
@@ -48,19 +48,14 @@ fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
     })
 }
 
-/// Names the broken promises on stderr, for those who asked for no result.
-pub(super) fn tell_failures(report: &CloudVerifyReport) {
-    report.failures.iter().for_each(|failure| say::failure(failure));
-}
-
 /// Whether the mesh kept its promises.
 pub(super) fn outcome(report: &CloudVerifyReport) -> Outcome {
-    if report.passed { Outcome::Kept } else { Outcome::Broken }
+    Outcome::of(report.passed, report.judged)
 }
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &CloudVerifyReport) -> String {
-    let verdict = verify::verdict(r.passed, r.tolerance);
+    let verdict = verify::verdict(r.passed, &r.not_judged);
     let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));

@@ -29,7 +29,8 @@ fn lists(verb: &str) -> String {
     parts.join("\n\n")
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, 65 bad input, \
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
+3 nothing wrong was found but something promised could not be judged, 65 bad input, \
 70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
 130 stopped";
 

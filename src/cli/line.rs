@@ -140,6 +140,10 @@ pub(super) struct Promises {
     /// Points that had to stay on their side
     #[arg(long, value_name = "FILE", requires = "topology")]
     pub(super) sides: Option<PathBuf>,
+    /// With drop, rings may be gone: those with two vertices whose segment has all others within the
+    /// tolerance, and their holes with them [default: nothing may be gone]
+    #[arg(long, value_name = "HOW", value_enum)]
+    collapse: Option<CollapseName>,
     /// The object of a TopoJSON file that the lines were made from
     #[arg(long, value_name = "NAME")]
     pub(super) layer: Option<String>,
@@ -152,6 +156,11 @@ pub(super) enum Solid {
 }
 
 impl Promises {
+    /// Whether rings may be gone.
+    pub(super) fn may_drop(&self) -> bool {
+        self.collapse == Some(CollapseName::Drop)
+    }
+
     /// The first of these options that was given.
     pub(super) fn given(&self) -> Option<&'static str> {
         let options = [
@@ -159,6 +168,7 @@ impl Promises {
             ("--metric", self.metric.is_some()),
             ("--topology", self.topology),
             ("--sides", self.sides.is_some()),
+            ("--collapse", self.collapse.is_some()),
             ("--layer", self.layer.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)

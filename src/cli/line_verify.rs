@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::cli::{Outcome, check, say, text, tin, verify};
+use crate::cli::{Outcome, check, text, tin, verify};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::line::Measure;
@@ -21,9 +21,9 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
         tin::write_report(path, args.overwrite, &report)?;
     }
     if !args.show.tell(&report, || summary(&report))? {
-        report.failures.iter().for_each(|failure| say::failure(failure));
+        verify::tell(&report.failures, &report.not_judged);
     }
-    Ok(if report.passed { Outcome::Kept } else { Outcome::Broken })
+    Ok(Outcome::of(report.passed, report.judged))
 }
 
 /// Checks what can be checked without work, and makes the job.
@@ -56,6 +56,7 @@ fn job(args: &verify::Args) -> Result<LineVerifyJob> {
         tolerance: lines.tolerance,
         is_space: lines.metric.is_some(),
         topology: lines.topology,
+        may_drop: lines.may_drop(),
         sides: lines.sides.clone(),
         resources: args.machine.resources(),
     })
@@ -63,37 +64,51 @@ fn job(args: &verify::Args) -> Result<LineVerifyJob> {
 
 /// A proof for people: the verdict, what failed, and the figures.
 fn summary(r: &LineVerifyReport) -> String {
-    let verdict = if r.passed { "every promise is kept" } else { "NOT kept" };
+    let verdict = verify::verdict(r.passed, &r.not_judged);
     let unit = if r.measure == Measure::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);
     let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));
     let allowed = match r.tolerance {
         Some(tolerance) => format!(" of {}{unit} allowed", text::number(tolerance)),
-        None => " (no --tolerance to hold it to)".to_owned(),
+        None => String::new(),
     };
+    let only = if r.topology { "" } else { " (not judged: --topology)" };
     let [before, after] = r.vertices.map(text::count);
     let [had, has, new] = r.crossings.map(text::count);
     let (features, parts) = (text::count(r.features), text::count(r.parts));
     let mut rows = vec![
-        ("proof", verdict.to_owned()),
-        ("lines", format!("{features} features, {parts} lines and rings, {} gone", r.dropped)),
+        ("proof", verdict),
+        (
+            "features",
+            format!(
+                "{features}; {} gone, {} added, {} with other properties, {} with other points",
+                text::count(r.gone_features),
+                text::count(r.added_features),
+                text::count(r.changed_attributes),
+                text::count(r.changed_points)
+            ),
+        ),
+        ("lines", format!("{parts} lines and rings, {} gone", text::count(r.dropped))),
+        ("heights", format!("{} changed, measures among them", text::count(r.changed_heights))),
         ("vertices", format!("{after} of {before}")),
         ("distance", format!("{far}{unit}{allowed}{place}")),
-        ("crossings", format!("{has}, of which {new} are new; {had} before")),
+        ("crossings", format!("{has}, of which {new} are new; {had} before{only}")),
         (
             "rings",
             format!(
-                "{} without area, {} turned over",
+                "{} without area, {} turned over{only}",
                 text::count(r.collapsed),
                 text::count(r.turned)
             ),
         ),
         (
             "sides",
-            format!("{} changed, {} borders torn", text::count(r.moved), text::count(r.torn)),
+            format!("{} changed, {} borders torn{only}", text::count(r.moved), text::count(r.torn)),
         ),
         ("time", text::seconds(r.wall_seconds)),
     ];
     rows.extend(r.failures.iter().map(|failure| ("broken", failure.clone())));
+    rows.extend(r.not_judged.iter().map(|what| ("not judged", what.clone())));
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     format!("{} <- {}\n{}", r.lines, r.original, text::table(&rows))
 }

@@ -79,6 +79,22 @@ enum Verb {
 enum Outcome {
     Kept,
     Broken,
+    /// None is known to be broken, but one could not be judged.
+    NotJudged,
+}
+
+/// The exit code where nothing wrong was found, and something promised could not be judged.
+const NOT_JUDGED: u8 = 3;
+
+impl Outcome {
+    /// Of a proof that found nothing wrong, and one that judged all that is promised.
+    fn of(passed: bool, judged: bool) -> Self {
+        match (passed, judged) {
+            (false, _) => Self::Broken,
+            (true, false) => Self::NotJudged,
+            (true, true) => Self::Kept,
+        }
+    }
 }
 
 /// Runs the command line and returns the process exit code.
@@ -96,6 +112,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     match run(&cli.verb, &cancel) {
         Ok(Outcome::Kept) => ExitCode::SUCCESS,
         Ok(Outcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
+        Ok(Outcome::NotJudged) => NOT_JUDGED.into(),
         Err(error) => {
             say::error(&error);
             error.kind().exit_code().into()

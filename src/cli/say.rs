@@ -57,6 +57,12 @@ pub(super) fn failure(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: error: {line}"));
 }
 
+/// Prints what could not be judged on stderr, on one line.
+pub(super) fn not_judged(what: &str) {
+    let line: String = what.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    flushed(writeln!(io::stderr(), "terrane: not judged: {line}"));
+}
+
 /// Prints a remark on stderr.
 pub(super) fn note(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: {message}"));

@@ -188,7 +188,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         say::result(&summary(&made))?;
         checked.as_ref().map_or(Ok(()), |c| say::result(&verify::summary(c)))?;
     } else {
-        checked.iter().for_each(verify::tell_failures);
+        checked.iter().for_each(|r| verify::tell(&r.failures, &r.not_judged));
     }
     Ok(checked.as_ref().map_or(Outcome::Kept, verify::outcome))
 }

@@ -12,8 +12,9 @@ use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
 /// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
-/// bound, coverage, topology. Exits with 1 when
-/// a promise is broken. Vertices that are no samples of the grid, or points of the cloud, are a
+/// bound, coverage, topology; of lines also features, properties, heights and points. Exits with 1
+/// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
+/// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
@@ -84,7 +85,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         tin::write_report(path, args.overwrite, &report)?;
     }
     if !args.show.tell(&report, || summary(&report))? {
-        tell_failures(&report);
+        tell(&report.failures, &report.not_judged);
     }
     Ok(outcome(&report))
 }
@@ -109,19 +110,20 @@ fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
         .remedy(format!("write `terrane verify {second} {first}`"))
 }
 
-/// Names the broken promises on stderr, for those who asked for no result.
-pub(super) fn tell_failures(report: &VerifyReport) {
-    report.failures.iter().for_each(|failure| say::failure(failure));
+/// Names the broken promises on stderr, and those not judged, for those who asked for no result.
+pub(super) fn tell(failures: &[String], not_judged: &[String]) {
+    failures.iter().for_each(|failure| say::failure(failure));
+    not_judged.iter().for_each(|what| say::not_judged(what));
 }
 
 /// Whether the mesh kept its promises.
 pub(super) fn outcome(report: &VerifyReport) -> Outcome {
-    if report.passed { Outcome::Kept } else { Outcome::Broken }
+    Outcome::of(report.passed, report.judged)
 }
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &VerifyReport) -> String {
-    let verdict = verdict(r.passed, r.tolerance);
+    let verdict = verdict(r.passed, &r.not_judged);
     let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
@@ -143,11 +145,11 @@ pub(super) fn summary(r: &VerifyReport) -> String {
 }
 
 /// What came of a proof.
-pub(super) fn verdict(passed: bool, tolerance: Option<f64>) -> &'static str {
-    match (passed, tolerance) {
-        (true, Some(_)) => "verified: every promise is kept",
-        (true, None) => "verified, but for the error: no bound is known to hold it to",
-        (false, _) => "NOT verified",
+pub(super) fn verdict(passed: bool, not_judged: &[String]) -> String {
+    match (passed, not_judged) {
+        (true, []) => "verified: every promise is kept".to_owned(),
+        (true, not) => format!("nothing wrong is found, but not judged: {}", not.join("; ")),
+        (false, _) => "NOT verified".to_owned(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Binary STL: triangles by position in f32, with a normal each. The origin stands in the header as
-//! `terrane origin X Y Z`. Optionally the surface is closed with walls and a bottom.
+//! `terrane origin X Y Z`, and behind it the bound, as `max error E`. Optionally the surface is closed
+//! with walls and a bottom.
 
 use std::path::Path;
 
@@ -27,6 +28,8 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 };
 
 const ORIGIN: &str = "terrane origin ";
+/// What a bound begins with, here and in the comments of a mesh.
+const BOUND: &str = "max error ";
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -45,7 +48,7 @@ type Corners = [[f32; 3]; 3];
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin)?;
-    let title = title(header.origin)?;
+    let title = title(header.origin, bound(&header.comments))?;
     let solid = options.solid_base.map(|base| {
         let (lowest, origin) = (header.bounds[0][2], header.origin[2]);
         Solid::new(base, lowest, origin, Outline::new(temp_folder(path, options)))
@@ -54,11 +57,21 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, encoder)
 }
 
-/// The first 80 bytes.
-fn title(origin: Point3) -> Result<[u8; TITLE_BYTES]> {
-    let text = format!("{ORIGIN}{}", origin.map(text::f64_text).join(" "));
+/// The bound that comments state, without its unit.
+fn bound(comments: &[String]) -> Option<&str> {
+    let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
+    stated.and_then(|rest| rest.split_whitespace().next())
+}
+
+/// The first 80 bytes. Where the origin leaves no room for the bound, the file states none.
+fn title(origin: Point3, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
+    let mut text = format!("{ORIGIN}{}", origin.map(text::f64_text).join(" "));
     if text.len() > TITLE_BYTES {
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
+    }
+    let stated = bound.map_or(String::new(), |bound| format!(" {BOUND}{bound}"));
+    if text.len() + stated.len() <= TITLE_BYTES {
+        text += &stated;
     }
     let mut title = [b' '; TITLE_BYTES];
     title[..text.len()].copy_from_slice(text.as_bytes());
@@ -224,7 +237,8 @@ impl StlSource {
             let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
             return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
         }
-        let origin = origin(title).unwrap_or_default();
+        let known = origin(title);
+        let origin = known.unwrap_or_default();
         let title = String::from_utf8_lossy(title).trim_matches([' ', '\0']).to_owned();
         let info = MeshInfo {
             vertices: 3 * triangles,
@@ -234,8 +248,12 @@ impl StlSource {
             single_precision: true,
             indexed: false,
             crs: None,
-            details: vec![("title".to_owned(), title)],
+            details: Vec::new(),
         };
+        let bound = title.split_once(BOUND).filter(|_| known.is_some());
+        let bound = bound.map(|(_, bound)| (BOUND.trim_end().to_owned(), bound.to_owned()));
+        let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
+        let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
     }
 }
@@ -309,9 +327,20 @@ mod tests {
     #[test]
     fn the_title_holds_any_origin_a_grid_can_have() {
         for origin in [[500_000.5, -4e6, 0.0], [-1.234_567_890_123_456_7e-300, f64::MIN, 0.0]] {
-            assert_eq!(super::origin(&title(origin).unwrap()), Some(origin));
+            assert_eq!(super::origin(&title(origin, Some("1.5")).unwrap()), Some(origin));
         }
-        assert!(title([-1.234_567_890_123_456_7e-300; 3]).is_err());
+        assert!(title([-1.234_567_890_123_456_7e-300; 3], None).is_err());
+    }
+
+    #[test]
+    fn the_title_holds_the_bound_where_there_is_room() {
+        let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
+        let made = title([500_000.0, 4e6, 0.0], bound(&comments)).unwrap();
+        assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
+        let full = [-1.234_567_890_123_45e-30, -1.234_567_890_123_45e-30, 1.5];
+        let made = title(full, bound(&comments)).unwrap();
+        assert!(!made.windows(3).any(|some| some == b"max"));
+        assert_eq!(bound(&["source a.tif".to_owned()]), None);
     }
 
     #[test]

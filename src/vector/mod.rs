@@ -90,8 +90,30 @@ pub struct Holds {
     pub m: bool,
     /// Properties of any type.
     pub properties: bool,
+    /// How values of properties are held.
+    pub values: Values,
     /// Ids apart from properties.
     pub ids: bool,
+    /// True where features come back in the order they were written.
+    pub ordered: bool,
+}
+
+/// How a format holds values of properties.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Not at all.
+    None,
+    /// Each with a type of its own.
+    Typed,
+    /// In columns that have a type: a column of several kinds of values holds texts.
+    Columns,
+    /// As [`Columns`](Self::Columns) of a dBASE table: with names of ten bytes, digits behind the point
+    /// as the column says, and no difference between no text and none at all.
+    Dbase,
+    /// As text on one line, without a type.
+    Cells,
+    /// As text, under names that the format knows: those of points, and of lines.
+    Named([&'static [&'static str]; 2]),
 }
 
 /// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic

@@ -74,6 +74,32 @@ fn numbered(mut features: Vec<Feature>) -> Vec<Feature> {
     features
 }
 
+/// The features as a FlatGeobuf has them: with heights or measures a layer of single and several ones
+/// is one of several.
+fn as_one_type(features: &[Feature]) -> Vec<Feature> {
+    let families = [
+        [Kind::Point, Kind::MultiPoint],
+        [Kind::LineString, Kind::MultiLineString],
+        [Kind::Polygon, Kind::MultiPolygon],
+    ];
+    let geometries = || features.iter().map(|feature| &feature.geometry);
+    let has_more = geometries().any(|geometry| geometry.has_z() || geometry.has_m());
+    let kinds: Vec<Kind> = geometries().map(Geometry::kind).filter(|k| *k != Kind::Null).collect();
+    let mut features = features.to_vec();
+    for family in families {
+        if !has_more || !family.iter().all(|kind| kinds.contains(kind)) {
+            continue;
+        }
+        if kinds.iter().all(|kind| family.contains(kind)) {
+            for feature in features.iter_mut().filter(|f| f.geometry.kind() == family[0]) {
+                let coordinates = feature.geometry.coordinates().clone();
+                feature.geometry = Geometry::new(family[1], coordinates).unwrap();
+            }
+        }
+    }
+    features
+}
+
 fn text(features: &[Feature]) -> Vec<String> {
     features.iter().map(|feature| format!("{feature:?}")).collect()
 }
@@ -97,6 +123,8 @@ fn what_a_format_can_hold_comes_back() {
                 prop_assert_eq!(text(&found), text(&features));
                 return Ok(());
             }
+            let features =
+                if format.name == "FlatGeobuf" { as_one_type(&features) } else { features };
             if !format.holds.properties {
                 found.iter_mut().for_each(|feature| feature.properties.0.clear());
             }

@@ -4,6 +4,9 @@
 //! while memory lasts; then only what lies to the west of a line is, and the files are read again for
 //! the rest. No figure depends on where that line was.
 
+mod attributes;
+mod findings;
+mod own;
 mod pairs;
 
 use std::path::PathBuf;
@@ -12,6 +15,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use self::findings::Findings;
 use self::pairs::{Compared, Pairs};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::Xy;
@@ -19,7 +23,7 @@ use crate::pipeline::line::{Length, Measure, goal_of, on_threads, positions};
 use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::vector::{self, OpenOptions};
-use crate::verify::lines::{Band, Comparison, Defect, Distance, Pieces, Report, judge};
+use crate::verify::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
 
 /// Simplified lines to be proven.
 #[derive(Clone, Debug)]
@@ -36,6 +40,8 @@ pub struct LineVerifyJob {
     pub is_space: bool,
     /// Crossings, rings, sides and borders are judged, too.
     pub topology: bool,
+    /// Rings that have no room within the tolerance may be gone.
+    pub may_drop: bool,
     /// Points that had to stay on their side.
     pub sides: Option<PathBuf>,
     /// What the job may use.
@@ -49,12 +55,29 @@ pub struct LineVerifyReport {
     pub lines: String,
     pub original: String,
     pub passed: bool,
+    /// True when all that is promised was looked at.
+    pub judged: bool,
     /// One line for each broken promise.
     pub failures: Vec<String>,
+    /// One line for each promise that could not be judged.
+    pub not_judged: Vec<String>,
+    /// What else should be known.
+    pub notes: Vec<String>,
+    /// True when crossings, rings, sides and borders were judged, not only measured.
+    pub topology: bool,
+    /// Features of the original, those that are gone, and those that are in the lines alone.
     pub features: u64,
-    /// Lines and rings of the result, and those that are gone.
+    pub gone_features: u64,
+    pub added_features: u64,
+    /// Features with other properties or another id, and with other points.
+    pub changed_attributes: u64,
+    pub changed_points: u64,
+    /// Vertices with another height or measure.
+    pub changed_heights: u64,
+    /// Lines and rings of the result, those that are gone, and those of them that had to stay.
     pub parts: u64,
     pub dropped: u64,
+    pub missing: u64,
     /// Before and after.
     pub vertices: [u64; 2],
     pub measure: Measure,
@@ -114,28 +137,49 @@ pub fn verify_lines(
         Measure::Space => Distance::Space,
         Measure::Geographic => Distance::Geographic,
     };
-    let proof =
-        Proof { job, comparison: Comparison { distance, tolerance }, points, progress, cancel };
-    let (features, found) = on_threads(job.resources.threads, || proof.run())??;
-    Ok(told(job, (measure, tolerance), features, &found, started))
+    let drops = if job.may_drop { Drops::Thin } else { Drops::None };
+    let comparison = Comparison { distance, tolerance, drops };
+    let proof = Proof { job, comparison, points, progress, cancel };
+    let (found, findings, format) = on_threads(job.resources.threads, || proof.run())??;
+    let report = told(job, (measure, tolerance), (&found, &findings), format);
+    Ok(LineVerifyReport { wall_seconds: started.elapsed().as_secs_f64(), ..report })
 }
 
 fn told(
     job: &LineVerifyJob,
     (measure, tolerance): (Measure, Option<f64>),
-    features: u64,
-    found: &Report,
-    started: Instant,
+    (found, findings): (&Report, &Findings),
+    format: &str,
 ) -> LineVerifyReport {
-    let failures = failures(found, job.topology);
+    let failures = [findings.failures(), failures(found, job.topology)].concat();
+    let mut not_judged = findings.not_judged(format);
+    if tolerance.is_none() {
+        not_judged.insert(0, "distances, as no bound is known (--tolerance)".to_owned());
+    } else if found.unknown > 0 {
+        let count = found.unknown;
+        not_judged
+            .push(format!("{count} rings that are gone, too large to tell whether they could go"));
+    }
+    let cut = &findings.cut;
+    let note = format!("names of fields are cut: {}", cut.join(", "));
     LineVerifyReport {
         lines: job.lines.display().to_string(),
         original: job.original.display().to_string(),
         passed: failures.is_empty(),
+        judged: not_judged.is_empty(),
         failures,
-        features,
+        not_judged,
+        notes: (!cut.is_empty()).then_some(note).into_iter().collect(),
+        topology: job.topology,
+        features: findings.features,
+        gone_features: findings.gone.count,
+        added_features: findings.added.count,
+        changed_attributes: findings.attributes.count,
+        changed_points: findings.points.count,
+        changed_heights: found.changed.count,
         parts: found.parts,
         dropped: found.dropped,
+        missing: found.missing.count,
         vertices: found.vertices,
         measure,
         tolerance,
@@ -149,7 +193,7 @@ fn told(
         moved: found.moved.count,
         torn: found.torn.count,
         peak_memory: peak_memory(),
-        wall_seconds: started.elapsed().as_secs_f64(),
+        wall_seconds: 0.0,
     }
 }
 
@@ -163,15 +207,15 @@ struct Proof<'a> {
 }
 
 impl Proof<'_> {
-    /// How many features there are, and what was found.
-    fn run(&self) -> Result<(u64, Report)> {
-        let mut pairs = Pairs::new(self.job, self.cancel);
-        let (mut pieces, mut report, features) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
+    /// What was found, and the name of the format of the lines.
+    fn run(&self) -> Result<(Report, Findings, &'static str)> {
+        let mut pairs = Pairs::new(self.job, self.cancel)?;
+        let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
         loop {
             self.judge(&pieces, &mut report)?;
             let done = pieces.band().to;
             if done == f64::INFINITY {
-                return Ok((features, report));
+                return Ok((report, findings, pairs.format()));
             }
             drop(pieces);
             (pieces, _, _) = self.compare(&mut pairs, done)?;
@@ -179,7 +223,7 @@ impl Proof<'_> {
     }
 
     /// Compares all parts; holds as many pieces from x = `from` on as memory allows.
-    fn compare(&self, pairs: &mut Pairs<'_>, from: f64) -> Result<(Pieces, Report, u64)> {
+    fn compare(&self, pairs: &mut Pairs<'_>, from: f64) -> Result<(Pieces, Report, Findings)> {
         self.progress.begin("compare", 0);
         let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
         loop {
@@ -198,9 +242,9 @@ impl Proof<'_> {
                 Ok(())
             })?;
             match compared {
-                Compared::All(features) => {
+                Compared::All(findings) => {
                     self.progress.end();
-                    return Ok((pieces, report, features));
+                    return Ok((pieces, report, *findings));
                 }
                 Compared::OutOfOrder => pairs.collect()?,
             }
@@ -238,6 +282,8 @@ fn crowded(job: &LineVerifyJob) -> Error {
 /// Lines of each broken promise.
 fn failures(found: &Report, topology: bool) -> Vec<String> {
     let own = [
+        (found.missing, "lines and rings are gone"),
+        (found.changed, "vertices have another height or measure"),
         (
             found.foreign,
             "parts with a vertex that the original does not have, or not in that order",

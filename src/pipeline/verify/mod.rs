@@ -87,6 +87,9 @@ fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
 
 const KEY: &str = "max error";
 
+/// What a report says where no bound is known.
+const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
+
 /// Proves `mesh` against `grid`; a caller's caches of both are not part of the memory budget, of
 /// which this takes about two thirds.
 ///

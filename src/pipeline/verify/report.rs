@@ -35,10 +35,14 @@ pub struct VerifyReport {
     pub format: String,
     /// Raster.
     pub raster: String,
-    /// True when every promise is kept.
+    /// True when no promise is known to be broken.
     pub passed: bool,
+    /// True when all that is promised was judged.
+    pub judged: bool,
     /// One sentence for each broken promise.
     pub failures: Vec<String>,
+    /// What is promised and could not be judged.
+    pub not_judged: Vec<String>,
 
     /// Columns of the grid.
     pub width: u32,
@@ -235,6 +239,10 @@ impl VerifyReport {
         }
         self.passed = failures.is_empty();
         self.failures = failures;
+        self.judged = self.tolerance.is_some();
+        if !self.judged {
+            self.not_judged.push(super::NO_BOUND.to_owned());
+        }
     }
 
     /// The faults that break a promise, and what they are.

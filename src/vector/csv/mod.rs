@@ -3,7 +3,7 @@
 mod read;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -16,7 +16,9 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
         z: true,
         m: true,
         properties: false,
+        values: Values::Cells,
         ids: true,
+        ordered: true,
     },
     open: read::open,
     create: Some(write::create),

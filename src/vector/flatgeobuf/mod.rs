@@ -7,14 +7,23 @@ mod value;
 mod view;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "FlatGeobuf",
     extensions: &["fgb"],
     about: "a binary file with typed properties and a spatial index",
-    holds: Holds { kinds: &Kind::ALL, mixed: true, z: true, m: true, properties: true, ids: false },
+    holds: Holds {
+        kinds: &Kind::ALL,
+        mixed: true,
+        z: true,
+        m: true,
+        properties: true,
+        values: Values::Columns,
+        ids: false,
+        ordered: false,
+    },
     open: read::open,
     create: Some(write::create),
     sniff: |head| head.starts_with(&MAGIC[..4]),

@@ -234,6 +234,12 @@ fn geometry(
             return Err(wrong());
         }
     }
+    // A layer with heights has a number for each vertex, which is none where there is no height.
+    for values in [&mut found.z, &mut found.m] {
+        if values.iter().all(|value| value.is_nan()) {
+            values.clear();
+        }
+    }
     // GDAL writes an empty point as NaN.
     if kind == Kind::Point && found.xy.first().is_some_and(|xy| xy.iter().all(|c| c.is_nan())) {
         found = Coordinates::default();

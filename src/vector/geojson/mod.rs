@@ -7,13 +7,21 @@ mod read;
 mod tests;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
 
 /// What both hold.
-const HOLDS: Holds =
-    Holds { kinds: &Kind::ALL, mixed: true, z: true, m: false, properties: true, ids: true };
+const HOLDS: Holds = Holds {
+    kinds: &Kind::ALL,
+    mixed: true,
+    z: true,
+    m: false,
+    properties: true,
+    values: Values::Typed,
+    ids: true,
+    ordered: true,
+};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {

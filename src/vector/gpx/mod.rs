@@ -5,7 +5,7 @@ mod read;
 mod time;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -18,7 +18,9 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
         z: true,
         m: false,
         properties: false,
+        values: Values::Named([POINT_TEXTS, LINE_TEXTS]),
         ids: false,
+        ordered: false,
     },
     open: read::open,
     create: Some(write::create),

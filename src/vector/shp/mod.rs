@@ -5,7 +5,7 @@ mod read;
 mod shape;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -26,7 +26,9 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
         z: true,
         m: true,
         properties: true,
+        values: Values::Dbase,
         ids: false,
+        ordered: true,
     },
     open: read::open,
     create: Some(write::create),

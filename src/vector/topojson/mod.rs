@@ -4,7 +4,7 @@
 mod arcs;
 mod read;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -17,7 +17,9 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
         z: false,
         m: false,
         properties: true,
+        values: Values::Typed,
         ids: true,
+        ordered: true,
     },
     open: read::open,
     create: None,

@@ -4,7 +4,7 @@
 mod read;
 mod write;
 
-use super::{Holds, Kind, VectorFormat};
+use super::{Holds, Kind, Values, VectorFormat};
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
@@ -25,7 +25,9 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
         z: true,
         m: true,
         properties: false,
+        values: Values::None,
         ids: false,
+        ordered: true,
     },
     open: read::open,
     create: Some(write::create),

@@ -1,9 +1,11 @@
 //! Which vertices of the original those of the result are.
 
-use super::Distance;
+use super::{Distance, Vertices, Xy};
 
-/// Vertices at one position that are tried for one of the result; lines pass few positions so often.
-const MOST_TRIED: usize = 8;
+/// Vertices at one position that are tried for one of the result: lines pass few positions so often.
+/// Where that does not do, more are.
+const FEW_TRIED: usize = 8;
+const MANY_TRIED: usize = 64;
 
 /// A vertex of the original tried for one of the result.
 #[derive(Clone, Copy, Debug)]
@@ -15,75 +17,149 @@ struct Node {
     back: u32,
 }
 
-/// A position as bits that are the same for the same numbers, -0 and 0 among them.
-type Key = [u64; 2];
+/// A position as bits that are the same for the same numbers, -0 and 0 among them, and what else has to
+/// be the same.
+type Key = [u64; 4];
 
-fn key(p: &[f64; 3]) -> Key {
-    [p[0], p[1]].map(|v| (v + 0.0).to_bits())
+fn bits(value: f64) -> u64 {
+    if value.is_nan() { f64::NAN.to_bits() } else { (value + 0.0).to_bits() }
+}
+
+fn is_same(p: &[f64; 2], q: &[f64; 2]) -> bool {
+    p.map(bits) == q.map(bits)
+}
+
+/// A part of the result.
+#[derive(Debug)]
+pub(super) struct Own {
+    pub(super) points: Vec<[f64; 3]>,
+    /// As in [`Vertices`].
+    pub(super) extras: Vec<[f64; 2]>,
+    /// Vertices are the same where their heights and measures are, too.
+    pub(super) with_extras: bool,
+}
+
+impl Own {
+    fn key(&self, point: &[f64; 3], extras: Option<&[f64; 2]>) -> Key {
+        let [z, m] = extras.filter(|_| self.with_extras).copied().unwrap_or_default();
+        [point[0], point[1], z, m].map(bits)
+    }
 }
 
 /// A part, and the one it was made from.
 pub(super) struct Matching<'a> {
     distance: Distance,
-    /// Vertices of the original, a ring's last left out, and of the result.
+    /// Vertices of the original, a ring's last left out.
     old: &'a [[f64; 3]],
-    new: &'a [[f64; 3]],
+    own: Own,
+    /// What tells the vertices of the result; a ring begins with one that is rarest in the original, at
+    /// `first`, and ends with it.
+    new: Vec<Key>,
+    first: usize,
     is_ring: bool,
-    /// Where which position is in the original, sorted.
+    /// Where which vertex is in the original, sorted.
     places: Vec<(Key, u32)>,
 }
 
 impl<'a> Matching<'a> {
     /// O(n log n).
-    pub(super) fn new(
-        distance: Distance,
-        before: &'a [[f64; 3]],
-        new: &'a [[f64; 3]],
-        is_ring: bool,
-    ) -> Self {
-        let old = if is_ring && before.len() > 1 { &before[..before.len() - 1] } else { before };
-        let mut places: Vec<(Key, u32)> = old.iter().map(key).zip(0..).collect();
+    pub(super) fn new(distance: Distance, before: Vertices<'a>, own: Own, is_ring: bool) -> Self {
+        let all = before.points;
+        let old = if is_ring && all.len() > 1 { &all[..all.len() - 1] } else { all };
+        let key_of = |(at, point): (usize, &[f64; 3])| own.key(point, before.extras.get(at));
+        let mut places: Vec<(Key, u32)> = old.iter().enumerate().map(key_of).zip(0..).collect();
         places.sort_unstable();
-        Self { distance, old, new, is_ring, places }
+        let keys = own.points.iter().enumerate();
+        let mut new: Vec<Key> =
+            keys.map(|(at, point)| own.key(point, own.extras.get(at))).collect();
+        let mut first = 0;
+        if is_ring && new.len() > 1 {
+            new.pop();
+            let rarest = (0..new.len()).min_by_key(|&at| places_of(&places, &new[at]).len());
+            first = rarest.unwrap_or(0);
+            new.rotate_left(first);
+            new.push(new[0]);
+        }
+        Self { distance, old, own, new, first, is_ring, places }
     }
 
-    /// The indices of a position in the original.
-    fn places_of(&self, at: &[f64; 3]) -> &[(Key, u32)] {
-        let key = key(at);
-        let first = self.places.partition_point(|&(other, _)| other < key);
-        let count = self.places[first..].iter().take_while(|&&(other, _)| other == key).count();
-        &self.places[first..first + count]
+    /// The indices of a vertex of the result in the original.
+    fn places_of(&self, key: &Key) -> &[(Key, u32)] {
+        places_of(&self.places, key)
     }
 
     /// A vertex of the original; a ring goes on from its beginning.
     pub(super) fn vertex(&self, index: u32) -> [f64; 3] {
+        self.old[self.wrapped(index)]
+    }
+
+    fn wrapped(&self, index: u32) -> usize {
         let index = index as usize;
-        self.old[if index < self.old.len() { index } else { index - self.old.len() }]
+        if index < self.old.len() { index } else { index - self.old.len() }
+    }
+
+    /// The vertices of the result.
+    pub(super) fn new_points(&self) -> &[[f64; 3]] {
+        &self.own.points
     }
 
     /// The vertices of the original that those of the result are, in order and from any start of a ring;
-    /// where a position comes repeatedly, so that the largest distance is least. Beyond its end a ring
-    /// begins again. `None` when the result was not made from it.
-    pub(super) fn best(&self) -> Option<Vec<u32>> {
-        let last = (self.old.len() as u32).checked_sub(1)?;
+    /// where a position comes repeatedly, so that the largest distance is least, as far as the tolerance
+    /// asks for it. Beyond its end a ring begins again. `None` when the result was not made from it.
+    pub(super) fn best(&self, tolerance: Option<f64>) -> Option<Vec<u32>> {
+        if self.old.is_empty() {
+            return None;
+        }
         if self.places.windows(2).all(|pair| pair[0].0 != pair[1].0) {
             return self.only();
         }
+        let found = self.tried(FEW_TRIED);
+        let is_enough =
+            found.as_ref().is_some_and(|(worst, _)| tolerance.is_none_or(|most| *worst <= most));
+        let found = if is_enough { found } else { self.tried(MANY_TRIED).or(found) };
+        found.map(|(_, places)| places)
+    }
+
+    /// The best of those matches that try so many vertices at one position.
+    fn tried(&self, most: usize) -> Option<(f64, Vec<u32>)> {
+        let last = (self.old.len() as u32).checked_sub(1)?;
         let starts: Vec<u32> = match self.is_ring {
-            true => self.places_of(&self.new[0]).iter().map(|p| p.1).take(MOST_TRIED).collect(),
+            true => self.places_of(&self.new[0]).iter().map(|p| p.1).take(most).collect(),
             false => vec![0],
         };
         let tried = starts.into_iter().filter_map(|start| {
-            self.from(start, if self.is_ring { start + last + 1 } else { last })
+            self.from(start, if self.is_ring { start + last + 1 } else { last }, most)
         });
-        tried.min_by(|p, q| p.0.total_cmp(&q.0)).map(|(_, places)| places)
+        tried.min_by(|p, q| p.0.total_cmp(&q.0))
+    }
+
+    /// Where heights or measures are not those of the original.
+    pub(super) fn changed(&self, places: &[u32], before: Vertices<'_>) -> Vec<Xy> {
+        let Own { points, extras, .. } = &self.own;
+        let count = if self.is_ring { points.len() - 1 } else { points.len() };
+        let is_changed = |at: &usize| {
+            let place = places[(at + count - self.first) % count];
+            !is_same(&extras[*at], &before.extras[self.wrapped(place)])
+        };
+        let mut changed: Vec<usize> = (0..count).filter(is_changed).collect();
+        let ends = |of: &[[f64; 2]]| [of[0], of[of.len() - 1]];
+        let [first, last] = ends(extras);
+        // A ring is closed in height, unless the original is not and begins there, too.
+        if self.is_ring && !is_same(&first, &last) {
+            let begins_there = (0..2).all(|k| points[0][k] == before.points[0][k]);
+            let [old_first, old_last] = ends(before.extras);
+            if !(begins_there && is_same(&first, &old_first) && is_same(&last, &old_last)) {
+                changed.push(count);
+            }
+        }
+        changed.into_iter().map(|at| [points[at][0], points[at][1]]).collect()
     }
 
     /// The one match of a part that comes to no position twice.
     fn only(&self) -> Option<Vec<u32>> {
         let count = self.old.len() as u32;
         let mut places: Vec<u32> = Vec::with_capacity(self.new.len());
-        for vertex in self.new {
+        for vertex in &self.new {
             let at = self.places_of(vertex).first()?.1;
             let is_back = places.last().is_some_and(|&before| at <= before);
             places.push(if self.is_ring && is_back { at + count } else { at });
@@ -98,15 +174,15 @@ impl<'a> Matching<'a> {
 
     /// One position, before and after.
     fn is_point(&self) -> bool {
-        self.new.len() == 1 && self.old.iter().all(|p| key(p) == key(&self.new[0]))
+        self.new.len() == 1 && self.places.iter().all(|(key, _)| *key == self.new[0])
     }
 
     /// The best match from one vertex of the original to another, and its largest distance.
-    fn from(&self, start: u32, end: u32) -> Option<(f64, Vec<u32>)> {
+    fn from(&self, start: u32, end: u32, most: usize) -> Option<(f64, Vec<u32>)> {
         let count = self.old.len() as u32;
         let mut nodes = vec![Node { at: start, worst: 0.0, back: 0 }];
         let mut layer = 0..1;
-        if key(&self.new[0]) != key(&self.old[start as usize]) {
+        if self.places_of(&self.new[0]).iter().all(|place| place.1 != start) {
             return None;
         }
         for (j, vertex) in self.new.iter().enumerate().skip(1) {
@@ -117,7 +193,7 @@ impl<'a> Matching<'a> {
                 .filter(|&at| at > after && if is_last { at == end } else { at < end })
                 .collect();
             candidates.sort_unstable();
-            candidates.truncate(MOST_TRIED);
+            candidates.truncate(most);
             let next = nodes.len();
             for at in candidates {
                 let best = self.reach(&nodes, layer.clone(), at);
@@ -156,4 +232,10 @@ impl<'a> Matching<'a> {
             if off > most.0 { (off, v) } else { most }
         })
     }
+}
+
+fn places_of<'a>(places: &'a [(Key, u32)], key: &Key) -> &'a [(Key, u32)] {
+    let first = places.partition_point(|(other, _)| other < key);
+    let count = places[first..].iter().take_while(|(other, _)| other == key).count();
+    &places[first..first + count]
 }

@@ -45,6 +45,17 @@ impl Distance {
     }
 }
 
+impl Distance {
+    /// x and y relative to an origin, in the units of distances near it.
+    pub(super) fn flat(self, p: [f64; 3], origin: [f64; 3]) -> [f64; 2] {
+        let scale = match self {
+            Self::Plane | Self::Space => [1.0; 3],
+            Self::Geographic => metres(origin[1]),
+        };
+        [0, 1].map(|k| (p[k] - origin[k]) * scale[k])
+    }
+}
+
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

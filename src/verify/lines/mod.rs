@@ -10,6 +10,7 @@
 
 mod crossings;
 mod exact;
+mod gone;
 mod matching;
 mod measure;
 mod parts;
@@ -22,7 +23,7 @@ mod tests;
 use crate::error::{Error, Result};
 
 pub use measure::Distance;
-pub use parts::Comparison;
+pub use parts::{Comparison, Drops, Vertices};
 pub use pieces::{Band, Pieces};
 
 type Xy = [f64; 2];
@@ -141,6 +142,12 @@ pub struct Report {
     pub farthest: Option<Farthest>,
     /// Vertices beyond the tolerance.
     pub beyond: Defect,
+    /// Vertices whose height or measure is another one.
+    pub changed: Defect,
+    /// Parts without vertices that had some, and had to stay.
+    pub missing: Defect,
+    /// Rings without vertices that are too large to tell whether they could go.
+    pub unknown: u64,
     /// Pairs of segments that meet off a common end, in the original.
     pub original_crossings: u64,
     /// And in the result.
@@ -149,7 +156,7 @@ pub struct Report {
     pub new_crossings: Defect,
     /// Rings without area that had some.
     pub collapsed: Defect,
-    /// Parts without vertices that had some.
+    /// Parts without vertices that had some, those that had to stay among them.
     pub dropped: u64,
     /// Rings whose area has changed its sign.
     pub turned: Defect,
@@ -162,11 +169,13 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether nothing is wrong. Parts that were dropped are what somebody asked for.
+    /// Whether nothing is wrong.
     pub fn is_sound(&self) -> bool {
         let defects = [
             self.foreign,
             self.beyond,
+            self.changed,
+            self.missing,
             self.new_crossings,
             self.collapsed,
             self.turned,
@@ -186,7 +195,7 @@ impl Report {
     }
 }
 
-/// Checks simplified lines against their originals.
+/// Checks simplified lines against their originals. Any part may have been dropped.
 ///
 /// O(n log n) for n vertices, plus, for each piece, the positions in its box. About 20 bytes a vertex,
 /// and some megabytes for a band.
@@ -210,9 +219,11 @@ fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
     }
     let mut report = Report::default();
     let mut pieces = Pieces::new(Band::ALL);
-    let comparison = Comparison { distance: question.distance, tolerance: question.tolerance };
+    let Question { distance, tolerance, .. } = *question;
+    let comparison = Comparison { distance, tolerance, drops: Drops::Any };
     for (part, &closed) in (0u32..).zip(original.closed) {
-        let [before, after] = [original, simplified].map(|lines| lines.part(part as usize));
+        let [before, after] =
+            [original, simplified].map(|lines| Vertices::of(lines.part(part as usize)));
         comparison.part(part, before, after, closed, &mut report, &mut pieces);
     }
     for band in pieces.bands(band) {

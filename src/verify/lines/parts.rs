@@ -1,7 +1,8 @@
 //! A part beside the one it was made from.
 
 use super::exact::area_sign;
-use super::matching::Matching;
+use super::gone::lies_along_a_segment;
+use super::matching::{Matching, Own};
 use super::pieces::{Kind, Pieces};
 use super::{Distance, Farthest, Report, Xy};
 
@@ -12,40 +13,74 @@ pub struct Comparison {
     pub distance: Distance,
     /// Largest allowed distance, in its units; `None` to measure only.
     pub tolerance: Option<f64>,
+    /// Which parts may be gone.
+    pub drops: Drops,
+}
+
+/// Which parts may have been dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drops {
+    /// None.
+    None,
+    /// Rings with two vertices whose segment has all others within the tolerance, and with them their
+    /// holes that lie within it, too.
+    Thin,
+    /// Any.
+    Any,
+}
+
+/// The vertices of a part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Vertices<'a> {
+    /// x, y and z; z is 0 where there is none.
+    pub points: &'a [[f64; 3]],
+    /// Heights and measures that have to be those of the original, NaN where there is none; empty where
+    /// they are not compared.
+    pub extras: &'a [[f64; 2]],
+    /// The ring that it is a hole of, where that is gone.
+    pub outer: &'a [[f64; 3]],
+}
+
+impl<'a> Vertices<'a> {
+    /// Vertices whose heights and measures are not compared.
+    pub fn of(points: &'a [[f64; 3]]) -> Self {
+        Self { points, ..Self::default() }
+    }
 }
 
 impl Comparison {
     /// Compares part number `part` after with what it was before, and adds its pieces to those that are
-    /// to be looked at together. A ring ends with the vertex it begins with; a part without vertices
-    /// has been dropped. O(n log n).
+    /// to be looked at together. A ring ends with the vertex it begins with, and may be given the other
+    /// way round; a part without vertices has been dropped. O(n log n).
     pub fn part(
         &self,
         part: u32,
-        before: &[[f64; 3]],
-        after: &[[f64; 3]],
+        before: Vertices<'_>,
+        after: Vertices<'_>,
         is_ring: bool,
         report: &mut Report,
         pieces: &mut Pieces,
     ) {
-        report.vertices[0] += before.len() as u64;
-        report.vertices[1] += after.len() as u64;
-        report.parts += u64::from(!after.is_empty());
+        report.vertices[0] += before.points.len() as u64;
+        report.vertices[1] += after.points.len() as u64;
+        report.parts += u64::from(!after.points.is_empty());
         let all = |points: &[[f64; 3]]| points.iter().map(|&p| (flat(p), true)).collect::<Vec<_>>();
-        let Some(&first) = after.first() else {
-            report.dropped += u64::from(!before.is_empty());
-            return pieces.push(part, Kind::Gone, all(before).into_iter());
+        let Some(&first) = after.points.first() else {
+            self.gone(part, before, is_ring, report);
+            return pieces.push(part, Kind::Gone, all(before.points).into_iter());
         };
-        if is_ring {
-            count_area(part, before, after, report);
-        }
-        let matching = Matching::new(self.distance, before, after, is_ring);
-        let Some(places) = matching.best() else {
+        let Some(matched) = Matched::best(self, before, after, is_ring) else {
             report.foreign.add(part, flat(first));
-            pieces.push(part, Kind::Gone, all(before).into_iter());
-            return pieces.push(part, Kind::Stranger, all(after).into_iter());
+            pieces.push(part, Kind::Gone, all(before.points).into_iter());
+            return pieces.push(part, Kind::Stranger, all(after.points).into_iter());
         };
+        let Matched { matching, places, changed } = &matched;
+        if is_ring {
+            count_area(part, before.points, matching.new_points(), report);
+        }
+        changed.iter().for_each(|at| report.changed.add(part, *at));
         for pair in places.windows(2) {
-            self.measure(part, &matching, pair[0], pair[1], report);
+            self.measure(part, matching, pair[0], pair[1], report);
         }
         let mut kept = places.iter().copied().peekable();
         let [from, to] = [places[0], places[places.len() - 1]];
@@ -54,6 +89,29 @@ impl Comparison {
             (flat(matching.vertex(v)), is_end)
         });
         pieces.push(part, Kind::Kept, vertices);
+    }
+
+    /// Judges a part that is gone.
+    fn gone(&self, part: u32, before: Vertices<'_>, is_ring: bool, report: &mut Report) {
+        let Some(&first) = before.points.first() else { return };
+        report.dropped += 1;
+        let along = |ring: &[[f64; 3]], others: &[[f64; 3]]| match self.tolerance {
+            Some(tolerance) => lies_along_a_segment(self.distance, ring, others, tolerance),
+            None => None,
+        };
+        let could = match self.drops {
+            Drops::Any => Some(true),
+            Drops::Thin if is_ring => match along(before.points, &[]) {
+                Some(false) if !before.outer.is_empty() => along(before.outer, before.points),
+                could => could,
+            },
+            _ => Some(false),
+        };
+        match could {
+            Some(true) => {}
+            Some(false) => report.missing.add(part, flat(first)),
+            None => report.unknown += 1,
+        }
     }
 
     /// Measures how far the vertices between two that were kept are off the segment between these.
@@ -70,6 +128,53 @@ impl Comparison {
                 report.beyond.add(part, place(v));
             }
         }
+    }
+}
+
+/// A part, and which vertices of the one it was made from its own are.
+struct Matched<'a> {
+    matching: Matching<'a>,
+    places: Vec<u32>,
+    /// Vertices whose height or measure is another one.
+    changed: Vec<Xy>,
+}
+
+impl<'a> Matched<'a> {
+    /// The vertices with their heights and measures, or else by their positions alone; those of a ring
+    /// forward or backward, whichever keeps the sign of its area where both will do.
+    fn best(
+        by: &Comparison,
+        before: Vertices<'a>,
+        after: Vertices<'_>,
+        is_ring: bool,
+    ) -> Option<Self> {
+        let has_extras = !before.extras.is_empty() && !after.extras.is_empty();
+        let sign = if is_ring { area_sign(before.points) } else { 0 };
+        for with_extras in [true, false].into_iter().filter(|with| has_extras || !with) {
+            let mut other = None;
+            for is_backward in [false, true].into_iter().filter(|back| is_ring || !back) {
+                let (mut points, mut extras) = (after.points.to_vec(), after.extras.to_vec());
+                if is_backward {
+                    points.reverse();
+                    extras.reverse();
+                }
+                let is_same = sign == 0 || area_sign(&points) == sign;
+                let own = Own { points, extras, with_extras };
+                let matching = Matching::new(by.distance, before, own, is_ring);
+                let Some(places) = matching.best(by.tolerance) else { continue };
+                let changed =
+                    if has_extras { matching.changed(&places, before) } else { Vec::new() };
+                let found = Self { matching, places, changed };
+                if is_same {
+                    return Some(found);
+                }
+                other = other.or(Some(found));
+            }
+            if other.is_some() {
+                return other;
+            }
+        }
+        None
     }
 }
 

@@ -35,10 +35,14 @@ pub struct CloudVerifyReport {
     pub horizontal_unit: String,
     /// Unit of heights.
     pub vertical_unit: String,
-    /// True when every promise is kept.
+    /// True when no promise is known to be broken.
     pub passed: bool,
+    /// True when all that is promised was judged.
+    pub judged: bool,
     /// One sentence for each broken promise.
     pub failures: Vec<String>,
+    /// What is promised and could not be judged.
+    pub not_judged: Vec<String>,
 
     /// What became of the points read.
     pub points: Census,
@@ -232,6 +236,10 @@ impl CloudVerifyReport {
         }
         self.passed = failures.is_empty();
         self.failures = failures;
+        self.judged = self.tolerance.is_some();
+        if !self.judged {
+            self.not_judged.push(crate::pipeline::verify::NO_BOUND.to_owned());
+        }
     }
 
     /// The faults that break a promise, and what they are.
