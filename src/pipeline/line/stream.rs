@@ -33,7 +33,7 @@ pub(super) fn run(
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
     let mut store = Store::of(job, &rule)?;
-    let bytes: u64 = files.pairs.iter().map(size_of).sum();
+    let bytes: u64 = files.pairs.iter().map(Pair::size).sum();
     progress.begin("simplify", bytes);
     for (number, pair) in files.pairs.iter().enumerate() {
         let is_last = number + 1 == files.pairs.len();
@@ -46,15 +46,11 @@ pub(super) fn run(
             Ok(())
         };
         on_threads(job.resources.threads, copy)??;
-        progress.advance(size_of(pair));
+        progress.advance(pair.size());
     }
     report.stored(job, store)?;
     progress.end();
     Ok(report)
-}
-
-fn size_of(pair: &Pair) -> u64 {
-    std::fs::metadata(&pair.input).map_or(0, |meta| meta.len())
 }
 
 /// A file at its end, and what it became, not yet complete.
@@ -124,6 +120,7 @@ fn make(feature: Feature, order: Order, rule: &Rule) -> Result<Made> {
     let new = trees.as_ref().filter(|_| is_new);
     let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
     let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
-    let (feature, tally) = part::simplify(feature, trees.as_ref(), rule)?;
+    let (geometry, tally) = part::simplify(&feature.geometry, trees.as_ref(), rule)?;
+    let feature = Feature { geometry, ..feature };
     Ok(Made { feature, tally: Tally { prepare_seconds, ..tally }, record })
 }

@@ -10,12 +10,14 @@ use super::kept::{Kept, Reader};
 use super::own::is_flat;
 use super::spool::{self, Spool, by_square};
 use super::square::{Flat, Solved, World, solve};
+use super::trial::{Leaves, Wanted};
+use super::Whole;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::area_sign;
 use crate::line::squares::{Place, Run, Squares, cut};
 use crate::line::topology::Collapse;
 use crate::line::{Xy, arcs};
-use crate::pipeline::line::files::{self, Files};
+use crate::pipeline::line::files::Files;
 use crate::pipeline::line::part::{check, chosen};
 use crate::pipeline::line::tool::Rule;
 use crate::pipeline::line::{LineJob, LineReport, Measure, Topology};
@@ -44,9 +46,15 @@ pub(super) struct Cover<'a> {
 }
 
 impl Cover<'_> {
-    /// Simplifies all features together and writes them.
-    pub(super) fn run(&self, mut input: Input<'_>, report: &mut LineReport) -> Result<()> {
-        let squares = self.squares(&mut input)?;
+    /// Simplifies all features together and writes them; unless something else is wanted: then tells what
+    /// came.
+    pub(super) fn run(
+        &self,
+        input: &mut Input<'_>,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        let squares = self.squares(input)?;
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
         let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8;
         if input.held().is_some_and(|held| held + needed > self.memory()) && !self.snaps() {
@@ -55,18 +63,41 @@ impl Cover<'_> {
         if input.held().unwrap_or(0) + needed > self.memory() {
             return Err(self.too_little(needed));
         }
-        self.snap(&mut input, &squares)?;
+        self.snap(input, &squares)?;
         let mut whole = Parts::new();
         loop {
             let kept = Kept::new(&self.folder(), squares.count(), self.memory() / 64);
             let now = Now { squares: &squares, whole: &whole, kept: &kept };
-            self.solve_all(&mut input, &now, report)?;
-            let turned = self.write(&mut input, &now, report)?;
+            self.solve_all(input, &now, report)?;
+            // A file that is written cannot be taken back.
+            if wanted.is_some() || (input.all.len() > 1 && squares.count() > 1) {
+                let left = self.look(input, &now)?;
+                if !left.turned.is_empty() {
+                    whole.extend(left.turned);
+                    continue;
+                }
+                let unwanted = match wanted {
+                    Some(wanted) => {
+                        let mut leaves = Left::new(now, self.rule.collapse);
+                        self.whole().unwanted(input, wanted, left.vertices, &mut leaves)?
+                    }
+                    None => None,
+                };
+                if unwanted.is_some() {
+                    return Ok(unwanted);
+                }
+            }
+            let turned = self.write(input, &now, report)?;
             if turned.is_empty() {
-                return Ok(());
+                return Ok(None);
             }
             whole.extend(turned);
         }
+    }
+
+    fn whole(&self) -> Whole<'_> {
+        let &Self { job, files, progress, cancel, .. } = self;
+        Whole { job, files, progress, cancel }
     }
 
     fn memory(&self) -> u64 {
@@ -249,6 +280,13 @@ impl Cover<'_> {
         workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
     }
 
+    /// Looks at what is left of all features.
+    fn look<'k>(&self, input: &mut Input<'_>, now: &Now<'k>) -> Result<Left<'k>> {
+        let mut left = Left::new(*now, self.rule.collapse);
+        input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
+        Ok(left)
+    }
+
     /// Writes all features with what is kept of them; or, if rings have turned over, which they are, and
     /// nothing is written.
     fn write(
@@ -257,33 +295,9 @@ impl Cover<'_> {
         now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        // A file that is written cannot be taken back.
-        if input.all.len() > 1 && now.squares.count() > 1 {
-            let mut left = Left::new(*now, self.rule.collapse);
-            input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
-            if !left.turned.is_empty() {
-                return Ok(left.turned);
-            }
-        }
-        self.progress.begin("write", input.all.len() as u64);
         let mut left = Left::new(*now, self.rule.collapse);
-        for (file, pair) in self.files.pairs.iter().enumerate() {
-            let mut sink = pair.create(self.job, &input.all[file].layer)?;
-            input.visit(file, self.cancel, |feature| {
-                let geometry = left.of(feature)?;
-                let original = std::mem::replace(&mut feature.geometry, geometry);
-                sink.write(feature)?;
-                feature.geometry = original;
-                Ok(())
-            })?;
-            if !left.turned.is_empty() {
-                continue;
-            }
-            let written = sink.finish(&input.all[file].foreign)?;
-            files::note(report, written, input.all[file].notes.clone());
-            self.progress.advance(1);
-        }
-        self.progress.end();
+        let written = self.whole().write(input, &mut left, None)?;
+        self.whole().note(input, written, report);
         (report.features, report.parts) = (left.features, left.parts.number);
         (report.vertices, report.kept) = (input.vertices, left.vertices);
         Ok(left.turned)
@@ -375,20 +389,6 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// What is left of the next feature.
-    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
-        let mut failed = Ok(());
-        let geometry = feature.geometry.keep(|_, part| {
-            self.part(&part).unwrap_or_else(|e| {
-                failed = Err(e);
-                vector::Kept::All
-            })
-        });
-        self.features += 1;
-        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
-        failed.map(|()| geometry)
-    }
-
     fn part(&mut self, part: &Part<'_>) -> Result<vector::Kept> {
         let number = self.parts.cut(part);
         let is_cut = self.parts.runs.len() > 1;
@@ -410,6 +410,25 @@ impl<'a> Left<'a> {
             true => vector::Kept::All,
             false => chosen(&self.indices),
         })
+    }
+}
+
+impl Leaves for Left<'_> {
+    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
+        let mut failed = Ok(());
+        let geometry = feature.geometry.keep(|_, part| {
+            self.part(&part).unwrap_or_else(|e| {
+                failed = Err(e);
+                vector::Kept::All
+            })
+        });
+        self.features += 1;
+        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
+        failed.map(|()| geometry)
+    }
+
+    fn may_appear(&self) -> bool {
+        self.turned.is_empty()
     }
 }
 

@@ -37,8 +37,10 @@ pub(super) struct Input<'a> {
     pub(super) vertices: u64,
     /// Where they are.
     pub(super) census: Census,
-    /// Bytes of the features, if they are held.
-    held: Option<u64>,
+    /// Bytes that all features take when they are held.
+    pub(super) bytes: u64,
+    /// Whether they are.
+    is_held: bool,
 }
 
 impl<'a> Input<'a> {
@@ -57,7 +59,8 @@ impl<'a> Input<'a> {
             all: Vec::new(),
             vertices: 0,
             census: Census::default(),
-            held: Some(0),
+            bytes: 0,
+            is_held: true,
         };
         progress.begin("read", files.pairs.len() as u64);
         for pair in &files.pairs {
@@ -92,9 +95,9 @@ impl<'a> Input<'a> {
             let split =
                 if store.is_some() { SPLIT * feature.geometry.vertices() as u64 } else { 0 };
             let more = own + split + FEATURE;
-            self.held = self.held.map(|held| held + more).filter(|held| *held <= most);
+            self.bytes += more;
             match self.all.last_mut() {
-                Some(last) if self.held.is_some() => {
+                Some(last) if self.is_held && self.bytes <= most => {
                     if store.is_some() {
                         last.orders.push((store.next(&feature.geometry)?, source.place()));
                     }
@@ -126,12 +129,12 @@ impl<'a> Input<'a> {
 
     /// Bytes of the features in memory; `None` when they are not held.
     pub(super) fn held(&self) -> Option<u64> {
-        self.held
+        self.is_held.then_some(self.bytes)
     }
 
     /// Holds the features no longer.
     pub(super) fn release(&mut self) {
-        self.held = None;
+        self.is_held = false;
         self.all.iter_mut().for_each(|file| file.features = Vec::new());
     }
 
@@ -143,7 +146,7 @@ impl<'a> Input<'a> {
         mut each: impl FnMut(&mut Feature) -> Result<()>,
     ) -> Result<()> {
         let pair = &self.files.pairs[file];
-        if self.held.is_some() {
+        if self.is_held {
             return self.all[file].features.iter_mut().try_for_each(|feature| {
                 cancel.check()?;
                 each(feature).map_err(|e| e.in_file(&pair.input))

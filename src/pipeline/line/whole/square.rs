@@ -109,6 +109,8 @@ fn own_bits(world: &World, made: &Made, rule: &Rule) -> Result<Bits> {
         let left = &made.parts.vertices[made.parts.starts[run]..made.parts.starts[run + 1]];
         let place = |vertex: &u32| made.arcs.points[*vertex as usize];
         let kept = match left.is_empty() {
+            // Vertices that arcs leave out, too: those that repeat the one before them.
+            _ if rule.keeps_everything() => Some(Kept::All),
             // It has no area to begin with.
             true if rule.collapse != Collapse::Drop => Some(Kept::All),
             true if world.cut.binary_search(&(run as u32)).is_ok() => {
@@ -173,7 +175,8 @@ impl Together<'_> {
             points.clear();
             points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
             kept.clear();
-            match self.arcs.free[arc] && points.len() > 3 {
+            match self.arcs.free[arc] && points.len() > 3 && !self.rule.keeps_everything() {
+                false if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
                 false if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
                 false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
                 true => {
