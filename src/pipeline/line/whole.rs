@@ -22,7 +22,7 @@ use super::tool::Rule;
 use super::trees::Trees;
 use super::{LineJob, LineReport, on_threads};
 use crate::error::{Error, ErrorKind, Result};
-use crate::pipeline::memory::PROGRAM;
+use crate::pipeline::memory::{PROGRAM, beside_program};
 use crate::pipeline::{Cancel, Progress};
 use crate::vector::{Feature, Written};
 use cover::Cover;
@@ -74,12 +74,20 @@ pub(super) fn run(
 const WITH_NEIGHBOURS: u64 = 2;
 const ALONE: u64 = 4;
 
+/// Bytes for features and what is made of them.
+fn room(job: &LineJob) -> u64 {
+    match job.topology {
+        Some(_) => cover::beside(job.resources.memory),
+        None => beside_program(job.resources.memory),
+    }
+}
+
 impl Whole<'_> {
     /// Bytes of features that may be held.
     fn share(&self) -> u64 {
         match self.job.topology {
-            Some(_) => self.job.resources.memory / WITH_NEIGHBOURS,
-            None => self.job.resources.memory.saturating_sub(PROGRAM) / ALONE,
+            Some(_) => room(self.job) / WITH_NEIGHBOURS,
+            None => room(self.job) / ALONE,
         }
     }
 

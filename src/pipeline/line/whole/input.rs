@@ -1,5 +1,6 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
+use super::room;
 use crate::error::{Error, ErrorKind, Result};
 use crate::line::squares::Census;
 use crate::pipeline::line::LineJob;
@@ -114,11 +115,13 @@ impl<'a> Input<'a> {
     }
 
     fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
-        if bytes > self.job.resources.memory / 2 {
+        let room = room(self.job);
+        if bytes > room / 2 {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices is more than memory holds");
+            let needed = (2 * bytes + self.job.resources.memory - room).div_ceil(1 << 20);
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {}M or more", (bytes >> 19) + 1)));
+                .remedy(format!("pass --memory {needed}M or more")));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
         match self.job.topology {
