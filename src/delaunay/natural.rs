@@ -77,7 +77,11 @@ impl<'a, S: Space> Natural<'a, S> {
                 Err(Stop::Grow) => {
                     let longest = (0..2).map(|i| self.window.high[i] / 2 - self.window.low[i] / 2);
                     let margin = longest.max().unwrap_or(1).max(self.space.pitch());
-                    *self = Self::new(self.space, self.hull, &self.window.grown(margin))?;
+                    let window = self.window.grown(margin);
+                    // Gone before the larger one is made.
+                    self.points = Vec::new();
+                    self.triangulation = Triangulation::new(&[])?;
+                    *self = Self::new(self.space, self.hull, &window)?;
                 }
             }
         }

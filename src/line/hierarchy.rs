@@ -80,6 +80,11 @@ impl Hierarchy {
         inner + self.count().min(2)
     }
 
+    /// Squared distances at which the inner vertices appear; 0 for those that lie on their segments.
+    pub fn squares(&self) -> &[f64] {
+        &self.squares
+    }
+
     /// Blocks of which something is kept, each with its first vertex.
     fn above(&self, square: f64) -> impl Iterator<Item = (u32, &[f64])> {
         let blocks = (1..).step_by(BLOCK).zip(self.squares.chunks(BLOCK)).zip(&self.largest);

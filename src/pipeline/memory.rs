@@ -14,10 +14,17 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// Bytes for the program itself.
 pub(in crate::pipeline) const PROGRAM: u64 = 12 << 20;
+/// Least that is left beside the program, however little is allowed.
+const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
 const LEAST_SHARED: u64 = 6 << 20;
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
 const MOST_CACHE: u64 = 1 << 30;
+
+/// What is left of `memory` beside the program; of less than the program takes, a little all the same.
+pub(in crate::pipeline) fn beside_program(memory: u64) -> u64 {
+    memory.saturating_sub(PROGRAM).max(memory.min(LEAST_BESIDE))
+}
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

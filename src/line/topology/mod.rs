@@ -135,6 +135,26 @@ pub fn untangle(
     options: &Options,
     refine: &mut Refine<'_>,
 ) -> Result<Outcome> {
+    untangle_within(chains, kept, points, options, usize::MAX, refine)
+}
+
+/// Bytes that [`untangle`] takes for each piece that it makes, at most, and most pieces for each vertex.
+pub const PIECE_BYTES: u64 = 170;
+/// As each is made of one that goes.
+pub const PIECES: u64 = 2;
+
+/// As [`untangle`], with no more than so many pieces.
+///
+/// # Errors
+/// `Resource` where there are more; besides those of [`untangle`].
+pub fn untangle_within(
+    chains: &Chains<'_>,
+    kept: &Kept,
+    points: &[Xy],
+    options: &Options,
+    most: usize,
+    refine: &mut Refine<'_>,
+) -> Result<Outcome> {
     chains.check()?;
     kept.check(chains)?;
     let points = Points::new(points)?;
@@ -147,7 +167,7 @@ pub fn untangle(
     if refined > 0 {
         settling.unturned = 0;
     }
-    settling.run(&points, refine);
+    settling.run(&points, most, refine)?;
     Ok(Outcome {
         crossings: std::mem::take(&mut settling.crossings),
         refined: refined + settling.refined,

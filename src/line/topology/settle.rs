@@ -7,6 +7,7 @@ use super::region::farthest;
 use super::scan::{Found, Layer, Piece, View};
 use super::tree::Bounds;
 use super::{Points, Refine};
+use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::area_sign;
 
 /// Rounds after which pieces are split in the middle: from there on, the number of rounds is
@@ -74,10 +75,19 @@ impl<'a> Settling<'a> {
         self.alive.resize(self.pieces.len(), true);
     }
 
-    /// Goes on until nothing is wrong.
-    pub(super) fn run(&mut self, points: &Points<'_>, refine: &mut Refine<'_>) {
+    /// Goes on until nothing is wrong, or there are more than `most` pieces.
+    pub(super) fn run(
+        &mut self,
+        points: &Points<'_>,
+        most: usize,
+        refine: &mut Refine<'_>,
+    ) -> Result<()> {
         let mut first = 0;
         while first < self.pieces.len() {
+            if self.pieces.len() > most {
+                let message = format!("more than {most} pieces of lines are looked at together");
+                return Err(Error::new(ErrorKind::Resource, message));
+            }
             let fresh = self.layer_from(first);
             let found = self.scan(&fresh, points);
             self.layers.push(fresh);
@@ -94,6 +104,7 @@ impl<'a> Settling<'a> {
                 self.merge_layers();
             }
         }
+        Ok(())
     }
 
     fn layer_from(&self, first: usize) -> Layer {

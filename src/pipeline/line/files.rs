@@ -109,16 +109,22 @@ impl Pair {
         if let Some(folder) = self.output.parent().filter(|_| job.input.len() > 1) {
             std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         }
-        self.create_at(self.output.clone(), job, layer)
+        self.create_at(&self.output, job, layer)
     }
 
-    /// Starts a file like the output at another place.
-    pub(super) fn create_at(
+    /// Starts a file like the output in another folder, under the name that it will have: some formats
+    /// write it into the file.
+    pub(super) fn create_in(
         &self,
-        path: PathBuf,
+        folder: &Path,
         job: &LineJob,
         layer: &Layer,
     ) -> Result<Box<dyn FeatureSink>> {
+        let name = self.output.file_name().unwrap_or_default();
+        self.create_at(&folder.join(name), job, layer)
+    }
+
+    fn create_at(&self, path: &Path, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
         let options = WriteOptions {
             overwrite: job.overwrite,
             decimals: job.decimals,
@@ -127,12 +133,12 @@ impl Pair {
         };
         // What the header claims of the input is not true of the output.
         let layer = Layer { extent: None, ..layer.clone() };
-        vector::create(&path, self.format, &layer, &options)
+        vector::create(path, self.format, &layer, &options)
     }
 
-    /// The ending that names its format.
-    pub(super) fn ending(&self) -> &'static str {
-        self.format.extensions[0]
+    /// Bytes of the input, where it is a file.
+    pub(super) fn size(&self) -> u64 {
+        std::fs::metadata(&self.input).map_or(0, |meta| meta.len())
     }
 }
 

@@ -24,6 +24,13 @@ pub enum Goal {
     Size(u64),
 }
 
+/// What a sought goal counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unit {
+    Vertices,
+    Bytes,
+}
+
 /// A length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Length {
@@ -49,12 +56,13 @@ impl Goal {
         }
     }
 
-    /// The most vertices, of so many, if it says so.
-    pub(super) fn most(&self, vertices: u64) -> Option<u64> {
+    /// What a threshold is to be looked for, for so many vertices; `None` where one is given.
+    pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, Unit)> {
         match *self {
-            Self::Ratio(share) => Some((vertices as f64 * share).floor() as u64),
-            Self::Count(count) => Some(count),
-            _ => None,
+            Self::Ratio(share) => Some(((vertices as f64 * share).floor() as u64, Unit::Vertices)),
+            Self::Count(count) => Some((count, Unit::Vertices)),
+            Self::Size(bytes) => Some((bytes, Unit::Bytes)),
+            Self::Tolerance(_) | Self::Area(_) => None,
         }
     }
 }
@@ -92,35 +100,6 @@ pub struct Threshold {
     pub metres: bool,
 }
 
-/// The smallest threshold for which `fits` holds, about: 48 halvings between the smallest and the
-/// largest that may matter for data `extent` wide. `fits` has to hold from some threshold on.
-///
-/// # Errors
-/// Those of `fits`; a goal that not even the largest threshold meets.
-pub(super) fn smallest(extent: f64, mut fits: impl FnMut(f64) -> Result<bool>) -> Result<f64> {
-    const STEPS: u32 = 48;
-    if fits(0.0)? {
-        return Ok(0.0);
-    }
-    let most = (extent * 4.0).max(f64::MIN_POSITIVE);
-    if !fits(most)? {
-        return Err(Error::usage(
-            "so little cannot be met: the ends of lines and the corners of \
-            the smallest rings are more",
-        )
-        .remedy("ask for more, or pass --collapse drop"));
-    }
-    let (mut low, mut high) = ((most * 1e-12).ln(), most.ln());
-    for _ in 0..STEPS {
-        let middle = f64::midpoint(low, high);
-        match fits(middle.exp())? {
-            true => high = middle,
-            false => low = middle,
-        }
-    }
-    Ok(high.exp())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -141,13 +120,5 @@ mod tests {
         let feet = Crs { geographic: Some(false), ..crs(2263) };
         let (_, told) = told(Length { value: 1.0, unit: Some(0.3048) }, false, &feet);
         assert!((told - 1.0).abs() < 1e-5, "{told}");
-    }
-
-    #[test]
-    fn the_smallest_threshold_is_found() {
-        let found = smallest(1000.0, |t| Ok(t >= 0.37)).unwrap();
-        assert!((0.37..0.3701).contains(&found), "{found}");
-        assert_eq!(smallest(1.0, |_| Ok(true)).unwrap(), 0.0);
-        assert!(smallest(1.0, |_| Ok(false)).is_err());
     }
 }

@@ -5,6 +5,7 @@ mod files;
 mod goal;
 mod part;
 mod report;
+mod seek;
 mod stored;
 mod stream;
 mod tool;
@@ -184,8 +185,8 @@ impl LineReport {
 
     fn measured_by(&mut self, rule: &Rule) {
         self.measure = rule.measure;
-        self.threshold =
-            Threshold { value: rule.threshold, metres: rule.measure == Measure::Geographic };
+        let value = rule.threshold.max(0.0);
+        self.threshold = Threshold { value, metres: rule.measure == Measure::Geographic };
     }
 }
 

@@ -6,7 +6,7 @@ use super::tool::{Measure, Rule, Task, Tool, Vertex};
 use super::trees::{Left, Trees};
 use crate::error::{Error, Result};
 use crate::line::{Metric, Scratch};
-use crate::vector::{Feature, Geometry, Kept, Part};
+use crate::vector::{Geometry, Kept, Part};
 
 /// What became of the parts of some features.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,25 +23,18 @@ pub(super) struct Tally {
     pub(super) query_seconds: f64,
 }
 
-/// A feature with what `rule` keeps of its geometry, by hierarchies where it has them.
+/// What `rule` keeps of a geometry, by hierarchies where it has them.
 ///
 /// # Errors
 /// A part that the metric cannot measure ([`check`]).
 pub(super) fn simplify(
-    feature: Feature,
+    geometry: &Geometry,
     trees: Option<&Trees>,
     rule: &Rule,
-) -> Result<(Feature, Tally)> {
-    feature.geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
+) -> Result<(Geometry, Tally)> {
+    geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
     let left = Left::of(trees, rule.threshold);
-    let (geometry, tally) = rule.apply(One { geometry: &feature.geometry, left });
-    Ok((Feature { geometry, ..feature }, tally))
-}
-
-/// How much `rule` keeps of a feature.
-pub(super) fn count(feature: &Feature, trees: Option<&Trees>, rule: &Rule) -> u64 {
-    let left = Left::of(trees, rule.threshold);
-    rule.apply(Counting { geometry: &feature.geometry, left })
+    Ok(rule.apply(One { geometry, left }))
 }
 
 /// Fails when a part cannot be measured: it has no heights, or latitudes that are none.
@@ -89,7 +82,7 @@ impl Task for One<'_> {
 
     fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> (Geometry, Tally) {
         let mut tally = Tally { features: 1, ..Tally::default() };
-        let mut points = Vec::new();
+        let (mut points, everything) = (Vec::new(), tool.rule.keeps_everything());
         let geometry = with_scratch(|scratch, kept| {
             self.geometry.keep(|_, part| {
                 vertices(&part, &mut points);
@@ -101,7 +94,7 @@ impl Task for One<'_> {
                 tally.square = tally.square.max(outcome.square);
                 // A ring that had fewer than three different vertices stays as it was.
                 let is_flat = part.is_ring() && (1..3).contains(&kept.len());
-                if is_flat { Kept::All } else { chosen(kept) }
+                if is_flat || everything { Kept::All } else { chosen(kept) }
             })
         });
         tally.kept = geometry.parts().map(|part| part.xy.len() as u64).sum();
@@ -116,7 +109,7 @@ fn chooser<V: Vertex, M: Metric<V> + Copy>(
     tool: &Tool<V, M>,
 ) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) {
     |line, scratch, kept| {
-        if !left.filter(line.len(), kept) {
+        if tool.rule.keeps_everything() || !left.filter(line.len(), kept) {
             tool.line(line, scratch, kept);
         }
     }
@@ -125,32 +118,4 @@ fn chooser<V: Vertex, M: Metric<V> + Copy>(
 /// Indices as a choice.
 pub(super) fn chosen(kept: &[u32]) -> Kept {
     if kept.is_empty() { Kept::Nothing } else { Kept::Vertices(kept.to_vec()) }
-}
-
-/// A geometry to be counted.
-struct Counting<'a> {
-    geometry: &'a Geometry,
-    left: Left<'a>,
-}
-
-impl Task for Counting<'_> {
-    type Output = u64;
-
-    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> u64 {
-        let (mut points, mut count) = (Vec::new(), 0);
-        with_scratch(|scratch, kept| {
-            for part in self.geometry.parts() {
-                if let Some(known) = self.left.count(&part) {
-                    count += known;
-                    continue;
-                }
-                vertices(&part, &mut points);
-                let mut choose = chooser(&mut self.left, tool);
-                tool.choose(&points, part.is_ring(), &mut choose, scratch, kept);
-                // A ring ends with its first vertex again.
-                count += kept.len() as u64 + u64::from(part.is_ring() && !kept.is_empty());
-            }
-        });
-        count
-    }
 }

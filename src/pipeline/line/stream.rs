@@ -10,7 +10,8 @@ use super::part::{self, Tally};
 use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::{LineJob, LineReport, on_threads};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::memory::{PROGRAM, beside_program};
 use crate::pipeline::{Cancel, Progress};
 use crate::vector::{Feature, FeatureSink, FeatureSource};
 
@@ -18,6 +19,9 @@ use crate::vector::{Feature, FeatureSink, FeatureSource};
 const BATCH: u64 = 1 << 20;
 /// Bytes that a vertex of a batch takes, with what is made of it.
 const VERTEX: u64 = 160;
+/// Bytes that a vertex of a feature takes that is more than a batch, by any method, with what the next
+/// batch takes.
+const FEATURE_VERTEX: u64 = 96;
 /// Bytes more where it has a hierarchy.
 const SPLIT: u64 = 60;
 /// Features of a batch at most.
@@ -33,12 +37,13 @@ pub(super) fn run(
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
     let mut store = Store::of(job, &rule)?;
-    let bytes: u64 = files.pairs.iter().map(size_of).sum();
+    let bytes: u64 = files.pairs.iter().map(Pair::size).sum();
     progress.begin("simplify", bytes);
     for (number, pair) in files.pairs.iter().enumerate() {
         let is_last = number + 1 == files.pairs.len();
         let copy = || {
-            let (source, sink) = copy(job, pair, &rule, &mut store, &mut report, cancel)?;
+            let copied = copy(job, pair, &rule, &mut store, &mut report, cancel);
+            let (source, sink) = copied.map_err(|e| in_input(e, pair))?;
             // Before the output appears.
             if is_last { store.end() } else { Ok(()) }?;
             let foreign = source.layer().foreign.clone();
@@ -46,15 +51,16 @@ pub(super) fn run(
             Ok(())
         };
         on_threads(job.resources.threads, copy)??;
-        progress.advance(size_of(pair));
+        progress.advance(pair.size());
     }
     report.stored(job, store)?;
     progress.end();
     Ok(report)
 }
 
-fn size_of(pair: &Pair) -> u64 {
-    std::fs::metadata(&pair.input).map_or(0, |meta| meta.len())
+/// What a feature is too large for is told with its file.
+fn in_input(error: Error, pair: &Pair) -> Error {
+    if error.kind() == ErrorKind::Resource { error.in_file(&pair.input) } else { error }
 }
 
 /// A file at its end, and what it became, not yet complete.
@@ -72,12 +78,13 @@ fn copy(
     let mut source = pair.open(job)?;
     let mut sink = pair.create(job, source.layer())?;
     let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
-    let most = BATCH.min(job.resources.memory / vertex / 4).max(1);
-    let mut batch = read(&mut *source, store, most)?;
+    let most = BATCH.min(beside_program(job.resources.memory) / vertex / 4).max(1);
+    let room = (most, job.resources.memory);
+    let mut batch = read(&mut *source, store, room)?;
     while !batch.is_empty() {
         cancel.check()?;
         let (made, next) =
-            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, most));
+            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, room));
         for one in made {
             let made = one.map_err(|e| e.in_file(&pair.input))?;
             report.add(&made.tally);
@@ -92,12 +99,24 @@ fn copy(
 /// A feature, where it was, and how it is to be simplified.
 type Placed = (Feature, String, Order);
 
-/// The next features, of about so many vertices.
-fn read(source: &mut dyn FeatureSource, store: &mut Store, most: u64) -> Result<Vec<Placed>> {
+/// The next features, of about so many vertices; each has to fit into memory.
+fn read(
+    source: &mut dyn FeatureSource,
+    store: &mut Store,
+    (most, memory): (u64, u64),
+) -> Result<Vec<Placed>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
     while vertices < most && batch.len() < MOST_FEATURES {
         let Some(feature) = source.next()? else { break };
-        vertices += feature.geometry.vertices() as u64;
+        let own = feature.geometry.vertices() as u64;
+        let needed = PROGRAM + own * FEATURE_VERTEX;
+        if own > most && needed > memory {
+            let message = format!("a feature of {own} vertices is more than memory holds");
+            let needed = needed.div_ceil(1 << 20);
+            let error = Error::new(ErrorKind::Resource, message).at(source.place());
+            return Err(error.remedy(format!("pass --memory {needed}M or more")));
+        }
+        vertices += own;
         let order = store.next(&feature.geometry)?;
         batch.push((feature, source.place(), order));
     }
@@ -124,6 +143,7 @@ fn make(feature: Feature, order: Order, rule: &Rule) -> Result<Made> {
     let new = trees.as_ref().filter(|_| is_new);
     let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
     let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
-    let (feature, tally) = part::simplify(feature, trees.as_ref(), rule)?;
+    let (geometry, tally) = part::simplify(&feature.geometry, trees.as_ref(), rule)?;
+    let feature = Feature { geometry, ..feature };
     Ok(Made { feature, tally: Tally { prepare_seconds, ..tally }, record })
 }

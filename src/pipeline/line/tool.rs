@@ -42,12 +42,15 @@ impl Vertex for Located {
     }
 }
 
+/// The threshold below all others: nothing is left out, not even what lies on its segment.
+pub(super) const EVERYTHING: f64 = -1.0;
+
 /// A method in a metric, with its threshold.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rule {
     pub(super) method: &'static Method,
     pub(super) measure: Measure,
-    /// Tolerance, or area for methods that bound one.
+    /// Tolerance, or area for methods that bound one; or [`EVERYTHING`].
     pub(super) threshold: f64,
     /// What becomes of rings that have too few vertices left.
     pub(super) collapse: Collapse,
@@ -81,6 +84,11 @@ pub(super) struct Outcome {
 }
 
 impl Rule {
+    /// True where nothing is left out.
+    pub(super) fn keeps_everything(&self) -> bool {
+        self.threshold == EVERYTHING
+    }
+
     /// Does the task with the method in its metric.
     pub(super) fn apply<T: Task>(&self, task: T) -> T::Output {
         let rule = *self;
@@ -97,6 +105,9 @@ impl Rule {
 impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
     /// Appends what is kept of an open line.
     pub(super) fn line(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
+        if self.rule.keeps_everything() {
+            return kept.extend(0..points.len() as u32);
+        }
         (self.run)(&self.metric, points, self.rule.threshold, scratch, kept);
     }
 
@@ -180,12 +191,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         kept: &mut Vec<u32>,
     ) -> bool {
         let Rule { method, threshold, .. } = self.rule;
-        let weight = match method.name {
-            "visvalingam" => Some(Weight::Plain),
-            "weighted-visvalingam" => Some(Weight::Angle),
-            _ => None,
-        };
-        let fate = match weight {
+        let fate = match self.weight() {
             Some(weight) => ring::visvalingam(&self.metric, points, threshold, weight, kept),
             None => {
                 let can_move = method.name != "rdp";
@@ -193,6 +199,15 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
             }
         };
         fate == ring::Fate::Collapsed
+    }
+
+    /// How a method that goes by area weighs it.
+    pub(super) fn weight(&self) -> Option<Weight> {
+        match self.rule.method.name {
+            "visvalingam" => Some(Weight::Plain),
+            "weighted-visvalingam" => Some(Weight::Angle),
+            _ => None,
+        }
     }
 
     fn ends(&self, points: &[V]) -> [u32; 2] {

@@ -6,7 +6,9 @@ use std::time::Instant;
 use super::part::{check, vertices};
 use super::tool::{Measure, Rule, Task, Tool, Vertex};
 use crate::error::{Error, Result};
-use crate::line::{Hierarchy, Metric, Scratch};
+use crate::line::registry::{self, Bounds};
+use crate::line::visvalingam::{Areas, Weight};
+use crate::line::{Hierarchy, METHODS, Method, Metric, Scratch};
 use crate::pipeline::plan::Digest;
 use crate::vector::{Geometry, Part};
 
@@ -111,26 +113,54 @@ impl<'a> Left<'a> {
         self.seconds += started.elapsed().as_secs_f64();
         true
     }
+}
 
-    /// How many vertices are kept of the next part, the last of a ring included; `None`, and nothing is
-    /// passed over, where that takes more than its hierarchies.
-    pub(super) fn count(&mut self, part: &Part<'_>) -> Option<u64> {
-        let vertices = part.xy.len();
-        let kept = |tree: &Hierarchy| tree.kept(self.threshold) as u64;
-        let (count, left) = match self.trees {
-            [tree, left @ ..] if tree.count() == vertices => (kept(tree), left),
-            // A line that ends where it began.
-            [one, two, left @ ..] if one.count() + two.count() == vertices + 1 => {
-                (kept(one) + kept(two) - 1, left)
-            }
-            _ => return None,
-        };
-        // A ring that collapses is a case of its own.
-        let is_known = !part.is_ring() || (vertices > 3 && count > 3);
-        is_known.then(|| {
-            self.trees = left;
-            count
-        })
+/// Thresholds below which the vertices of a geometry are kept, for those that may go: by `trees` if they are
+/// known; distances of other methods than Ramer-Douglas-Peucker's are near to its.
+///
+/// # Errors
+/// A part that the metric cannot measure.
+pub(super) fn thresholds(
+    geometry: &Geometry,
+    trees: Option<&Trees>,
+    rule: &Rule,
+) -> Result<Vec<f64>> {
+    if rule.method.bounds == Bounds::Area {
+        geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
+        return Ok(rule.apply(Weighing(geometry)));
+    }
+    let made = match trees {
+        Some(_) => Trees::default(),
+        None => Trees::of(geometry, &Rule { method: rdp(), ..*rule })?,
+    };
+    let squares = trees.unwrap_or(&made).0.iter().flat_map(|tree| tree.squares());
+    Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
+}
+
+/// The method that hierarchies are of.
+fn rdp() -> &'static Method {
+    registry::method("rdp").unwrap_or(&METHODS[0])
+}
+
+/// A geometry whose vertices have areas.
+struct Weighing<'a>(&'a Geometry);
+
+impl Task for Weighing<'_> {
+    type Output = Vec<f64>;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
+        let (mut points, mut all) = (Vec::new(), Vec::new());
+        let weight = tool.weight().unwrap_or(Weight::Plain);
+        for part in self.0.parts() {
+            vertices(&part, &mut points);
+            let areas = match (part.is_ring(), points.len()) {
+                (_, ..3) => continue,
+                (true, count) => Areas::of_ring(&tool.metric, &points[..count - 1], weight),
+                (false, _) => Areas::of_line(&tool.metric, &points, weight),
+            };
+            all.extend(areas.areas().iter().filter(|area| **area > 0.0 && area.is_finite()));
+        }
+        all
     }
 }
 

@@ -1,6 +1,7 @@
 //! All features together: shared borders are simplified once, and nothing crosses, collapses or
 //! changes sides; or a number of vertices or bytes is to be met.
 
+mod alone;
 mod cover;
 mod input;
 mod kept;
@@ -8,24 +9,34 @@ mod own;
 mod search;
 mod spool;
 mod square;
+mod trial;
 
 pub(in crate::pipeline) use cover::positions;
 
 use std::time::Instant;
 
-use super::files::{self, Files, Pair};
-use super::goal::Goal;
-use super::part::{self, Tally};
+use super::files::{self, Files};
+use super::part::Tally;
 use super::stored::{self, Order, Store};
 use super::tool::Rule;
 use super::trees::Trees;
 use super::{LineJob, LineReport, on_threads};
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::memory::{PROGRAM, beside_program};
 use crate::pipeline::{Cancel, Progress};
-use crate::vector::Feature;
+use crate::vector::{Feature, Written};
 use cover::Cover;
 use input::{Collected, Input};
 use rayon::prelude::*;
+use trial::Wanted;
+
+/// A job on all features.
+struct Whole<'a> {
+    job: &'a LineJob,
+    files: &'a Files,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+}
 
 pub(super) fn run(
     job: &LineJob,
@@ -34,42 +45,83 @@ pub(super) fn run(
     cancel: &Cancel,
 ) -> Result<LineReport> {
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
-    let is_search = !matches!(job.goal, Goal::Tolerance(_) | Goal::Area(_));
-    let most = job.resources.memory / if is_search { 4 } else { 2 };
+    let whole = Whole { job, files, progress, cancel };
     let plain = files.rule(job, 0.0)?;
     let mut store = Store::of(job, &plain)?;
-    let mut input = Input::read(job, files, most, &mut store, progress, cancel)?;
+    let mut input = Input::read(job, files, whole.share(), &mut store, progress, cancel)?;
     store.end()?;
-    if is_search && input.held().is_none() {
-        let message = "the threshold is looked for in memory, and this is more than is allowed";
-        return Err(Error::new(ErrorKind::Resource, message)
-            .in_file(&files.pairs[0].input)
-            .remedy("pass more --memory, pass --tolerance, or split the input"));
+    if job.topology.is_none() && input.held().is_none() {
+        return Err(whole.too_little(&input));
     }
-    let rule = match is_search {
-        false => plain,
-        true => on_threads(job.resources.threads, || {
-            split(files, &mut input.all, &plain, &mut store, &mut report, cancel)?;
-            search::rule(job, files, &input.all, progress, cancel)
-        })??,
-    };
-    report.measured_by(&rule);
-    match &job.topology {
-        Some(topology) => {
-            Cover { job, files, topology, rule: &rule, progress, cancel }
-                .run(input, &mut report)?;
+    match job.goal.wanted(input.vertices) {
+        Some(wanted) => {
+            on_threads(job.resources.threads, || {
+                split(files, &mut input.all, &plain, &mut store, &mut report, cancel)
+            })??;
+            search::run(&whole, &mut input, wanted, &mut report)?;
         }
         None => {
-            progress.begin("write", files.pairs.len() as u64);
-            for (pair, collected) in files.pairs.iter().zip(input.all) {
-                write(job, (pair, collected), &rule, &mut report, cancel)?;
-                progress.advance(1);
-            }
-            report.stored(job, store)?;
-            progress.end();
+            whole.make(&mut input, &plain, None, &mut report)?;
+            report.measured_by(&plain);
         }
     }
+    report.stored(job, store)?;
     Ok(report)
+}
+
+/// Features that are held take this share of memory at most: with neighbours, beside what is made of
+/// them square by square; alone, beside as much again that is made of all of them.
+const WITH_NEIGHBOURS: u64 = 2;
+const ALONE: u64 = 4;
+
+/// Bytes for features and what is made of them.
+fn room(job: &LineJob) -> u64 {
+    match job.topology {
+        Some(_) => cover::beside(job.resources.memory),
+        None => beside_program(job.resources.memory),
+    }
+}
+
+impl Whole<'_> {
+    /// Bytes of features that may be held.
+    fn share(&self) -> u64 {
+        match self.job.topology {
+            Some(_) => room(self.job) / WITH_NEIGHBOURS,
+            None => room(self.job) / ALONE,
+        }
+    }
+
+    fn too_little(&self, input: &Input<'_>) -> Error {
+        let needed = (input.bytes * ALONE + PROGRAM).div_ceil(1 << 20);
+        let message = format!("the threshold is looked for in memory, which takes {needed} MiB");
+        Error::new(ErrorKind::Resource, message)
+            .in_file(&self.files.pairs[0].input)
+            .remedy(format!("pass --memory {needed}M or more, pass --tolerance, or split the input"))
+    }
+
+    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
+    /// what came.
+    fn make(
+        &self,
+        input: &mut Input<'_>,
+        rule: &Rule,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        let &Self { job, files, progress, cancel } = self;
+        match (&job.topology, wanted) {
+            (Some(topology), _) => Cover { job, files, topology, rule, progress, cancel }
+                .run(input, wanted, report),
+            (None, Some(wanted)) => self.alone(input, rule, wanted, report),
+            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
+        }
+    }
+
+    fn note(&self, input: &Input<'_>, written: Vec<Written>, report: &mut LineReport) {
+        for (written, file) in written.into_iter().zip(&input.all) {
+            files::note(report, written, file.notes.clone());
+        }
+    }
 }
 
 /// Makes the hierarchies that were ordered of all features, and stores new ones.
@@ -104,28 +156,5 @@ fn split(
             }
         }
     }
-    Ok(())
-}
-
-/// Simplifies the features of a file one by one and writes them.
-fn write(
-    job: &LineJob,
-    (pair, collected): (&Pair, Collected),
-    rule: &Rule,
-    report: &mut LineReport,
-    cancel: &Cancel,
-) -> Result<()> {
-    let trees = &collected.trees;
-    let one = |(at, feature)| part::simplify(feature, trees.get(at), rule);
-    let made: Vec<(Feature, Tally)> = on_threads(job.resources.threads, || {
-        collected.features.into_par_iter().enumerate().map(one).collect::<Result<_>>()
-    })??;
-    let mut sink = pair.create(job, &collected.layer)?;
-    for (feature, tally) in &made {
-        cancel.check()?;
-        report.add(tally);
-        sink.write(feature)?;
-    }
-    files::note(report, sink.finish(&collected.foreign)?, collected.notes);
     Ok(())
 }

@@ -15,7 +15,7 @@ use std::sync::Mutex;
 pub(in crate::pipeline) use around::Around;
 pub(in crate::pipeline) use buckets::Buckets;
 pub(in crate::pipeline) use limits::{Limits, parts_in};
-pub(in crate::pipeline) use surface::{Part, Positions, Shape, Surface, reach};
+pub(in crate::pipeline) use surface::{MOST_POINTS, Part, Positions, Shape, Surface, reach};
 pub(in crate::pipeline) use tiling::Tiling;
 
 use crate::cloud::{Census, PointSource};

@@ -9,7 +9,10 @@ use crate::geom::{Frame, Point, REACH};
 use crate::gridding::pitfree::is_short;
 
 /// Most points that are held for positions side by side, unless they are all needed for one.
-const MOST_POINTS: u64 = 1 << 19;
+pub(in crate::pipeline) const MOST_POINTS: u64 = 1 << 19;
+/// The same where all of them are triangulated: eight times the bytes, and twice as wide a window where
+/// the first one is too narrow.
+const MOST_TRIANGULATED: u64 = 1 << 16;
 
 /// How heights between points are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,9 +52,10 @@ pub(in crate::pipeline) struct Part {
 }
 
 impl Positions<'_> {
-    /// Hands on parts, each with what it lies in, near which there are few enough points to be held.
+    /// Hands on parts, each with what it lies in, near which there are `most` points to be held.
     pub(in crate::pipeline) fn in_parts(
         self,
+        most: u64,
         points_near: impl Fn(Window) -> u64,
         mut each: impl FnMut(&Part, Window) -> Result<()>,
     ) -> Result<()> {
@@ -59,7 +63,7 @@ impl Positions<'_> {
         while let Some(part) = parts.pop() {
             let Some(window) = window(self, &part) else { continue };
             match part.halves() {
-                Some(halves) if points_near(window) > MOST_POINTS => parts.extend(halves),
+                Some(halves) if points_near(window) > most => parts.extend(halves),
                 _ => each(&part, window)?,
             }
         }
@@ -88,7 +92,11 @@ impl Surface<'_> {
     /// the points and its position alone.
     pub(in crate::pipeline) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
         let near = |window| self.store.points_near(window);
-        at.in_parts(near, |part, window| self.fill_part(at, part, window, out))
+        let most = match self.shape {
+            Shape::Linear { .. } => MOST_POINTS,
+            Shape::Natural => MOST_TRIANGULATED,
+        };
+        at.in_parts(most, near, |part, window| self.fill_part(at, part, window, out))
     }
 
     fn fill_part(

@@ -17,6 +17,7 @@ use std::time::Instant;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::output::{self, MeshInfo, MeshSource};
+use crate::pipeline::memory::beside_program;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridSource, Inputs, OpenOptions};
 use crate::verify::{Precision, Snapper};
@@ -49,7 +50,8 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = output::open(&job.mesh)?;
-    let cache_bytes = usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX);
+    let cache = beside_program(job.resources.memory) / 4;
+    let cache_bytes = usize::try_from(cache).unwrap_or(usize::MAX);
     let Resources { threads, ref temp_dir, .. } = job.resources;
     let temp_dir = temp_dir.clone();
     let options =
@@ -146,7 +148,7 @@ impl<'a> Work<'a> {
         check_arguments(tolerance, resources)?;
         let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, most);
-        let memory = resources.memory / 8 * 5;
+        let memory = beside_program(resources.memory) / 8 * 5;
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
         Ok(Self { mesh, progress, cancel, threads, memory, share, folder })

@@ -12,7 +12,7 @@ use crate::delaunay::{Bins, Found, Hull, Position, Window, interpolate};
 use crate::error::Result;
 use crate::geom::{Frame, Point, Rect};
 use crate::gridding::pitfree::{Facet, PitFree, is_short};
-use crate::pipeline::points::{Around, Part, PointStore, Positions};
+use crate::pipeline::points::{MOST_POINTS, Around, Part, PointStore, Positions};
 use crate::pipeline::workers;
 
 /// Points and their hull.
@@ -77,7 +77,7 @@ impl Canopy {
         let centres = Centres::new(extent, rect, &self.frame);
         let at = centres.positions();
         let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
-        at.in_parts(near, |part, window| self.fill(at, part, window, max_edge, out))
+        at.in_parts(MOST_POINTS, near, |part, window| self.fill(at, part, window, max_edge, out))
     }
 
     fn fill(

@@ -9,13 +9,15 @@ use super::input::Input;
 use super::kept::{Kept, Reader};
 use super::own::is_flat;
 use super::spool::{self, Spool, by_square};
-use super::square::{Flat, Solved, World, solve};
+use super::square::{Flat, KEPT_VERTEX, Solved, VERTEX, World, solve};
+use super::trial::{Leaves, Wanted};
+use super::Whole;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::area_sign;
 use crate::line::squares::{Place, Run, Squares, cut};
 use crate::line::topology::Collapse;
 use crate::line::{Xy, arcs};
-use crate::pipeline::line::files::{self, Files};
+use crate::pipeline::line::files::Files;
 use crate::pipeline::line::part::{check, chosen};
 use crate::pipeline::line::tool::Rule;
 use crate::pipeline::line::{LineJob, LineReport, Measure, Topology};
@@ -23,12 +25,16 @@ use crate::pipeline::workers::{self, lock};
 use crate::pipeline::{Cancel, Progress, disk};
 use crate::vector::{self, Feature, OpenOptions, Part};
 
-/// Bytes for each vertex of a square that is worked on: itself, its arc, what is kept of it.
-const VERTEX: u64 = 112;
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
-/// Bytes that are in use beside features, squares, and what waits for its square.
+/// Bytes that are in use beside features, squares, and what waits for its square: the program, the census,
+/// and the buffers of sinks.
 const REST: u64 = 24 << 20;
+
+/// What is left of `memory` for features, squares, and what waits for them.
+pub(super) fn beside(memory: u64) -> u64 {
+    memory.saturating_sub(REST)
+}
 
 /// Numbers of parts.
 type Parts = BTreeSet<u64>;
@@ -44,29 +50,58 @@ pub(super) struct Cover<'a> {
 }
 
 impl Cover<'_> {
-    /// Simplifies all features together and writes them.
-    pub(super) fn run(&self, mut input: Input<'_>, report: &mut LineReport) -> Result<()> {
-        let squares = self.squares(&mut input)?;
+    /// Simplifies all features together and writes them; unless something else is wanted: then tells what
+    /// came.
+    pub(super) fn run(
+        &self,
+        input: &mut Input<'_>,
+        wanted: Option<&Wanted>,
+        report: &mut LineReport,
+    ) -> Result<Option<u64>> {
+        let squares = self.squares(input)?;
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
-        let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8;
+        let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8 + REST;
         if input.held().is_some_and(|held| held + needed > self.memory()) && !self.snaps() {
             input.release();
         }
         if input.held().unwrap_or(0) + needed > self.memory() {
-            return Err(self.too_little(needed));
+            return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
         }
-        self.snap(&mut input, &squares)?;
+        self.snap(input, &squares)?;
         let mut whole = Parts::new();
         loop {
-            let kept = Kept::new(&self.folder(), squares.count(), self.memory() / 64);
+            let kept = Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
             let now = Now { squares: &squares, whole: &whole, kept: &kept };
-            self.solve_all(&mut input, &now, report)?;
-            let turned = self.write(&mut input, &now, report)?;
+            self.solve_all(input, &now, report)?;
+            // A file that is written cannot be taken back.
+            if wanted.is_some() || (input.all.len() > 1 && squares.count() > 1) {
+                let left = self.look(input, &now)?;
+                if !left.turned.is_empty() {
+                    whole.extend(left.turned);
+                    continue;
+                }
+                let unwanted = match wanted {
+                    Some(wanted) => {
+                        let mut leaves = Left::new(now, self.rule.collapse);
+                        self.whole().unwanted(input, wanted, left.vertices, &mut leaves)?
+                    }
+                    None => None,
+                };
+                if unwanted.is_some() {
+                    return Ok(unwanted);
+                }
+            }
+            let turned = self.write(input, &now, report)?;
             if turned.is_empty() {
-                return Ok(());
+                return Ok(None);
             }
             whole.extend(turned);
         }
+    }
+
+    fn whole(&self) -> Whole<'_> {
+        let &Self { job, files, progress, cancel, .. } = self;
+        Whole { job, files, progress, cancel }
     }
 
     fn memory(&self) -> u64 {
@@ -77,8 +112,13 @@ impl Cover<'_> {
         self.topology.snap > 0.0
     }
 
-    fn too_little(&self, needed: u64) -> Error {
-        let needed = (needed >> 20) + 1;
+    /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
+    /// is kept of it: features are held as long as they take no more than half, and so much of the rest
+    /// waits for its square.
+    fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
+        let rest = square + input.vertices / 8 + REST;
+        let needed = rest + input.bytes.min(rest);
+        let needed = ((needed + needed / 7) >> 20) + 1;
         let message = format!("neighbours are looked at in memory, which takes {needed} MiB");
         Error::new(ErrorKind::Resource, message)
             .in_file(&self.files.pairs[0].input)
@@ -147,22 +187,26 @@ impl Cover<'_> {
         };
         self.progress.begin("simplify", squares.count() as u64);
         let total = Mutex::new(Total::default());
-        let solve_one = |square: usize, mut world: World| {
+        let solve_one = |square: usize, mut world: World, room: u64| {
             let own = sides.partition_point(|(other, _)| (*other as usize) < square);
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
-            let solved = solve(&world, self.topology.strategy, self.rule)?;
+            let solved = solve(&world, self.topology.strategy, self.rule, room)?;
             now.kept.set(square, &solved.bits)?;
             lock(&total).add(&solved, square, squares);
             self.progress.advance(1);
             Ok(())
         };
-        if squares.count() == 1 && input.held().is_some() {
-            solve_one(0, self.flat(input)?)?;
+        let solved = if squares.count() == 1 && input.held().is_some() {
+            solve_one(0, self.flat(input)?, self.room(input))
         } else {
             let spool = self.spool(input, now)?;
-            self.solve_spooled(input, squares, &spool, solve_one)?;
-        }
+            self.solve_spooled(input, squares, &spool, solve_one)
+        };
+        solved.map_err(|e| match e.kind() {
+            ErrorKind::Resource => self.too_little(input, self.most_bytes(squares)),
+            _ => e,
+        })?;
         self.progress.end();
         let total = total.into_inner().unwrap_or_default();
         report.arcs = total.arcs;
@@ -190,19 +234,24 @@ impl Cover<'_> {
         Ok(World { flat, ..World::default() })
     }
 
+    /// Bytes of the square that takes most, if all of its vertices are kept.
+    fn most_bytes(&self, squares: &Squares) -> u64 {
+        let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
+        sizes.max().unwrap_or(0)
+    }
+
     /// Memory for squares that are worked on and for what waits for them.
     fn room(&self, input: &Input<'_>) -> u64 {
-        self.memory().saturating_sub(input.held().unwrap_or(0) + input.vertices / 8 + REST)
+        beside(self.memory()).saturating_sub(input.held().unwrap_or(0) + input.vertices / 8)
     }
 
     /// Sorts all parts into squares.
     fn spool<'s>(&self, input: &mut Input<'_>, now: &Now<'s>) -> Result<Spool<'s>> {
         let squares = now.squares;
         let has_z = self.rule.measure == Measure::Space;
-        let largest = (0..squares.count()).map(|square| squares.vertices(square) * VERTEX).max();
-        let (room, largest) = (self.room(input), largest.unwrap_or(0));
+        let (room, largest) = (self.room(input), self.most_bytes(squares));
         let workers = self.workers(room / 8 * 7, largest) as u64;
-        let memory = room.saturating_sub(workers * largest).max(self.memory() / 8);
+        let memory = room.saturating_sub(workers * largest).max(beside(self.memory()) / 8);
         let bytes = input.vertices * if has_z { 24 } else { 16 };
         if bytes > memory {
             disk::check(&self.folder(), bytes)?;
@@ -230,23 +279,32 @@ impl Cover<'_> {
         input: &Input<'_>,
         squares: &Squares,
         spool: &Spool<'_>,
-        solve_one: impl Fn(usize, World) -> Result<()> + Sync,
+        solve_one: impl Fn(usize, World, u64) -> Result<()> + Sync,
     ) -> Result<()> {
-        let size =
-            |square: usize| squares.vertices(square) * VERTEX + spool.obstacles(square) * OBSTACLE;
+        let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
+        let size = |square: usize| squares.vertices(square) * KEPT_VERTEX + obstacles(square);
         let mut order: Vec<_> = (0..squares.count()).collect();
         order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
         let largest = order.first().map_or(0, |square| size(*square));
-        let others = input.held().unwrap_or(0) + input.vertices / 8;
-        if others + largest > self.memory() {
-            return Err(self.too_little(others + largest));
+        let least = order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
+        let room = self.room(input).saturating_sub(spool.held());
+        if least.max().unwrap_or(0) > room {
+            return Err(self.too_little(input, largest));
         }
-        let threads = self.workers(self.room(input).saturating_sub(spool.held()), largest);
+        let threads = self.workers(room, largest);
+        let each = room / threads as u64;
         let work = |(): &mut (), unit: u64| {
             let square = order[unit as usize];
-            solve_one(square, spool.take(square)?)
+            solve_one(square, spool.take(square)?, each.saturating_sub(obstacles(square)))
         };
         workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
+    }
+
+    /// Looks at what is left of all features.
+    fn look<'k>(&self, input: &mut Input<'_>, now: &Now<'k>) -> Result<Left<'k>> {
+        let mut left = Left::new(*now, self.rule.collapse);
+        input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
+        Ok(left)
     }
 
     /// Writes all features with what is kept of them; or, if rings have turned over, which they are, and
@@ -257,33 +315,9 @@ impl Cover<'_> {
         now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        // A file that is written cannot be taken back.
-        if input.all.len() > 1 && now.squares.count() > 1 {
-            let mut left = Left::new(*now, self.rule.collapse);
-            input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
-            if !left.turned.is_empty() {
-                return Ok(left.turned);
-            }
-        }
-        self.progress.begin("write", input.all.len() as u64);
         let mut left = Left::new(*now, self.rule.collapse);
-        for (file, pair) in self.files.pairs.iter().enumerate() {
-            let mut sink = pair.create(self.job, &input.all[file].layer)?;
-            input.visit(file, self.cancel, |feature| {
-                let geometry = left.of(feature)?;
-                let original = std::mem::replace(&mut feature.geometry, geometry);
-                sink.write(feature)?;
-                feature.geometry = original;
-                Ok(())
-            })?;
-            if !left.turned.is_empty() {
-                continue;
-            }
-            let written = sink.finish(&input.all[file].foreign)?;
-            files::note(report, written, input.all[file].notes.clone());
-            self.progress.advance(1);
-        }
-        self.progress.end();
+        let written = self.whole().write(input, &mut left, None)?;
+        self.whole().note(input, written, report);
         (report.features, report.parts) = (left.features, left.parts.number);
         (report.vertices, report.kept) = (input.vertices, left.vertices);
         Ok(left.turned)
@@ -375,20 +409,6 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// What is left of the next feature.
-    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
-        let mut failed = Ok(());
-        let geometry = feature.geometry.keep(|_, part| {
-            self.part(&part).unwrap_or_else(|e| {
-                failed = Err(e);
-                vector::Kept::All
-            })
-        });
-        self.features += 1;
-        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
-        failed.map(|()| geometry)
-    }
-
     fn part(&mut self, part: &Part<'_>) -> Result<vector::Kept> {
         let number = self.parts.cut(part);
         let is_cut = self.parts.runs.len() > 1;
@@ -410,6 +430,25 @@ impl<'a> Left<'a> {
             true => vector::Kept::All,
             false => chosen(&self.indices),
         })
+    }
+}
+
+impl Leaves for Left<'_> {
+    fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
+        let mut failed = Ok(());
+        let geometry = feature.geometry.keep(|_, part| {
+            self.part(&part).unwrap_or_else(|e| {
+                failed = Err(e);
+                vector::Kept::All
+            })
+        });
+        self.features += 1;
+        self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
+        failed.map(|()| geometry)
+    }
+
+    fn may_appear(&self) -> bool {
+        self.turned.is_empty()
     }
 }
 

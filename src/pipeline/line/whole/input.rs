@@ -1,5 +1,6 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
+use super::room;
 use crate::error::{Error, ErrorKind, Result};
 use crate::line::squares::Census;
 use crate::pipeline::line::LineJob;
@@ -37,8 +38,10 @@ pub(super) struct Input<'a> {
     pub(super) vertices: u64,
     /// Where they are.
     pub(super) census: Census,
-    /// Bytes of the features, if they are held.
-    held: Option<u64>,
+    /// Bytes that all features take when they are held.
+    pub(super) bytes: u64,
+    /// Whether they are.
+    is_held: bool,
 }
 
 impl<'a> Input<'a> {
@@ -57,7 +60,8 @@ impl<'a> Input<'a> {
             all: Vec::new(),
             vertices: 0,
             census: Census::default(),
-            held: Some(0),
+            bytes: 0,
+            is_held: true,
         };
         progress.begin("read", files.pairs.len() as u64);
         for pair in &files.pairs {
@@ -92,9 +96,9 @@ impl<'a> Input<'a> {
             let split =
                 if store.is_some() { SPLIT * feature.geometry.vertices() as u64 } else { 0 };
             let more = own + split + FEATURE;
-            self.held = self.held.map(|held| held + more).filter(|held| *held <= most);
+            self.bytes += more;
             match self.all.last_mut() {
-                Some(last) if self.held.is_some() => {
+                Some(last) if self.is_held && self.bytes <= most => {
                     if store.is_some() {
                         last.orders.push((store.next(&feature.geometry)?, source.place()));
                     }
@@ -111,11 +115,13 @@ impl<'a> Input<'a> {
     }
 
     fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
-        if bytes > self.job.resources.memory / 2 {
+        let room = room(self.job);
+        if bytes > room / 2 {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices is more than memory holds");
+            let needed = (2 * bytes + self.job.resources.memory - room).div_ceil(1 << 20);
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy(format!("pass --memory {}M or more", (bytes >> 19) + 1)));
+                .remedy(format!("pass --memory {needed}M or more")));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
         match self.job.topology {
@@ -126,12 +132,12 @@ impl<'a> Input<'a> {
 
     /// Bytes of the features in memory; `None` when they are not held.
     pub(super) fn held(&self) -> Option<u64> {
-        self.held
+        self.is_held.then_some(self.bytes)
     }
 
     /// Holds the features no longer.
     pub(super) fn release(&mut self) {
-        self.held = None;
+        self.is_held = false;
         self.all.iter_mut().for_each(|file| file.features = Vec::new());
     }
 
@@ -143,7 +149,7 @@ impl<'a> Input<'a> {
         mut each: impl FnMut(&mut Feature) -> Result<()>,
     ) -> Result<()> {
         let pair = &self.files.pairs[file];
-        if self.held.is_some() {
+        if self.is_held {
             return self.all[file].features.iter_mut().try_for_each(|feature| {
                 cancel.check()?;
                 each(feature).map_err(|e| e.in_file(&pair.input))

@@ -1,80 +1,106 @@
-//! The threshold that meets a number of vertices, or a size of the files.
+//! The threshold that meets a number of vertices, or a size of the files: judged by what is written.
+
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::Collected;
+use super::Whole;
+use super::input::Input;
+use super::trial::Wanted;
 use crate::error::{Error, Result};
 use crate::line::registry::Bounds;
-use crate::pipeline::line::files::Files;
-use crate::pipeline::line::goal::{Goal, smallest};
+use crate::line::topology::Collapse;
+use crate::pipeline::line::goal::Unit;
+use crate::pipeline::line::seek::{Profile, Target, seek};
 use crate::pipeline::line::tool::Rule;
-use crate::pipeline::line::{LineJob, part};
-use crate::pipeline::{Cancel, Progress};
+use crate::pipeline::line::{LineReport, on_threads, trees};
+use crate::pipeline::workers::lock;
+use crate::vector::{Feature, Part};
 
-/// The rule with the smallest threshold that meets the goal of a job, each feature by itself.
-pub(super) fn rule(
-    job: &LineJob,
-    files: &Files,
-    all: &[Collected],
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Rule> {
-    let at = |threshold: f64| files.rule(job, threshold);
-    let vertices: u64 = all.iter().flat_map(|c| &c.features).map(vertices).sum();
-    progress.begin("search", 0);
-    let fits = |threshold: f64| {
-        cancel.check()?;
-        progress.advance(1);
-        let rule = at(threshold)?;
-        match (job.goal, job.goal.most(vertices)) {
-            (Goal::Size(most), _) => Ok(size(job, files, all, &rule)? <= most),
-            (_, Some(most)) => Ok(count(all, &rule) <= most),
-            _ => Ok(true),
+/// Meets a goal of so many vertices or bytes.
+pub(super) fn run(
+    whole: &Whole<'_>,
+    input: &mut Input<'_>,
+    (most, unit): (u64, Unit),
+    report: &mut LineReport,
+) -> Result<()> {
+    let job = whole.job;
+    let rule = whole.files.rule(job, 0.0)?;
+    let is_area = job.method.bounds == Bounds::Area;
+    let (profile, extent) = profile(whole, input, &rule)?;
+    let all = match unit {
+        Unit::Vertices => profile.total as f64,
+        Unit::Bytes => whole.files.pairs.iter().map(|pair| pair.size() as f64).sum(),
+    };
+    let largest = (4.0 * extent).max(f64::MIN_POSITIVE);
+    let dial = profile.dial(if is_area { largest * largest } else { largest }, is_area);
+    let left = seek(&Target { most, all }, &dial, |threshold, range| {
+        whole.cancel.check()?;
+        let rule = Rule { threshold, ..rule };
+        let left = whole.make(input, &rule, Some(&Wanted { unit, range }), report)?;
+        report.measured_by(&rule);
+        Ok(left)
+    })?;
+    left.map_or(Ok(()), |least| Err(too_few(whole, (most, unit), least)))
+}
+
+fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
+    let what = match unit {
+        Unit::Vertices => "vertices",
+        Unit::Bytes => "bytes",
+    };
+    let others = match (whole.job.collapse, unit) {
+        (Collapse::Drop, Unit::Vertices) => "",
+        (Collapse::Drop, Unit::Bytes) => ", or fewer --decimals in a text format",
+        (_, Unit::Vertices) => ", or pass --collapse drop",
+        (_, Unit::Bytes) => ", or pass --collapse drop, or fewer --decimals in a text format",
+    };
+    let stays = match whole.job.topology {
+        Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
+        None => "ends of lines and corners of the smallest rings",
+    };
+    Error::usage(format!("so little cannot be met: {most} {what}, and {stays} are {least}"))
+        .in_file(&whole.files.pairs[0].input)
+        .remedy(format!("ask for {least} or more{others}"))
+}
+
+/// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
+/// around all of them.
+fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Profile, f64)> {
+    let state = Mutex::new((Profile::default(), None));
+    let add = |feature: &Feature, own: Option<&trees::Trees>| {
+        let thresholds = trees::thresholds(&feature.geometry, own, rule)?;
+        let mut state = lock(&state);
+        let (profile, bounds) = &mut *state;
+        thresholds.into_iter().for_each(|threshold| profile.add(threshold));
+        for part in feature.geometry.parts() {
+            profile.total += part.xy.len() as u64;
+            profile.fixed += stay(&part);
         }
+        *bounds = [*bounds, feature.geometry.bounds()].into_iter().flatten().reduce(join);
+        whole.cancel.check()
     };
-    let extent = extent(all);
-    let largest = if job.method.bounds == Bounds::Area { extent * extent } else { extent };
-    let threshold = smallest(largest, fits)?;
-    progress.end();
-    at(threshold)
-}
-
-fn vertices(feature: &crate::vector::Feature) -> u64 {
-    feature.geometry.parts().map(|part| part.xy.len() as u64).sum()
-}
-
-fn count(all: &[Collected], rule: &Rule) -> u64 {
-    let own = |collected: &Collected| -> u64 {
-        let features = collected.features.par_iter().enumerate();
-        features.map(|(at, feature)| part::count(feature, collected.trees.get(at), rule)).sum()
-    };
-    all.par_iter().map(own).sum()
-}
-
-/// The larger side of the box around all features.
-fn extent(all: &[Collected]) -> f64 {
-    let bounds = all.iter().flat_map(|c| &c.features).filter_map(|f| f.geometry.bounds());
-    let join =
-        |a: [f64; 4], b: [f64; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
-    bounds.reduce(join).map_or(0.0, |[west, south, east, north]| (east - west).max(north - south))
-}
-
-/// Bytes of all files, written to a place from which they are taken away again.
-fn size(job: &LineJob, files: &Files, all: &[Collected], rule: &Rule) -> Result<u64> {
-    let folder = match &job.resources.temp_dir {
-        Some(folder) => tempfile::tempdir_in(folder),
-        None => tempfile::tempdir(),
-    };
-    let folder = folder.map_err(|e| Error::write(&std::env::temp_dir(), e))?;
-    let mut bytes = 0;
-    for (number, (pair, collected)) in files.pairs.iter().zip(all).enumerate() {
-        let path = folder.path().join(format!("{number}.{}", pair.ending()));
-        let mut sink = pair.create_at(path, job, &collected.layer)?;
-        for (at, feature) in collected.features.iter().enumerate() {
-            let trees = collected.trees.get(at);
-            sink.write(&part::simplify(feature.clone(), trees, rule)?.0)?;
-        }
-        bytes += sink.finish(&collected.foreign)?.bytes;
+    match input.held() {
+        Some(_) => on_threads(whole.job.resources.threads, || {
+            let files = whole.files.pairs.iter().zip(&input.all);
+            files.map(|(pair, file)| {
+                let features = file.features.par_iter().enumerate();
+                let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
+                added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
+            }).collect::<Result<()>>()
+        })??,
+        None => input.visit_all(whole.cancel, |feature| add(feature, None))?,
     }
-    Ok(bytes)
+    let (profile, bounds) = state.into_inner().unwrap_or_default();
+    let extent = bounds.map_or(0.0, |[w, s, e, n]: [f64; 4]| (e - w).max(n - s));
+    Ok((profile, extent))
+}
+
+/// Vertices of a part that stay at any threshold.
+fn stay(part: &Part<'_>) -> u64 {
+    part.xy.len().min(if part.is_ring() { 4 } else { 2 }) as u64
+}
+
+fn join(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }

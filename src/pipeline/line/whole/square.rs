@@ -6,7 +6,8 @@ use super::own::own_vertices;
 use crate::error::{Error, ErrorKind, Result};
 use crate::line::arcs::{Arcs, Parts};
 use crate::line::topology::{
-    Chains, Collapse, Kept as Chosen, Options, Outcome, Strategy, refining, untangle,
+    Chains, Collapse, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining,
+    untangle_within,
 };
 use crate::line::{Metric, Scratch, Xy};
 use crate::pipeline::line::tool::{Rule, Task, Tool, Vertex};
@@ -71,8 +72,14 @@ pub(super) struct Solved {
     pub(super) square: f64,
 }
 
-/// Simplifies what a square holds.
-pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule) -> Result<Solved> {
+/// Bytes for each vertex of a square that is worked on, beside what becomes of those that are kept: itself,
+/// its arc, and the vertex in its metric.
+pub(super) const VERTEX: u64 = 112;
+/// Bytes for each vertex where all of them are kept.
+pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
+
+/// Simplifies what a square holds, in `room` bytes; fails where that is too little.
+pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule, room: u64) -> Result<Solved> {
     let mut arcs = Arcs::new(&world.flat.chains(), 0.0)?;
     let own = arcs.closed.len();
     for segment in &world.obstacles {
@@ -83,7 +90,9 @@ pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule) -> Result<So
         arcs.closed.push(false);
         arcs.free.push(false);
     }
-    let made = rule.apply(Together { arcs, world, strategy, rule })?;
+    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
+    let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
+    let made = rule.apply(Together { arcs, world, strategy, rule, pieces })?;
     let first = made.arcs.starts[own] as u32;
     let is_pair = |pair: &&[u32; 2]| pair.iter().all(|from| *from >= first);
     let segment = |from: u32| world.obstacles[(from - first) as usize / 2];
@@ -109,6 +118,8 @@ fn own_bits(world: &World, made: &Made, rule: &Rule) -> Result<Bits> {
         let left = &made.parts.vertices[made.parts.starts[run]..made.parts.starts[run + 1]];
         let place = |vertex: &u32| made.arcs.points[*vertex as usize];
         let kept = match left.is_empty() {
+            // Vertices that arcs leave out, too: those that repeat the one before them.
+            _ if rule.keeps_everything() => Some(Kept::All),
             // It has no area to begin with.
             true if rule.collapse != Collapse::Drop => Some(Kept::All),
             true if world.cut.binary_search(&(run as u32)).is_ok() => {
@@ -128,6 +139,8 @@ struct Together<'a> {
     world: &'a World,
     strategy: Strategy,
     rule: &'a Rule,
+    /// Most pieces that there is room for.
+    pieces: usize,
 }
 
 /// What became of them.
@@ -148,9 +161,9 @@ impl Task for Together<'_> {
         let vertices = self.vertices::<V>();
         let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
         let options = Options { strategy: self.strategy, collapse: self.rule.collapse };
-        let chains = self.arcs.chains();
-        let outcome =
-            untangle(&chains, &kept, &self.world.sides, &options, &mut refining(&vertices, run))?;
+        let (chains, sides) = (self.arcs.chains(), &self.world.sides);
+        let refine = &mut refining(&vertices, run);
+        let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
         let parts = self.arcs.rebuild(&outcome.kept);
         let square = largest(tool, &vertices, &outcome.kept);
         Ok(Made { arcs: self.arcs, parts, outcome, square })
@@ -173,7 +186,8 @@ impl Together<'_> {
             points.clear();
             points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
             kept.clear();
-            match self.arcs.free[arc] && points.len() > 3 {
+            match self.arcs.free[arc] && points.len() > 3 && !self.rule.keeps_everything() {
+                false if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
                 false if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
                 false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
                 true => {
