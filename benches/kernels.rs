@@ -36,8 +36,14 @@ fn spec(tolerance: f64, drop: bool) -> Spec {
 fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
     let apron = width - CELLS - 1;
     let heights = Heights { width, height: CELLS + 1, f32: heights, f64: None };
-    let input =
-        TileInput { heights, apron_left: 0, apron_right: apron, apron_above: 0, apron_below: 0 };
+    let input = TileInput {
+        heights,
+        apron_left: 0,
+        apron_right: apron,
+        apron_above: 0,
+        apron_below: 0,
+        spacing: u32::MAX,
+    };
     triangulate_tile(&input, spec, scratch)
 }
 
@@ -107,6 +113,7 @@ impl Seam {
             seam_col: Some(REACH),
             seam_row: None,
             grid_ends: [false, false, true, true],
+            spacing: u32::MAX,
         }
     }
 }

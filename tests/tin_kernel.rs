@@ -61,8 +61,14 @@ fn tile(grid: &Grid, from: u32, to: u32, spec: &Spec) -> TileMesh {
     let z: Vec<f32> =
         all.chunks(grid.width as usize).flat_map(|row| row[cols.clone()].to_vec()).collect();
     let heights = Heights { width: cols.len() as u32, height: grid.height, f32: &z, f64: None };
-    let input =
-        TileInput { heights, apron_left: left, apron_right: right, apron_above: 0, apron_below: 0 };
+    let input = TileInput {
+        heights,
+        apron_left: left,
+        apron_right: right,
+        apron_above: 0,
+        apron_below: 0,
+        spacing: u32::MAX,
+    };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
 
@@ -229,6 +235,7 @@ fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool
         seam_col: Some(half),
         seam_row: None,
         grid_ends: [true; 4],
+        spacing: u32::MAX,
     };
     let patch = mend_patch(&input, spec, &mut Scratch::default());
     let beyond = edges(&mended);
@@ -317,8 +324,14 @@ fn the_bound_holds_for_double_precision_heights() {
     let heights = Heights { width, height, f32: &rounded, f64: Some(&z) };
     for single_precision in [None, Some(0.0), Some(5e5)] {
         let spec = Spec { single_precision, ..spec(0.25) };
-        let none =
-            TileInput { heights, apron_left: 0, apron_right: 0, apron_above: 0, apron_below: 0 };
+        let none = TileInput {
+            heights,
+            apron_left: 0,
+            apron_right: 0,
+            apron_above: 0,
+            apron_below: 0,
+            spacing: u32::MAX,
+        };
         let mesh = triangulate_tile(&none, &spec, &mut Scratch::default());
         let written = |p: Local| {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");

@@ -139,7 +139,7 @@ fn points(r: &CloudTinReport) -> String {
 
 fn errors(r: &CloudTinReport) -> String {
     let unit = &r.vertical_unit;
-    let found = r.max_error.map(|e| format!("{} {unit}, ", text::number(e)));
+    let found = r.max_error.map(|e| format!("{} {unit}, ", text::bound(e)));
     let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
     let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
     found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()

@@ -76,7 +76,7 @@ pub(super) fn summary(r: &CloudVerifyReport) -> String {
 }
 
 fn errors(r: &CloudVerifyReport) -> String {
-    let (most, unit) = (verify::height(r.max_error), &r.vertical_unit);
+    let (most, unit) = (r.max_error.map_or("-".to_owned(), text::bound), &r.vertical_unit);
     let allowed = match r.tolerance {
         Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
         None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),

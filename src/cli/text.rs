@@ -34,6 +34,16 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
+/// As [`number`], but never below the value, which is not negative.
+pub(super) fn bound(value: f64) -> String {
+    let text = number(value);
+    if text.parse::<f64>().is_ok_and(|shown| shown < value) {
+        let half_a_digit = 10_f64.powi(value.log10().floor() as i32 - 5) / 2.0;
+        return number(value + half_a_digit);
+    }
+    text
+}
+
 /// A number in powers of ten without trailing zeros: "1.50000e-9" becomes "1.5e-9".
 fn powers(text: &str) -> String {
     match text.split_once('e') {
@@ -140,6 +150,9 @@ mod tests {
         assert_eq!(number(1e-9), "1e-9");
         assert_eq!(number(-1.23456789e300), "-1.23457e300");
         assert_eq!(number(9.999999e15), "1e16");
+        assert_eq!((bound(0.0), bound(0.5), bound(2.0)), ("0".into(), "0.5".into(), "2".into()));
+        assert_eq!((bound(0.123_456_1), bound(9.999_991)), ("0.123457".into(), "10".into()));
+        assert_eq!((bound(1.000_001e-9), bound(1234.561)), ("1.00001e-9".into(), "1234.57".into()));
         assert_eq!(bytes(1023), "1023 bytes");
         assert_eq!(bytes(1 << 20), "1.0 MiB");
         assert_eq!(seconds(0.4217), "0.42 s");

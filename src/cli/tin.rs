@@ -304,7 +304,7 @@ fn samples(r: &TinReport) -> String {
 fn errors(r: &TinReport) -> String {
     let unit = &r.vertical_unit;
     let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
-    let found = r.max_error.map(|e| format!("{} {unit}, ", text::number(e)));
+    let found = r.max_error.map(|e| format!("{} {unit}, ", text::bound(e)));
     let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
     found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
 }

@@ -164,7 +164,7 @@ pub(super) fn height(value: Option<f64>) -> String {
 }
 
 fn errors(r: &VerifyReport) -> String {
-    let most = height(r.max_error);
+    let most = r.max_error.map_or("-".to_owned(), text::bound);
     let allowed = match r.tolerance {
         Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
         None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),

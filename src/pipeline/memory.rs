@@ -11,6 +11,8 @@
 //! what does not fit of the other two is read again or spilled. No result depends on it.
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::Resources;
+use crate::raster::{self, GridSource, Inputs, OpenOptions};
 
 /// Bytes for the program itself.
 pub(in crate::pipeline) const PROGRAM: u64 = 12 << 20;
@@ -53,18 +55,63 @@ pub fn least(threads: usize, worker: u64, block: u64) -> u64 {
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
     let least = least(1, worker, 0);
     if memory < least {
-        let needed = least.div_ceil(1 << 20);
-        let allowed = memory as f64 / (1 << 20) as f64;
-        let message =
-            format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
-        return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("pass --memory {needed}M or more, or a smaller --tile")));
+        return Err(too_little(memory, least));
     }
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
     let rest = memory - PROGRAM - worker * threads as u64;
     let cache = (rest / 2).min(MOST_CACHE);
     Ok(Shares { threads, cache, mesh: rest - cache })
+}
+
+fn too_little(memory: u64, least: u64) -> Error {
+    let needed = least.div_ceil(1 << 20);
+    let allowed = memory as f64 / (1 << 20) as f64;
+    let message =
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {needed}M or more, or a smaller --tile"))
+}
+
+/// An opened grid and how its memory is divided.
+pub type Opened = (Box<dyn GridSource>, Shares);
+
+/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share.
+/// Where the memory does not suffice, the error says how much does: for the blocks of this input, too.
+pub fn open(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
+    let Resources { memory, threads, .. } = *resources;
+    let opened = divide(memory, threads, worker).and_then(|shares| {
+        let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+        let options = OpenOptions { cache_bytes, threads: shares.threads, ..options.clone() };
+        Ok((raster::open_all(input.names(), &options)?, shares))
+    });
+    opened.map_err(|error| match error.kind() {
+        ErrorKind::Resource => enough(input, options, resources, worker).unwrap_or(error),
+        _ => error,
+    })
+}
+
+/// The error that tells how much memory is enough; `None` where none is.
+fn enough(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Option<Error> {
+    let block = look_at(input, options).ok()?.block_bytes();
+    let least = least(resources.threads, worker, block);
+    (block <= MOST_CACHE && least > resources.memory).then(|| too_little(resources.memory, least))
+}
+
+/// Opens a grid only to learn what it is: no block of it is ever held.
+pub fn look_at(input: &Inputs, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let options = OpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
+    raster::open_all(input.names(), &options)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::exact::within;
 use super::greedy::Judge;
 use super::mesh::{Mesh, State, Tri, next, prev};
 use super::{Local, mesh};
-use crate::geom::predicates::{in_circle, orient};
+use crate::geom::predicates::{Lattice, in_circle, orient};
 
 /// Stars with more triangles than this are left alone: refilling is cubic in the degree.
 const MAX_DEGREE: usize = 24;
@@ -20,6 +20,8 @@ pub(super) struct Scratch {
     star: Vec<u32>,
     ring: Vec<(Local, u32)>,
     fill: Vec<Tri>,
+    /// Largest radius, squared, of a circle around a triangle that takes a vertex's place.
+    square_radius: f64,
 }
 
 /// Tries to drop every vertex that is not in `fixed`, in the order of the triangles. A drop changes
@@ -52,6 +54,24 @@ pub(super) fn drop_redundant(
 }
 
 impl Scratch {
+    /// Allows circles around squares of side `spacing`, and none larger.
+    pub(super) fn limit_circles(&mut self, spacing: u32) {
+        self.square_radius = f64::from(spacing).powi(2) / 2.0;
+    }
+
+    /// True when the circle around a triangle is not too large: its radius is the product of the
+    /// sides over four times the area.
+    fn is_compact(&self, tri: &Tri) -> bool {
+        let [a, b, c] = tri.corners.map(Local::lattice);
+        let square = |[x, y]: Lattice, [to_x, to_y]: Lattice| {
+            let [dx, dy] = [f64::from(to_x - x), f64::from(to_y - y)];
+            dx * dx + dy * dy
+        };
+        let double_area = orient(a, b, c) as f64;
+        square(a, b) * square(b, c) * square(c, a)
+            <= 4.0 * double_area * double_area * self.square_radius
+    }
+
     /// Lets the corners of the triangles that filled the last star be tried again.
     fn unsettle(&mut self, index: impl Fn(Local) -> usize) {
         for at in self.fill.iter().flat_map(|tri| tri.corners.map(&index)) {
@@ -73,6 +93,7 @@ impl Scratch {
         let vertex = mesh.origin(half_edge);
         let is_droppable = self.gather(mesh, half_edge)
             && self.refill()
+            && self.fill.iter().all(|tri| self.is_compact(tri))
             && self.vertex_stays_within(judge, vertex)
             && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none());
         is_droppable.then(|| self.replace(mesh))

@@ -9,8 +9,8 @@ use crate::geom::predicates::orient;
 const LANES: usize = 8;
 
 /// Measures triangle `p` over all its samples in `f64`. A sample on edge `i` counts in the sum only
-/// when `owned[i]`; vertices have no error. Returns (largest error, sum of squares), the first
-/// rounded towards zero. Time linear in the samples.
+/// when `owned[i]`; vertices have no error. Returns (largest error, sum of squares); no sample is
+/// further off than the first, for which all rounding goes up. Time linear in the samples.
 pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f32) {
     let facet = Facet::new(p, field.vertices(p));
     let whole = field.whole();
@@ -40,7 +40,7 @@ pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f
         }
         total.add_run(low + 1, high, error);
     }
-    total.finish()
+    total.finish(|largest| doubt(&facet, p, field.vertices(p), largest))
 }
 
 /// True when a row holds two corners, and so may run along an edge.
@@ -89,17 +89,35 @@ impl Total {
         (col..to).for_each(|col| self.add(error(col), true));
     }
 
-    fn finish(self) -> (f32, f32) {
+    fn finish(self, doubt: impl Fn(f64) -> f64) -> (f32, f32) {
         let largest = self.most.iter().fold(self.largest, |most, &lane| most.max(lane));
         let sum = self.sum + self.lanes.iter().sum::<f64>();
-        (towards_zero(largest), sum as f32)
+        (upwards(largest + doubt(largest)), sum as f32)
     }
 }
 
-/// The nearest `f32` that is not above `value` (not negative).
-fn towards_zero(value: f64) -> f32 {
+/// Bound on the rounding of an error up to `largest`: some ten operations on terms no larger than
+/// these. A level facet has only one that rounds, the difference itself.
+fn doubt(facet: &Facet, p: [Local; 3], z: [f64; 3], largest: f64) -> f64 {
+    let [q, r, s] = p.map(|corner| corner.lattice().map(f64::from));
+    let [[bx, by], [cx, cy]] = [r, s].map(|to| [to[0] - q[0], to[1] - q[1]]);
+    let (zb, zc) = ((z[1] - z[0]).abs(), (z[2] - z[0]).abs());
+    let (mut size, far) = (largest, |axis: usize| q[axis].max(r[axis]).max(s[axis]));
+    if zb + zc > 0.0 {
+        let area = (bx * cy - by * cx).abs();
+        let reach = |b: f64, c: f64| b.abs() + c.abs();
+        size += z.iter().fold(0.0, |most: f64, z| most.max(z.abs()));
+        size += 2.0 * (facet.gx.abs() * far(0) + facet.gy.abs() * far(1));
+        size += (zb * cy.abs() + zc * by.abs()) / area * reach(bx, cx);
+        size += (zc * bx.abs() + zb * cx.abs()) / area * reach(by, cy);
+    }
+    16.0 * f64::EPSILON * size
+}
+
+/// The nearest `f32` that is not below `value` (not negative).
+fn upwards(value: f64) -> f32 {
     let rounded = value as f32;
-    if f64::from(rounded) > value { rounded.next_down() } else { rounded }
+    if f64::from(rounded) < value { rounded.next_up() } else { rounded }
 }
 
 /// Which of the two triangles beside an edge owns the samples on it: decided by direction alone,

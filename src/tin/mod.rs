@@ -112,6 +112,8 @@ pub struct TileInput<'a> {
     pub apron_above: u32,
     /// Rows (0 or 1) of apron below.
     pub apron_below: u32,
+    /// Farthest that neighbouring posts are apart; see [`PatchInput::spacing`].
+    pub spacing: u32,
 }
 
 /// A finished tile: positions are relative to the tile's first sample (apron not counted).
@@ -155,6 +157,10 @@ pub struct PatchInput<'a> {
     pub seam_row: Option<u32>,
     /// Where the grid ends with the rectangle: left, right, above, below.
     pub grid_ends: [bool; 4],
+    /// Circles of triangles are no wider than the diagonal of a square of this side: each tile begins
+    /// with a lattice of vertices (*posts*) so far apart, and none is dropped that keeps circles small.
+    /// So what happens at a seam ends near it, and a patch can hold all of it.
+    pub spacing: u32,
 }
 
 /// A mended patch.

@@ -32,9 +32,17 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         insert_adaptive(&judge, mesh, lists);
     }
     if spec.drop {
+        drop.limit_circles(input.spacing);
         drop_seam(&judge, mesh, input, drop);
     }
-    finish(mesh, &Border { field, grid_ends: input.grid_ends }, &sorted, spec, used)
+    finish(mesh, &Border { field, input }, &sorted, spec, used)
+}
+
+impl PatchInput<'_> {
+    /// True when a vertex may have been chosen for a rim alone.
+    fn is_on_seam(&self, p: Local) -> bool {
+        Some(p.col()) == self.seam_col || Some(p.row()) == self.seam_row
+    }
 }
 
 /// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
@@ -59,15 +67,24 @@ fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
 /// What lies beyond the edges that have no twin.
 struct Border<'a> {
     field: &'a Field,
-    grid_ends: [bool; 4],
+    input: &'a PatchInput<'a>,
 }
 
 impl Border<'_> {
-    /// The triangle, once for each frozen edge, turned so that this edge comes first.
-    fn beside(&self, tri: &Tri) -> impl Iterator<Item = [Local; 3]> {
-        let is_frozen = |&edge: &u32| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge);
-        let turned = |edge| [edge, next(edge), prev(edge)].map(|i| tri.corners[i as usize]);
-        (0..3).filter(is_frozen).map(turned)
+    /// The triangle, once for each frozen edge beyond which the mesh may not agree with it, turned so
+    /// that this edge comes first: all edges of a changed triangle, and those on the seam of any.
+    fn beside<'b>(&'b self, tri: &'b Tri) -> impl Iterator<Item = [Local; 3]> + 'b {
+        let is_asked = move |edge| tri.source == NONE || self.is_on_seam(tri, edge);
+        let is_open = move |&edge: &u32| {
+            tri.twins[edge as usize] == NONE && is_asked(edge) && self.is_frozen(tri, edge)
+        };
+        let turned =
+            move |edge| [edge, next(edge), prev(edge)].map(|i: u32| tri.corners[i as usize]);
+        (0..3).filter(is_open).map(turned)
+    }
+
+    fn is_on_seam(&self, tri: &Tri, edge: u32) -> bool {
+        [edge, next(edge)].iter().all(|&i| self.input.is_on_seam(tri.corners[i as usize]))
     }
 
     /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
@@ -81,7 +98,8 @@ impl Border<'_> {
     /// nor on the outline of a void.
     fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
-        !on_grid_border(from, to, self.field, self.grid_ends) && !self.has_void_beyond(from, to)
+        !on_grid_border(from, to, self.field, self.input.grid_ends)
+            && !self.has_void_beyond(from, to)
     }
 
     /// True when the cell to the right of the directed unit edge is inside the patch and void.
@@ -127,11 +145,10 @@ fn drop_seam(
     input: &PatchInput<'_>,
     scratch: &mut drop::Scratch,
 ) {
-    let on_seam = |p: Local| Some(p.col()) == input.seam_col || Some(p.row()) == input.seam_row;
     let mut seam: Vec<(Local, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
-        seam.extend(half_edges.filter(|&(p, _)| on_seam(p)));
+        seam.extend(half_edges.filter(|&(p, _)| input.is_on_seam(p)));
     }
     seam.sort_unstable();
     seam.dedup_by_key(|&mut (p, _)| p);
@@ -157,6 +174,7 @@ fn finish(
     let mut patch = PatchMesh::default();
     for id in mesh.ids() {
         let tri = &mesh.tris[id as usize];
+        patch.border.extend(border.beside(tri));
         if let Some(&kept) = sorted.get(tri.source as usize) {
             patch.triangles.push(kept);
             continue;
@@ -166,7 +184,6 @@ fn finish(
             if spec.measure { measure(field, tri.corners, owned) } else { (0.0, 0.0) };
         let corners = smallest_first(tri.corners);
         patch.triangles.push(Triangle { corners, max_error, square_sum });
-        patch.border.extend(border.beside(tri));
     }
     (patch.vertices, patch.heights) = vertices_in_use(&patch.triangles, field, used);
     patch

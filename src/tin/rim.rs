@@ -95,6 +95,14 @@ pub(super) struct Rim {
     pub(super) first: Local,
     pub(super) along_rows: bool,
     pub(super) count: u32,
+    pub(super) spacing: u32,
+}
+
+/// Where the posts of a side of so many cells are: evenly from one end to the other, and at most
+/// `spacing` apart.
+pub(super) fn posts(cells: u32, spacing: u32) -> impl Iterator<Item = u32> {
+    let parts = cells.div_ceil(spacing);
+    (0..=parts).map(move |i| i * cells / parts)
 }
 
 impl Rim {
@@ -105,7 +113,8 @@ impl Rim {
 
     /// Appends the rim's vertices in order, its two ends included.
     ///
-    /// Between samples of the outline the rim is either all surface or all void. On the surface,
+    /// Between samples of the outline the rim is either all surface or all void. On the surface, between
+    /// posts,
     /// the sample furthest from the chord (the first among equals) is kept and both halves are
     /// treated alike, until every sample is within `tolerance` of its chord: lines are refined so, too
     /// ([`refine`]), but here the vertical distance decides without rounding.
@@ -118,11 +127,13 @@ impl Rim {
         out: &mut Vec<Local>,
     ) {
         let last = self.count - 1;
-        let is_fixed = |i: &u32| *i == last || role(self.at(*i)) == Role::Outline;
+        let mut posts = posts(last, self.spacing).skip(1).peekable();
+        let mut is_fixed =
+            |i: &u32| posts.next_if_eq(i).is_some() || role(self.at(*i)) == Role::Outline;
         let mut start = 0;
         out.push(self.at(0));
         while start < last {
-            let end = (start + 1..=last).find(is_fixed).unwrap_or(last);
+            let end = (start + 1..=last).find(&mut is_fixed).unwrap_or(last);
             if end > start + 1 && role(self.at(start + 1)) == Role::Interior {
                 let ends = [start, end].map(|i| i as usize);
                 self.refine(ends, &sample, &vertex, tolerance, out);

@@ -5,7 +5,7 @@ use super::field::Field;
 use super::greedy::{Judge, WorkLists, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Mesh, NONE, State, next};
-use super::rim::{Rim, Role, Surface};
+use super::rim::{Rim, Role, Surface, posts};
 use super::scan::{self, Scan};
 use super::{Local, Spec, TileInput, TileMesh, Triangle, drop, strict};
 
@@ -55,8 +55,10 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     scratch.field.load(&input.heights, window, RIM, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
     let surface = Surface::new(input);
-    let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance);
-    insert_fixed(&mut scratch.mesh, &fixed, &mut Vec::new());
+    let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input.spacing);
+    insert_all(&mut scratch.mesh, &fixed);
+    insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
+    scratch.mesh.border_is_fixed = true;
     if surface.has_voids() {
         mark_outside(&mut scratch.mesh, &surface);
     }
@@ -67,6 +69,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         insert_adaptive(&judge, &mut scratch.mesh, &mut scratch.lists);
     }
     if spec.drop {
+        scratch.drop.limit_circles(input.spacing);
         drop::drop_redundant(&judge, &mut scratch.mesh, &fixed, &mut scratch.drop);
     }
     let borders = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
@@ -86,12 +89,18 @@ impl TileInput<'_> {
 }
 
 /// Rim vertices and outline samples, sorted.
-fn fixed_vertices(surface: &Surface<'_>, field: &Field, tolerance: f64) -> Vec<Local> {
+fn fixed_vertices(
+    surface: &Surface<'_>,
+    field: &Field,
+    tolerance: f64,
+    spacing: u32,
+) -> Vec<Local> {
     let (cols, rows) = (field.width(), field.height());
     let rim = |col, row, along_rows| Rim {
         first: Local::new(col, row),
         along_rows,
         count: if along_rows { rows } else { cols },
+        spacing,
     };
     let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
     let has_voids = surface.has_voids();
@@ -110,15 +119,22 @@ fn fixed_vertices(surface: &Surface<'_>, field: &Field, tolerance: f64) -> Vec<L
     fixed
 }
 
-fn insert_fixed(mesh: &mut Mesh, fixed: &[Local], star: &mut Vec<u32>) {
-    let mut near = 0;
-    for &p in fixed {
+/// The posts that are not on the rim.
+fn inner_posts(surface: &Surface<'_>, field: &Field, spacing: u32) -> Vec<Local> {
+    let inside = |cells| posts(cells, spacing).filter(move |&at| at > 0 && at < cells);
+    let [cols, rows] = [field.width() - 1, field.height() - 1];
+    let all = inside(rows).flat_map(|row| inside(cols).map(move |col| Local::new(col, row)));
+    all.filter(|&p| !surface.has_voids() || surface.role(p) == Role::Interior).collect()
+}
+
+fn insert_all(mesh: &mut Mesh, points: &[Local]) {
+    let (mut near, mut star) = (0, Vec::new());
+    for &p in points {
         let t = mesh.locate(p, near);
         star.clear();
-        mesh.insert(t, p, star);
+        mesh.insert(t, p, &mut star);
         near = star.first().copied().unwrap_or(t);
     }
-    mesh.border_is_fixed = true;
 }
 
 /// Triangles lie wholly inside or wholly outside the surface, because every unit edge of its

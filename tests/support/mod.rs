@@ -12,11 +12,15 @@ use terrane::{Error, Result};
 /// A grid whose heights are a function of the position; NaN is void.
 pub(crate) struct FunctionGrid {
     pub info: GridInfo,
-    pub height_at: fn(u32, u32) -> f64,
+    pub height_at: Box<dyn Fn(u32, u32) -> f64 + Send + Sync>,
 }
 
 impl FunctionGrid {
-    pub(crate) fn new(width: u32, height: u32, height_at: fn(u32, u32) -> f64) -> Self {
+    pub(crate) fn new(
+        width: u32,
+        height: u32,
+        height_at: impl Fn(u32, u32) -> f64 + Send + Sync + 'static,
+    ) -> Self {
         let info = GridInfo {
             width,
             height,
@@ -34,7 +38,7 @@ impl FunctionGrid {
             format: "test",
             details: Vec::new(),
         };
-        Self { info, height_at }
+        Self { info, height_at: Box::new(height_at) }
     }
 
     fn each(rect: Rect) -> impl Iterator<Item = (u32, u32)> {

@@ -47,7 +47,9 @@ pub(super) fn choose(
 ) -> Result<(PointStore, Errors)> {
     let vertices = PointStore::empty(*work.points.tiling(), work.folder, work.vertex_bytes);
     first_choice(work, tolerance, hull, &vertices)?;
-    let errors = settle(work, tolerance, hull, &vertices)?;
+    let mut errors = settle(work, tolerance, hull, &vertices)?;
+    // It was rounded up, and all points are known to be within.
+    errors.most = errors.most.min(tolerance);
     Ok((vertices, errors))
 }
 

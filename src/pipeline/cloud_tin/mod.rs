@@ -30,8 +30,28 @@ use crate::pipeline::{Cancel, Progress, Resources, peak_memory, workers};
 
 /// Most points of a region, unless a single square holds more.
 const REGION_POINTS: u64 = 1 << 17;
-/// Bytes that a worker takes for each point of a region, its surroundings and its mesh included.
-const POINT_BYTES: u64 = 320;
+/// How the memory is divided.
+struct Division {
+    /// Eighths for points that wait, for vertices that wait, and for the program and its workers.
+    points: u64,
+    vertices: u64,
+    workers: u64,
+    /// Bytes that a worker takes for each point of a region, its surroundings, its mesh and what of it
+    /// waits to be written included.
+    point_bytes: u64,
+}
+
+/// Where vertices are chosen among the points, and where every point is one: the mesh is larger then,
+/// and no vertices wait beside the points.
+const CHOSEN: Division = Division { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
+const ALL: Division = Division { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
+
+impl Division {
+    fn of(tolerance: f64) -> &'static Self {
+        if tolerance == 0.0 { &ALL } else { &CHOSEN }
+    }
+}
+
 /// Fewest bytes for points and vertices that wait.
 const LEAST_SHARED: u64 = 8 << 20;
 
@@ -159,7 +179,7 @@ pub(super) fn make(
     let folder = folder(job);
     let filling = Filling {
         threads: job.resources.threads.max(1),
-        memory: job.resources.memory / 2,
+        memory: job.resources.memory / 8 * Division::of(job.tolerance).points,
         folder: &folder,
         progress,
         cancel,
@@ -168,7 +188,8 @@ pub(super) fn make(
     clock.lap("read", points.census().read);
     let regions = Regions::new(&points, REGION_POINTS);
     let threads = threads(job, regions.most_points())?;
-    let (measure, vertex_bytes) = (job.measure, job.resources.memory / 8);
+    let vertex_bytes = job.resources.memory / 8 * Division::of(job.tolerance).vertices;
+    let measure = job.measure;
     let work = Work {
         points: &points,
         regions: &regions,
@@ -228,11 +249,12 @@ fn triangulate(
 
 /// Workers that fit in what the points leave of the memory.
 fn threads(job: &CloudTinJob, most_points: u64) -> Result<usize> {
-    let worker = most_points * POINT_BYTES;
-    let left = (job.resources.memory / 8 * 3).saturating_sub(PROGRAM);
-    let fitting = left / worker.max(1);
-    if fitting == 0 || job.resources.memory / 2 < LEAST_SHARED {
-        let needed = ((worker + PROGRAM) / 3 * 8).max(2 * LEAST_SHARED).div_ceil(1 << 20) + 1;
+    let Division { points, workers, point_bytes, .. } = Division::of(job.tolerance);
+    let (eighth, worker) = (job.resources.memory / 8, (most_points * point_bytes).max(1));
+    let fitting = (eighth * workers).saturating_sub(PROGRAM) / worker;
+    if fitting == 0 || eighth * points < LEAST_SHARED {
+        let eighth = (worker + PROGRAM).div_ceil(*workers).max(LEAST_SHARED.div_ceil(*points));
+        let needed = (8 * eighth).div_ceil(1 << 20);
         let message = format!("at least {needed} MiB of memory are needed");
         return Err(Error::new(ErrorKind::Resource, message)
             .remedy(format!("pass --memory {needed}M or more")));

@@ -23,8 +23,12 @@ pub(super) struct Written {
 struct Part {
     vertices: Vec<Point>,
     triangles: Vec<[u64; 3]>,
+    /// Empty where the sink does not want them.
     corners: Vec<[Point; 3]>,
 }
+
+/// Vertices or triangles that are handed to the sink at a time.
+const BATCH: usize = 1 << 12;
 
 /// Writes the triangulation of `vertices`.
 pub(super) fn write(
@@ -38,12 +42,13 @@ pub(super) fn write(
     let mut written = Written::default();
     work.progress.begin("write", work.regions.all.len() as u64);
     let all = work.regions.all.len();
-    let wave = 2 * work.threads;
-    for from in (0..all).step_by(wave) {
-        let count = wave.min(all - from);
+    let with_corners = sink.wants_corners();
+    for from in (0..all).step_by(work.threads) {
+        let count = work.threads.min(all - from);
         let parts: Vec<Mutex<Option<Part>>> = (0..count).map(|_| Mutex::new(None)).collect();
         let make = |_: &mut (), i: u64| {
-            let part = part(work, vertices, hull, &firsts, from + i as usize)?;
+            let mut part = part(work, vertices, hull, &firsts, from + i as usize)?;
+            sort(&mut part, with_corners);
             *lock(&parts[i as usize]) = Some(part);
             Ok(())
         };
@@ -108,7 +113,6 @@ fn part(
         part.triangles.push(at.map(|v| ids[v].unwrap_or_default()));
         part.corners.push(corners);
     }
-    sort(&mut part);
     Ok(part)
 }
 
@@ -121,23 +125,33 @@ fn id(local: &mut Local<'_>, firsts: &[u64], vertex: Point, square: usize) -> Re
 }
 
 /// Turns each triangle to begin with its lowest vertex, and puts them in order.
-fn sort(part: &mut Part) {
-    let mut all: Vec<([u64; 3], [Point; 3])> =
-        part.triangles.drain(..).zip(part.corners.drain(..)).collect();
-    for (ids, corners) in &mut all {
+fn sort(part: &mut Part, with_corners: bool) {
+    for (ids, corners) in part.triangles.iter_mut().zip(&mut part.corners) {
         let least = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);
         ids.rotate_left(least);
         corners.rotate_left(least);
     }
+    if !with_corners {
+        part.corners = Vec::new();
+        return part.triangles.sort_unstable();
+    }
+    let (triangles, corners) = (std::mem::take(&mut part.triangles), &mut part.corners);
+    let mut all: Vec<_> = triangles.into_iter().zip(corners.drain(..)).collect();
     all.sort_unstable();
     (part.triangles, part.corners) = all.into_iter().unzip();
 }
 
 fn push(part: &Part, frame: &Frame, sink: &mut dyn MeshSink) -> Result<()> {
-    let vertices: Vec<Point3> = part.vertices.iter().map(|&p| frame.world(p)).collect();
-    let corners: Vec<[Point3; 3]> = match sink.wants_corners() {
-        true => part.corners.iter().map(|corners| corners.map(|p| frame.world(p))).collect(),
-        false => Vec::new(),
-    };
-    sink.push(MeshBatch { vertices: &vertices, triangles: &part.triangles, corners: &corners })
+    let world = |p: &Point| frame.world(*p);
+    for vertices in part.vertices.chunks(BATCH) {
+        let vertices: Vec<Point3> = vertices.iter().map(world).collect();
+        sink.push(MeshBatch { vertices: &vertices, triangles: &[], corners: &[] })?;
+    }
+    let mut corners = part.corners.chunks(BATCH);
+    for triangles in part.triangles.chunks(BATCH) {
+        let corners = corners.next().unwrap_or_default().iter();
+        let corners: Vec<[Point3; 3]> = corners.map(|c| [0, 1, 2].map(|i| world(&c[i]))).collect();
+        sink.push(MeshBatch { vertices: &[], triangles, corners: &corners })?;
+    }
+    Ok(())
 }

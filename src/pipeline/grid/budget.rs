@@ -3,6 +3,7 @@
 //! | share | bytes |
 //! |---|---|
 //! | the program itself | [`PROGRAM`] |
+//! | half of all, if there is a surface: points it goes through | [`Budget::points`] |
 //! | the table of blocks | 64 for each |
 //! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
 //! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
@@ -33,6 +34,8 @@ pub(super) struct Budget {
     pub(super) threads: usize,
     /// Bytes for cells.
     pub(super) blocks: u64,
+    /// Bytes for points that surfaces go through.
+    pub(super) points: u64,
     /// A block has 2^shift columns and rows.
     pub(super) shift: u32,
 }
@@ -46,7 +49,9 @@ impl Budget {
         recipe: &Recipe,
         points: u64,
     ) -> Result<Self> {
-        let Resources { threads, memory, .. } = *resources;
+        let Resources { threads, memory: all, .. } = *resources;
+        let surface_share = if recipe.triangulates() { all / 2 } else { 0 };
+        let memory = all - surface_share;
         let around = if recipe.triangulates() { surface::WORKER } else { 0 };
         let worker = WORKER.max(around + writing(format, sink, extent, recipe));
         let (width, height) = extent.lattice.size();
@@ -58,10 +63,10 @@ impl Budget {
             memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
         };
         let fits = |threads: &u64| left(*threads, MOST_SHIFT).is_some_and(|left| left >= LEAST);
-        let threads = (1..=threads.max(1) as u64)
-            .rev()
-            .find(fits)
-            .ok_or_else(|| too_small(memory, PROGRAM + slots(MOST_SHIFT) + worker + LEAST))?;
+        let threads = (1..=threads.max(1) as u64).rev().find(fits).ok_or_else(|| {
+            let least = PROGRAM + slots(MOST_SHIFT) + worker + LEAST;
+            too_small(all, if surface_share > 0 { 2 * least } else { least })
+        })?;
         let good = |shift: &u32| {
             let room = left(threads, *shift).unwrap_or(0);
             (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
@@ -71,7 +76,7 @@ impl Budget {
             (LEAST_SHIFT..=MOST_SHIFT).find(held).unwrap_or(MOST_SHIFT)
         });
         let blocks = left(threads, shift).unwrap_or(LEAST);
-        Ok(Self { threads: threads as usize, blocks, shift })
+        Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
     }
 }
 
@@ -93,7 +98,7 @@ impl Budget {
         let least = PROGRAM + LEAST + worker;
         let threads = threads.ok_or_else(|| too_small(resources.memory, least))?;
         let blocks = LEAST + left(threads).unwrap_or(0) / 2;
-        Ok(Self { threads, blocks, shift: MOST_SHIFT })
+        Ok(Self { threads, blocks, points: 0, shift: MOST_SHIFT })
     }
 }
 

@@ -18,7 +18,7 @@ use crate::geom::Frame;
 use crate::gridding::{Band, Recipe, Units};
 use crate::pipeline::convert::{copy_levels, task};
 use crate::pipeline::points::{Limits, parts_in};
-use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
+use crate::pipeline::{Cancel, Progress, peak_memory};
 use crate::raster::write::GridSink;
 use crate::raster::{GridInfo, GridSource};
 
@@ -59,14 +59,12 @@ impl<'a> Maker<'a> {
         let info = extent.written(job);
         let format = job.format()?;
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
-        let share = if recipe.triangulates() { job.resources.memory / 2 } else { 0 };
-        let rest = Resources { memory: job.resources.memory - share, ..job.resources.clone() };
         let parts = self.parts();
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
-        let budget = Budget::divide(&rest, format, sink.as_ref(), extent, &recipe, count)?;
+        let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
         let blocks = Blocks::new(&recipe, extent, &budget, job.spill_folder());
         let feed = Feed { source: self.points, parts, extent, recipe: &recipe, blocks: &blocks };
-        let (fed, heights) = self.gather(&feed, budget.threads, share)?;
+        let (fed, heights) = self.gather(&feed, budget.threads, budget.points)?;
         let accumulated = GridStage::since("points", start);
         let begun = Instant::now();
         let (units, max_edge) = (self.units(), job.max_edge);

@@ -47,6 +47,16 @@ pub(super) enum Seam {
     Corner,
 }
 
+/// The cells asked for along a tile's side, if tiles can have so many.
+pub(super) fn checked_tile(tile: u32) -> Result<u32> {
+    if TILE_CELLS.contains(&tile) {
+        return Ok(tile);
+    }
+    let (least, most) = (TILE_CELLS.start(), TILE_CELLS.end());
+    Err(Error::usage(format!("a tile of {tile} cells is out of range"))
+        .remedy(format!("choose {least} to {most}")))
+}
+
 /// The tiling of one grid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
@@ -62,18 +72,21 @@ pub(super) struct Layout {
 impl Layout {
     /// The tiling of `width` x `height` samples into tiles of `tile` cells.
     pub(super) fn new(width: u32, height: u32, tile: u32) -> Result<Self> {
-        if !TILE_CELLS.contains(&tile) {
-            let (least, most) = (TILE_CELLS.start(), TILE_CELLS.end());
-            return Err(Error::usage(format!("a tile of {tile} cells is out of range"))
-                .remedy(format!("choose {least} to {most}")));
-        }
+        checked_tile(tile)?;
         if width < 2 || height < 2 {
             return Err(Error::bad_input(format!(
                 "a surface needs at least 2 x 2 samples, the grid has {width} x {height}"
             )));
         }
+        // What is larger than the grid is as large as the grid: it takes no more memory.
+        let tile = tile.min((width.max(height) - 1).max(*TILE_CELLS.start()));
         let (cols, rows) = ((width - 1).div_ceil(tile), (height - 1).div_ceil(tile));
         Ok(Self { width, height, tile, cols, rows })
+    }
+
+    /// Cells along a tile's side.
+    pub(super) fn side(&self) -> u32 {
+        self.tile
     }
 
     /// Number of tiles.
@@ -205,6 +218,12 @@ impl Layout {
     /// The most a patch may reach: beyond half a tile two patches of one phase would overlap.
     pub(super) fn widest_reach(&self) -> u32 {
         self.tile / 2
+    }
+
+    /// How far apart the posts of a tile are at most. Triangles are then not wider than a third of a
+    /// tile or so, and a patch of half a tile holds all that meet at its seam.
+    pub(super) fn spacing(&self) -> u32 {
+        self.tile / 4
     }
 
     /// The rows of a finished tile that no narrow patch will read again.

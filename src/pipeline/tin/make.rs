@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::budget::search;
 use super::estimate::{Estimator, Size};
 use super::job::{Goal, TinJob};
-use super::layout::Layout;
+use super::layout::{Layout, checked_tile};
 use super::local::height_origin;
 use super::report::TinReport;
 use super::run::{Outcome, Settings, run_on};
@@ -20,8 +20,8 @@ use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
-use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
+use crate::pipeline::{Cancel, Progress, peak_memory};
+use crate::raster::{GridInfo, GridSource, Inputs, OpenOptions};
 use crate::tin::Spec;
 
 /// Runs a job from file to file.
@@ -60,20 +60,35 @@ impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
         let format = output::by_path(&job.output, job.format.as_deref())?;
-        let Resources { memory, threads, .. } = job.resources;
-        let shares = memory::divide(memory, threads, worker_bytes(job.tile))?;
-        let options = OpenOptions {
-            band: job.band,
-            nodata: job.nodata,
-            cache_bytes: usize::try_from(shares.cache).unwrap_or(usize::MAX),
-            threads: shares.threads,
-            temp_dir: job.resources.temp_dir.clone(),
-        };
-        let source = raster::open_all(job.input.names(), &options)?;
+        let (source, shares) = open(job)?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         Ok(Self { source, format, height_origin, shares })
     }
+}
+
+/// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
+fn open(job: &TinJob) -> Result<memory::Opened> {
+    let options = OpenOptions {
+        band: job.band,
+        nodata: job.nodata,
+        temp_dir: job.resources.temp_dir.clone(),
+        ..OpenOptions::default()
+    };
+    let open = |tile| memory::open(&job.input, &options, &job.resources, worker_bytes(tile));
+    let tile = checked_tile(job.tile)?;
+    open(tile).or_else(|error| {
+        let too_large = |_: &Error| {
+            let source = memory::look_at(&job.input, &options).ok()?;
+            let GridInfo { width, height, .. } = *source.info();
+            Layout::new(width, height, tile).ok().map(|layout| layout.side())
+        };
+        let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
+        match side.and_then(too_large) {
+            Some(side) if side < tile => open(side),
+            _ => Err(error),
+        }
+    })
 }
 
 /// Errors about the content of the input name it.
@@ -210,12 +225,13 @@ impl Maker<'_> {
         counted: impl Fn(Size) -> u64,
     ) -> Result<(f64, u32)> {
         let spec = Spec { measure: false, ..self.spec(0.0) };
-        if budget >= layout.samples() / 2 && self.count(0.0, &counted)? <= budget {
+        let may_be_all = budget >= layout.samples() / 2;
+        if may_be_all && self.count(0.0, &counted)? <= budget {
             return Ok((0.0, 1));
         }
         let guess = Estimator::new(&*self.opened.source, layout, self.cancel)
             .guess(&spec, budget, &counted)?;
-        search(budget, guess, |tolerance| self.count(tolerance, &counted))
+        search(budget, guess, may_be_all.into(), |tolerance| self.count(tolerance, &counted))
     }
 
     /// The size of the mesh at a tolerance, by making it and throwing it away.

@@ -230,6 +230,7 @@ fn write_parts(
 
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
+    let tolerance = shared.settings.spec.tolerance;
     let Tally { valid, isolated, suspects } =
         shared.tally.into_inner().unwrap_or_else(PoisonError::into_inner);
     shared.queue.into_result()?;
@@ -241,7 +242,8 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         valid,
         isolated,
         suspects,
-        max_error: f64::from(totals.max_error),
+        // It was rounded up, and all samples are known to be within.
+        max_error: f64::from(totals.max_error).min(tolerance),
         square_sum: totals.square_sum,
         spilled_bytes: shared.store.spilled(),
         output_bytes: writer.finish()?,

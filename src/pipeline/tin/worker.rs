@@ -218,6 +218,7 @@ impl<'a> Worker<'a> {
             seam_col,
             seam_row,
             grid_ends: layout.grid_ends(rect),
+            spacing: layout.spacing(),
         };
         let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
         self.clock.add(Stage::Seams, started, rect.len() as u64);
@@ -380,6 +381,7 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
         apron_right: apron.end_col() - rect.end_col(),
         apron_above: rect.row - apron.row,
         apron_below: apron.end_row() - rect.end_row(),
+        spacing: layout.spacing(),
     }
 }
 

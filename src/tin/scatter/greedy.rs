@@ -96,7 +96,8 @@ impl<'a> Fit<'a> {
         !self.queue.is_empty()
     }
 
-    /// The largest distance of a listed point and the sum of the squares of all, in steps.
+    /// The largest distance of a listed point (rounded up) and the sum of the squares of all, in
+    /// steps.
     pub fn measure(&self) -> (f64, f64) {
         let (mut most, mut squares) = (0.0_f64, 0.0);
         for triangle in 0..self.mesh.triangles().len() as u32 {
@@ -105,7 +106,10 @@ impl<'a> Fit<'a> {
             let mut point = self.heads[triangle as usize];
             while point != NONE {
                 let distance = plane.distance(self.points[point as usize]);
-                (most, squares) = (most.max(distance), squares + distance * distance);
+                squares += distance * distance;
+                if distance + plane.doubt(distance) > most {
+                    most = most.max(rounded_up(corners, self.points[point as usize]));
+                }
                 point = self.nexts[point as usize];
             }
         }
@@ -258,17 +262,29 @@ fn from(a: Point, b: Point) -> [i64; 3] {
 
 /// True when a point in the triangle is further than `tolerance` steps from it, exactly: a whole
 /// number of products is compared with the tolerance times twice the area.
-pub fn exceeds([a, b, c]: [Point; 3], point: Point, tolerance: f64) -> bool {
-    let ([bx, by, bz], [cx, cy, cz]) = (from(a, b).map(i128::from), from(a, c).map(i128::from));
-    let [x, y, z] = from(a, point).map(i128::from);
-    let area = bx * cy - by * cx;
-    let off = z * area - x * (bz * cy - by * cz) - y * (bx * cz - bz * cx);
+pub fn exceeds(corners: [Point; 3], point: Point, tolerance: f64) -> bool {
+    let [off, area] = offset(corners, point);
     // Whole part and fraction of the tolerance, the latter in 2^-24, which f64 below 2^29 resolves
     // exactly or is finer than any step matters: both sides stay below 2^126.
     let whole = tolerance.floor();
     let fraction = ((tolerance - whole) * f64::from(1 << 24)).floor() as i128;
     let allowed = area * whole as i128 * (1 << 24) + area * fraction;
     off.abs() * (1 << 24) > allowed.abs()
+}
+
+/// Vertical distance of a point from the plane of a triangle, in steps, as a fraction: what is above
+/// the line may be negative, below is twice the area.
+fn offset([a, b, c]: [Point; 3], point: Point) -> [i128; 2] {
+    let ([bx, by, bz], [cx, cy, cz]) = (from(a, b).map(i128::from), from(a, c).map(i128::from));
+    let [x, y, z] = from(a, point).map(i128::from);
+    let area = bx * cy - by * cx;
+    [z * area - x * (bz * cy - by * cz) - y * (bx * cz - bz * cx), area]
+}
+
+/// A distance that is not below the true one, and above it by a few roundings at most.
+fn rounded_up(corners: [Point; 3], point: Point) -> f64 {
+    let [off, area] = offset(corners, point);
+    (off as f64 / area as f64).abs() * (1.0 + 4.0 * f64::EPSILON)
 }
 
 #[cfg(test)]
