@@ -151,6 +151,16 @@ impl Error {
         self
     }
 
+    /// Puts the file that named the one concerned in its place, which becomes a place in it: the user
+    /// knows the first and may never have heard of the second.
+    #[must_use]
+    pub fn named_by(mut self, path: &Path) -> Self {
+        let within = self.place.take().map(|place| format!(": {place}")).unwrap_or_default();
+        let inner = self.path.replace(path.to_path_buf());
+        self.place = inner.map(|inner| format!("source {}{within}", inner.display()));
+        self
+    }
+
     /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, parse, say, text};
+use crate::cli::{Outcome, args, check, names, parse, say, text};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::{self, ConvertJob};
@@ -17,11 +17,11 @@ use crate::raster::{SampleType, write};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
-    /// quotes are one mosaic
-    #[arg(required = true)]
-    input: Vec<String>,
-    /// File to write
-    output: PathBuf,
+    /// quotes are one mosaic. The last name is that of the file to write
+    #[arg(required = true, value_names = names::NAMES)]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
     /// Format to write [default: by the output's ending]
     #[arg(short, long, value_name = "NAME", help_heading = "Output")]
     format: Option<String>,

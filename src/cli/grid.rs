@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::cli::{Outcome, args, check, cloud, parse, text, tin};
+use crate::cli::{Outcome, args, check, cloud, names, parse, text, tin};
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
@@ -21,11 +21,11 @@ use crate::raster::SampleType;
 #[group(id = "grid")]
 pub(super) struct Args {
     /// Cloud of points: files (.las, .laz, or text with a point in each line), folders, patterns in
-    /// quotes, or lists are one cloud
-    #[arg(required = true)]
-    input: Vec<String>,
-    /// File to write
-    output: PathBuf,
+    /// quotes, or lists are one cloud. The last name is that of the file to write
+    #[arg(required = true, value_names = names::NAMES)]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
     #[command(flatten)]
     model: Model,
     #[command(flatten)]

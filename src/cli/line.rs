@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::cli::{Outcome, args, check, parse, text, tin};
+use crate::cli::{Outcome, args, check, names, parse, text, tin};
 use crate::error::Result;
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
@@ -20,11 +20,12 @@ use crate::pipeline::line::{
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]
 pub(super) struct Args {
-    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON
-    #[arg(required = true)]
-    input: Vec<PathBuf>,
-    /// File to write; with several inputs a folder, in which each keeps its name
-    output: PathBuf,
+    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last
+    /// name is that of the file to write; with several inputs of a folder, in which each keeps its name
+    #[arg(required = true, value_names = names::NAMES)]
+    pub(super) input: Vec<PathBuf>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
     #[command(flatten)]
     goal: GoalArgs,
     #[command(flatten)]

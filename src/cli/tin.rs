@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::atomic::{AtomicFile, refuse_existing};
-use crate::cli::{Outcome, args, check, cloud, cloud_tin, parse, say, text, verify};
+use crate::cli::{Outcome, args, check, cloud, cloud_tin, names, parse, say, text, verify};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::pipeline::Cancel;
@@ -18,10 +18,10 @@ use crate::raster::undeclared_nodata;
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
     /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
-    /// one or many
-    #[arg(required = true)]
+    /// one or many. The last name is that of the mesh file to write
+    #[arg(required = true, value_names = names::NAMES)]
     pub(super) input: Vec<String>,
-    /// Mesh file to write
+    #[arg(skip)]
     pub(super) output: PathBuf,
     #[command(flatten)]
     pub(super) goal: GoalArgs,

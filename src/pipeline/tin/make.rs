@@ -20,6 +20,7 @@ use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
+use crate::pipeline::surface::grid_stats;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
 use crate::tin::Spec;
@@ -109,7 +110,10 @@ impl Maker<'_> {
     ) -> Result<TinReport> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
-        let header = header(info, &job.input.to_string(), tolerance, height);
+        let mut header = header(info, &job.input.to_string(), tolerance, height);
+        if let Some(base) = job.solid_base {
+            self.check_base(base, &mut header)?;
+        }
         let options = SinkOptions {
             overwrite: job.overwrite,
             solid_base: job.solid_base,
@@ -127,6 +131,23 @@ impl Maker<'_> {
             Some(_) => None,
         };
         self.report(tolerance, trials, outcome, prj)
+    }
+
+    /// Fails before the work, by the lowest of all heights, when a solid's base is not below it; puts
+    /// the heights into the header.
+    fn check_base(&self, base: f64, header: &mut MeshHeader) -> Result<()> {
+        let Self { job, opened, progress, cancel } = self;
+        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
+        if let (Some(min), Some(max)) = (stats.min, stats.max) {
+            (header.bounds[0][2], header.bounds[1][2]) = (min, max);
+        }
+        match stats.min {
+            Some(lowest) if lowest <= base => Err(Error::usage(format!(
+                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+            ))
+            .remedy(format!("choose a base below {lowest}"))),
+            _ => Ok(()),
+        }
     }
 
     /// How the mesh is divided among files, if it is.

@@ -79,8 +79,8 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     let canvas = Canvas { path, info: &info, nest: &nest };
     let part = |source: &Source| {
         canvas.part(source).map_err(|e| match e.path() {
-            // About the file, not about what the VRT says of it.
-            Some(_) => e,
+            // About the file, which only the VRT has named.
+            Some(_) => e.named_by(path),
             None => e.at(&source.place),
         })
     };
