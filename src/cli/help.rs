@@ -16,7 +16,9 @@ pub(super) fn command() -> Command {
 fn with_usage(command: Command, verb: &str) -> Command {
     let goal = match verb {
         "tin" => "<--max-error <E>|--max-vertices <N>|--max-triangles <N>> ",
-        "line" => "<--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> ",
+        "line" => {
+            "<--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> "
+        }
         "convert" | "grid" => "",
         _ => return command,
     };

@@ -2,20 +2,28 @@
 
 use std::path::PathBuf;
 
+use clap::builder::TypedValueParser;
 use clap::error::ErrorKind::MissingRequiredArgument;
+
+use crate::files::{name_of, path_of};
 
 /// What the names are called in the help.
 pub(super) const NAMES: [&str; 2] = ["INPUT", "OUTPUT"];
 
+/// A name of any bytes that the system allows.
+pub(super) fn any() -> impl TypedValueParser<Value = String> {
+    clap::builder::OsStringValueParser::new().try_map(|name| name_of(PathBuf::from(name)))
+}
+
 /// Takes the output off the names. An option may stand between them, so that only at the end of the
 /// command line it is known which name is the last.
-pub(super) fn take_output<N: Into<PathBuf>>(
-    names: &mut Vec<N>,
+pub(super) fn take_output(
+    names: &mut Vec<String>,
     output: &mut PathBuf,
 ) -> Result<(), clap::Error> {
     match names.pop() {
         Some(last) if !names.is_empty() => {
-            *output = last.into();
+            *output = path_of(&last).into_owned();
             Ok(())
         }
         _ => {
@@ -36,7 +44,7 @@ mod tests {
         take_output(&mut names, &mut output).unwrap();
         assert_eq!((names.as_slice(), output), (&["a", "b"].map(str::to_owned)[..], "c".into()));
         for few in [&[][..], &["a"]] {
-            let mut names: Vec<PathBuf> = few.iter().map(PathBuf::from).collect();
+            let mut names: Vec<String> = few.iter().map(|&name| name.to_owned()).collect();
             assert!(take_output(&mut names, &mut PathBuf::new()).is_err(), "{few:?}");
         }
     }

@@ -2,7 +2,9 @@
 
 mod glob;
 mod list;
+mod name;
 mod raw;
 
-pub(crate) use list::{Seek, name};
+pub(crate) use list::Seek;
+pub(crate) use name::{name_of, path_of, shown};
 pub(crate) use raw::{RawFile, Reader, RowRun, to_usize};

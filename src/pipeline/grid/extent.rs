@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::CloudInfo;
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::geom::{Crs, Rect};
 use crate::gridding::{Edges, Lattice, Rules, Statistic};
 use crate::limits;
@@ -251,7 +252,7 @@ fn like_grid(
     cloud: &CloudInfo,
     job: &GridJob,
 ) -> Result<(Lattice, Spans, Crs, Vec<String>)> {
-    let path = std::path::Path::new(name);
+    let path = &*path_of(name);
     let source = raster::open(name, &raster::OpenOptions::default())?;
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;

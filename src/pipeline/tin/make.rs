@@ -14,12 +14,13 @@ use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
 use crate::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::Point3;
+use crate::geom::{Point3, Rounding};
 use crate::output::split::{self, Blocks};
 use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
+use crate::pipeline::placing::Placed;
 use crate::pipeline::surface::grid_stats;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridInfo, GridSource, Inputs, OpenOptions};
@@ -54,6 +55,8 @@ pub(super) struct Opened {
     pub(super) format: &'static MeshFormat,
     /// What heights are stored relative to, where the format stores them in f32.
     pub(super) height_origin: Option<f64>,
+    pub(super) placed: Placed,
+    notes: Vec<String>,
     pub(super) shares: Shares,
 }
 
@@ -73,7 +76,17 @@ impl Opened {
         let source = raster::open_all(job.input.names(), &options)?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
-        Ok(Self { source, format, height_origin, shares })
+        let info = source.info();
+        let (placed, notes) = job.placing.place(&info.crs, bounds(info), format)?;
+        Ok(Self { source, format, height_origin, placed, notes, shares })
+    }
+}
+
+impl Opened {
+    /// What becomes of heights in the file, where it stores them in f32.
+    fn rounding(&self) -> Option<Rounding> {
+        let scale = self.placed.scale[2];
+        self.height_origin.map(|origin| Rounding { origin, scale })
     }
 }
 
@@ -111,12 +124,11 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let mut header = header(info, &job.input.to_string(), tolerance, height);
-        if let Some(base) = job.solid_base {
-            self.check_base(base, &mut header)?;
-        }
+        header.scale = self.opened.placed.scale;
+        let solid_base = self.solid_base(&mut header)?;
         let options = SinkOptions {
             overwrite: job.overwrite,
-            solid_base: job.solid_base,
+            solid_base,
             temp_dir: job.resources.temp_dir.clone(),
         };
         let sink = match self.blocks()? {
@@ -133,20 +145,25 @@ impl Maker<'_> {
         self.report(tolerance, trials, outcome, prj)
     }
 
-    /// Fails before the work, by the lowest of all heights, when a solid's base is not below it; puts
-    /// the heights into the header.
-    fn check_base(&self, base: f64, header: &mut MeshHeader) -> Result<()> {
+    /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
+    /// the header. Fails before the work when the bottom is not below it.
+    fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
         let Self { job, opened, progress, cancel } = self;
-        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
-        if let (Some(min), Some(max)) = (stats.min, stats.max) {
-            (header.bounds[0][2], header.bounds[1][2]) = (min, max);
+        if job.solid_base.is_none() && job.placing.base.is_none() {
+            return Ok(None);
         }
-        match stats.min {
-            Some(lowest) if lowest <= base => Err(Error::usage(format!(
+        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
+        let (Some(lowest), Some(highest)) = (stats.min, stats.max) else {
+            return Ok(job.solid_base);
+        };
+        (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
+        let base = job.solid_base.or_else(|| job.placing.bottom(lowest, &opened.placed));
+        match base.filter(|base| lowest <= *base) {
+            Some(base) => Err(Error::usage(format!(
                 "the lowest height is {lowest}, and the solid's base is to be at {base}"
             ))
             .remedy(format!("choose a base below {lowest}"))),
-            _ => Ok(()),
+            None => Ok(base),
         }
     }
 
@@ -252,7 +269,7 @@ impl Maker<'_> {
             tolerance,
             strict: self.job.strict,
             drop: self.job.drop,
-            single_precision: self.opened.height_origin,
+            single_precision: self.opened.rounding(),
             measure: self.job.measure,
         }
     }
@@ -320,6 +337,8 @@ impl Maker<'_> {
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
+            placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
+            notes: self.opened.notes.clone(),
             tiles: layout.tiles(),
             tile_cells: job.tile,
             threads: self.opened.shares.threads,
@@ -353,6 +372,7 @@ fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHead
     MeshHeader {
         crs: info.crs.clone(),
         origin: origin(bounds, height),
+        scale: [1.0; 3],
         bounds,
         comments: vec![format!("source {input}"), format!("max error {tolerance}{unit}")],
     }
