@@ -59,15 +59,18 @@ pub struct Error {
     remedy: Option<String>,
     #[source]
     source: Option<io::Error>,
-    /// What it stands for, where it stands for several.
-    inner: Vec<Self>,
+    several: Option<Box<Several>>,
 }
+
+/// What an error stands for that stands for several.
+#[derive(Debug)]
+struct Several(Vec<Error>);
 
 impl Error {
     /// A new error of `kind`; `message` says what is wrong, without file or remedy.
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
-        let (message, inner) = (message.into(), Vec::new());
-        Self { kind, message, path: None, place: None, remedy: None, source: None, inner }
+        let (message, several) = (message.into(), None);
+        Self { kind, message, path: None, place: None, remedy: None, source: None, several }
     }
 
     /// One for all `failures` among `of` files. Only what is about files can be put together: of other
@@ -80,7 +83,7 @@ impl Error {
         let message = format!("{} of {of} files cannot be used", failures.len());
         let mut error = Self::new(failures[0].kind, message)
             .remedy("mend them, leave them out, or go on without them with --skip-bad");
-        error.inner = failures;
+        error.several = Some(Box::new(Several(failures)));
         error
     }
 
@@ -93,15 +96,15 @@ impl Error {
     /// As it displays, without the failures that it stands for.
     pub fn summary(&self) -> String {
         let Self { kind, message, remedy, .. } = self;
-        match (self.inner.is_empty(), remedy) {
-            (false, Some(remedy)) => Self::new(*kind, message).remedy(remedy).to_string(),
+        match (&self.several, remedy) {
+            (Some(_), Some(remedy)) => Self::new(*kind, message).remedy(remedy).to_string(),
             _ => self.to_string(),
         }
     }
 
     /// The failures that it stands for, where it stands for several.
     pub fn each(&self) -> &[Self] {
-        &self.inner
+        self.several.as_ref().map_or(&[], |several| &several.0)
     }
 
     /// Shorthand for [`ErrorKind::Usage`].
@@ -233,7 +236,7 @@ impl fmt::Display for Error {
             write!(line, "{place}: ")?;
         }
         write!(line, "{}", self.message)?;
-        for (i, inner) in self.inner.iter().enumerate() {
+        for (i, inner) in self.each().iter().enumerate() {
             write!(line, "{}{inner}", if i == 0 { ": " } else { " | " })?;
         }
         if let Some(remedy) = &self.remedy {

@@ -23,6 +23,9 @@ pub(super) struct Many {
     skip_bad: bool,
 }
 
+/// The files that inputs stand for.
+type Find = fn(&[String]) -> Result<Vec<String>>;
+
 impl Many {
     /// The first of these options that was given.
     pub(super) fn given(&self) -> Option<&'static str> {
@@ -71,7 +74,7 @@ impl Many {
     fn taken(
         &self,
         inputs: &[String],
-        [files, files_below]: [fn(&[String]) -> Result<Vec<String>>; 2],
+        [files, files_below]: [Find; 2],
         sift: impl FnOnce(&[String]) -> Result<Sifted>,
     ) -> Result<Sifted> {
         let names = match (self.recursive, self.skip_bad) {

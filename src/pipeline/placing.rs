@@ -50,6 +50,23 @@ impl Placed {
     }
 }
 
+/// Digits behind the point of an origin's x and y: a metre of degrees. The header of an STL has room for
+/// few.
+const ORIGIN_DIGITS: i32 = 5;
+
+impl Placed {
+    /// An origin near `origin` that is told in few digits, where the file has coordinates of its own.
+    pub fn origin(&self, origin: Point3, [low, high]: [Point3; 2]) -> Point3 {
+        let unit = 10_f64.powi(ORIGIN_DIGITS);
+        let short = |axis: usize| {
+            let rounded = (origin[axis] * unit).round() / unit;
+            let is_near = (rounded - origin[axis]).abs() * 64.0 <= high[axis] - low[axis];
+            if self.unit.is_some() && is_near { rounded } else { origin[axis] }
+        };
+        [short(0), short(1), origin[2]]
+    }
+}
+
 /// Semi-major axis and squared eccentricity of the ellipsoid of WGS 84.
 const AXIS: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 0.006_694_379_990_141_316;
@@ -281,6 +298,16 @@ mod tests {
             let refused = at(placing, crs, METRES, name).unwrap_err().to_string();
             assert!(refused.contains(part), "{refused}");
         }
+    }
+
+    #[test]
+    fn origins_are_short_where_they_may_be() {
+        let placed = Placed { scale: [1.0; 3], unit: Some("metre".to_owned()) };
+        let origin = [7.250_976_562_5, 45.100_585_937_5, 812.25];
+        assert_eq!(placed.origin(origin, DEGREES), [7.25098, 45.10059, 812.25]);
+        assert_eq!(Placed::default().origin(origin, DEGREES), origin);
+        let tiny = [[7.25097, 45.10058, 0.0], [7.25098, 45.10059, 0.0]];
+        assert_eq!(placed.origin(origin, tiny), origin, "not outside of what it is the origin of");
     }
 
     #[test]

@@ -34,8 +34,8 @@ impl Precision {
         match self {
             Self::Double => stored == height,
             Self::Single { origin, scale } => {
-                let held = ((height - origin) * scale) as f32;
-                stored == height || stored == origin + f64::from(held) / scale
+                let held = |z: f64| origin + f64::from(((z - origin) * scale) as f32) / scale;
+                stored == height || stored == held(height) || stored == held(held(height))
             }
         }
     }

@@ -159,6 +159,7 @@ pub(super) fn make(
     let mut header = header(job, info, bounds, format)?;
     let (placed, notes) = job.placing.place(&info.crs, header.bounds, format)?;
     header.scale = placed.scale;
+    header.origin = placed.origin(header.origin, header.bounds);
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
     let sink = || (format.create)(&job.output, &header, &options);

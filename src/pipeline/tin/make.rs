@@ -125,6 +125,7 @@ impl Maker<'_> {
         let height = self.opened.height_origin.unwrap_or(0.0);
         let mut header = header(info, &job.input.to_string(), tolerance, height);
         header.scale = self.opened.placed.scale;
+        header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
         let options = SinkOptions {
             overwrite: job.overwrite,

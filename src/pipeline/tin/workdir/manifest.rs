@@ -22,7 +22,7 @@ use crate::raster::{self, GridInfo, GridSource, Inputs, SYNTH_PREFIX};
 use crate::tin::{Local, Triangle};
 
 /// Changed whenever the same plan would give other bytes.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 /// Bytes of a vertex and of a triangle in a mesh file, about.
 const MESH_BYTES: [u64; 2] = [24, 13];
 
