@@ -201,7 +201,7 @@ impl Mesh {
 fn header() -> MeshHeader {
     let bounds = [point(0, SIDE - 1), point(SIDE - 1, 0)];
     let origin = [bounds[0][0], bounds[0][1], 0.0];
-    MeshHeader { crs: Crs::default(), origin, bounds, comments: Vec::new() }
+    MeshHeader { crs: Crs::default(), origin, scale: [1.0; 3], bounds, comments: Vec::new() }
 }
 
 fn point(col: u64, row: u64) -> Point3 {

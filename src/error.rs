@@ -59,12 +59,52 @@ pub struct Error {
     remedy: Option<String>,
     #[source]
     source: Option<io::Error>,
+    several: Option<Box<Several>>,
 }
+
+/// What an error stands for that stands for several.
+#[derive(Debug)]
+struct Several(Vec<Error>);
 
 impl Error {
     /// A new error of `kind`; `message` says what is wrong, without file or remedy.
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into(), path: None, place: None, remedy: None, source: None }
+        let (message, several) = (message.into(), None);
+        Self { kind, message, path: None, place: None, remedy: None, source: None, several }
+    }
+
+    /// One for all `failures` among `of` files. Only what is about files can be put together: of other
+    /// failures, and of a single one, comes the first.
+    pub(crate) fn several(mut failures: Vec<Self>, of: usize) -> Self {
+        let first = failures.iter().position(|failure| !failure.is_about_a_file()).unwrap_or(0);
+        if failures.len() < 2 || !failures[first].is_about_a_file() {
+            return failures.swap_remove(first);
+        }
+        let message = format!("{} of {of} files cannot be used", failures.len());
+        let mut error = Self::new(failures[0].kind, message)
+            .remedy("mend them, leave them out, or go on without them with --skip-bad");
+        error.several = Some(Box::new(Several(failures)));
+        error
+    }
+
+    /// True for what is wrong with a file, not with the request, the machine or the program.
+    pub(crate) fn is_about_a_file(&self) -> bool {
+        use ErrorKind::{BadInput, Io, Limit, Unsupported};
+        matches!(self.kind, BadInput | Unsupported | Limit | Io)
+    }
+
+    /// As it displays, without the failures that it stands for.
+    pub fn summary(&self) -> String {
+        let Self { kind, message, remedy, .. } = self;
+        match (&self.several, remedy) {
+            (Some(_), Some(remedy)) => Self::new(*kind, message).remedy(remedy).to_string(),
+            _ => self.to_string(),
+        }
+    }
+
+    /// The failures that it stands for, where it stands for several.
+    pub fn each(&self) -> &[Self] {
+        self.several.as_ref().map_or(&[], |several| &several.0)
     }
 
     /// Shorthand for [`ErrorKind::Usage`].
@@ -151,6 +191,16 @@ impl Error {
         self
     }
 
+    /// Puts the file that named the one concerned in its place, which becomes a place in it: the user
+    /// knows the first and may never have heard of the second.
+    #[must_use]
+    pub fn named_by(mut self, path: &Path) -> Self {
+        let within = self.place.take().map(|place| format!(": {place}")).unwrap_or_default();
+        let inner = self.path.replace(path.to_path_buf());
+        self.place = inner.map(|inner| format!("source {}{within}", inner.display()));
+        self
+    }
+
     /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {
@@ -186,11 +236,22 @@ impl fmt::Display for Error {
             write!(line, "{place}: ")?;
         }
         write!(line, "{}", self.message)?;
+        for (i, inner) in self.each().iter().enumerate() {
+            write!(line, "{}{inner}", if i == 0 { ": " } else { " | " })?;
+        }
         if let Some(remedy) = &self.remedy {
             write!(line, "; {remedy}")?;
         }
         Ok(())
     }
+}
+
+/// All values, or all failures in one: which is found first must not hide the others.
+pub(crate) fn all<T>(found: Vec<Result<T>>) -> Result<Vec<T>> {
+    let (of, mut failures) = (found.len(), Vec::new());
+    let values = found.into_iter().filter_map(|one| one.map_err(|e| failures.push(e)).ok());
+    let values: Vec<T> = values.collect();
+    if failures.is_empty() { Ok(values) } else { Err(Error::several(failures, of)) }
 }
 
 /// Passes text on with line breaks and other control characters escaped: words out of files, and
@@ -237,6 +298,22 @@ mod tests {
         }
         let error = Error::read(Path::new("a"), PermissionDenied.into());
         assert!(error.kind().exit_code() == 65 && error.to_string().contains("; "), "{error}");
+    }
+
+    #[test]
+    fn failures_of_files_are_told_together_and_others_first() {
+        let bad = |name: &str| Error::bad_input("is bad").in_file(Path::new(name));
+        let found = || vec![Ok(1), Err(bad("a")), Ok(2), Err(bad("b"))];
+        let together = all(found()).unwrap_err();
+        assert_eq!(together.each().len(), 2);
+        let told = together.to_string();
+        assert!(told.starts_with("2 of 4 files cannot be used: a: is bad | b: is bad; "), "{told}");
+        assert_eq!(all(vec![Ok(1), Err(bad("a"))]).unwrap_err().to_string(), "a: is bad");
+        let mut stopped = found();
+        stopped.push(Err(Error::new(ErrorKind::Interrupted, "stopped")));
+        let first = all(stopped).unwrap_err();
+        assert_eq!((first.kind(), first.each().len()), (ErrorKind::Interrupted, 0));
+        assert_eq!(all(vec![Ok(1), Ok(2)]).unwrap(), [1, 2]);
     }
 
     #[test]

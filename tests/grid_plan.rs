@@ -57,7 +57,13 @@ fn plan(folder: &Path, grid: &GridJob, tile: u32) -> Result<()> {
     let format = grid.format()?.name.to_owned();
     let output = folder.join("grid").with_extension(grid.output.extension().unwrap());
     let grid = GridJob { output, format: Some(format), ..grid.clone() };
-    plan_grid(&PlanGridJob { grid, folder: folder.to_path_buf(), tile: Some(tile) }).map(drop)
+    plan_grid(&PlanGridJob {
+        grid,
+        folder: folder.to_path_buf(),
+        tile: Some(tile),
+        skipped: Vec::new(),
+    })
+    .map(drop)
 }
 
 fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {

@@ -69,6 +69,46 @@ fn what_is_pushed_is_read_back() {
     }
 }
 
+/// Formats that have coordinates of their own record how they come by them.
+#[test]
+fn positions_in_units_of_the_file_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let degrees = mesh::surface(9, 4);
+    let origin = [7.25, 46.5, 0.0];
+    let world = |v: &Point3| {
+        let [x, y, z] = [0, 1, 2].map(|i| v[i] - [ORIGIN[0], ORIGIN[1], 0.0][i]);
+        [origin[0] + x / 1e6, origin[1] + y / 1e6, z]
+    };
+    let vertices: Vec<Point3> = degrees.vertices.iter().map(world).collect();
+    let corners: Vec<[Point3; 3]> =
+        degrees.triangles.iter().map(|ids| ids.map(|id| vertices[id as usize])).collect();
+    for format in FORMATS {
+        let path = folder.path().join(file_name(format));
+        for scale in [[1.0; 3], [76_500.25, 111_170.5, 1.0], [0.02, 0.02, 0.04]] {
+            let header = output::MeshHeader { origin, scale, ..mesh::header() };
+            let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
+            let mut sink = (format.create)(&path, &header, &options).unwrap();
+            let corners = if sink.wants_corners() { &corners[..] } else { &[] };
+            let triangles = &degrees.triangles;
+            sink.push(output::MeshBatch { vertices: &vertices, triangles, corners }).unwrap();
+            sink.finish().unwrap();
+            let source = output::open(&path).unwrap();
+            let own = if format.single_precision { scale } else { [1.0; 3] };
+            assert_eq!(source.info().scale, own, "{}", format.name);
+            let found = mesh::read(&*source, 100).unwrap();
+            let found = mesh::corners(&found);
+            let expected = triangles.iter().map(|ids| ids.map(|id| vertices[id as usize]));
+            for (found, expected) in found.iter().flatten().zip(expected.flatten()) {
+                for i in 0..3 {
+                    let rounding = (expected[i] - origin[i]).abs() * 1e-7;
+                    let near = (found[i] - expected[i]).abs() <= rounding + 1e-14;
+                    assert!(near, "{}: {found:?} is not {expected:?}", format.name);
+                }
+            }
+        }
+    }
+}
+
 /// f64 formats keep every bit, however odd the number; f32 formats keep heights that are f32.
 #[test]
 fn odd_numbers_survive() {

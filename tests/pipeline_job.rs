@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use terrane::pipeline::placing::Placing;
 use terrane::pipeline::tin::{Goal, TinJob, TinReport, run};
 use terrane::pipeline::{Cancel, Resources, Silent};
 use terrane::{ErrorKind, Result, output};
@@ -18,6 +19,7 @@ fn job(input: &str, output: &Path, goal: Goal) -> TinJob {
         overwrite: false,
         split: None,
         solid_base: None,
+        placing: Placing::default(),
         goal,
         strict: false,
         drop: true,

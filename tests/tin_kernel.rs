@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
+use terrane::geom::Rounding;
 use terrane::geom::predicates::{Lattice, in_circle, orient};
 use terrane::tin::{
     Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
@@ -322,7 +323,9 @@ fn the_bound_holds_for_double_precision_heights() {
         .collect();
     let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
     let heights = Heights { width, height, f32: &rounded, f64: Some(&z) };
-    for single_precision in [None, Some(0.0), Some(5e5)] {
+    let feet = Rounding { origin: 5e5, scale: 0.3048 };
+    let about = [0.0, 5e5].map(Rounding::about);
+    for single_precision in [None, Some(about[0]), Some(about[1]), Some(feet)] {
         let spec = Spec { single_precision, ..spec(0.25) };
         let none = TileInput {
             heights,
@@ -337,8 +340,8 @@ fn the_bound_holds_for_double_precision_heights() {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");
             mesh.heights[at]
         };
-        if let Some(origin) = single_precision {
-            assert!(mesh.heights.iter().all(|&z| f64::from((z - origin) as f32) == z - origin));
+        if let Some(rounding) = single_precision {
+            assert!(mesh.heights.iter().all(|&z| rounding.apply(z) == z), "written and read back");
         }
         assert!(mesh.vertices.len() < z.len() * 9 / 10);
         for triangle in &mesh.triangles {

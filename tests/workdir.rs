@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use terrane::pipeline::placing::Placing;
 use terrane::pipeline::tin::{
     Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
     status_of,
@@ -25,6 +26,7 @@ fn tin(input: &str, output: &Path) -> TinJob {
         overwrite: false,
         split: None,
         solid_base: None,
+        placing: Placing::default(),
         goal: Goal::MaxError(8.0),
         strict: false,
         drop: true,
@@ -36,7 +38,12 @@ fn tin(input: &str, output: &Path) -> TinJob {
 
 fn plan(folder: &Path, input: &str, strip_rows: u32) -> Result<StatusReport> {
     let tin = tin(input, Path::new("mesh.ply"));
-    let job = PlanJob { tin, folder: folder.to_path_buf(), strip_rows: Some(strip_rows) };
+    let job = PlanJob {
+        tin,
+        folder: folder.to_path_buf(),
+        strip_rows: Some(strip_rows),
+        skipped: Vec::new(),
+    };
     plan_work(&job, &Silent, &Cancel::default())
 }
 
@@ -200,6 +207,7 @@ fn another_plan_is_refused_with_the_difference() {
         tin: tin(TERRAIN, Path::new("mesh.ply")),
         folder: folder.clone(),
         strip_rows: Some(4),
+        skipped: Vec::new(),
     };
     job.tin.goal = Goal::MaxError(9.0);
     let refused = plan_work(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
@@ -329,7 +337,7 @@ fn neither_input_nor_plan_is_ever_the_output() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_name_that_cannot_be_noted_is_refused_before_the_work() {
+fn an_output_of_any_name_is_noted() {
     use std::os::unix::ffi::OsStrExt;
     let temp = tempfile::tempdir().unwrap();
     let folder = temp.path().join("work");
@@ -343,9 +351,9 @@ fn a_name_that_cannot_be_noted_is_refused_before_the_work() {
         solid_base: None,
         resources: resources(1),
     };
-    let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
-    assert_eq!(refused.kind(), ErrorKind::Usage, "{refused}");
-    assert!(objects(&folder).is_empty());
+    run_plan(&job, &Silent, &Cancel::default()).unwrap();
+    assert!(job.output.is_some_and(|output| output.is_file()));
+    assert!(status_of(&folder).unwrap().output.is_some_and(|output| output.ends_with(".ply")));
 }
 
 #[test]
@@ -373,7 +381,8 @@ fn formats_with_a_limit_may_be_many_files() {
     let plan = |name: &str, split| {
         let mut tin = tin("synth:rough,size=80001", Path::new("mesh.glb"));
         (tin.split, tin.goal) = (split, Goal::MaxError(0.01));
-        let job = PlanJob { tin, folder: temp.path().join(name), strip_rows: None };
+        let job =
+            PlanJob { tin, folder: temp.path().join(name), strip_rows: None, skipped: Vec::new() };
         plan_work(&job, &Silent, &Cancel::default())
     };
     assert_eq!(plan("one", None).unwrap_err().kind(), ErrorKind::CannotWrite);

@@ -34,6 +34,11 @@ impl AtomicFile {
     /// Starts a file that will appear at `path`. Fails at once when `path` exists and `overwrite`
     /// is false, or when its folder is missing or not writable.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
+        if path == Path::new("-") {
+            return Err(Error::usage("no file is called -, which stands for stdout")
+                .in_file(path)
+                .remedy("name a file, or ./- if that is what you want"));
+        }
         refuse_existing(path, overwrite)?;
         refuse_special(path)?;
         let target = resolve(path)?;

@@ -1,12 +1,13 @@
 //! Arguments that several verbs share.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::cli::progress::{self, How};
 use crate::cli::{parse, say};
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::pipeline::surface::{is_mesh, is_synthetic};
 use crate::pipeline::{Progress, Resources};
 use crate::raster::OpenOptions;
@@ -72,7 +73,7 @@ pub(super) fn only_grids(option: &str, input: &str) -> Result<()> {
 
 fn refusal(option: &str, input: &str, what: &str) -> Error {
     Error::usage(format!("{option} is for grid files, and this is {what}"))
-        .in_file(Path::new(input))
+        .in_file(&path_of(input))
         .remedy(format!("leave {option} out"))
 }
 
@@ -151,12 +152,20 @@ pub(super) struct Show {
     /// Print no progress and no summary
     #[arg(short, long)]
     pub(super) quiet: bool,
+    /// True where stdout has the result itself.
+    #[arg(skip)]
+    is_taken: bool,
 }
 
 impl Show {
     /// The progress display asked for.
     pub(super) fn progress(&self) -> Box<dyn Progress> {
         progress::display(if self.quiet { How::None } else { self.progress })
+    }
+
+    /// The same, on stderr where stdout has the result itself.
+    pub(super) fn beside(&self, is_taken: bool) -> Self {
+        Self { is_taken, ..self.clone() }
     }
 
     /// Tells a result, as JSON or for people, unless nothing is wanted; returns whether it was told.
@@ -166,7 +175,9 @@ impl Show {
         summary: impl FnOnce() -> String,
     ) -> Result<bool> {
         match (self.json, self.quiet) {
+            (true, _) if self.is_taken => say::aside(&say::pretty(report)?),
             (true, _) => say::json(report)?,
+            (false, false) if self.is_taken => say::aside(summary().as_bytes()),
             (false, false) => say::result(&summary())?,
             (false, true) => return Ok(false),
         }

@@ -4,18 +4,21 @@ use std::io;
 use std::path::Path;
 
 use crate::atomic;
-use crate::error::{Error, ErrorKind, Result};
+use crate::cli::pipes;
+use crate::error::{Error, ErrorKind, Result, all};
+use crate::files::path_of;
 use crate::pipeline::surface::is_synthetic;
 use crate::raster;
 
 /// As [`input`], for each of `inputs`.
 pub(super) fn inputs(inputs: &[String]) -> Result<()> {
-    inputs.iter().try_for_each(|name| input(name))
+    all(inputs.iter().map(|name| input(name)).collect()).map(drop)
 }
 
 /// Fails when `input` is neither files that are there nor the name of a synthetic terrain.
 pub(super) fn input(input: &str) -> Result<()> {
-    let path = Path::new(raster::file_name(input));
+    pipes::refuse_input(input)?;
+    let path = &*path_of(raster::file_name(input));
     if is_synthetic(input) || path.is_file() || raster::is_collection(input) {
         return Ok(());
     }
@@ -36,6 +39,7 @@ fn is_nowhere(kind: io::ErrorKind) -> bool {
 
 /// Fails when `path` cannot become a new file: it exists, or its folder does not.
 pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
+    pipes::refuse_output(path)?;
     atomic::refuse_existing(path, overwrite)?;
     if path.is_dir() {
         return Err(Error::usage("is a folder").in_file(path).remedy("name a file in it"));
@@ -58,7 +62,7 @@ pub(super) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
 pub(super) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
     distinct(outputs)?;
     outputs.iter().try_for_each(|output| {
-        let is_it = |file: &String| is_same(Path::new(raster::file_name(file)), output);
+        let is_it = |file: &String| is_same(&path_of(raster::file_name(file)), output);
         if files.iter().any(is_it) { Err(taken(output)) } else { Ok(()) }
     })
 }

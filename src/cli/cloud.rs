@@ -1,12 +1,13 @@
 //! Arguments about points of clouds, which several verbs share.
 
 use std::num::NonZeroU32;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::cli::{parse, text};
 use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::geom::wkt;
 use crate::pipeline::Resources;
 
@@ -90,7 +91,7 @@ impl Points {
     pub(super) fn refuse(&self, input: &str) -> Result<()> {
         let Some(option) = self.given() else { return Ok(()) };
         Err(Error::usage(format!("{option} is for point clouds, and this is none"))
-            .in_file(Path::new(input))
+            .in_file(&path_of(input))
             .remedy(format!("leave {option} out, or name a .las or .laz file")))
     }
 }

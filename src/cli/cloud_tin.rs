@@ -7,9 +7,11 @@ use serde::Serialize;
 use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin, verify};
 use crate::cloud::{self as clouds, is_cloud};
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::output;
 use crate::pipeline::Cancel;
 use crate::pipeline::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use crate::pipeline::sift::{Sifted, Skipped};
 use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 /// True when the inputs are clouds.
@@ -20,13 +22,18 @@ pub(super) fn are_clouds(inputs: &[String]) -> Result<bool> {
     let all = inputs.iter().all(|input| is_cloud(input));
     match inputs.iter().find(|input| is_cloud(input) != all) {
         Some(odd) => Err(Error::usage("clouds and grids cannot be one input")
-            .in_file(Path::new(odd))
+            .in_file(&path_of(odd))
             .remedy("name files of one kind")),
         None => Ok(all),
     }
 }
 
 pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
+    refuse_grid_options(args)?;
+    let resources = args.machine.resources();
+    let options = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } = args.many.clouds(&args.input, &options, &resources)?;
+    let args = &tin::Args { input: names, ..args.clone() };
     let job = job(args)?;
     let progress = args.show.progress();
     let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
@@ -34,7 +41,7 @@ pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
         true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
         false => None,
     };
-    let report = Report { tin: &made, verify: checked.as_ref() };
+    let report = Report { tin: &made, verify: checked.as_ref(), skipped: &skipped };
     if let Some(path) = &args.report {
         tin::write_report(path, args.overwrite, &report)?;
     }
@@ -56,6 +63,8 @@ struct Report<'a> {
     tin: &'a CloudTinReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     verify: Option<&'a CloudVerifyReport>,
+    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
+    skipped: &'a [Skipped],
 }
 
 /// The job of proving what a job wrote.
@@ -71,7 +80,6 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &tin::Args) -> Result<CloudTinJob> {
-    refuse_grid_options(args)?;
     let files = clouds::files(&args.input)?;
     let format = output::by_path(&args.output, args.format.as_deref())?;
     let prj = output::prj_path(&args.output);
@@ -87,6 +95,7 @@ fn job(args: &tin::Args) -> Result<CloudTinJob> {
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
+        placing: args.print.placing()?,
         tolerance: args.goal.max_error()?,
         measure: args.show.json || args.report.is_some(),
         resources,
@@ -102,11 +111,12 @@ fn refuse_grid_options(args: &tin::Args) -> Result<()> {
         ("--no-drop", args.method.no_drop),
         ("--tile", args.method.tile.is_some()),
         ("--co", !args.co.is_empty()),
+        ("--base", args.print.placing()?.base.is_some()),
     ];
     let given = options.into_iter().find(|(_, given)| *given).map(|(option, _)| option);
     let Some(option) = given.or(args.grid.given()) else { return Ok(()) };
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
-        .in_file(Path::new(&args.input[0]))
+        .in_file(&path_of(&args.input[0]))
         .remedy(format!("leave {option} out")))
 }
 
@@ -125,6 +135,7 @@ fn summary(r: &CloudTinReport) -> String {
         let budget = text::bytes(r.memory_budget);
         rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
     }
+    rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }

@@ -1,21 +1,26 @@
 //! `terrane verify` on point clouds.
 
-use std::path::Path;
-
-use crate::cli::{Outcome, check, cloud, text, tin, verify};
+use crate::cli::{Outcome, check, cloud, many, text, tin, verify};
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
+use crate::files::{name_of, path_of};
 use crate::pipeline::Cancel;
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let options = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } = args.many.clouds(&args.source, &options, &resources)?;
+    let args = &verify::Args { source: names, ..args.clone() };
     let job = job(args)?;
     let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &report)?;
+        tin::write_report(path, args.overwrite, &told)?;
     }
-    if !args.show.tell(&report, || summary(&report))? {
+    if !args.show.tell(&told, || summary(&report))? {
         verify::tell(&report.failures, &report.not_judged);
     }
     Ok(outcome(&report))
@@ -25,10 +30,10 @@ pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
     if let Some(option) = args.grid.given() {
         return Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
-            .in_file(Path::new(&args.source[0]))
+            .in_file(&path_of(&args.source[0]))
             .remedy(format!("leave {option} out")));
     }
-    if !is_mesh(&args.mesh.to_string_lossy())? {
+    if !is_mesh(&name_of(args.mesh.clone())?)? {
         return Err(Error::bad_input("is a grid, not a mesh")
             .in_file(&args.mesh)
             .remedy("name a mesh, such as one made by `terrane tin`"));

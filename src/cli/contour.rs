@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
-use crate::cli::{Outcome, args, check, line, parse, text, tin};
+use crate::cli::{Outcome, args, check, line, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
 use crate::pipeline::line::Length;
+use crate::pipeline::sift::Sifted;
 
 /// Make contour lines of a grid
 ///
@@ -21,7 +22,7 @@ use crate::pipeline::line::Length;
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
     /// quotes are one mosaic
-    #[arg(required = true)]
+    #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// File to write
     #[arg(short, long, value_name = "FILE")]
@@ -40,6 +41,8 @@ pub(super) struct Args {
     simple: Simple,
     #[command(flatten)]
     out: Output,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -106,12 +109,25 @@ fn tile_cells() -> impl TypedValueParser<Value = u32> {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let job = job(args)?;
-    let report = contour::run(&job, args.show.progress().as_ref(), cancel)?;
-    if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &report)?;
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let mut args = args.clone();
+    let stdin = pipes::Stdin::take(&mut args.input, pipes::Holds::Grid, &resources)?;
+    let stdout = pipes::Stdout::take(&mut args.output, args.out.format.as_deref(), &resources)?;
+    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
+    let args = &Args { input: names, ..args };
+    let job = ContourJob { input: stdin.inputs(args.input.clone()), ..job(args)? };
+    let made = contour::run(&job, args.show.progress().as_ref(), cancel);
+    let mut report = made.map_err(|e| stdin.named(e))?;
+    if let Some(stdout) = &stdout {
+        stdout.pour()?;
+        pipes::DASH.clone_into(&mut report.output);
     }
-    args.show.tell(&report, || summary(&report))?;
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    if let Some(path) = &args.out.report {
+        tin::write_report(path, args.out.overwrite, &told)?;
+    }
+    args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, parse, say, text};
+use crate::cli::{Outcome, args, check, many, names, parse, pipes, say, text};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::convert::{self, ConvertJob};
+use crate::pipeline::sift::{Sifted, Skipped};
 use crate::pipeline::surface::is_synthetic;
 use crate::raster::{SampleType, write};
 
@@ -17,11 +18,11 @@ use crate::raster::{SampleType, write};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in
-    /// quotes are one mosaic
-    #[arg(required = true)]
-    input: Vec<String>,
-    /// File to write
-    output: PathBuf,
+    /// quotes are one mosaic. The last name is that of the file to write
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
     /// Format to write [default: by the output's ending]
     #[arg(short, long, value_name = "NAME", help_heading = "Output")]
     format: Option<String>,
@@ -48,6 +49,8 @@ pub(super) struct Args {
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
     machine: args::SpillingMachine,
@@ -56,8 +59,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    check::inputs(&args.input)?;
-    args.grid.check_all(&args.input)?;
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let mut names = args.input.clone();
+    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Grid, &resources)?;
+    let Sifted { names, skipped } = args.many.grids(&names, &options, &resources)?;
+    check::inputs(&names)?;
+    args.grid.check_all(&names)?;
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
@@ -68,19 +76,24 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         out_nodata: args.out_nodata,
         round: args.round,
         overwrite: args.overwrite,
-        resources: args.machine.resources(),
-        ..ConvertJob::new(args.input.clone(), &args.output)
+        resources,
+        ..ConvertJob::new(stdin.inputs(names), &args.output)
     };
-    copy(&job, &args.show, cancel)
+    copy(&job, &skipped, &args.show, cancel).map_err(|e| stdin.named(e))
 }
 
 /// Runs a checked copy and tells about it.
-pub(super) fn copy(job: &ConvertJob, show: &args::Show, cancel: &Cancel) -> Result<Outcome> {
+pub(super) fn copy(
+    job: &ConvertJob,
+    skipped: &[Skipped],
+    show: &args::Show,
+    cancel: &Cancel,
+) -> Result<Outcome> {
     check(job)?;
     let made = convert::run(job, show.progress().as_ref(), cancel);
     let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
     if show.json {
-        say::json(&report)?;
+        say::json(&many::WithSkipped { report: &report, skipped })?;
     } else if !show.quiet {
         let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
         rows.retain(|(name, _)| name != "input" && name != "output");

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::cli::{Outcome, args, say, text, tin, verify};
 use crate::error::{Error, Result};
 use crate::pipeline::convert::{self, ConvertJob};
+use crate::pipeline::placing::Placing;
 use crate::pipeline::tin::{Goal, TinJob, TinReport};
 use crate::pipeline::verify::VerifyReport;
 use crate::pipeline::view::ViewJob;
@@ -94,6 +95,7 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
         overwrite: true,
         split: None,
         solid_base: None,
+        placing: Placing::default(),
         goal: Goal::MaxError(TOLERANCE),
         strict: false,
         drop: true,

@@ -1,12 +1,11 @@
 //! `terrane info` of files of features.
 
-use std::path::Path;
-
 use serde::{Serialize, Serializer};
 
 use crate::cli::line_verify::are_lines;
 use crate::cli::{info, text};
 use crate::error::Result;
+use crate::files::{path_of, shown};
 use crate::pipeline::feature_stats::{FeatureStats, FieldStats, feature_stats};
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::{Cancel, Progress};
@@ -14,7 +13,7 @@ use crate::vector::{Kind, OpenOptions};
 
 /// True for a file of features that is no grid or mesh as well.
 pub(super) fn are_features(file: &str) -> bool {
-    are_lines(Path::new(file)) && is_mesh(file).is_err()
+    are_lines(&path_of(file)) && is_mesh(file).is_err()
 }
 
 /// What is known of a file of features.
@@ -63,14 +62,14 @@ pub(super) fn describe(
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<Facts> {
     let options = OpenOptions { layer: layer.cloned() };
-    let stats = feature_stats(Path::new(file), &options, progress, cancel)?;
+    let stats = feature_stats(&path_of(file), &options, progress, cancel)?;
     Ok(Facts::new(file, stats))
 }
 
 impl Facts {
     fn new(file: &str, stats: FeatureStats) -> Self {
         Self {
-            file: file.to_owned(),
+            file: shown(file),
             format: stats.format,
             layer: stats.layer,
             crs: stats.crs.label(),

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::cli::{Outcome, args, check, cloud, parse, text, tin};
-use crate::error::{Error, Result};
+use crate::cli::{Outcome, args, check, cloud, many, names, parse, pipes, text, tin};
+use crate::error::{Error, Result, all};
+use crate::files::path_of;
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::surface::is_synthetic;
 use crate::pipeline::{Cancel, Resources};
 use crate::raster::SampleType;
@@ -21,11 +23,13 @@ use crate::raster::SampleType;
 #[group(id = "grid")]
 pub(super) struct Args {
     /// Cloud of points: files (.las, .laz, or text with a point in each line), folders, patterns in
-    /// quotes, or lists are one cloud
-    #[arg(required = true)]
-    input: Vec<String>,
-    /// File to write
-    output: PathBuf,
+    /// quotes, or lists are one cloud. The last name is that of the file to write
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     model: Model,
     #[command(flatten)]
@@ -114,7 +118,7 @@ struct Cells {
     #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     /// The very cells of this grid
-    #[arg(long, value_name = "GRID", conflicts_with_all = ["cell", "align", "bbox"])]
+    #[arg(long, value_name = "GRID", value_parser = names::any(), conflicts_with_all = ["cell", "align", "bbox"])]
     like: Option<String>,
     /// Follow the conventions of another program: pdal takes all points within --radius of a cell's
     /// centre for every statistic, from the lowest x and y on; lasr gives points on a border to the
@@ -184,12 +188,19 @@ struct Output {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let mut names = args.input.clone();
+    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Points, &resources)?;
+    let Sifted { names, skipped } = args.wanted.sift(&args.many, &names, &resources)?;
+    let args = &Args { input: names, ..args.clone() };
     let job = job(args)?;
-    let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
+    let made = grid::run(&job, args.show.progress().as_ref(), cancel);
+    let report = made.map_err(|e| stdin.named(e))?;
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &report)?;
+        tin::write_report(path, args.out.overwrite, &told)?;
     }
-    args.show.tell(&report, || summary(&report))?;
+    args.show.tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 
@@ -220,6 +231,16 @@ fn idle(option: &str, why: &str) -> Error {
 }
 
 impl Wanted {
+    /// The files that are taken of `input`.
+    pub(super) fn sift(
+        &self,
+        many: &many::Many,
+        input: &[String],
+        resources: &Resources,
+    ) -> Result<Sifted> {
+        many.clouds(input, &self.points.open_options(resources)?, resources)
+    }
+
     /// The job that makes it of `input`; its output is left to be named.
     pub(super) fn job(&self, input: &[String], resources: Resources) -> Result<GridJob> {
         let Self { stat, cells, method, points, file } = self;
@@ -310,16 +331,18 @@ impl Args {
 /// The files that inputs stand for; fails when one is missing.
 pub(super) fn files_of(input: &[String]) -> Result<Vec<String>> {
     let files = crate::cloud::files(input)?;
-    files.iter().try_for_each(|file| is_there(file))?;
+    all(files.iter().map(|file| is_there(file)).collect())?;
     Ok(files)
 }
 
 /// Fails when a file is missing.
 fn is_there(file: &str) -> Result<()> {
-    if is_synthetic(file) || Path::new(file).exists() {
+    pipes::refuse_input(file)?;
+    let path = path_of(file);
+    if is_synthetic(file) || path.exists() {
         return Ok(());
     }
-    Err(Error::bad_input("no such file").in_file(Path::new(file)).remedy("check the name"))
+    Err(Error::bad_input("no such file").in_file(&path).remedy("check the name"))
 }
 
 /// A list of statistics.

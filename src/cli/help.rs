@@ -8,8 +8,21 @@ use crate::{gridding, line, output, raster, synth, vector};
 pub(super) fn command() -> Command {
     let verbs = ["tin", "verify", "view", "info", "convert", "grid", "contour", "line", "synth"];
     verbs.iter().fold(super::Cli::command(), |command, verb| {
-        command.mut_subcommand(verb, |c| c.after_help(lists(verb)))
+        command.mut_subcommand(verb, |c| with_usage(c.after_help(lists(verb)), verb))
     })
+}
+
+/// The output is the last of the names, which clap does not know.
+fn with_usage(command: Command, verb: &str) -> Command {
+    let goal = match verb {
+        "tin" => "<--max-error <E>|--max-vertices <N>|--max-triangles <N>> ",
+        "line" => {
+            "<--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> "
+        }
+        "convert" | "grid" => "",
+        _ => return command,
+    };
+    command.override_usage(format!("terrane {verb} [OPTIONS] {goal}<INPUT>... <OUTPUT>"))
 }
 
 /// The lists that a verb's help ends in.

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, args, check, cloud, cloud_info, feature_info, say, text};
+use crate::cli::{Outcome, args, check, cloud, cloud_info, feature_info, many, names, say, text};
 use crate::cloud::is_cloud;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
 use crate::output::MeshInfo;
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::surface::{self, GridStats, Surface};
 use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
@@ -20,7 +21,7 @@ use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 pub(super) struct Args {
     /// Grid, mesh, cloud and feature files, or synthetic terrains by name; a folder, a list or a pattern in
     /// quotes is one mosaic or one cloud
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required = true, value_name = "FILE", value_parser = names::any())]
     files: Vec<String>,
     /// Take all files together for one mosaic or one cloud
     #[arg(long)]
@@ -32,6 +33,8 @@ pub(super) struct Args {
     /// The object of TopoJSON files to tell about [default: their first]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -48,9 +51,14 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mut failure = None;
     let at_once = if args.mosaic { args.files.len() } else { 1 };
     for files in args.files.chunks(at_once.max(1)) {
-        match describe(files, args, progress.as_ref(), cancel) {
-            Ok(facts) if args.show.json => say::json_line(&facts)?,
-            Ok(facts) => say::result(&facts.text(&told(files)))?,
+        let described = sift(files, args).and_then(|Sifted { names, skipped }| {
+            Ok((describe(&names, args, progress.as_ref(), cancel)?, skipped))
+        });
+        match described {
+            Ok((report, skipped)) if args.show.json => {
+                say::json_line(&many::WithSkipped { report: &report, skipped: &skipped })?;
+            }
+            Ok((facts, _)) => say::result(&facts.text(&told(files)))?,
             Err(error) => {
                 cancel.check()?;
                 if let Some(earlier) = failure.replace(error) {
@@ -60,6 +68,18 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         }
     }
     failure.map_or(Ok(Outcome::Kept), Err)
+}
+
+/// The files that are taken of what is to be told about together.
+fn sift(files: &[String], args: &Args) -> Result<Sifted> {
+    let resources = args.machine.resources();
+    if files.iter().any(|file| feature_info::are_features(file)) {
+        return args.many.features(files, args.layer.as_ref(), &resources);
+    }
+    match files.iter().any(|file| is_cloud(file)) {
+        true => args.many.clouds(files, &args.cloud.open_options(&resources)?, &resources),
+        false => args.many.grids(files, &args.grid.open_options(&resources), &resources),
+    }
 }
 
 /// What is known of a file.
@@ -374,6 +394,8 @@ struct MeshFacts {
     indexed: bool,
     single_precision: bool,
     origin: Point3,
+    /// Stored units in one unit of each coordinate.
+    scale: Point3,
     /// Smallest and largest coordinates; absent without vertices.
     bounds: Option<[Point3; 2]>,
     details: serde_json::Map<String, serde_json::Value>,
@@ -390,6 +412,7 @@ impl MeshFacts {
             indexed: info.indexed,
             single_precision: info.single_precision,
             origin: info.origin,
+            scale: info.scale,
             bounds,
             details: details(&info.details),
         }

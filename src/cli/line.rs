@@ -4,14 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::cli::{Outcome, args, check, parse, text, tin};
-use crate::error::Result;
+use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
+use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
 use crate::pipeline::Cancel;
 use crate::pipeline::line::{
     self, Goal, HierarchyReport, Length, LineJob, LineReport, Measure, Topology,
 };
+use crate::pipeline::sift::Sifted;
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
 ///
@@ -20,11 +22,18 @@ use crate::pipeline::line::{
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]
 pub(super) struct Args {
-    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON
-    #[arg(required = true)]
-    input: Vec<PathBuf>,
-    /// File to write; with several inputs a folder, in which each keeps its name
-    output: PathBuf,
+    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last
+    /// name is that of the file to write; with several inputs of a folder, in which each keeps its name
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
+    /// Format of stdin, for an input called -: GeoJSON, GeoJSONSeq, WKT or CSV [default: by its first
+    /// bytes]
+    #[arg(long, value_name = "NAME")]
+    input_format: Option<String>,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     goal: GoalArgs,
     #[command(flatten)]
@@ -197,24 +206,41 @@ struct Output {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let job = job(args)?;
-    let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
-    if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &report)?;
+    let resources = args.machine.resources();
+    let mut args = args.clone();
+    let holds = pipes::Holds::Features(args.input_format.as_deref());
+    let stdin = pipes::Stdin::take(&mut args.input, holds, &resources)?;
+    if args.input_format.is_some() && !stdin.is_read() {
+        return Err(Error::usage("--input-format is for stdin, and no input is -")
+            .remedy("leave --input-format out: files tell their format"));
     }
-    args.show.tell(&report, || summary(&report))?;
+    let stdout = pipes::Stdout::take(&mut args.output, args.out.format.as_deref(), &resources)?;
+    let Sifted { names, skipped } =
+        args.many.features(&args.input, args.out.layer.as_ref(), &resources)?;
+    let args = &Args { input: names, ..args };
+    let job = job(args)?;
+    let made = line::run(&job, args.show.progress().as_ref(), cancel);
+    let mut report = made.map_err(|e| stdin.named(e))?;
+    if let Some(stdout) = &stdout {
+        stdout.pour()?;
+        report.outputs = vec![pipes::DASH.to_owned()];
+    }
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    if let Some(path) = &args.out.report {
+        tin::write_report(path, args.out.overwrite, &told)?;
+    }
+    args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<LineJob> {
     let Args { input, output, goal, method, neighbours, out, .. } = args;
-    let inputs: Vec<String> = input.iter().map(|path| path.display().to_string()).collect();
-    check::inputs(&inputs)?;
+    check::inputs(input)?;
     let beside = [out.report.as_deref(), method.hierarchy.as_deref()];
     let outputs: Vec<&Path> =
         std::iter::once(output.as_path()).chain(beside.into_iter().flatten()).collect();
-    check::not_among(&inputs, &outputs)?;
+    check::not_among(input, &outputs)?;
     if input.len() == 1 {
         check::new_file(output, out.overwrite)?;
     }
@@ -225,7 +251,7 @@ fn job(args: &Args) -> Result<LineJob> {
         check::new_file(hierarchy, false)?;
     }
     Ok(LineJob {
-        input: input.clone(),
+        input: input.iter().map(|name| path_of(name).into_owned()).collect(),
         layer: out.layer.clone(),
         output: output.clone(),
         format: out.format.clone(),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::cli::{Outcome, check, text, tin, verify};
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::pipeline::Cancel;
 use crate::pipeline::line::Measure;
 use crate::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
@@ -42,16 +43,23 @@ fn job(args: &verify::Args) -> Result<LineVerifyJob> {
             .in_file(&args.mesh)
             .remedy(format!("leave {option} out")));
     }
+    if let Some(option) = args.many.given() {
+        return Err(Error::usage(format!(
+            "{option} is for many files, and lines are proved against one"
+        ))
+        .remedy(format!("leave {option} out")));
+    }
     args.points.refuse(original)?;
     check::input(original)?;
+    let original = path_of(original);
     if let Some(report) = &args.report {
-        check::distinct(&[&args.mesh, Path::new(original), report])?;
+        check::distinct(&[&args.mesh, &original, report])?;
         check::new_file(report, args.overwrite)?;
     }
     let lines = &args.lines;
     Ok(LineVerifyJob {
         lines: args.mesh.clone(),
-        original: original.into(),
+        original: original.into_owned(),
         layer: lines.layer.clone(),
         tolerance: lines.tolerance,
         is_space: lines.metric.is_some(),

@@ -21,7 +21,10 @@ mod info;
 mod line;
 mod line_verify;
 mod man;
+mod many;
+mod names;
 mod parse;
+mod pipes;
 mod plan;
 mod progress;
 mod run;
@@ -40,7 +43,7 @@ use std::process::ExitCode;
 
 use clap::{FromArgMatches, Parser, Subcommand};
 
-use crate::error::{ErrorKind, Result};
+use crate::error::ErrorKind;
 use crate::pipeline::Cancel;
 
 /// Huge elevation grids in, small meshes with a proven vertical error bound out.
@@ -52,6 +55,20 @@ use crate::pipeline::Cancel;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
+}
+
+impl Cli {
+    /// With the outputs told from the inputs.
+    fn settled(mut self) -> Result<Self, clap::Error> {
+        match &mut self.verb {
+            Verb::Tin(args) => names::take_output(&mut args.input, &mut args.output)?,
+            Verb::Convert(args) => names::take_output(&mut args.input, &mut args.output)?,
+            Verb::Grid(args) => names::take_output(&mut args.input, &mut args.output)?,
+            Verb::Line(args) => names::take_output(&mut args.input, &mut args.output)?,
+            _ => {}
+        }
+        Ok(self)
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -102,7 +119,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     heap::give_back();
     let args: Vec<OsString> = args.into_iter().collect();
     let matches = help::command().try_get_matches_from(&args);
-    let parsed = matches.and_then(|found| Cli::from_arg_matches(&found));
+    let parsed = matches.and_then(|found| Cli::from_arg_matches(&found)).and_then(Cli::settled);
     let cli = match parsed {
         Ok(cli) => cli,
         Err(error) => return usage::report(&error, &args),
@@ -120,7 +137,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-fn run(verb: &Verb, cancel: &Cancel) -> Result<Outcome> {
+fn run(verb: &Verb, cancel: &Cancel) -> crate::error::Result<Outcome> {
     match verb {
         Verb::Tin(args) => tin::run(args, cancel),
         Verb::Verify(args) => verify::run(args, cancel),

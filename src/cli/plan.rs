@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::cli::{Outcome, args, check, grid, parse, status, tin};
+use crate::cli::{Outcome, args, check, grid, many, names, parse, status, tin};
 use crate::error::Result;
 use crate::output;
 use crate::pipeline::grid::plan::{PlanGridJob, plan_grid};
+use crate::pipeline::placing::Placing;
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::tin::{Goal, PlanJob, TinJob, plan_work};
 use crate::pipeline::{Cancel, Resources};
 use crate::raster::write;
@@ -30,7 +32,7 @@ enum What {
 struct TinArgs {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=80001; several files, a
     /// folder, a list or a pattern in quotes are one mosaic
-    #[arg(required = true)]
+    #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
@@ -38,6 +40,8 @@ struct TinArgs {
     /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     max_error: f64,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     /// Mesh format
@@ -57,11 +61,13 @@ struct TinArgs {
 struct GridArgs {
     /// LAS, LAZ, COPC or text files, or a synthetic cloud by name; several files, a folder, a list or
     /// a pattern in quotes are one cloud
-    #[arg(required = true)]
+    #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
+    #[command(flatten)]
+    many: many::Many,
     #[command(flatten)]
     wanted: grid::Wanted,
     /// Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it
@@ -81,18 +87,24 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 fn plan_of_grid(args: &GridArgs) -> Result<Outcome> {
     args.wanted.check(None)?;
-    grid::files_of(&args.input)?;
-    let mut job = args.wanted.job(&args.input, Resources::default())?;
+    let resources = Resources::default();
+    let Sifted { names, skipped } = args.wanted.sift(&args.many, &args.input, &resources)?;
+    grid::files_of(&names)?;
+    let mut job = args.wanted.job(&names, resources)?;
     let format = write::by_name(job.format.as_deref().unwrap_or("GTiff"))?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
-    let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile };
+    let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile, skipped };
     let report = plan_grid(&plan)?;
     args.show.tell(&report, || status::grid_summary(&report))?;
     Ok(Outcome::Kept)
 }
 
 fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
-    let job = job(args)?;
+    let resources = Resources::default();
+    let options = args.grid.open_options(&resources);
+    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
+    let args = &TinArgs { input: names, ..args.clone() };
+    let job = PlanJob { skipped, ..job(args)? };
     let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::summary(&report))?;
     Ok(Outcome::Kept)
@@ -111,6 +123,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         overwrite: false,
         split: None,
         solid_base: None,
+        placing: Placing::default(),
         goal: Goal::MaxError(args.max_error),
         strict: args.method.strict,
         drop: !args.method.no_drop,
@@ -118,5 +131,10 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         measure: true,
         resources: Resources::default(),
     };
-    Ok(PlanJob { tin, folder: args.folder.clone(), strip_rows: args.strip_rows })
+    Ok(PlanJob {
+        tin,
+        folder: args.folder.clone(),
+        strip_rows: args.strip_rows,
+        skipped: Vec::new(),
+    })
 }

@@ -46,26 +46,35 @@ pub(super) fn to_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// Prints an error on stderr, on one line.
+/// Prints a result on stderr.
+pub(super) fn aside(text: &[u8]) {
+    flushed(io::stderr().write_all(text));
+}
+
+/// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
+/// of them on the last.
 pub(super) fn error(error: &Error) {
-    failure(&error.to_string());
+    error.each().iter().for_each(|inner| failure(&inner.to_string()));
+    failure(&error.summary());
 }
 
 /// Prints an error message on stderr, on one line whatever file names hold.
 pub(super) fn failure(message: &str) {
-    let line: String = message.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    flushed(writeln!(io::stderr(), "terrane: error: {line}"));
+    flushed(writeln!(io::stderr(), "terrane: error: {}", one_line(message)));
 }
 
 /// Prints what could not be judged on stderr, on one line.
 pub(super) fn not_judged(what: &str) {
-    let line: String = what.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    flushed(writeln!(io::stderr(), "terrane: not judged: {line}"));
+    flushed(writeln!(io::stderr(), "terrane: not judged: {}", one_line(what)));
 }
 
-/// Prints a remark on stderr.
+/// Prints a remark on stderr, on one line.
 pub(super) fn note(message: &str) {
-    flushed(writeln!(io::stderr(), "terrane: {message}"));
+    flushed(writeln!(io::stderr(), "terrane: {}", one_line(message)));
+}
+
+fn one_line(message: &str) -> String {
+    message.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// For output that nobody may be reading any more.

@@ -66,7 +66,7 @@ fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
         resources: args.machine.resources(),
         ..ConvertJob::new(name, &args.output)
     };
-    convert::copy(&job, &args.show, cancel)
+    convert::copy(&job, &[], &args.show, cancel)
 }
 
 /// A cloud.

@@ -4,6 +4,8 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
+use crate::pipeline::placing::Placed;
+
 /// "1,234,567".
 pub(super) fn count(n: u64) -> String {
     let digits = n.to_string();
@@ -133,6 +135,13 @@ fn plain(key: &str, value: &Value) -> Option<String> {
         }),
         _ => None,
     }
+}
+
+/// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
+pub(super) fn placed(placed: &Placed) -> String {
+    let scale = placed.scale.map(number).join(" x ");
+    let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
+    format!("{unit}{scale} to a unit of x, y and z")
 }
 
 #[cfg(test)]

@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::atomic::{AtomicFile, refuse_existing};
-use crate::cli::{Outcome, args, check, cloud, cloud_tin, parse, say, text, verify};
+use crate::cli::{
+    Outcome, args, check, cloud, cloud_tin, many, names, parse, pipes, say, text, verify,
+};
 use crate::error::{Error, Result};
 use crate::output;
 use crate::pipeline::Cancel;
+use crate::pipeline::placing::Placing;
+use crate::pipeline::sift::{Sifted, Skipped};
 use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
 use crate::pipeline::verify::{VerifyJob, VerifyReport};
 use crate::raster::undeclared_nodata;
@@ -18,13 +22,15 @@ use crate::raster::undeclared_nodata;
 pub(super) struct Args {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
     /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
-    /// one or many
-    #[arg(required = true)]
+    /// one or many. The last name is that of the mesh file to write
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
-    /// Mesh file to write
+    #[arg(skip)]
     pub(super) output: PathBuf,
     #[command(flatten)]
     pub(super) goal: GoalArgs,
+    #[command(flatten)]
+    pub(super) many: many::Many,
     #[command(flatten)]
     pub(super) grid: args::Grid,
     #[command(flatten)]
@@ -44,6 +50,8 @@ pub(super) struct Args {
     /// Check the written mesh against the grid afterwards
     #[arg(long, help_heading = "Output")]
     pub(super) verify: bool,
+    #[command(flatten)]
+    pub(super) print: PrintArgs,
     #[command(flatten)]
     pub(super) split: Split,
     #[command(flatten)]
@@ -73,6 +81,38 @@ impl Split {
             Some(_) => refuse_existing(output, overwrite),
             None => check::new_file(output, overwrite),
         }
+    }
+}
+
+/// How the mesh lies in its file.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Viewers and printers (STL and GLB)")]
+pub(super) struct PrintArgs {
+    /// Leave longitudes and latitudes as they are [default: metres east, north and up of the middle]
+    #[arg(long)]
+    keep_degrees: bool,
+    /// Longest side of the print, such as 100mm or 12cm; STL is in millimetres then
+    #[arg(long, value_name = "LENGTH", value_parser = parse::print_length, conflicts_with_all = ["scale", "keep_degrees"])]
+    size: Option<f64>,
+    /// Scale of the print, such as 1:50000 or 0.001; STL is in millimetres then
+    #[arg(long, value_name = "SCALE", value_parser = parse::scale, conflicts_with = "keep_degrees")]
+    scale: Option<f64>,
+    /// Make heights so many times higher
+    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
+    exaggerate: Option<f64>,
+    /// For STL: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
+    #[arg(long, value_name = "LENGTH", value_parser = parse::print_length)]
+    base: Option<f64>,
+}
+
+impl PrintArgs {
+    pub(super) fn placing(&self) -> Result<Placing> {
+        let Self { keep_degrees, size, scale, exaggerate, base } = *self;
+        if base.is_some() && size.is_none() && scale.is_none() {
+            return Err(Error::usage("--base is a length of the print, which has no scale")
+                .remedy("add --size or --scale, or give a height with --co SOLID_BASE=HEIGHT"));
+        }
+        Ok(Placing { keep_degrees, size, scale, exaggerate, base })
     }
 }
 
@@ -161,6 +201,8 @@ struct Report<'a> {
     tin: &'a TinReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     verify: Option<&'a VerifyReport>,
+    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
+    skipped: &'a [Skipped],
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
@@ -168,7 +210,22 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         return cloud_tin::run(args, cancel);
     }
     args.points.refuse(&args.input[0])?;
-    let job = job(args)?;
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let mut names = args.input.clone();
+    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Grid, &resources)?;
+    let Sifted { names, skipped } = args.many.grids(&names, &options, &resources)?;
+    let args = &Args { input: names, ..args.clone() };
+    make(args, &stdin, &skipped, cancel).map_err(|e| stdin.named(e))
+}
+
+fn make(
+    args: &Args,
+    stdin: &pipes::Stdin,
+    skipped: &[Skipped],
+    cancel: &Cancel,
+) -> Result<Outcome> {
+    let job = TinJob { input: stdin.inputs(args.input.clone()), ..job(args)? };
     let progress = args.show.progress();
     let made = match &args.workdir {
         None => tin::run(&job, progress.as_ref(), cancel)?,
@@ -178,7 +235,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),
         false => None,
     };
-    let report = Report { tin: &made, verify: checked.as_ref() };
+    let report = Report { tin: &made, verify: checked.as_ref(), skipped };
     if let Some(path) = &args.report {
         write_report(path, args.overwrite, &report)?;
     }
@@ -213,9 +270,18 @@ fn job(args: &Args) -> Result<TinJob> {
         return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
             .remedy("write STL, or leave --co out"));
     }
-    if solid_base.is_some() && args.verify {
+    let placing = args.print.placing()?;
+    if let Some(option) = placing.given().filter(|_| args.workdir.is_some()) {
+        return Err(Error::usage(format!("{option} cannot be kept in a --workdir"))
+            .remedy(format!("leave one of --workdir and {option} out")));
+    }
+    if solid_base.is_some() && placing.base.is_some() {
+        return Err(Error::usage("--base and SOLID_BASE are two bottoms of one solid")
+            .remedy("leave one of them out"));
+    }
+    if (solid_base.is_some() || placing.base.is_some()) && args.verify {
         return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
-            .remedy("leave out --verify, or verify the mesh without --co SOLID_BASE"));
+            .remedy("leave out --verify, or verify the mesh without --base and --co SOLID_BASE"));
     }
     Ok(TinJob {
         input: args.input.clone().into(),
@@ -226,6 +292,7 @@ fn job(args: &Args) -> Result<TinJob> {
         overwrite: args.overwrite,
         split: args.split.tiles,
         solid_base,
+        placing,
         goal: args.goal.goal()?,
         strict: args.method.strict,
         drop: !args.method.no_drop,
@@ -277,6 +344,8 @@ pub(super) fn summary(r: &TinReport) -> String {
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
         ("time", time(r)),
     ];
+    rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
+    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));
     }

@@ -3,11 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::{
-    Outcome, args, check, cloud, cloud_tin, cloud_verify, line, line_verify, parse, say, text, tin,
+    Outcome, args, check, cloud, cloud_tin, cloud_verify, line, line_verify, many, names, parse,
+    say, text, tin,
 };
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
+use crate::files::{name_of, path_of};
 use crate::pipeline::Cancel;
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
 
@@ -23,11 +26,13 @@ pub(super) struct Args {
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
     /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
     /// made with. Or the file that lines were made from
-    #[arg(required = true, value_name = "ORIGINAL")]
+    #[arg(required = true, value_name = "ORIGINAL", value_parser = names::any())]
     pub(super) source: Vec<String>,
     /// Largest vertical distance allowed [default: the one the mesh file states]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     pub(super) max_error: Option<f64>,
+    #[command(flatten)]
+    pub(super) many: many::Many,
     #[command(flatten)]
     pub(super) grid: args::Grid,
     #[command(flatten)]
@@ -47,7 +52,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    let mesh = args.mesh.to_string_lossy();
+    let mesh = name_of(args.mesh.clone())?;
     check::input(&mesh)?;
     if !is_mesh(&mesh).unwrap_or(false) && line_verify::are_lines(&args.mesh) {
         return line_verify::run(args, cancel);
@@ -64,6 +69,10 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         return cloud_verify::run(args, cancel);
     }
     args.points.refuse(&args.source[0])?;
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let Sifted { names, skipped } = args.many.grids(&args.source, &options, &resources)?;
+    let args = &Args { source: names, ..args.clone() };
     check::inputs(&args.source)?;
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
@@ -78,13 +87,14 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,
-        resources: args.machine.resources(),
+        resources,
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &report)?;
+        tin::write_report(path, args.overwrite, &told)?;
     }
-    if !args.show.tell(&report, || summary(&report))? {
+    if !args.show.tell(&told, || summary(&report))? {
         tell(&report.failures, &report.not_judged);
     }
     Ok(outcome(&report))
@@ -92,7 +102,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Fails unless there is a mesh and a grid, in this order.
 fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
-    let name = mesh.to_string_lossy();
+    let name = name_of(mesh.to_path_buf())?;
     match (is_mesh(&name)?, is_mesh(raster)?) {
         (true, false) => Ok(()),
         (false, true) => Err(wrong_way_round("grid", &name, raster)),
@@ -100,7 +110,7 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
             .in_file(mesh)
             .remedy("name a mesh, such as one made by `terrane tin`")),
         (true, true) => Err(Error::bad_input("is a mesh, not a grid")
-            .in_file(Path::new(raster))
+            .in_file(&path_of(raster))
             .remedy("name the grid that the mesh was made from")),
     }
 }

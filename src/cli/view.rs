@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, parse, text};
+use crate::cli::{Outcome, args, check, many, names, parse, text};
 use crate::error::Result;
 use crate::pipeline::Cancel;
+use crate::pipeline::sift::Sifted;
 use crate::pipeline::view::{self, ViewJob, ViewReport};
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface)
@@ -12,7 +13,7 @@ use crate::pipeline::view::{self, ViewJob, ViewReport};
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
     /// pattern in quotes are one mosaic
-    #[arg(required = true)]
+    #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
     #[arg(short, long, value_name = "FILE")]
@@ -41,6 +42,8 @@ pub(super) struct Args {
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
     machine: args::SpillingMachine,
@@ -49,6 +52,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
+    let args = &Args { input: names, ..args.clone() };
     check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
@@ -67,10 +74,11 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         altitude: args.altitude,
         exaggeration: args.exaggeration,
         bbox: args.bbox,
-        resources: args.machine.resources(),
+        resources,
     };
     let report = view::run(&job, args.show.progress().as_ref(), cancel)?;
-    args.show.tell(&report, || summary(&report))?;
+    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    args.show.tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 

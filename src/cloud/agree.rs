@@ -1,8 +1,7 @@
 //! What the files of a cloud must agree in: their coordinate reference system.
 
-use std::path::Path;
-
 use crate::error::{Error, Result};
+use crate::files::{path_of, shown};
 use crate::geom::Crs;
 
 use super::member::File;
@@ -39,9 +38,9 @@ fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     };
     Error::bad_input(format!(
         "its coordinate reference system is {others}, and that of {} is {own}",
-        first.0
+        shown(first.0)
     ))
-    .in_file(Path::new(other.0))
+    .in_file(&path_of(other.0))
     .remedy(remedy)
 }
 
@@ -50,10 +49,10 @@ fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     Error::bad_input(format!(
         "its unit of height is {}, and that of {} is {}",
         unit(other.1),
-        first.0,
+        shown(first.0),
         unit(first.1)
     ))
-    .in_file(Path::new(other.0))
+    .in_file(&path_of(other.0))
     .remedy("convert the heights of one of them")
 }
 

@@ -1,12 +1,12 @@
 //! Opening clouds: one file, or many that are one cloud.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::files::{RawFile, Seek};
+use crate::error::{Error, ErrorKind, Result, all};
+use crate::files::{RawFile, Seek, path_of, shown};
 use crate::geom::{Crs, Frame, Point};
 
 use super::frame::{self, Claim, Common, Map};
@@ -136,11 +136,11 @@ impl PointSource for Cloud {
 /// of such files, or any of these or a text file after `cloud:`; or a synthetic one.
 pub fn is_cloud(input: &str) -> bool {
     let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
-    if is_named || is_member(Path::new(input)) {
+    if is_named || is_member(&path_of(input)) {
         return true;
     }
     let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
-    CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(Path::new(&file)))
+    CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(&path_of(&file)))
 }
 
 fn is_member(path: &Path) -> bool {
@@ -155,13 +155,32 @@ fn is_member(path: &Path) -> bool {
 /// # Errors
 /// A folder, list or pattern that yields no file or cannot be read.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
+    CLOUDS.files(&plain(inputs)).map(distinct)
+}
+
+/// As [`files`], with those in folders below the folders among `inputs`.
+///
+/// # Errors
+/// As [`files`].
+pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
+    CLOUDS.files_below(&plain(inputs)).map(distinct)
+}
+
+/// Inputs without what says that they are clouds.
+fn plain(inputs: &[String]) -> Vec<String> {
     let plain = |input: &String| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input).to_owned();
-    let mut files = CLOUDS.files(&inputs.iter().map(plain).collect::<Vec<_>>())?;
+    inputs.iter().map(plain).collect()
+}
+
+fn distinct(mut files: Vec<String>) -> Vec<String> {
     files.sort();
     let mut seen = HashSet::new();
-    let real = |name: &String| std::fs::canonicalize(name).unwrap_or_else(|_| PathBuf::from(name));
+    let real = |name: &String| {
+        let path = path_of(name);
+        std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned())
+    };
     files.retain(|name| seen.insert(real(name)));
-    Ok(files)
+    files
 }
 
 /// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Files
@@ -175,9 +194,9 @@ pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
     let names = files(inputs)?;
     let files = match names.as_slice() {
         // Nothing to share among threads.
-        [name] if is_member(Path::new(name)) => vec![open_file(Path::new(name), options)?],
+        [name] if is_member(&path_of(name)) => vec![open_file(&path_of(name), options)?],
         _ => on_threads(options.threads, || {
-            names.par_iter().map(|name| open_file(Path::new(name), options)).collect()
+            all(names.par_iter().map(|name| open_file(&path_of(name), options)).collect())
         })?,
     };
     join(names, files, options)
@@ -235,7 +254,7 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
 fn named(error: Error, names: &[String], claims: &[Option<Claim>]) -> Error {
     let is_it = |claim: &Option<Claim>| claim.is_some_and(|claim| frame::common(&[claim]).is_err());
     match claims.iter().position(is_it) {
-        Some(file) => error.in_file(Path::new(&names[file])),
+        Some(file) => error.in_file(&path_of(&names[file])),
         None => error,
     }
 }
@@ -280,7 +299,7 @@ fn notes(names: &[String], members: &[Member], info: &CloudInfo, moved: [f64; 3]
     let of = |(name, member): (&String, &Member)| {
         let tell = |note: &String| match names.len() {
             1 => note.clone(),
-            _ => format!("{name}: {note}"),
+            _ => format!("{}: {note}", shown(name)),
         };
         member.file.notes().iter().map(tell).collect::<Vec<_>>()
     };

@@ -1,4 +1,5 @@
-//! Names with wildcards: `*`, `?` and `[a-z]` in any part of a path, never across a separator.
+//! Names with wildcards: `*`, `?` and `[a-z]` in any part of a path, never across a separator, and `**`
+//! as a part of its own for any folders, or none.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -15,11 +16,15 @@ pub(super) fn is_pattern(text: &str) -> bool {
 ///
 /// # Errors
 /// A folder that cannot be read, or more paths than [`limits::MAX_MEMBERS`].
-pub(super) fn expand(pattern: &str) -> Result<Vec<PathBuf>> {
+pub(super) fn expand(pattern: &Path) -> Result<Vec<PathBuf>> {
     let mut found = vec![PathBuf::new()];
-    for part in Path::new(pattern).components() {
+    for part in pattern.components() {
         let text = part.as_os_str().to_string_lossy();
         found = match part {
+            Component::Normal(_) if text == "**" => {
+                let below = found.iter().map(|folder| folders_below(folder));
+                below.collect::<Result<Vec<_>>>()?.concat()
+            }
             Component::Normal(_) if is_pattern(&text) => {
                 let mut next = Vec::new();
                 for folder in &found {
@@ -31,6 +36,30 @@ pub(super) fn expand(pattern: &str) -> Result<Vec<PathBuf>> {
         };
     }
     found.retain(|path| path.exists());
+    found.sort();
+    found.dedup();
+    Ok(found)
+}
+
+/// A folder and all folders below it, each before those in it; none whose name begins with a dot, and no
+/// links, which may lead round in a circle.
+///
+/// # Errors
+/// A folder that cannot be read, or more folders than [`limits::MAX_MEMBERS`].
+pub(super) fn folders_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let (mut found, mut next) = (vec![folder.to_path_buf()], 0);
+    while let Some(folder) = found.get(next).cloned() {
+        let place = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+        for entry in std::fs::read_dir(place).map_err(|e| Error::read(place, e))? {
+            let entry = entry.map_err(|e| Error::read(place, e))?;
+            let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+            if is_folder && !entry.file_name().as_encoded_bytes().starts_with(b".") {
+                found.push(folder.join(entry.file_name()));
+                limits::check("folders of one input", found.len() as u64, limits::MAX_MEMBERS)?;
+            }
+        }
+        next += 1;
+    }
     found.sort();
     Ok(found)
 }
@@ -148,18 +177,25 @@ mod tests {
     #[test]
     fn folders_of_a_pattern() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["x1/b.tif", "x1/a.tif", "x2/c.tif", "x2/.d.tif", "y/e.tif"] {
+        for name in
+            ["x1/b.tif", "x1/a.tif", "x2/c.tif", "x2/.d.tif", "y/e.tif", "y/z/f.tif", "y/.g/h.tif"]
+        {
             let path = folder.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, b"x").unwrap();
         }
         let names = |pattern: &str| {
-            let paths = expand(&format!("{}/{pattern}", folder.path().display())).unwrap();
+            let paths = expand(&folder.path().join(pattern)).unwrap();
             let name = |p: &PathBuf| p.strip_prefix(folder.path()).unwrap().display().to_string();
             paths.iter().map(name).collect::<Vec<_>>()
         };
         assert_eq!(names("x?/*.tif"), ["x1/a.tif", "x1/b.tif", "x2/c.tif"]);
         assert_eq!(names("*/e.tif"), ["y/e.tif"]);
         assert!(names("z*").is_empty());
+        let all = ["x1/a.tif", "x1/b.tif", "x2/c.tif", "y/e.tif", "y/z/f.tif"];
+        assert_eq!(names("**/*.tif"), all);
+        assert_eq!(names("**/**/*.tif"), all, "each once");
+        assert_eq!(names("y/**/f.tif"), ["y/z/f.tif"]);
+        assert_eq!(names("y/**/e.tif"), ["y/e.tif"]);
     }
 }

@@ -1,6 +1,7 @@
 //! Inputs to files: a folder, a text list, a pattern with wildcards, or several of these and of
 //! files.
 
+use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -8,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::limits;
 
 use super::glob;
+use super::name::{name_of, path_of, shown};
 
 /// What names a text list of files, before its path.
 const LIST_PREFIX: char = '@';
@@ -32,7 +34,7 @@ pub(crate) struct Seek {
 enum Kind<'a> {
     File,
     Folder,
-    List(&'a Path),
+    List(Cow<'a, Path>),
     Pattern,
 }
 
@@ -41,15 +43,15 @@ impl Seek {
         if (self.is_made)(input) {
             return Kind::File;
         }
-        let path = Path::new((self.file_name)(input));
+        let path = path_of((self.file_name)(input));
         if path.is_dir() {
             return Kind::Folder;
         }
         if path.exists() {
-            return if is_list(path) { Kind::List(path) } else { Kind::File };
+            return if is_list(&path) { Kind::List(path) } else { Kind::File };
         }
         match input.strip_prefix(LIST_PREFIX) {
-            Some(list) => Kind::List(Path::new(list)),
+            Some(list) => Kind::List(path_of(list)),
             None if glob::is_pattern(input) => Kind::Pattern,
             None => Kind::File,
         }
@@ -68,18 +70,43 @@ impl Seek {
     /// A folder, list or pattern that yields no file or cannot be read; more than
     /// [`limits::MAX_MEMBERS`] files.
     pub(crate) fn files(&self, inputs: &[String]) -> Result<Vec<String>> {
+        self.found(inputs, |folder| self.folder(folder))
+    }
+
+    /// As [`files`](Self::files), with those in folders below the folders among `inputs`; names that
+    /// begin with a dot, and links to folders, are passed over.
+    ///
+    /// # Errors
+    /// As [`files`](Self::files), and inputs among which there is no folder.
+    pub(crate) fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
+        if !inputs.iter().any(|input| matches!(self.kind(input), Kind::Folder)) {
+            return Err(Error::usage("--recursive is for folders, and no input is one")
+                .remedy("leave --recursive out, or name a folder"));
+        }
+        self.found(inputs, |folder| {
+            let folders = glob::folders_below(folder)?;
+            let found = folders.iter().map(|folder| self.folder(folder));
+            Ok(found.collect::<Result<Vec<_>>>()?.concat())
+        })
+    }
+
+    fn found(
+        &self,
+        inputs: &[String],
+        in_folder: impl Fn(&Path) -> Result<Vec<PathBuf>>,
+    ) -> Result<Vec<String>> {
         let mut files = Vec::new();
         for input in inputs {
-            let path = Path::new(input);
+            let path = &*path_of(input);
             match self.kind(input) {
                 Kind::File => files.push(input.clone()),
                 Kind::Folder => {
                     let nothing = format!("holds no {}", self.what);
-                    files.extend(names(path, self.folder(path)?, &nothing)?);
+                    files.extend(names(path, in_folder(path)?, &nothing)?);
                 }
-                Kind::List(list) => files.extend(listed(list)?),
+                Kind::List(list) => files.extend(listed(&list)?),
                 Kind::Pattern => {
-                    files.extend(names(path, glob::expand(input)?, "matches no file")?);
+                    files.extend(names(path, glob::expand(path)?, "matches no file")?);
                 }
             }
             limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
@@ -109,16 +136,7 @@ fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>
     if found.is_empty() {
         return Err(Error::bad_input(nothing).in_file(place).remedy("check the name"));
     }
-    found.into_iter().map(name).collect()
-}
-
-/// A path as text.
-pub(crate) fn name(path: PathBuf) -> Result<String> {
-    path.into_os_string().into_string().map_err(|path| {
-        Error::bad_input("has a name that is not UTF-8")
-            .in_file(Path::new(&path))
-            .remedy("rename it")
-    })
+    found.into_iter().map(name_of).collect()
 }
 
 /// Whether a text file is a list: its first line names a file.
@@ -142,8 +160,23 @@ fn first_line(list: &Path) -> Option<String> {
 fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<String>> {
     let mut line = Vec::new();
     let bytes = from.take(MOST_LINE).read_until(b'\n', &mut line)?;
-    let text = std::str::from_utf8(&line).map_err(|_| std::io::ErrorKind::InvalidData)?;
+    if line.contains(&0) {
+        return Err(std::io::ErrorKind::InvalidData.into());
+    }
+    let text = name_of(path_from(line)).map_err(|_| std::io::ErrorKind::InvalidData)?;
     Ok((bytes > 0).then(|| text.trim().to_owned()))
+}
+
+/// The bytes of a line as a path.
+#[cfg(unix)]
+fn path_from(line: Vec<u8>) -> PathBuf {
+    use std::os::unix::ffi::OsStringExt;
+    std::ffi::OsString::from_vec(line).into()
+}
+
+#[cfg(not(unix))]
+fn path_from(line: Vec<u8>) -> PathBuf {
+    String::from_utf8_lossy(&line).into_owned().into()
 }
 
 fn is_entry(line: &str) -> bool {
@@ -152,8 +185,9 @@ fn is_entry(line: &str) -> bool {
 
 /// The file that a line of a list names: in the list's folder, or else in the current one.
 fn resolve(list: &Path, line: &str) -> PathBuf {
-    let beside = list.parent().unwrap_or(Path::new("")).join(line);
-    if beside.exists() { beside } else { PathBuf::from(line) }
+    let line = path_of(line);
+    let beside = list.parent().unwrap_or(Path::new("")).join(&line);
+    if beside.exists() { beside } else { line.into_owned() }
 }
 
 /// The files of a text list, one to a line.
@@ -173,13 +207,13 @@ fn listed(list: &Path) -> Result<Vec<String>> {
         }
         let path = resolve(list, &line);
         if !path.is_file() {
-            let line: String = line.chars().take(200).collect();
+            let line: String = shown(&line).chars().take(200).collect();
             return Err(Error::bad_input(format!("names {line}, which is no file"))
                 .in_file(list)
                 .at(format_args!("line {number}"))
                 .remedy("names are taken from the list's folder, or else from the current one"));
         }
-        files.push(name(path)?);
+        files.push(name_of(path)?);
         limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)
             .map_err(|e| e.in_file(list))?;
     }

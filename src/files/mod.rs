@@ -3,8 +3,10 @@
 mod beside;
 mod glob;
 mod list;
+mod name;
 mod raw;
 
 pub(crate) use beside::prj;
-pub(crate) use list::{Seek, name};
+pub(crate) use list::Seek;
+pub(crate) use name::{name_of, path_of, shown};
 pub(crate) use raw::{RawFile, Reader, RowRun, to_usize};

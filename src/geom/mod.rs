@@ -7,6 +7,7 @@ pub mod plane;
 mod point;
 pub mod predicates;
 mod rect;
+mod rounding;
 mod ruler;
 
 pub use affine::Affine;
@@ -14,6 +15,7 @@ pub use crs::{Crs, GeoKeys, wkt};
 pub use decimal::Decimal;
 pub use point::{Frame, Point, REACH, is_within};
 pub use rect::Rect;
+pub use rounding::Rounding;
 pub use ruler::Ruler;
 
 /// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.

@@ -53,7 +53,7 @@ fn most() -> MeshCapacity {
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
-    let local = Local::new(header.origin)?;
+    let local = Local::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.comments.clone();
     FileSink::create(path, options, GlbEncoder { local, crs, comments })
@@ -73,7 +73,7 @@ fn to_y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
 
 impl GlbEncoder {
     fn json(&self, counts: Counts, [low, high]: [[f32; 3]; 2]) -> Vec<u8> {
-        let asset = json!({
+        let mut asset = json!({
             "version": "2.0",
             "generator": text::generator(),
             "extras": {
@@ -83,6 +83,10 @@ impl GlbEncoder {
                 "comments": self.comments,
             },
         });
+        if let Some(scale) = self.local.scale() {
+            asset["extras"]["scale"] = json!(scale);
+            asset["extras"]["axes"] = "world position = origin + (x, -z, y) / scale".into();
+        }
         let mut document = json!({ "asset": asset, "scene": 0, "scenes": [{}] });
         if counts.vertices > 0 {
             let (low, high) =
@@ -194,7 +198,7 @@ fn record<T: Copy>(values: [T; 3], encode: impl Fn(T) -> [u8; 4]) -> [u8; 12] {
     bytes
 }
 
-/// From the axes of glTF to world axes, with the origin added.
-pub(super) fn to_world([x, y, z]: [f64; 3], origin: Point3) -> Point3 {
-    [origin[0] + x, origin[1] - z, origin[2] + y]
+/// From the axes of glTF to those of the world.
+pub(super) fn to_z_up([x, y, z]: [f64; 3]) -> Point3 {
+    [x, -z, y]
 }

@@ -8,9 +8,10 @@ use crate::error::{Error, Result};
 use crate::geom::Point3;
 use crate::limits;
 use crate::output::glb::{
-    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_world,
+    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_z_up,
 };
 use crate::output::input::{Input, check_corners, check_position, check_range};
+use crate::output::local::{is_scale, to_world};
 use crate::output::{MeshInfo, MeshSource};
 
 /// Most bytes of JSON: that of a single mesh takes one thousand.
@@ -148,6 +149,7 @@ impl GlbSource {
 fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo {
     let extras = &asset.extras;
     let origin = serde_json::from_value::<Point3>(extras["origin"].clone()).unwrap_or_default();
+    let scale = serde_json::from_value::<Point3>(extras["scale"].clone()).ok();
     let generator = asset.generator.iter().map(|name| ("generator".to_owned(), name.clone()));
     let comments = extras["comments"].as_array().into_iter().flatten().filter_map(|c| c.as_str());
     let comments = comments.map(|text| ("comment".to_owned(), text.to_owned()));
@@ -156,6 +158,7 @@ fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo
         triangles,
         format: FORMAT.name,
         origin,
+        scale: scale.filter(is_scale).unwrap_or([1.0; 3]),
         single_precision: true,
         indexed,
         crs: extras["crs"].as_str().map(str::to_owned),
@@ -378,7 +381,7 @@ impl MeshSource for GlbSource {
         let Some(span) = self.positions else { return Ok(()) };
         self.elements(span, 3, first, out.len(), |place, record| {
             let local = position(record).unwrap_or([f64::NAN; 3]);
-            out[place] = to_world(local, self.info.origin);
+            out[place] = to_world(to_z_up(local), self.info.origin, self.info.scale);
             check_position(first + place as u64, &out[place])
         })
     }

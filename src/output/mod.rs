@@ -98,6 +98,9 @@ pub struct MeshHeader {
     /// and record the origin. Heights that are f32 stay exact when z of the origin is 0; otherwise
     /// it is near the heights, so that they lose little.
     pub origin: Point3,
+    /// Stored units in one unit of x, y and z, for these formats: they store
+    /// `(position - origin) * scale`, and record the scale where it is not 1.
+    pub scale: Point3,
     /// World bounding box of everything that can come: (min, max), x and y from the grid;
     /// z may be NaN when unknown.
     pub bounds: [Point3; 2],
@@ -159,6 +162,9 @@ pub struct MeshInfo {
     pub format: &'static str,
     /// The origin that has been added back to every position read.
     pub origin: Point3,
+    /// What positions were divided by before the origin was added: stored units in one unit of x, y
+    /// and z.
+    pub scale: Point3,
     /// True when positions are stored in f32 (x and y carry rounding of the order of 1e-7 of the
     /// extent).
     pub single_precision: bool,

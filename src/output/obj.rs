@@ -172,6 +172,7 @@ fn info(vertices: u64, triangles: u64, comments: Vec<String>) -> MeshInfo {
         triangles,
         format: FORMAT.name,
         origin: [0.0; 3],
+        scale: [1.0; 3],
         single_precision: false,
         indexed: true,
         crs,

@@ -118,6 +118,7 @@ impl PlySource {
             triangles: header.faces.count,
             format: FORMAT.name,
             origin: [0.0; 3],
+            scale: [1.0; 3],
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
             indexed: true,
             crs: header.crs.clone(),

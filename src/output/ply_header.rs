@@ -1,6 +1,6 @@
 //! The header of a binary PLY file: its elements, and where vertices and faces lie.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::limits;
 use crate::output::input::{Input, Lines};
 use crate::output::text;
@@ -238,7 +238,38 @@ impl PlyHeader {
             let span = self.element(input, element, offset)?;
             offset = end(input, element, span)?;
         }
-        if offset == input.bytes() { Ok(()) } else { Err(surplus(input, input.bytes() - offset)) }
+        if offset == input.bytes() { Ok(()) } else { Err(self.surplus(input, offset)?) }
+    }
+
+    /// Why there are bytes behind the last record: faces of more than three corners, or something
+    /// that does not belong there.
+    fn surplus(&self, input: &Input, end: u64) -> Result<Error> {
+        let bytes = input.bytes() - end;
+        let message = format!("has {bytes} bytes more than its header accounts for");
+        let remedy = match self.first_polygon(input)? {
+            Some((face, corners)) => {
+                format!("face {face} has {corners} corners, not three: triangulate it first")
+            }
+            None => "write or copy it again: something was put behind its end".to_owned(),
+        };
+        Ok(input.bad(message).remedy(remedy))
+    }
+
+    /// The first face that is no triangle, by its number, and its corners.
+    fn first_polygon(&self, input: &Input) -> Result<Option<(u64, f64)>> {
+        let (Span { offset, stride, count }, mut first) = (self.faces, None);
+        if count == 0 {
+            return Ok(None);
+        }
+        input.records(offset..offset + stride * count, stride, |place, record| {
+            let bytes = record.get(self.length.offset as usize..).unwrap_or_default();
+            let corners = self.length.scalar.read(bytes, self.big);
+            if corners != 3.0 && first.is_none() {
+                first = Some((place as u64, corners));
+            }
+            Ok(())
+        })?;
+        Ok(first)
     }
 
     /// Takes in the element that begins at byte `offset`.
@@ -297,7 +328,7 @@ impl Element {
         Some(Field { offset, scalar: self.properties[at].item })
     }
 
-    fn refused(&self, input: &Input) -> crate::error::Error {
+    fn refused(&self, input: &Input) -> Error {
         let list = self.properties.iter().filter(|p| p.length.is_some());
         let names: Vec<&str> = list.map(|p| p.name.as_str()).collect();
         input.unsupported(format!("element \"{}\" has lists: {}", self.name, names.join(", ")))
@@ -317,9 +348,4 @@ fn end(input: &Input, element: &Element, span: Span) -> Result<u64> {
             format!("{count} elements \"{}\" do not fit into {bytes} bytes", element.name);
         input.bad(message).remedy("it is truncated, or has been written wrongly")
     })
-}
-
-fn surplus(input: &Input, bytes: u64) -> crate::error::Error {
-    let message = format!("has {bytes} bytes more than its header accounts for");
-    input.bad(message).remedy("faces must have three corners each; triangulate it first")
 }

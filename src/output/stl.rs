@@ -1,13 +1,13 @@
 //! Binary STL: triangles by position in f32, with a normal each. The origin stands in the header as
-//! `terrane origin X Y Z`, and behind it the bound, as `max error E`. Optionally the surface is closed
-//! with walls and a bottom.
+//! `terrane origin X Y Z`, followed by `scale X Y Z` where stored units are not the world's, and behind it
+//! the bound, as `max error E`. Optionally the surface is closed with walls and a bottom.
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::geom::Point3;
 use crate::output::input::{Input, check_position, check_range};
-use crate::output::local::Local;
+use crate::output::local::{Local, is_scale, to_world};
 use crate::output::out::Out;
 use crate::output::sink::{Counts, Encoder, FileSink, temp_folder};
 use crate::output::solid::{Edge, Outline};
@@ -28,6 +28,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 };
 
 const ORIGIN: &str = "terrane origin ";
+const SCALE: &str = " scale ";
 /// What a bound begins with, here and in the comments of a mesh.
 const BOUND: &str = "max error ";
 const TITLE_BYTES: usize = 80;
@@ -47,11 +48,11 @@ fn most() -> MeshCapacity {
 type Corners = [[f32; 3]; 3];
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
-    let local = Local::new(header.origin)?;
-    let title = title(header.origin, bound(&header.comments))?;
+    let local = Local::new(header.origin, header.scale)?;
+    let title = title(header.origin, local.scale(), bound(&header.comments))?;
     let solid = options.solid_base.map(|base| {
-        let (lowest, origin) = (header.bounds[0][2], header.origin[2]);
-        Solid::new(base, lowest, origin, Outline::new(temp_folder(path, options)))
+        let (lowest, stored) = (header.bounds[0][2], (header.origin[2], header.scale[2]));
+        Solid::new(base, lowest, stored, Outline::new(temp_folder(path, options)))
     });
     let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
     FileSink::create(path, options, encoder)
@@ -63,9 +64,15 @@ fn bound(comments: &[String]) -> Option<&str> {
     stated.and_then(|rest| rest.split_whitespace().next())
 }
 
-/// The first 80 bytes. Where the origin leaves no room for the bound, the file states none.
-fn title(origin: Point3, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
-    let mut text = format!("{ORIGIN}{}", origin.map(text::f64_text).join(" "));
+/// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none.
+fn title(
+    origin: Point3,
+    scale: Option<Point3>,
+    bound: Option<&str>,
+) -> Result<[u8; TITLE_BYTES]> {
+    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
+    let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
+    let mut text = format!("{ORIGIN}{}{scale}", numbers(origin));
     if text.len() > TITLE_BYTES {
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
@@ -151,19 +158,26 @@ struct Solid {
     base: f32,
     /// Height of the origin.
     origin: f64,
+    /// Stored units in one of the heights.
+    scale: f64,
     outline: Outline,
 }
 
 impl Solid {
     /// `lowest` is the smallest height that can come; NaN when that is unknown. `origin` is the
-    /// height that stored ones are relative to.
-    fn new(height: f64, lowest: f64, origin: f64, outline: Outline) -> Result<Self> {
-        let base = (height - origin) as f32;
+    /// height that stored ones are relative to, and `scale` what they were multiplied by.
+    fn new(
+        height: f64,
+        lowest: f64,
+        (origin, scale): (f64, f64),
+        outline: Outline,
+    ) -> Result<Self> {
+        let base = ((height - origin) * scale) as f32;
         if !base.is_finite() {
             return Err(Error::usage(format!("a solid cannot have its base at {height}")));
         }
-        let solid = Self { height, base, origin, outline };
-        let lowest = (lowest - origin) as f32;
+        let solid = Self { height, base, origin, scale, outline };
+        let lowest = ((lowest - origin) * scale) as f32;
         if lowest.is_nan() { Ok(solid) } else { solid.check(lowest).map(|()| solid) }
     }
 
@@ -178,7 +192,7 @@ impl Solid {
         if stored > self.base {
             return Ok(());
         }
-        let (lowest, base) = (self.origin + f64::from(stored), self.height);
+        let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
         let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
         Err(Error::usage(message).remedy("choose a base below the lowest height"))
     }
@@ -237,14 +251,15 @@ impl StlSource {
             let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
             return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
         }
-        let known = origin(title);
-        let origin = known.unwrap_or_default();
+        let known = place(title);
+        let (origin, scale) = known.unwrap_or(([0.0; 3], [1.0; 3]));
         let title = String::from_utf8_lossy(title).trim_matches([' ', '\0']).to_owned();
         let info = MeshInfo {
             vertices: 3 * triangles,
             triangles,
             format: FORMAT.name,
             origin,
+            scale,
             single_precision: true,
             indexed: false,
             crs: None,
@@ -273,12 +288,18 @@ fn is_ascii(head: &[u8]) -> bool {
     text.starts_with(b"solid") && text.windows(5).any(|word| word == b"facet")
 }
 
-/// The origin in a title of ours.
-fn origin(title: &[u8; TITLE_BYTES]) -> Option<Point3> {
+/// The origin and the scale in a title of ours.
+fn place(title: &[u8; TITLE_BYTES]) -> Option<(Point3, Point3)> {
     let text = std::str::from_utf8(title).ok()?.strip_prefix(ORIGIN)?;
-    let numbers: Vec<f64> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
-    let origin: Point3 = numbers.try_into().ok()?;
-    origin.iter().all(|c| c.is_finite()).then_some(origin)
+    let scale = text.split_once(SCALE).map_or(Some([1.0; 3]), |(_, rest)| numbers(rest))?;
+    Some((numbers(text)?, scale)).filter(|(_, scale)| is_scale(scale))
+}
+
+/// Three finite numbers at the start of a text; other words may follow.
+fn numbers(text: &str) -> Option<Point3> {
+    let words = text.split_whitespace().take(3).map(|word| word.parse().ok());
+    let point: Point3 = words.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
+    point.iter().all(|c| c.is_finite()).then_some(point)
 }
 
 /// The position of corner `corner` in a triangle's record.
@@ -303,7 +324,7 @@ impl MeshSource for StlSource {
                 let index = 3 * (from + place as u64) + corner as u64;
                 let slot = index.checked_sub(first).and_then(|i| out.get_mut(i as usize));
                 if let (Some(slot), Some(local)) = (slot, corner_of(record, corner)) {
-                    *slot = [0, 1, 2].map(|i| self.info.origin[i] + f64::from(local[i]));
+                    *slot = to_world(local.map(f64::from), self.info.origin, self.info.scale);
                     check_position(index, slot)?;
                 }
             }
@@ -327,18 +348,26 @@ mod tests {
     #[test]
     fn the_title_holds_any_origin_a_grid_can_have() {
         for origin in [[500_000.5, -4e6, 0.0], [-1.234_567_890_123_456_7e-300, f64::MIN, 0.0]] {
-            assert_eq!(super::origin(&title(origin, Some("1.5")).unwrap()), Some(origin));
+            let made = title(origin, None, Some("1.5")).unwrap();
+            assert_eq!(place(&made), Some((origin, [1.0; 3])));
         }
-        assert!(title([-1.234_567_890_123_456_7e-300; 3], None).is_err());
+        let (origin, scale) = ([-124.515_625, 48.484_375, 4096.0], [74_123.45, 111_132.9, 0.3048]);
+        let made = title(origin, Some(scale), Some("1.5")).unwrap();
+        assert_eq!(place(&made), Some((origin, scale)));
+        assert!(title([-1.234_567_890_123_456_7e-300; 3], None, None).is_err());
+        for bad in ["1 2", "1 2 x", "1 2 3 scale 1 2", "1 2 3 scale 0 1 1", "1 2 3 scale -1 1 1"] {
+            let text = format!("{ORIGIN}{bad:<65}");
+            assert_eq!(place(text.as_bytes().try_into().unwrap()), None, "{bad}");
+        }
     }
 
     #[test]
     fn the_title_holds_the_bound_where_there_is_room() {
         let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
-        let made = title([500_000.0, 4e6, 0.0], bound(&comments)).unwrap();
+        let made = title([500_000.0, 4e6, 0.0], None, bound(&comments)).unwrap();
         assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
         let full = [-1.234_567_890_123_45e-30, -1.234_567_890_123_45e-30, 1.5];
-        let made = title(full, bound(&comments)).unwrap();
+        let made = title(full, None, bound(&comments)).unwrap();
         assert!(!made.windows(3).any(|some| some == b"max"));
         assert_eq!(bound(&["source a.tif".to_owned()]), None);
     }

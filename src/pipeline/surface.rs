@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::files::path_of;
 use crate::geom::{Point3, Rect};
 use crate::output::{self, MeshSource};
 use crate::pipeline::{Cancel, Progress, Resources};
@@ -24,7 +25,7 @@ pub enum Surface {
 /// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
 pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
     match inputs {
-        [one] if is_mesh(one)? => output::open(Path::new(one)).map(Surface::Mesh),
+        [one] if is_mesh(one)? => output::open(&path_of(one)).map(Surface::Mesh),
         _ => raster::open_all(inputs, options).map(Surface::Grid),
     }
 }
@@ -36,7 +37,7 @@ pub fn is_synthetic(input: &str) -> bool {
 
 /// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
-    let path = Path::new(raster::file_name(input));
+    let path = &*path_of(raster::file_name(input));
     if output::split::is_split(path) {
         return Ok(true);
     }

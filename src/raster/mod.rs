@@ -40,7 +40,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::files as file;
 use crate::geom::{Affine, Crs, Rect};
-pub use mosaic::{Inputs, files, is_collection};
+pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
 use window::Window;
@@ -282,10 +282,10 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
         return synth::open(input);
     }
     if let Some((packing, path)) = png::Packing::stated(input) {
-        let path = Path::new(path);
+        let path = &*file::path_of(path);
         return open_as(path, &png::FORMAT, options, |o| png::open(path, Some(packing), o));
     }
-    open_path(Path::new(input), options)
+    open_path(&file::path_of(input), options)
 }
 
 /// Opens `inputs` as one grid: a file or terrain as [`open`] does, and else all files that they stand

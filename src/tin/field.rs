@@ -1,6 +1,7 @@
 //! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
 
 use super::{Heights, Local};
+use crate::geom::Rounding;
 
 /// Decimated copies: strides 1, 2, 4, ..., 2^(LEVELS - 1).
 pub(super) const LEVELS: usize = 6;
@@ -29,7 +30,7 @@ pub(super) struct Field {
     starts: [usize; LEVELS],
     exact: Vec<f64>,
     /// Vertices are rounded to f32 relative to this height.
-    rounding: Option<f64>,
+    rounding: Option<Rounding>,
     /// Samples from the border that scans leave out (1 for a tile, whose rim is fixed).
     margin: u32,
 }
@@ -41,7 +42,7 @@ impl Field {
         heights: &Heights<'_>,
         [col, row, width, height]: [u32; 4],
         margin: u32,
-        rounding: Option<f64>,
+        rounding: Option<Rounding>,
     ) {
         (self.width, self.height, self.margin) = (width, height, margin);
         self.rounding = rounding;
@@ -130,7 +131,7 @@ impl Field {
     #[inline(always)]
     pub(super) fn vertex(&self, p: Local) -> f64 {
         let height = self.sample(p);
-        self.rounding.map_or(height, |origin| origin + f64::from((height - origin) as f32))
+        self.rounding.map_or(height, |rounding| rounding.apply(height))
     }
 
     /// The heights of three vertices.

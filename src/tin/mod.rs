@@ -18,6 +18,8 @@ pub mod scatter;
 mod strict;
 mod tile;
 
+use crate::geom::Rounding;
+
 pub use order::sort_by_position;
 pub use patch::mend_patch;
 pub use tile::{Scratch, triangulate_tile};
@@ -78,9 +80,9 @@ pub struct Spec {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
-    /// Vertex heights are rounded to f32 relative to this one, because the output stores no more;
-    /// `None` where it stores f64.
-    pub single_precision: Option<f64>,
+    /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where
+    /// it stores f64.
+    pub single_precision: Option<Rounding>,
     /// Fill `max_error` and `square_sum` of the triangles.
     pub measure: bool,
 }

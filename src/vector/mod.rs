@@ -6,6 +6,7 @@ mod crs;
 mod csv;
 mod dbf;
 mod feature;
+mod find;
 mod flatgeobuf;
 mod geojson;
 mod geometry;
@@ -36,6 +37,7 @@ use crate::error::{Error, Result};
 use crate::files::RawFile;
 
 pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
+pub use find::{files, files_below};
 pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
 pub use keep::Kept;
 pub use sink::{FeatureSink, WriteOptions, Written};
@@ -73,6 +75,10 @@ pub struct VectorFormat {
     /// True when the first bytes of a file (up to 4096) are this format's.
     pub sniff: fn(&[u8]) -> bool,
 }
+
+/// Formats that are read and written from front to back, as pipes are; what they are read through and
+/// gathered in is a file all the same.
+pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
 
 /// Starts a file of a format.
 pub type Create = fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>;

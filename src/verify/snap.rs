@@ -19,8 +19,13 @@ pub(crate) const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
 pub enum Precision {
     /// In `f64`, or in text that reads back as such.
     Double,
-    /// In `f32`, relative to this height.
-    Single(f64),
+    /// In `f32`, relative to a height and multiplied by a scale.
+    Single {
+        /// The height.
+        origin: f64,
+        /// The scale.
+        scale: f64,
+    },
 }
 
 impl Precision {
@@ -28,8 +33,9 @@ impl Precision {
     pub(crate) fn is(self, stored: f64, height: f64) -> bool {
         match self {
             Self::Double => stored == height,
-            Self::Single(origin) => {
-                stored == height || stored == origin + f64::from((height - origin) as f32)
+            Self::Single { origin, scale } => {
+                let held = |z: f64| origin + f64::from(((z - origin) * scale) as f32) / scale;
+                stored == height || stored == held(height) || stored == held(held(height))
             }
         }
     }

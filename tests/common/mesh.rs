@@ -39,7 +39,8 @@ pub(crate) fn surface(side: u64, hole: u64) -> Mesh {
 pub(crate) fn header() -> MeshHeader {
     let crs = Crs { epsg: Some(32611), citation: Some("UTM zone 11N".into()), ..Crs::default() };
     let bounds = [[0.0, 0.0, f64::NAN], [0.0, 0.0, f64::NAN]];
-    MeshHeader { crs, origin: ORIGIN, bounds, comments: vec!["max error 1.5 metre".into()] }
+    let scale = [1.0; 3];
+    MeshHeader { crs, origin: ORIGIN, scale, bounds, comments: vec!["max error 1.5 metre".into()] }
 }
 
 /// Writes `mesh` in batches: first all vertices and then all triangles, or both mixed when the

@@ -99,6 +99,7 @@ impl Mesh {
             triangles: 0,
             format: "memory",
             origin: [0.0; 3],
+            scale: [1.0; 3],
             single_precision: false,
             indexed: true,
             crs: None,

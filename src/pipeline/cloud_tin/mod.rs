@@ -24,6 +24,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::{Frame, Point, Point3};
 use crate::output::{self, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj};
 use crate::pipeline::memory::PROGRAM;
+use crate::pipeline::placing::{Placed, Placing};
 use crate::pipeline::points::{Filling, PointStore, Tiling};
 use crate::pipeline::tin::{StageReport, horizontal_unit, vertical_unit};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory, workers};
@@ -68,6 +69,8 @@ pub struct CloudTinJob {
     pub format: Option<String>,
     /// Replace an existing output.
     pub overwrite: bool,
+    /// How the mesh lies in a file of its own coordinates.
+    pub placing: Placing,
     /// Largest vertical distance of any point from the mesh; 0 keeps every point.
     pub tolerance: f64,
     /// Measure largest error and RMSE for the report.
@@ -102,6 +105,9 @@ pub struct CloudTinReport {
     pub output_bytes: u64,
     /// Coordinate reference system beside the mesh, when one was written.
     pub prj: Option<String>,
+    /// How the mesh lies in its file, where that has coordinates of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
     pub regions: u64,
     pub threads: usize,
     pub memory_budget: u64,
@@ -154,7 +160,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let mut report = make(job, &*source, format, progress, cancel)?;
     report.files = source.files().len() as u64;
-    report.notes = source.notes().to_vec();
+    report.notes.extend_from_slice(source.notes());
     report.notes.extend(source.info().crs.lost_in_wkt());
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
@@ -171,7 +177,10 @@ pub(super) fn make(
 ) -> Result<CloudTinReport> {
     let info = source.info();
     let bounds = info.bounds.ok_or_else(no_surface)?;
-    let header = header(job, info, bounds, format)?;
+    let mut header = header(job, info, bounds, format)?;
+    let (placed, notes) = job.placing.place(&info.crs, header.bounds, format)?;
+    header.scale = placed.scale;
+    header.origin = placed.origin(header.origin, header.bounds);
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
     let sink = || (format.create)(&job.output, &header, &options);
@@ -203,7 +212,8 @@ pub(super) fn make(
     let tolerance = in_steps(job.tolerance, info.frame.scale[2]);
     let made = triangulate(&work, tolerance, &info.frame, sink, &mut clock)?;
     let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
-    Ok(report(job, info, &work, &made, format, prj, clock))
+    let report = report(job, info, &work, &made, format, prj, clock);
+    Ok(CloudTinReport { placed: Some(placed).filter(Placed::is_local), notes, ..report })
 }
 
 /// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
@@ -294,7 +304,8 @@ fn header(
         format!("max error {}{unit}", job.tolerance),
     ];
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
-    Ok(MeshHeader { crs: info.crs.clone(), origin: info.frame.world(centre), bounds, comments })
+    let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
+    Ok(MeshHeader { crs, origin, scale: [1.0; 3], bounds, comments })
 }
 
 /// Fails where f32 does not tell one step from the next.

@@ -202,6 +202,7 @@ fn few_points_and_lines_have_no_surface() {
             output: folder.path().join("a.ply"),
             format: None,
             overwrite: false,
+            placing: Default::default(),
             tolerance: 1.0,
             measure: false,
             resources: Resources::default(),

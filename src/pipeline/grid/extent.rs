@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::CloudInfo;
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::geom::{Crs, Rect};
 use crate::gridding::{Edges, Lattice, Rules, Statistic};
 use crate::limits;
@@ -168,10 +169,40 @@ fn known(lattice: &Lattice, cloud: &CloudInfo) -> Rect {
     Rect::new(left, top, right - left, bottom - top)
 }
 
+/// The box around the cloud.
+fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
+    let [low, high] = cloud.bounds?.map(|corner| cloud.frame.world(corner));
+    Some([low[0], low[1], high[0], high[1]])
+}
+
+/// Metres along a degree of latitude, about.
+const DEGREE: f64 = 111_320.0;
+
+/// Fails where a cell is meant to be of so many metres, and is of so many degrees: it is larger than
+/// all there is.
+fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result<()> {
+    let Some([west, south, east, north]) = bounds else { return Ok(()) };
+    let sides = [east - west, north - south];
+    if crs.horizontal_unit() != "degree" || (0..2).any(|axis| cell[axis] <= sides[axis]) {
+        return Ok(());
+    }
+    let shrink = f64::midpoint(south, north).to_radians().cos().abs().max(1e-3);
+    let [x, y] = [cell[0] / (DEGREE * shrink), cell[1] / DEGREE];
+    Err(Error::usage(format!(
+        "a cell of {} x {} degrees is larger than all points, which lie within {:.2e} x {:.2e} degrees",
+        cell[0], cell[1], sides[0], sides[1]
+    ))
+    .remedy(format!(
+        "--cell counts degrees here: for {} x {} metres pass --cell {x:.2e},{y:.2e}",
+        cell[0], cell[1]
+    )))
+}
+
 /// A lattice of cells of the wanted size, and the cells of the cloud or the box.
 fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
     let Placement { cell, align, bbox, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
+    refuse_degrees(cell, bbox.or_else(|| world(cloud)), &cloud.crs)?;
     let lowest = || cloud.bounds.map(|[low, _]| cloud.frame.world(low)).map(|[x, y, _]| [x, y]);
     let anchor = match job.compat {
         Compat::Pdal => bbox.map(|b| [b[0], b[1]]).or_else(lowest),
@@ -221,7 +252,7 @@ fn like_grid(
     cloud: &CloudInfo,
     job: &GridJob,
 ) -> Result<(Lattice, Spans, Crs, Vec<String>)> {
-    let path = std::path::Path::new(name);
+    let path = &*path_of(name);
     let source = raster::open(name, &raster::OpenOptions::default())?;
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::LineJob;
 use super::goal::{Goal, measured};
 use super::tool::{Measure, Rule};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, all};
 use crate::geom::Crs;
 use crate::vector::{
     self, FeatureSink, FeatureSource, Layer, OpenOptions, VectorFormat, WriteOptions, Written,
@@ -35,7 +35,7 @@ impl Files {
                 output: job.output.clone(),
                 format: vector::by_path(&job.output, job.format.as_deref())?,
             }],
-            many => many.iter().map(|input| in_folder(job, input)).collect::<Result<_>>()?,
+            many => all(many.iter().map(|input| in_folder(job, input)).collect())?,
         };
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
         names.sort();
@@ -44,9 +44,9 @@ impl Files {
                 .in_file(twice[0])
                 .remedy("give them different names, or simplify them one by one"));
         }
+        let systems = pairs.iter().map(|pair| Ok(pair.open(job)?.layer().crs.clone()));
         let mut crs: Option<Crs> = None;
-        for pair in &pairs {
-            let own = pair.open(job)?.layer().crs.clone();
+        for (pair, own) in pairs.iter().zip(all(systems.collect())?) {
             match &crs {
                 None => crs = Some(own),
                 Some(first) if first.agrees(&own) => {}

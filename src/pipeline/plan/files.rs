@@ -27,6 +27,7 @@ const WHOLE: u64 = 1 << 30;
 /// What a file was when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::pipeline) struct InputFile {
+    #[serde(with = "super::as_name")]
     path: PathBuf,
     bytes: u64,
     /// Nanoseconds since 1970.

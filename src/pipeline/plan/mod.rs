@@ -258,14 +258,35 @@ pub(in crate::pipeline) fn write_json<T: Serialize>(path: &Path, what: &T) -> Re
     file.commit().map(drop)
 }
 
-/// A path that can be noted: absolute, and text.
+/// Paths in plans and notes: as names, so that any can be told.
+pub(in crate::pipeline) mod as_name {
+    use std::path::{Path, PathBuf};
+
+    use serde::{Deserialize, Deserializer, Serializer, de, ser};
+
+    use crate::files::{name_of, path_of};
+
+    pub(in crate::pipeline) fn serialize<S: Serializer>(
+        path: &Path,
+        out: S,
+    ) -> Result<S::Ok, S::Error> {
+        out.serialize_str(&name_of(path.to_path_buf()).map_err(ser::Error::custom)?)
+    }
+
+    pub(in crate::pipeline) fn deserialize<'a, D: Deserializer<'a>>(
+        from: D,
+    ) -> Result<PathBuf, D::Error> {
+        let name = String::deserialize(from)?;
+        match name.contains('\0') {
+            true => Err(de::Error::custom("a name holds a byte of 0")),
+            false => Ok(path_of(&name).into_owned()),
+        }
+    }
+}
+
+/// A path that can be noted: absolute.
 pub(in crate::pipeline) fn noted_path(output: &Path) -> Result<PathBuf> {
     let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
-    if path.to_str().is_none() {
-        return Err(Error::usage("has a name that is not UTF-8, which cannot be noted")
-            .in_file(&path)
-            .remedy("choose another name"));
-    }
     Ok(path)
 }
 

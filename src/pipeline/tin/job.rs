@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::pipeline::Resources;
+use crate::pipeline::placing::Placing;
 use crate::raster::Inputs;
 
 /// What the mesh has to reach.
@@ -53,6 +54,8 @@ pub struct TinJob {
     pub split: Option<u32>,
     /// STL: close the surface down to this height.
     pub solid_base: Option<f64>,
+    /// How the mesh lies in a file of its own coordinates.
+    pub placing: Placing,
     /// What to reach.
     pub goal: Goal,
     /// Reference greedy instead of adaptive strides.

@@ -14,12 +14,13 @@ use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
 use crate::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::Point3;
+use crate::geom::{Point3, Rounding};
 use crate::output::split::{self, Blocks};
 use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use crate::pipeline::memory::{self, Shares};
+use crate::pipeline::placing::Placed;
 use crate::pipeline::{Cancel, Progress, peak_memory};
 use crate::raster::{GridInfo, GridSource, Inputs, OpenOptions};
 use crate::tin::Spec;
@@ -53,6 +54,8 @@ pub(super) struct Opened {
     pub(super) format: &'static MeshFormat,
     /// What heights are stored relative to, where the format stores them in f32.
     pub(super) height_origin: Option<f64>,
+    pub(super) placed: Placed,
+    notes: Vec<String>,
     pub(super) shares: Shares,
 }
 
@@ -63,7 +66,17 @@ impl Opened {
         let (source, shares) = open(job)?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
-        Ok(Self { source, format, height_origin, shares })
+        let info = source.info();
+        let (placed, notes) = job.placing.place(&info.crs, bounds(info), format)?;
+        Ok(Self { source, format, height_origin, placed, notes, shares })
+    }
+}
+
+impl Opened {
+    /// What becomes of heights in the file, where it stores them in f32.
+    fn rounding(&self) -> Option<Rounding> {
+        let scale = self.placed.scale[2];
+        self.height_origin.map(|origin| Rounding { origin, scale })
     }
 }
 
@@ -124,10 +137,13 @@ impl Maker<'_> {
     ) -> Result<TinReport> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
-        let header = header(info, &job.input.to_string(), tolerance, height);
+        let mut header = header(info, &job.input.to_string(), tolerance, height);
+        header.scale = self.opened.placed.scale;
+        header.origin = self.opened.placed.origin(header.origin, header.bounds);
+        let solid_base = self.solid_base(&mut header)?;
         let options = SinkOptions {
             overwrite: job.overwrite,
-            solid_base: job.solid_base,
+            solid_base,
             temp_dir: job.resources.temp_dir.clone(),
         };
         let sink = match self.blocks()? {
@@ -142,6 +158,28 @@ impl Maker<'_> {
             Some(_) => None,
         };
         self.report(tolerance, trials, outcome, prj)
+    }
+
+    /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
+    /// the header. Fails before the work when the bottom is not below it.
+    fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
+        let Self { job, opened, progress, cancel } = self;
+        if job.solid_base.is_none() && job.placing.base.is_none() {
+            return Ok(None);
+        }
+        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
+        let (Some(lowest), Some(highest)) = (stats.min, stats.max) else {
+            return Ok(job.solid_base);
+        };
+        (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
+        let base = job.solid_base.or_else(|| job.placing.bottom(lowest, &opened.placed));
+        match base.filter(|base| lowest <= *base) {
+            Some(base) => Err(Error::usage(format!(
+                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+            ))
+            .remedy(format!("choose a base below {lowest}"))),
+            None => Ok(base),
+        }
     }
 
     /// How the mesh is divided among files, if it is.
@@ -247,7 +285,7 @@ impl Maker<'_> {
             tolerance,
             strict: self.job.strict,
             drop: self.job.drop,
-            single_precision: self.opened.height_origin,
+            single_precision: self.opened.rounding(),
             measure: self.job.measure,
         }
     }
@@ -315,7 +353,8 @@ impl Maker<'_> {
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
-            notes: info.crs.lost_in_wkt().into_iter().collect(),
+            placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
+            notes: self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt()).collect(),
             tiles: layout.tiles(),
             tile_cells: job.tile,
             threads: self.opened.shares.threads,
@@ -349,6 +388,7 @@ fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHead
     MeshHeader {
         crs: info.crs.clone(),
         origin: origin(bounds, height),
+        scale: [1.0; 3],
         bounds,
         comments: vec![format!("source {input}"), format!("max error {tolerance}{unit}")],
     }

@@ -4,6 +4,8 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use crate::pipeline::placing::Placed;
+
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageReport {
@@ -49,7 +51,10 @@ pub struct TinReport {
     pub output_bytes: u64,
     /// Coordinate reference system beside the mesh, when one was written.
     pub prj: Option<String>,
-    /// What people overlook about the mesh.
+    /// How the mesh lies in its file, where that has coordinates of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
+    /// What the user of the mesh should know.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     pub tiles: u64,

@@ -1,7 +1,7 @@
 //! Reading a rectangle of a grid into buffers that a worker keeps.
 
 use crate::error::{Error, Result};
-use crate::geom::Rect;
+use crate::geom::{Rect, Rounding};
 use crate::limits::MAX_HEIGHT;
 use crate::raster::{GridInfo, GridSource, looks_like_nodata};
 use crate::tin::{Heights, Spec};
@@ -44,9 +44,9 @@ impl Window {
 
     /// Fails where the output's rounding of heights alone would break the tolerance.
     pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
-        let Some(origin) = spec.single_precision else { return Ok(()) };
-        let moved = |height: f64| (origin + f64::from((height - origin) as f32) - height).abs();
-        let rounding = match (self.rounding > 0.0, origin == 0.0) {
+        let Some(stored) = spec.single_precision else { return Ok(()) };
+        let moved = |height: f64| (stored.apply(height) - height).abs();
+        let rounding = match (self.rounding > 0.0, stored == Rounding::about(0.0)) {
             (_, true) => self.rounding,
             (true, _) => self.f64.iter().fold(0.0, |most, &z| moved(z).max(most)),
             (false, _) => self.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
@@ -129,7 +129,7 @@ mod tests {
         let window = Window { rounding: 0.01, ..Window::default() };
         let spec = |tolerance, single: bool| Spec {
             tolerance,
-            single_precision: single.then_some(0.0),
+            single_precision: single.then_some(Rounding::about(0.0)),
             strict: false,
             drop: true,
             measure: false,
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Usage);
         let far = Window { f64: vec![2e7 + 0.25, f64::NAN], rounding: 0.25, ..Window::default() };
         assert!(far.check_rounding(&spec(0.1, true)).is_err());
-        let near = Spec { single_precision: Some(2e7), ..spec(0.0, true) };
+        let near = Spec { single_precision: Some(Rounding::about(2e7)), ..spec(0.0, true) };
         assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
     }
 

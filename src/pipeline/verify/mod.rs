@@ -176,7 +176,7 @@ impl<'a> Context<'a> {
             tolerance,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
-                true => Precision::Single(info.origin[2]),
+                true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
                 false => Precision::Double,
             },
             orientation: if map.determinant() < 0.0 { -1 } else { 1 },
@@ -216,6 +216,7 @@ mod tests {
             triangles: 0,
             format: "test",
             origin: [0.0; 3],
+            scale: [1.0; 3],
             single_precision: false,
             indexed: true,
             crs: None,

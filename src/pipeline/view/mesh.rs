@@ -26,7 +26,9 @@ pub(super) fn draw(
 ) -> Result<Drawn> {
     let bounds = mesh_bounds(mesh, progress, cancel)?;
     let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
-    let geographic = mesh.info().crs.as_deref().is_some_and(is_geographic);
+    // Only degrees are stored in a unit of their own along each axis.
+    let [x, y, _] = mesh.info().scale;
+    let geographic = x != y || mesh.info().crs.as_deref().is_some_and(is_geographic);
     let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
     let mut canvas = Canvas::new(frame, job.edges);
     let triangles = mesh.info().triangles;
@@ -154,6 +156,7 @@ mod tests {
                 triangles: 0,
                 format: "test",
                 origin: [0.0; 3],
+                scale: [1.0; 3],
                 single_precision: false,
                 indexed: true,
                 crs: None,

@@ -1,8 +1,7 @@
 //! What the files of a mosaic must agree in, and the one line that says how two of them differ.
 
-use std::path::Path;
-
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::geom::{Affine, Crs};
 use crate::raster::GridInfo;
 
@@ -50,7 +49,7 @@ pub(super) fn check_units(first: (&str, &str), other: (&str, &str)) -> Result<()
 /// The answer to a file whose place is not known.
 pub(super) fn nowhere(name: &str) -> Error {
     Error::bad_input("does not say where it lies, so it cannot be part of a mosaic")
-        .in_file(Path::new(name))
+        .in_file(&path_of(name))
         .remedy(format!(
             "place it: gdal_translate -a_srs EPSG:CODE -a_ullr WEST NORTH EAST SOUTH {name} {}",
             renamed(name, "placed")
@@ -100,7 +99,7 @@ pub(super) fn misplaced(
                 origin(shape),
                 origin(first_shape)
             ))
-            .in_file(Path::new(other))
+            .in_file(&path_of(other))
         }
         Misfit::Far => Error::bad_input(format!(
             "lies too far from {first} for one mosaic: the first sample is at {}, that of the other \
@@ -108,7 +107,7 @@ pub(super) fn misplaced(
             pair([shape.transform.x0, shape.transform.y0]),
             pair([first_shape.transform.x0, first_shape.transform.y0])
         ))
-        .in_file(Path::new(other)),
+        .in_file(&path_of(other)),
     };
     error.remedy(match misfit {
         Misfit::Far => "leave one of them out".to_owned(),
@@ -146,12 +145,12 @@ fn warp(target: &Affine, name: &str, shape: &Shape) -> String {
 
 fn differ(name: &str, what: &str, theirs: &str, ours: &str, first: &str) -> Error {
     Error::bad_input(format!("its {what} is {theirs}, that of {first} is {ours}"))
-        .in_file(Path::new(name))
+        .in_file(&path_of(name))
 }
 
 /// "a/b.tif" as "a/b-word.tif".
 fn renamed(name: &str, word: &str) -> String {
-    let path = Path::new(name);
+    let path = path_of(name);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}-{word}.tif")).display().to_string()
 }

@@ -1,11 +1,12 @@
 //! Opening the files of a mosaic: once in parallel to learn what they are, then again whenever they
 //! are read and have been closed meanwhile.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::files::path_of;
 use crate::limits;
 use crate::raster::{self, GridInfo, OpenOptions, SYNTH_PREFIX, SampleType};
 
@@ -126,7 +127,7 @@ pub(super) fn on_threads<T: Send>(
 /// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
 pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
     if is_vrt(name)? {
-        let path = Path::new(name);
+        let path = &*path_of(name);
         let share = nest.family.pool.share();
         let options = OpenOptions { band, nodata, cache_bytes: share, threads: 1, temp_dir: None };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
@@ -146,9 +147,9 @@ fn is_vrt(name: &str) -> Result<bool> {
     if name.starts_with(SYNTH_PREFIX) || raster::file_name(name) != name {
         return Ok(false);
     }
-    let path = Path::new(name);
-    let head = raster::head_of(path)?;
-    Ok(raster::format_of(path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
+    let path = path_of(name);
+    let head = raster::head_of(&path)?;
+    Ok(raster::format_of(&path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
 }
 
 /// Opens a file with its share of the memory, or with more where it cannot be read with that.
@@ -171,7 +172,7 @@ fn open_file(
         ErrorKind::Resource => with(pool.most_bytes()),
         _ => Err(e),
     });
-    opened.map_err(|e| e.in_file(Path::new(raster::file_name(name))))
+    opened.map_err(|e| e.in_file(&path_of(raster::file_name(name))))
 }
 
 /// Bytes of all decoded blocks of a file.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Seek, name};
+use crate::files::{Seek, name_of, path_of, shown};
 use crate::raster::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
 
 /// Formats of one file in another.
@@ -47,9 +47,10 @@ fn absolute(input: &str) -> Result<String> {
     if input.starts_with(SYNTH_PREFIX) {
         return Ok(input.to_owned());
     }
-    let path = file_name(input);
-    let absolute = std::path::absolute(path).map_err(|e| Error::read(Path::new(path), e))?;
-    Ok(input[..input.len() - path.len()].to_owned() + &name(absolute)?)
+    let name = file_name(input);
+    let path = path_of(name);
+    let absolute = std::path::absolute(&path).map_err(|e| Error::read(&path, e))?;
+    Ok(input[..input.len() - name.len()].to_owned() + &name_of(absolute)?)
 }
 
 impl From<Vec<String>> for Inputs {
@@ -84,8 +85,8 @@ impl fmt::Display for Inputs {
         }
         match self.names.as_slice() {
             [] => write!(f, "nothing"),
-            [one] => write!(f, "{one}"),
-            [first, rest @ ..] => write!(f, "{first} and {} more", rest.len()),
+            [one] => write!(f, "{}", shown(one)),
+            [first, rest @ ..] => write!(f, "{} and {} more", shown(first), rest.len()),
         }
     }
 }
@@ -112,6 +113,14 @@ pub fn is_collection(input: &str) -> bool {
 /// [`limits::MAX_MEMBERS`](crate::limits::MAX_MEMBERS) files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     GRIDS.files(inputs)
+}
+
+/// As [`files`], with those in folders below the folders among `inputs`.
+///
+/// # Errors
+/// As [`files`].
+pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
+    GRIDS.files_below(inputs)
 }
 
 /// True for names that only grids have: not those of lists, of packed files of who knows what, of
@@ -203,7 +212,7 @@ mod tests {
         let told = place.refused(&place.at("list.txt"));
         assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
         assert!(place.refused("@nowhere").contains("cannot read"));
-        std::fs::write(place.0.path().join("raw"), [b'a', 0xff, 0xfe]).unwrap();
+        std::fs::write(place.0.path().join("raw"), [b'a', 0, 0xfe]).unwrap();
         assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not text"));
     }
 

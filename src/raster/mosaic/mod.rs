@@ -16,6 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::files::path_of;
 use crate::geom::Rect;
 use crate::raster::sample::Height;
 use crate::raster::{GridInfo, GridSource, Window};
@@ -23,7 +24,7 @@ use crate::raster::{GridInfo, GridSource, Window};
 use cache::Grid;
 use find::{Family, File};
 use index::Index;
-pub use members::{Inputs, files, is_collection};
+pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
 use recode::Recode;
 
@@ -187,7 +188,7 @@ impl GridSource for Mosaic {
     fn members(&self) -> Vec<PathBuf> {
         let of = |part: &Part| match &part.source {
             Source::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
-            Source::File(file) => vec![file.name().into()],
+            Source::File(file) => vec![path_of(file.name()).into_owned()],
         };
         let mut members: Vec<PathBuf> = self.parts.iter().flat_map(of).collect();
         members.sort();
@@ -209,14 +210,9 @@ impl GridSource for Mosaic {
     }
 }
 
-/// The first failure in the order of the files, whichever thread came first.
-fn in_order<T>(found: Vec<Result<T>>) -> Result<Vec<T>> {
-    found.into_iter().collect()
-}
-
 /// The answer to a file that became another one while the mosaic was open.
 fn changed(name: &str) -> Error {
     Error::bad_input("changed its size or type while it was in use")
-        .in_file(std::path::Path::new(name))
+        .in_file(&path_of(name))
         .remedy("run again when nothing writes to it")
 }

@@ -1,10 +1,9 @@
 //! Files that make a mosaic by where they say they lie: all on the lattice of the first one.
 
-use std::path::Path;
-
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, all};
+use crate::files::path_of;
 use crate::geom::Rect;
 use crate::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
 
@@ -12,7 +11,7 @@ use super::agree::{self, Named};
 use super::find::{Family, Found, Nest, find, on_threads};
 use super::layout::{Layout, Shape, lay_out};
 use super::recode::{Recode, void_range, wider};
-use super::{Mosaic, Part, Source, in_order, members};
+use super::{Mosaic, Part, Source, members};
 
 /// What a mosaic needs to remember of each file.
 struct Member {
@@ -39,10 +38,14 @@ impl Member {
 pub(crate) fn open(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let names = members::files(inputs)?;
     match names.as_slice() {
-        [] => Err(Error::usage("no input is given").remedy("name a grid file")),
+        [] => Err(nothing()),
         [one] => raster::open(one, options),
         _ => Ok(Box::new(mosaic(&names, options)?)),
     }
+}
+
+fn nothing() -> Error {
+    Error::usage("no input is given").remedy("name a grid file")
 }
 
 fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
@@ -50,20 +53,24 @@ fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
     family.count_members(names.len() as u64)?;
     let nest = Nest { family, around: Vec::new() };
     let look = |name: &str| find(name, options.band, options.nodata, &nest);
-    let first = look(&names[0])?;
-    let info = first.info.clone();
-    if !info.georeferenced {
-        return Err(agree::nowhere(&names[0]));
-    }
-    let reference = Named { name: &names[0], info: &info };
+    let first = look(&names[0]).and_then(|found| match found.info.georeferenced {
+        true => Ok(found),
+        false => Err(agree::nowhere(&names[0])),
+    });
+    let info = first.as_ref().ok().map(|first| first.info.clone());
     let member = |name: &String| {
         let found = look(name)?;
-        agree::check(reference, Named { name, info: &found.info })?;
+        if let Some(info) = &info {
+            let reference = Named { name: &names[0], info };
+            agree::check(reference, Named { name, info: &found.info })?;
+        }
         Ok(Member::of(found))
     };
-    let rest = || in_order(names[1..].par_iter().map(member).collect());
-    let mut members = vec![Member::of(first)];
-    members.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
+    let rest = || Ok(names[1..].par_iter().map(member).collect::<Vec<Result<Member>>>());
+    let mut looked = vec![first.map(Member::of)];
+    looked.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
+    let members = all(looked)?;
+    let info = info.ok_or_else(nothing)?;
     let unit = unit(names, &members)?;
     let layout = laid_out(names, &members)?;
     let info = describe(info, &members, &layout, unit);
@@ -83,7 +90,7 @@ fn unit(names: &[String], members: &[Member]) -> Result<Option<String>> {
 
 fn laid_out(names: &[String], members: &[Member]) -> Result<Layout> {
     let shapes: Vec<Shape> = members.iter().map(|member| member.shape).collect();
-    lay_out(&shapes).map_err(|e| e.in_file(Path::new(&names[0])))?.map_err(|(i, misfit)| {
+    lay_out(&shapes).map_err(|e| e.in_file(&path_of(&names[0])))?.map_err(|(i, misfit)| {
         agree::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
     })
 }

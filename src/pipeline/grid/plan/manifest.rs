@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::{self, Filter, OpenOptions, PointSource};
 use crate::error::{Error, Result};
+use crate::files::{name_of, path_of, shown};
 use crate::geom::{Crs, Rect};
 use crate::gridding::Asked;
 use crate::limits;
@@ -15,6 +16,7 @@ use crate::pipeline::Resources;
 use crate::pipeline::grid::extent::Extent;
 use crate::pipeline::grid::{Compat, GridJob, GroundFrom, Placement};
 use crate::pipeline::plan::{self, InputFile, Planned};
+use crate::pipeline::sift::Skipped;
 use crate::raster::SampleType;
 
 /// Changed whenever the same plan would give other bytes.
@@ -39,6 +41,9 @@ pub(super) struct Manifest {
     pub(super) method: Method,
     pub(super) grid: Cells,
     files: Vec<InputFile>,
+    /// Files that are left out of the input because they are bad.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) skipped: Vec<Skipped>,
 }
 
 /// What is asked for.
@@ -119,7 +124,7 @@ impl Manifest {
     ) -> Result<Self> {
         let mut placement = job.placement.clone();
         placement.like = placement.like.map(absolute).transpose()?;
-        let label = job.input.join(", ");
+        let label = job.input.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ");
         let is_synthetic = points.files().is_empty();
         let input = match is_synthetic {
             true => job.input.clone(),
@@ -127,7 +132,7 @@ impl Manifest {
         };
         let on_disk = if is_synthetic { &[][..] } else { &input };
         let paths: Vec<PathBuf> =
-            on_disk.iter().chain(&placement.like).map(PathBuf::from).collect();
+            on_disk.iter().chain(&placement.like).map(|name| path_of(name).into_owned()).collect();
         let method = Method {
             input,
             label,
@@ -156,6 +161,7 @@ impl Manifest {
             method,
             grid,
             files: plan::look_at(&plan::with_companions(paths))?,
+            skipped: Vec::new(),
         })
     }
 
@@ -208,8 +214,7 @@ impl Manifest {
 
 /// A path that holds wherever a task is run on this file system.
 fn absolute(path: String) -> Result<String> {
-    let there = plan::noted_path(Path::new(&path))?;
-    Ok(there.to_str().map_or(path, str::to_owned))
+    name_of(plan::noted_path(&path_of(&path))?)
 }
 
 impl Planned for Manifest {

@@ -16,6 +16,7 @@ use crate::cloud;
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::plan::{self, Digest};
+use crate::pipeline::sift::Skipped;
 use manifest::{BLOCK, Manifest, TaskId};
 pub use run::{RunGridJob, run_grid};
 use tile::Place;
@@ -29,6 +30,8 @@ pub struct PlanGridJob {
     pub folder: PathBuf,
     /// Cells along a tile, a multiple of 256; as many as make a fair piece of work when `None`.
     pub tile: Option<u32>,
+    /// Files that are left out of the input because they are bad, to be noted in the plan.
+    pub skipped: Vec<Skipped>,
 }
 
 /// A plan of a grid, or how far the work on it has come.
@@ -55,6 +58,9 @@ pub struct GridStatus {
     pub object_bytes: u64,
     /// Where the grid is, once it is written.
     pub output: Option<String>,
+    /// Files that were left out of the input when it was planned.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skipped: Vec<Skipped>,
 }
 
 /// A task that is not done.
@@ -104,7 +110,7 @@ pub struct GridRun {
 /// in the whole cloud at once, for tiles that are not of multiples of 256 cells, and for a folder that
 /// holds another plan or other files.
 pub fn plan_grid(job: &PlanGridJob) -> Result<GridStatus> {
-    let PlanGridJob { grid, folder, tile } = job;
+    let PlanGridJob { grid, folder, tile, skipped } = job;
     if grid.preset.is_some() {
         return Err(Error::usage("a model of the terrain is made of the whole cloud at once")
             .remedy("plan --stat tin --class 2, the ground by class, or run terrane grid"));
@@ -115,7 +121,8 @@ pub fn plan_grid(job: &PlanGridJob) -> Result<GridStatus> {
     grid.check()?;
     let points = cloud::synth::source(&grid.input, &grid.cloud)?;
     let extent = Extent::new(points.info(), grid)?;
-    let manifest = Manifest::new(grid, &*points, &extent, *tile)?;
+    let mut manifest = Manifest::new(grid, &*points, &extent, *tile)?;
+    manifest.skipped.clone_from(skipped);
     plan::put(folder, &manifest)?;
     grid_status(folder)
 }
@@ -137,6 +144,7 @@ pub fn grid_status(folder: &Path) -> Result<GridStatus> {
         points: manifest.grid.points,
         tile_cells: manifest.grid.side,
         output: written.as_ref().map(|written| written.path.display().to_string()),
+        skipped: manifest.skipped.clone(),
         ..GridStatus::default()
     };
     for task in manifest.grid.tasks() {
@@ -167,6 +175,7 @@ pub fn grid_status(folder: &Path) -> Result<GridStatus> {
 struct Written {
     plan_id: Digest,
     /// Absolute.
+    #[serde(with = "plan::as_name")]
     path: PathBuf,
     /// Of its bytes; `None` while it is being written.
     digest: Option<Digest>,

@@ -61,6 +61,7 @@ pub(super) enum Look {
 pub(super) struct Mesh {
     pub(super) plan_id: Digest,
     /// Absolute.
+    #[serde(with = "plan::as_name")]
     pub(super) path: PathBuf,
     pub(super) split: Option<u32>,
     pub(super) solid_base: Option<f64>,

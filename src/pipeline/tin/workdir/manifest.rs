@@ -7,10 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::tasks::{Strips, TaskId, before};
 use crate::error::{Error, Result};
+use crate::files::{name_of, path_of};
 use crate::geom::Affine;
 use crate::limits;
 use crate::pipeline::Resources;
+use crate::pipeline::placing::Placing;
 use crate::pipeline::plan::{self, InputFile, Planned};
+use crate::pipeline::sift::Skipped;
 use crate::pipeline::tin::estimate::Size;
 use crate::pipeline::tin::job::{Goal, TinJob};
 use crate::pipeline::tin::layout::Layout;
@@ -35,6 +38,9 @@ pub(super) struct Manifest {
     grid: Grid,
     files: Vec<InputFile>,
     pub(super) tasks: Vec<Needs>,
+    /// Files that are left out of the input because they are bad.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) skipped: Vec<Skipped>,
 }
 
 /// What is asked for.
@@ -112,6 +118,7 @@ impl Manifest {
             grid: Grid::of(info),
             files: plan::look_at(&all_files(job.input.names(), &*opened.source))?,
             tasks: needs(&strips, layout.samples(), size, memory),
+            skipped: Vec::new(),
         })
     }
 
@@ -171,6 +178,7 @@ impl Manifest {
             overwrite,
             split: None,
             solid_base: None,
+            placing: Placing::default(),
             goal: Goal::MaxError(method.max_error),
             strict: method.strict,
             drop: method.drop,
@@ -230,12 +238,10 @@ fn budget() -> Error {
 /// The files behind `names` with all that is read beside them.
 fn all_files(names: &[String], source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
-    let named = names.iter().filter(is_file).map(|name| PathBuf::from(raster::file_name(name)));
-    let members = source.members();
-    let members = members.iter().filter_map(|path| path.to_str().map(raster::file_name));
-    let is_file = |name: &&str| !name.starts_with(SYNTH_PREFIX);
-    let all = named.chain(members.filter(is_file).map(PathBuf::from));
-    plan::with_companions(all.collect())
+    let path = |name: &String| path_of(raster::file_name(name)).into_owned();
+    let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
+    let all: Vec<String> = names.iter().cloned().chain(members).collect();
+    plan::with_companions(all.iter().filter(is_file).map(path).collect())
 }
 
 /// Tasks with what they need, from the size of the whole mesh.

@@ -22,6 +22,7 @@ use super::make::{Maker, Opened, in_input};
 use super::report::TinReport;
 use super::worker::worker_bytes;
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::sift::Skipped;
 use crate::pipeline::{Cancel, Progress, Silent, memory};
 use crate::tin::Spec;
 use folder::{Folder, Look};
@@ -37,6 +38,8 @@ pub struct PlanJob {
     pub folder: PathBuf,
     /// Rows of tiles that make a task; as many as make a fair one when `None`.
     pub strip_rows: Option<u32>,
+    /// Files that are left out of the input because they are bad, to be noted in the plan.
+    pub skipped: Vec<Skipped>,
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. A few tiles are
@@ -56,7 +59,8 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let spec = Spec { measure: false, ..maker.spec(tolerance) };
     let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
     let least = memory::least(1, worker_bytes(layout.side()), opened.source.block_bytes());
-    let manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
+    let mut manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
+    manifest.skipped.clone_from(&job.skipped);
     Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
 }
 
@@ -97,6 +101,7 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
         mesh_bytes: folder.plan.tasks.last().map_or(0, |needs| needs.disk),
         least_memory: folder.plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
         output: mesh.map(|mesh| mesh.path.display().to_string()),
+        skipped: folder.plan.skipped.clone(),
     })
 }
 
@@ -111,7 +116,12 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
-    let plan = PlanJob { tin: job.clone(), folder: folder.to_path_buf(), strip_rows: None };
+    let plan = PlanJob {
+        tin: job.clone(),
+        folder: folder.to_path_buf(),
+        strip_rows: None,
+        skipped: Vec::new(),
+    };
     plan_work(&plan, progress, cancel)?;
     let run = RunJob {
         folder: folder.to_path_buf(),

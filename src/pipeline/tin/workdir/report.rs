@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::pipeline::sift::Skipped;
 use crate::pipeline::tin::report::{StageReport, TinReport};
 
 /// A plan, or how far the work on it has come.
@@ -31,6 +32,9 @@ pub struct StatusReport {
     pub least_memory: u64,
     /// Where the mesh is, once it is written.
     pub output: Option<String>,
+    /// Files that were left out of the input when it was planned.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skipped: Vec<Skipped>,
 }
 
 /// A task that is not done.

@@ -12,7 +12,8 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, all};
+use crate::files::path_of;
 use crate::geom::{Affine, Crs, Rect, wkt};
 use crate::limits;
 use crate::raster::file::RawFile;
@@ -20,7 +21,7 @@ use crate::raster::{GridInfo, GridSource, OpenOptions, RasterFormat, unit_and_te
 
 use super::find::{Family, Nest, find, on_threads};
 use super::recode::{Recode, holds, void_range};
-use super::{Mosaic, Part, Source as Samples, in_order};
+use super::{Mosaic, Part, Source as Samples};
 use parse::{Source, Vrt};
 
 /// The registry entry.
@@ -79,12 +80,12 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     let canvas = Canvas { path, info: &info, nest: &nest };
     let part = |source: &Source| {
         canvas.part(source).map_err(|e| match e.path() {
-            // About the file, not about what the VRT says of it.
-            Some(_) => e,
+            // About the file, which only the VRT has named.
+            Some(_) => e.named_by(path),
             None => e.at(&source.place),
         })
     };
-    let parts = || in_order(vrt.band.sources.par_iter().map(part).collect());
+    let parts = || all(vrt.band.sources.par_iter().map(part).collect());
     let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
     let parts: Vec<Part> = parts.into_iter().flatten().collect();
     info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
@@ -216,7 +217,7 @@ impl Canvas<'_> {
                 "its heights are stored x {} + {}, which the VRT changes to x {} + {}",
                 file.scale, file.offset, band.scale, band.offset
             ))
-            .in_file(Path::new(name))
+            .in_file(&path_of(name))
             .remedy(format!("unscale it first: gdal_translate -unscale {name} OUT.tif")));
         }
         let kind =

@@ -3,6 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::name_of;
 
 /// Environment variable that allows a VRT to name files anywhere.
 const ALLOW: &str = "TERRANE_VRT_ALLOW_OUTSIDE";
@@ -31,11 +32,7 @@ fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Res
         ))
         .remedy(format!("set {ALLOW}=1 if you trust this VRT")));
     }
-    path.into_os_string().into_string().map_err(|path| {
-        Error::bad_input("has a name that is not UTF-8")
-            .in_file(Path::new(&path))
-            .remedy("rename it")
-    })
+    name_of(path)
 }
 
 fn is_inside(folder: &Path, path: &Path) -> bool {
