@@ -362,7 +362,7 @@ fn other_scales_are_rounded_to_the_finest() {
 
 fn with_crs(code: Option<u32>) -> Made {
     let mut made = Made::new(6, Packing::Plain, 10);
-    let text = code.map(|code| wkt::of_srs(&format!("EPSG:{code}")).wkt.unwrap());
+    let text = code.map(|code| wkt::of_srs(&format!("EPSG:{code}")).to_wkt().unwrap());
     made.vlrs = text.map(|wkt| ("LASF_Projection", 2112, wkt.into_bytes())).into_iter().collect();
     made
 }

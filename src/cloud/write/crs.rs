@@ -20,8 +20,8 @@ mod key {
 /// The records for `crs`: well-known text where points have a new format and the text is known, or
 /// where there are no keys; GeoKeys otherwise; nothing when neither is known.
 pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
-    let keys = if is_new { Vec::new() } else { keys(crs) };
-    match crs.to_wkt().filter(|_| keys.is_empty()) {
+    let keys = keys(crs);
+    match crs.to_wkt().filter(|_| is_new || keys.is_empty()) {
         Some(text) => {
             let data = [text.as_bytes(), &[0]].concat();
             vec![Vlr { user: USER, number: WKT_RECORD, about: "OGC WKT", data }]

@@ -26,14 +26,8 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// From well-known text; other text (the old "Projection UTM" form) becomes the name alone.
 pub fn from_text(text: &str) -> Crs {
     let keyword = text.split(['[', '(']).next().unwrap_or_default().trim();
-    let is_known = |known: &&str| known.eq_ignore_ascii_case(keyword);
-    if !GEOGRAPHIC
-        .iter()
-        .chain(&PROJECTED)
-        .chain(&LOCAL)
-        .chain(&OTHER)
-        .any(|known| is_known(known))
-    {
+    let mut known = GEOGRAPHIC.iter().chain(&PROJECTED).chain(&LOCAL).chain(&OTHER);
+    if !known.any(|known| known.eq_ignore_ascii_case(keyword)) {
         let name = text.lines().next().map(|line| line.trim().chars().take(80).collect());
         return Crs { citation: name, ..Crs::default() };
     }
