@@ -30,7 +30,7 @@ fn lists(verb: &str) -> String {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, 65 bad input, \
-70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
+69 not yet, 70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
 130 stopped";
 
 fn grids() -> String {
