@@ -21,6 +21,8 @@ pub enum ErrorKind {
     Unsupported,
     /// A value in a file is beyond a limit of [`crate::limits`] (exit 65).
     Limit,
+    /// Others are at work, or what is needed first is not done: try again later (exit 69).
+    NotYet,
     /// The output cannot be created, or cannot hold the result (exit 73).
     CannotWrite,
     /// Reading or writing failed part-way: disk full, device error (exit 74).
@@ -40,6 +42,7 @@ impl ErrorKind {
             Self::CheckFailed => 1,
             Self::Usage => 2,
             Self::BadInput | Self::Unsupported | Self::Limit => 65,
+            Self::NotYet => 69,
             Self::Internal => 70,
             Self::CannotWrite => 73,
             Self::Io => 74,

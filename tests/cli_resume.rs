@@ -217,7 +217,7 @@ fn a_second_run_is_refused_while_one_is_at_work() {
     let second = place.run(&["run", "work", "-q"]);
     let first = child.try_wait().unwrap();
     if first.is_none() {
-        assert_eq!(second.code, 75, "{}", second.err);
+        assert_eq!(second.code, 69, "{}", second.err);
         assert!(second.err.contains("others are at work in this folder"), "{}", second.err);
     }
     std::io::Read::read_to_string(&mut messages, &mut String::new()).unwrap();

@@ -8,6 +8,7 @@ use terrane::pipeline::grid::plan::{
     GridRun, PlanGridJob, RunGridJob, grid_status, plan_grid, run_grid,
 };
 use terrane::pipeline::grid::{GridJob, run};
+use terrane::pipeline::plan::DiskCheck;
 use terrane::pipeline::{Cancel, Resources, Silent};
 use terrane::raster::SampleType;
 use terrane::{ErrorKind, Result};
@@ -57,13 +58,9 @@ fn plan(folder: &Path, grid: &GridJob, tile: u32) -> Result<()> {
     let format = grid.format()?.name.to_owned();
     let output = folder.join("grid").with_extension(grid.output.extension().unwrap());
     let grid = GridJob { output, format: Some(format), ..grid.clone() };
-    plan_grid(&PlanGridJob {
-        grid,
-        folder: folder.to_path_buf(),
-        tile: Some(tile),
-        skipped: Vec::new(),
-    })
-    .map(drop)
+    let plan =
+        PlanGridJob { grid, folder: folder.to_path_buf(), tile: Some(tile), skipped: Vec::new() };
+    plan_grid(&plan, &Silent, &Cancel::default()).map(drop)
 }
 
 fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
@@ -72,6 +69,7 @@ fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
+        disk: DiskCheck::On,
         resources: resources(2),
     };
     run_grid(&job, &Silent, &Cancel::default())
@@ -149,7 +147,7 @@ fn tasks_are_done_in_any_order_by_anyone() {
         assert_eq!(work(&folder, Some(&format!("tile-{tile}"))).unwrap().made.len(), 1);
     }
     let missing = work(&folder, Some("finish")).unwrap_err();
-    assert_eq!(missing.kind(), ErrorKind::Resource);
+    assert_eq!(missing.kind(), ErrorKind::NotYet);
     assert!(missing.to_string().contains("tile-5 is not done"), "{missing}");
     let status = grid_status(&folder).unwrap();
     let left: Vec<_> = status.to_do.iter().map(|task| task.id.as_str()).collect();

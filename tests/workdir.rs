@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use terrane::pipeline::placing::Placing;
+use terrane::pipeline::plan::DiskCheck;
 use terrane::pipeline::tin::{
     Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
     status_of,
@@ -55,6 +56,7 @@ fn work(folder: &Path, task: Option<&str>, threads: usize) -> Result<RunReport> 
         overwrite: false,
         split: None,
         solid_base: None,
+        disk: DiskCheck::On,
         resources: resources(threads),
     };
     run_plan(&job, &Silent, &Cancel::default())
@@ -121,7 +123,7 @@ fn tasks_may_be_done_one_by_one_in_any_order_and_twice() {
     };
     assert_eq!((ids("strip").len(), ids("seam").len()), (6, 5));
     let early = work(&folder, Some("seam-1"), 1).unwrap_err();
-    assert_eq!(early.kind(), ErrorKind::Resource);
+    assert_eq!(early.kind(), ErrorKind::NotYet);
     assert!(early.to_string().contains("strip-1 is not done"), "{early}");
     let early = work(&folder, Some("finish"), 1).unwrap_err().to_string();
     assert!(early.contains("strip-0 is not done"), "{early}");
@@ -191,7 +193,7 @@ fn a_finished_plan_has_nothing_to_do_until_its_mesh_is_touched() {
     assert!(again.made.is_empty() && again.mesh.is_some());
     assert_eq!(again.found + 1, again.tasks);
     let status = status_of(&folder).unwrap();
-    assert!(status.to_do.is_empty() && status.output.is_some());
+    assert!(status.to_do.is_empty() && status.mesh.output.is_some());
     std::fs::write(folder.join("mesh.ply"), b"something else").unwrap();
     assert_eq!(work(&folder, None, 2).unwrap_err().kind(), ErrorKind::Usage);
 }
@@ -253,7 +255,7 @@ fn an_input_that_changed_is_refused() {
     job.tile = 16;
     job.goal = Goal::MaxError(1.0);
     let folder = temp.path().join("work");
-    run_in(&folder, &job, &Silent, &Cancel::default()).unwrap();
+    run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     write(4);
     let refused = work(&folder, None, 1).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::BadInput);
@@ -277,7 +279,7 @@ fn done_from_file(temp: &Path) -> (PathBuf, TinJob) {
     let mut job = tin(grid.to_str().unwrap(), &temp.join("a.ply"));
     (job.tile, job.goal) = (16, Goal::MaxError(1.0));
     let folder = temp.join("work");
-    run_in(&folder, &job, &Silent, &Cancel::default()).unwrap();
+    run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     (folder, job)
 }
 
@@ -294,9 +296,9 @@ fn a_file_that_came_to_lie_beside_the_input_is_refused() {
         assert_eq!(refused.kind(), ErrorKind::BadInput);
         assert!(refused.to_string().contains("grid.asc.aux.xml: is read with"), "{refused}");
     }
-    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_err());
+    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_err());
     std::fs::remove_file(sidecar).unwrap();
-    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_ok());
+    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_ok());
 }
 
 #[test]
@@ -305,7 +307,7 @@ fn the_same_bytes_at_another_time_are_the_same_input() {
     let (folder, job) = done_from_file(temp.path());
     let grid = std::fs::File::options().append(true).open(temp.path().join("grid.asc")).unwrap();
     grid.set_modified(std::time::UNIX_EPOCH).unwrap();
-    assert!(run_in(&folder, &job, &Silent, &Cancel::default()).is_ok());
+    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_ok());
     assert!(work(&folder, Some("strip-0"), 1).unwrap().made.is_empty());
 }
 
@@ -326,6 +328,7 @@ fn neither_input_nor_plan_is_ever_the_output() {
                 overwrite: true,
                 split: None,
                 solid_base: None,
+                disk: DiskCheck::On,
                 resources: resources(1),
             };
             let refused = run_plan(&job, &Silent, &Cancel::default()).unwrap_err();
@@ -349,6 +352,7 @@ fn an_output_of_any_name_is_noted() {
         overwrite: false,
         split: None,
         solid_base: None,
+        disk: DiskCheck::On,
         resources: resources(1),
     };
     run_plan(&job, &Silent, &Cancel::default()).unwrap();
@@ -369,6 +373,7 @@ fn looking_through_what_is_done_can_be_stopped() {
         overwrite: false,
         split: None,
         solid_base: None,
+        disk: DiskCheck::On,
         resources: resources(1),
     };
     assert_eq!(run_plan(&job, &Silent, &cancel).unwrap_err().kind(), ErrorKind::Interrupted);
@@ -390,16 +395,15 @@ fn formats_with_a_limit_may_be_many_files() {
 }
 
 #[test]
-fn two_who_want_the_whole_folder_are_told_apart() {
+fn two_who_do_everything_are_told_apart_and_tasks_disturb_nobody() {
     let temp = tempfile::tempdir().unwrap();
     let folder = done(temp.path());
     let lock = std::fs::File::options().append(true).open(folder.join("lock")).unwrap();
-    lock.lock_shared().unwrap();
-    assert_eq!(work(&folder, None, 1).unwrap_err().kind(), ErrorKind::Resource);
-    assert!(work(&folder, Some("strip-0"), 1).is_ok(), "tasks do not disturb each other");
-    lock.unlock().unwrap();
     lock.lock().unwrap();
-    assert_eq!(work(&folder, Some("strip-0"), 1).unwrap_err().kind(), ErrorKind::Resource);
+    assert_eq!(work(&folder, None, 1).unwrap_err().kind(), ErrorKind::NotYet);
+    for task in ["strip-0", "seam-0", "finish"] {
+        assert!(work(&folder, Some(task), 1).is_ok(), "{task} beside a run");
+    }
     lock.unlock().unwrap();
     assert!(work(&folder, None, 1).is_ok());
 }
@@ -413,8 +417,8 @@ fn formats_of_single_precision_keep_their_bound_and_bytes() {
         run(&job, &Silent, &Cancel::default()).unwrap();
         let worked = temp.path().join(format!("by-{name}"));
         let job = TinJob { output: worked.clone(), ..job };
-        let report =
-            run_in(&temp.path().join(format!("{name}-work")), &job, &Silent, &Cancel::default());
+        let work = temp.path().join(format!("{name}-work"));
+        let report = run_in(&work, &job, DiskCheck::On, &Silent, &Cancel::default());
         assert_eq!(report.unwrap().samples, 700 * 1100);
         assert!(std::fs::read(direct).unwrap() == std::fs::read(worked).unwrap(), "{name}");
     }
@@ -426,7 +430,7 @@ fn a_budget_of_vertices_cannot_be_planned() {
     let mut job = tin(TERRAIN, &temp.path().join("a.ply"));
     job.goal = Goal::MaxVertices(1000);
     let folder = temp.path().join("work");
-    let refused = run_in(&folder, &job, &Silent, &Cancel::default()).unwrap_err();
+    let refused = run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::Usage);
     assert!(!folder.exists());
 }

@@ -8,6 +8,7 @@ use crate::cli::progress::{self, How};
 use crate::cli::{parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::pipeline::plan::DiskCheck;
 use crate::pipeline::surface::{is_mesh, is_synthetic};
 use crate::pipeline::{Progress, Resources};
 use crate::raster::OpenOptions;
@@ -136,6 +137,22 @@ impl SpillingMachine {
     /// which is never unpacked.
     pub(super) fn check_temp_dir(&self, input: &str) -> Result<()> {
         if self.temp_dir.is_some() { only_grids("--temp-dir", input) } else { Ok(()) }
+    }
+}
+
+/// Whether there has to be room on the disk.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Resources")]
+pub(super) struct Disk {
+    /// Begin even where the disk seems to have too little room for the results of tasks and the output
+    #[arg(long)]
+    pub(super) no_disk_check: bool,
+}
+
+impl Disk {
+    /// What is asked for.
+    pub(super) fn check(&self) -> DiskCheck {
+        if self.no_disk_check { DiskCheck::Off } else { DiskCheck::On }
     }
 }
 

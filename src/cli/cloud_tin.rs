@@ -107,6 +107,7 @@ fn refuse_grid_options(args: &tin::Args) -> Result<()> {
     let options = [
         ("--split", args.split.tiles.is_some()),
         ("--workdir", args.workdir.is_some()),
+        ("--no-disk-check", args.disk.no_disk_check),
         ("--strict", args.method.strict),
         ("--no-drop", args.method.no_drop),
         ("--tile", args.method.tile.is_some()),

@@ -43,7 +43,7 @@ fn lists(verb: &str) -> String {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
-3 nothing wrong was found but something promised could not be judged, 65 bad input, \
+3 nothing wrong was found but something promised could not be judged, 65 bad input, 69 not yet, \
 70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
 130 stopped";
 

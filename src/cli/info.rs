@@ -335,10 +335,13 @@ fn plan_rows(plan: &Plan) -> Vec<(String, String)> {
             ),
         ),
     ];
+    let [coarse, fine] = plan.mesh_bytes.map(text::bytes);
+    let mut disk = format!("about {coarse} to {fine} for the mesh (PLY)");
     if plan.spill_bytes[1] > 0 {
         let [coarse, fine] = plan.spill_bytes.map(text::bytes);
-        rows.push(("tin disk", format!("about {coarse} to {fine} of temporary space")));
+        disk += &format!(", {coarse} to {fine} of temporary space");
     }
+    rows.push(("tin disk", disk));
     rows.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 

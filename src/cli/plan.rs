@@ -81,11 +81,11 @@ struct GridArgs {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
-        What::Grid(args) => plan_of_grid(args),
+        What::Grid(args) => plan_of_grid(args, cancel),
     }
 }
 
-fn plan_of_grid(args: &GridArgs) -> Result<Outcome> {
+fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     args.wanted.check(None)?;
     let resources = Resources::default();
     let Sifted { names, skipped } = args.wanted.sift(&args.many, &args.input, &resources)?;
@@ -94,7 +94,7 @@ fn plan_of_grid(args: &GridArgs) -> Result<Outcome> {
     let format = write::by_name(job.format.as_deref().unwrap_or("GTiff"))?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
     let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile, skipped };
-    let report = plan_grid(&plan)?;
+    let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::grid_summary(&report))?;
     Ok(Outcome::Kept)
 }

@@ -45,6 +45,8 @@ struct How {
     #[command(flatten)]
     split: tin::Split,
     #[command(flatten)]
+    disk: args::Disk,
+    #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
     show: args::Show,
@@ -86,6 +88,7 @@ fn work(
         overwrite: how.overwrite,
         split: how.split.tiles,
         solid_base: None,
+        disk: how.disk.check(),
         resources: how.machine.resources(),
     };
     let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
@@ -109,6 +112,7 @@ fn work_on_grid(
         task,
         output,
         overwrite: how.overwrite,
+        disk: how.disk.check(),
         resources: how.machine.resources(),
     };
     let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::cli::{Outcome, say, text};
 use crate::error::Result;
 use crate::pipeline::grid::plan::{GridStatus, grid_status};
-use crate::pipeline::plan::{Kind, kind};
+use crate::pipeline::plan::{Forecast, Kind, TaskReport, Told, kind};
 use crate::pipeline::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
@@ -40,46 +40,100 @@ fn tell<R: serde::Serialize>(
 /// The plan of a grid for people.
 pub(super) fn grid_summary(r: &GridStatus) -> String {
     let (width, height) = (text::count(r.width.into()), text::count(r.height.into()));
-    let left = r.to_do.len() as u64;
     let tile = text::count(r.tile_cells.into());
-    let mut rows = vec![
-        ("plan", r.plan_id[..16].to_owned()),
-        ("points", text::count(r.points)),
-        ("grid", format!("{width} x {height} cells in tiles of {tile}, written as {}", r.format)),
-        ("tasks", format!("{} done, {} to do", text::count(r.done), text::count(left))),
-        ("disk", format!("{} in use", text::bytes(r.object_bytes))),
-    ];
-    if !r.damaged.is_empty() {
-        rows.push(("damaged", r.damaged.join(", ")));
-    }
-    rows.push(match &r.output {
-        Some(output) => ("grid", output.clone()),
-        None => ("next", format!("terrane run {}", r.folder)),
-    });
-    format!("{} in {}\n{}", r.input, r.folder, text::table(&rows))
+    let plan = Summary {
+        kind: "grid",
+        folder: &r.folder,
+        plan_id: &r.plan_id,
+        of: vec![
+            ("points", text::count(r.points)),
+            (
+                "grid",
+                format!("{width} x {height} cells in tiles of {tile}, written as {}", r.format),
+            ),
+        ],
+        done: r.done,
+        to_do: &r.to_do,
+        damaged: &r.damaged,
+        object_bytes: r.object_bytes,
+        forecast: &r.forecast,
+        told: &r.grid,
+    };
+    format!("{} in {}\n{}", r.input, r.folder, plan.table())
 }
 
+/// The plan of a mesh for people.
 pub(super) fn summary(r: &StatusReport) -> String {
-    let left = r.to_do.len() as u64;
-    let mut rows = vec![
-        ("plan", r.plan_id[..16].to_owned()),
-        ("samples", text::count(r.samples)),
-        ("max error", format!("{}, written as {}", text::number(r.max_error), r.format)),
-        ("tasks", format!("{} done, {} to do", text::count(r.done), text::count(left))),
-        ("memory", format!("at least {} for a task", text::bytes(r.least_memory))),
-        ("disk", disk(r)),
-    ];
-    if !r.damaged.is_empty() {
-        rows.push(("damaged", r.damaged.join(", ")));
-    }
-    rows.push(match &r.output {
-        Some(output) => ("mesh", output.clone()),
-        None => ("next", format!("terrane run {}", r.folder)),
-    });
-    format!("{} in {}\n{}", r.input, r.folder, text::table(&rows))
+    let plan = Summary {
+        kind: "mesh",
+        folder: &r.folder,
+        plan_id: &r.plan_id,
+        of: vec![
+            ("samples", text::count(r.samples)),
+            ("max error", format!("{}, written as {}", text::number(r.max_error), r.format)),
+        ],
+        done: r.done,
+        to_do: &r.to_do,
+        damaged: &r.damaged,
+        object_bytes: r.object_bytes,
+        forecast: &r.forecast,
+        told: &r.mesh,
+    };
+    format!("{} in {}\n{}", r.input, r.folder, plan.table())
 }
 
-fn disk(r: &StatusReport) -> String {
-    let [used, more, mesh] = [r.object_bytes, r.disk_needed, r.mesh_bytes].map(text::bytes);
-    format!("{used} in use, about {more} more, and about {mesh} for the mesh")
+/// What is told of any plan.
+struct Summary<'a> {
+    kind: &'static str,
+    folder: &'a str,
+    plan_id: &'a str,
+    /// Of what it is.
+    of: Vec<(&'static str, String)>,
+    done: u64,
+    to_do: &'a [TaskReport],
+    damaged: &'a [String],
+    object_bytes: u64,
+    forecast: &'a Forecast,
+    told: &'a Told,
+}
+
+impl Summary<'_> {
+    fn table(self) -> String {
+        let (done, left) = (text::count(self.done), text::count(self.to_do.len() as u64));
+        let mut rows = vec![("plan", self.plan_id[..16].to_owned())];
+        rows.extend(self.of.iter().cloned());
+        rows.push(("tasks", format!("{done} done, {left} to do")));
+        if !self.to_do.is_empty() {
+            rows.push(("time", self.time()));
+        }
+        rows.push((
+            "memory",
+            format!("at least {} for a task", text::bytes(self.forecast.least_memory)),
+        ));
+        rows.push(("disk", self.disk()));
+        if !self.damaged.is_empty() {
+            rows.push(("damaged", self.damaged.join(", ")));
+        }
+        if let Some(fault) = &self.told.output_fault {
+            rows.push(("note", fault.clone()));
+        }
+        rows.push(match &self.told.output {
+            Some(output) => (self.kind, output.clone()),
+            None => ("next", format!("terrane run {}", self.folder)),
+        });
+        text::table(&rows)
+    }
+
+    fn time(&self) -> String {
+        let Forecast { seconds, threads, .. } = *self.forecast;
+        let threads =
+            if threads == 1 { "1 thread".to_owned() } else { format!("{threads} threads") };
+        format!("about {} on {threads}", text::seconds(seconds))
+    }
+
+    fn disk(&self) -> String {
+        let Forecast { disk_needed, output_bytes, .. } = *self.forecast;
+        let [used, more, output] = [self.object_bytes, disk_needed, output_bytes].map(text::bytes);
+        format!("{used} in use, about {more} more, and about {output} for the {}", self.kind)
+    }
 }

@@ -61,6 +61,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]
     pub(super) workdir: Option<PathBuf>,
     #[command(flatten)]
+    pub(super) disk: args::Disk,
+    #[command(flatten)]
     pub(super) machine: args::SpillingMachine,
     #[command(flatten)]
     pub(super) show: args::Show,
@@ -210,6 +212,10 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         return cloud_tin::run(args, cancel);
     }
     args.points.refuse(&args.input[0])?;
+    if args.disk.no_disk_check && args.workdir.is_none() {
+        return Err(Error::usage("--no-disk-check is for runs by plan")
+            .remedy("leave it out, or pass --workdir"));
+    }
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let mut names = args.input.clone();
@@ -229,7 +235,7 @@ fn make(
     let progress = args.show.progress();
     let made = match &args.workdir {
         None => tin::run(&job, progress.as_ref(), cancel)?,
-        Some(folder) => tin::run_in(folder, &job, progress.as_ref(), cancel)?,
+        Some(folder) => tin::run_in(folder, &job, args.disk.check(), progress.as_ref(), cancel)?,
     };
     let checked = match args.verify {
         true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),

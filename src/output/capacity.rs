@@ -18,12 +18,16 @@ impl MeshCapacity {
         self.exceeded(0, vertices, triangles).is_none()
     }
 
-    /// The limit that a mesh of this size, with a header of `header` bytes, is beyond.
-    fn exceeded(&self, header: u64, vertices: u64, triangles: u64) -> Option<String> {
-        let bytes = vertices
+    /// Bytes of a file with a mesh of this size, about.
+    pub fn file_bytes(&self, vertices: u64, triangles: u64) -> u64 {
+        vertices
             .saturating_mul(self.vertex_bytes)
             .saturating_add(triangles.saturating_mul(self.triangle_bytes))
-            .saturating_add(header);
+    }
+
+    /// The limit that a mesh of this size, with a header of `header` bytes, is beyond.
+    fn exceeded(&self, header: u64, vertices: u64, triangles: u64) -> Option<String> {
+        let bytes = self.file_bytes(vertices, triangles).saturating_add(header);
         [
             (vertices, self.vertices, "vertices"),
             (triangles, self.triangles, "triangles"),

@@ -17,6 +17,21 @@ pub(super) fn check(folder: &Path, needed: u64) -> Result<()> {
     }
 }
 
+/// True when both folders are known to be on one file system.
+pub(super) fn are_one(a: &Path, b: &Path) -> bool {
+    device(a).is_some_and(|device_of_a| device(b) == Some(device_of_a))
+}
+
+#[cfg(unix)]
+fn device(folder: &Path) -> Option<u64> {
+    std::fs::metadata(folder).ok().map(|meta| std::os::unix::fs::MetadataExt::dev(&meta))
+}
+
+#[cfg(not(unix))]
+fn device(_folder: &Path) -> Option<u64> {
+    None
+}
+
 /// Bytes that may still be written there, where the system tells.
 #[cfg(unix)]
 fn free(folder: &Path) -> Option<u64> {

@@ -5,7 +5,8 @@
 #
 # Element I does the COUNT lines from line I x COUNT on. Tasks that are done are left alone, so an
 # element may be requeued or submitted again at any time. TERRANE is the program, TRIES how often
-# a task is begun that cannot write, finds a disk failing or is to be tried again (73, 74, 75).
+# a task is begun that has to wait, cannot write or finds a disk failing (69, 73, 74); one with too little
+# memory (75) would fail again.
 #SBATCH --job-name=terrane
 #SBATCH --requeue
 #SBATCH --open-mode=append
@@ -23,7 +24,7 @@ do_task() {
     "$terrane" run "$workdir" --task "$@" --threads "$threads" --progress none || code=$?
     case $code in
       0) return ;;
-      73 | 74 | 75) ((try < ${TRIES:-3})) || return "$code" ;;
+      69 | 73 | 74) ((try < ${TRIES:-3})) || return "$code" ;;
       *) return "$code" ;;
     esac
     sleep $((10 * try))

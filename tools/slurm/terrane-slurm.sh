@@ -24,6 +24,8 @@ terrane=${TERRANE:-terrane}
 [[ $terrane != */* ]] || terrane=$(realpath "$terrane")
 export TERRANE=$terrane
 array=$(dirname "$(realpath "$0")")/terrane-array.sh
+# Fails here, before anything is made, when the folder holds no plan.
+status=$("$terrane" status "$workdir" --json)
 # One folder for each submission: jobs of an earlier one may still read their lists.
 lists=$workdir/slurm/$(date +%Y%m%d-%H%M%S)-$$
 mkdir -p "$lists"
@@ -49,7 +51,7 @@ share() {
   echo $((count > least ? count : least))
 }
 
-"$terrane" status "$workdir" --json >"$lists/status.json"
+echo "$status" >"$lists/status.json"
 for kind in strip seam tile finish; do
   # Names stand in "id", those of others they wait for elsewhere.
   { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"

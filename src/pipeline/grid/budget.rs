@@ -52,10 +52,8 @@ impl Budget {
         let Resources { threads, memory: all, .. } = *resources;
         let surface_share = if recipe.triangulates() { all / 2 } else { 0 };
         let memory = all - surface_share;
-        let around = if recipe.triangulates() { surface::WORKER } else { 0 };
-        let worker = WORKER.max(around + writing(format, sink, extent, recipe));
-        let (width, height) = extent.lattice.size();
-        let cells = u64::from(width).saturating_mul(u64::from(height)).max(1);
+        let worker = worker(format, sink, extent, recipe);
+        let cells = cells(extent);
         let cell = recipe.bytes_per_cell() as u64
             + recipe.bytes_per_point() as u64 * points.div_ceil(cells);
         let slots = |shift: u32| cells.div_ceil(1 << (2 * shift)).saturating_mul(SLOT);
@@ -81,6 +79,19 @@ impl Budget {
 }
 
 impl Budget {
+    /// Bytes of memory with which both [`divide`](Self::divide) finds room for one thread, when half of
+    /// them go to points that are triangulated, and [`writing`](Self::writing) does.
+    pub(super) fn least(
+        format: &GridFormat,
+        sink: &dyn GridSink,
+        extent: &Extent,
+        recipe: &Recipe,
+    ) -> u64 {
+        let slots = cells(extent).div_ceil(1 << (2 * MOST_SHIFT)).saturating_mul(SLOT);
+        let one = PROGRAM + slots + LEAST + worker(format, sink, extent, recipe);
+        if recipe.triangulates() { 2 * one } else { one }
+    }
+
     /// For the writing of a grid whose values are read from files: what is left for their blocks.
     pub(super) fn writing(
         resources: &Resources,
@@ -100,6 +111,17 @@ impl Budget {
         let blocks = LEAST + left(threads).unwrap_or(0) / 2;
         Ok(Self { threads, blocks, points: 0, shift: MOST_SHIFT })
     }
+}
+
+/// Bytes a thread needs.
+fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+    let around = if recipe.triangulates() { surface::WORKER } else { 0 };
+    WORKER.max(around + writing(format, sink, extent, recipe))
+}
+
+fn cells(extent: &Extent) -> u64 {
+    let (width, height) = extent.lattice.size();
+    u64::from(width).saturating_mul(u64::from(height)).max(1)
 }
 
 /// Bytes a thread needs to write a block of the output, with what its voids are filled from.

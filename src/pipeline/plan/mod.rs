@@ -6,12 +6,15 @@
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
 //! | `finished.json` | where the result is written, and its digest once it is there |
-//! | `lock` | held by whoever works in the folder |
+//! | `lock` | held by whoever does all that is left in the folder |
 
 mod digest;
 mod files;
+mod output;
+mod report;
 
 use std::ffi::OsStr;
+use std::fmt;
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -22,6 +25,8 @@ use serde_json::Value;
 
 pub use digest::Digest;
 pub(in crate::pipeline) use files::{InputFile, check, look_at, with_companions};
+pub(in crate::pipeline) use output::{Output, State, last_output};
+pub use report::{DiskCheck, Forecast, TaskReport, Told};
 
 use crate::atomic::{AtomicFile, is_temporary};
 use crate::error::{Error, ErrorKind, Result};
@@ -174,7 +179,7 @@ pub(in crate::pipeline) fn put<P: Planned>(path: &Path, plan: &P) -> Result<()> 
         };
     }
     let fail = |e| Error::write(path, e);
-    std::fs::create_dir_all(path).map_err(fail)?;
+    make_folder(path)?;
     // What an earlier attempt to plan here left is no reason to refuse.
     let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
     let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
@@ -189,6 +194,22 @@ pub(in crate::pipeline) fn put<P: Planned>(path: &Path, plan: &P) -> Result<()> 
     file.commit().map(drop)
 }
 
+/// Makes the folder `path` unless it is there. Those above it are never made: a name that was mistyped
+/// would only be found by who looks for the plan.
+fn make_folder(path: &Path) -> Result<()> {
+    match std::fs::create_dir(path) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Err(no_folder(path, error)),
+        made => made.map_err(|e| Error::write(path, e)),
+    }
+}
+
+/// The error of what cannot be made because the folder it belongs in is not there.
+fn no_folder(path: &Path, error: io::Error) -> Error {
+    Error::write(path, error)
+        .remedy(format!("make {} first, or correct the name", parent(path).display()))
+}
+
 /// The first thing in which `here` asks for something else than `there`, as a line for people.
 fn changes<P: Planned>(there: &P, here: &P) -> Option<String> {
     let mut here = here.clone();
@@ -197,25 +218,52 @@ fn changes<P: Planned>(there: &P, here: &P) -> Option<String> {
     difference(there, &here)
 }
 
-/// Waits for nobody: fails when others work in `folder`, or, unless `alone`, when one who wants to be
-/// alone does. Where the file system has no locks nothing is locked; results would not be harmed by
-/// two who do the same.
-pub(in crate::pipeline) fn lock(folder: &Path, alone: bool) -> Result<File> {
+/// Makes `folder` ready for work: for all that is left (`alone`), or for one task. Waits for nobody:
+/// fails when another does all that is left. Single tasks take no lock, because results appear whole
+/// and are the same whoever makes them; two who do everything would only do it twice. Where the file
+/// system has no locks nothing is locked.
+pub(in crate::pipeline) fn enter(folder: &Path, alone: bool) -> Result<Option<File>> {
     // Results may be thrown away, all at once too.
     let objects = folder.join(OBJECTS);
     std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
+    if !alone {
+        return Ok(None);
+    }
     let path = folder.join(LOCK);
     let file = File::options().create(true).append(true).open(&path);
     let file = file.map_err(|e| Error::write(&path, e))?;
-    let locked = if alone { file.try_lock() } else { file.try_lock_shared() };
-    match locked {
+    match file.try_lock() {
         Err(TryLockError::WouldBlock) => {
-            Err(Error::new(ErrorKind::Resource, "others are at work in this folder")
+            Err(Error::new(ErrorKind::NotYet, "others are at work in this folder")
                 .in_file(folder)
-                .remedy("try again when they are done"))
+                .remedy("try again when they are done, or do single tasks (--task)"))
         }
-        _ => Ok(file),
+        _ => Ok(Some(file)),
     }
+}
+
+/// How thoroughly results are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::pipeline) enum Look {
+    /// What stands for the rest.
+    Quick,
+    /// Every byte.
+    Whole,
+}
+
+/// The error of a result in a plan's folder of results that is not what was written.
+pub(in crate::pipeline) fn damaged_object(path: &Path) -> Error {
+    let folder = parent(parent(path));
+    Error::new(ErrorKind::Io, "is damaged")
+        .in_file(path)
+        .remedy(format!("it is made anew by terrane run {}", folder.display()))
+}
+
+/// The error of a task that is needed first.
+pub(in crate::pipeline) fn not_done(folder: &Path, task: impl fmt::Display) -> Error {
+    Error::new(ErrorKind::NotYet, format!("{task} is not done"))
+        .in_file(folder)
+        .remedy(format!("run it first: --task {task}"))
 }
 
 /// Fails when `output` is a file that a plan in `folder` was made from, or that the folder is made of.
@@ -237,17 +285,6 @@ pub(in crate::pipeline) fn refuse_own<P: Planned>(
             .remedy("choose another name"));
     }
     Ok(())
-}
-
-/// What is noted on the result that was written last, if there is such a note.
-pub(in crate::pipeline) fn note<T: DeserializeOwned>(folder: &Path) -> Option<T> {
-    let text = std::fs::read(folder.join(FINISHED)).ok()?;
-    serde_json::from_slice(&text).ok()
-}
-
-/// Notes a result.
-pub(in crate::pipeline) fn write_note<T: Serialize>(folder: &Path, note: &T) -> Result<()> {
-    write_json(&folder.join(FINISHED), note)
 }
 
 /// Writes a small file as JSON.

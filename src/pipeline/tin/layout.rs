@@ -89,6 +89,11 @@ impl Layout {
         self.tile
     }
 
+    /// The tiling of the same grid into tiles of at most so many cells.
+    pub(super) fn finer(&self, tile: u32) -> Result<Self> {
+        Self::new(self.width, self.height, tile.min(self.tile))
+    }
+
     /// Number of tiles.
     pub(super) fn tiles(&self) -> u64 {
         u64::from(self.cols) * u64::from(self.rows)

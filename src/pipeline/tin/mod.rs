@@ -31,5 +31,5 @@ pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
 pub(in crate::pipeline) use units::{horizontal_unit, vertical_unit};
 pub use workdir::{
-    PlanJob, RunJob, RunReport, StatusReport, TaskReport, plan_work, run_in, run_plan, status_of,
+    PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in, run_plan, status_of,
 };

@@ -13,6 +13,8 @@ const KEPT: [f64; 2] = [0.002, 0.05];
 /// Nanoseconds of one thread for a sample of a coarse and of a fine mesh, as measured on one machine
 /// with terrains of several kinds; see benches/RESULTS.md.
 const RATES: [f64; 2] = [8.0, 100.0];
+/// Bytes of a vertex in a file of the usual format, PLY, with its two triangles.
+const FILE_BYTES: f64 = 50.0;
 /// How much faster each further thread makes it, for the same figures.
 const SPEED_UP: f64 = 0.85;
 /// Cells along a tile's side, unless another size is asked for.
@@ -38,6 +40,8 @@ pub struct Plan {
     pub seconds: [f64; 2],
     /// Bytes of temporary disk for unfinished mesh that memory does not hold, about.
     pub spill_bytes: [u64; 2],
+    /// Bytes of the mesh as PLY, about.
+    pub mesh_bytes: [u64; 2],
 }
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
@@ -59,10 +63,19 @@ pub fn plan(source: &dyn GridSource, resources: &Resources) -> Option<Plan> {
         nanoseconds_per_sample: RATES,
         seconds: RATES.map(|rate| seconds(width * height, rate, shares.threads)),
         spill_bytes: KEPT.map(|kept| mesh_bytes(in_flight, kept).saturating_sub(shares.mesh)),
+        mesh_bytes: KEPT.map(|kept| ((width * height) as f64 * kept * FILE_BYTES) as u64),
     })
 }
 
-fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
+/// Nanoseconds of one thread for a sample of a mesh that keeps a share of them, on the line through the
+/// measured rates.
+pub(super) fn nanoseconds(kept: f64) -> f64 {
+    let slope = (RATES[1] - RATES[0]) / (KEPT[1] - KEPT[0]);
+    (RATES[0] + slope * (kept - KEPT[0])).max(RATES[0])
+}
+
+/// Seconds for so many samples at a rate.
+pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
     samples as f64 * rate * 1e-9 / (1.0 + SPEED_UP * (threads.max(1) - 1) as f64)
 }
 

@@ -140,6 +140,11 @@ pub trait GridSink: Send + Sync {
 }
 
 impl GridFormat {
+    /// Whether a file holds coarser copies of the grid, too, a third of it in all.
+    pub fn has_overviews(&self) -> bool {
+        self.name == cog::FORMAT.name
+    }
+
     /// Fails unless the options are the format's, with values it takes.
     pub fn check(&self, creation: &[(String, String)]) -> Result<()> {
         Creation::new(self.name, self.options, creation).map(drop)

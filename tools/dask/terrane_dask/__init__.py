@@ -1,5 +1,11 @@
 """Does the tasks of a terrane plan on a Dask cluster.
 
+    from distributed import Client
+    from terrane_dask import run
+
+    with Client("tcp://head:8786") as client:
+        print(run("/cluster/plan", client, memory="2GiB").output)
+
 | module | what |
 |---|---|
 | `cli` | the command line: options, cluster, report |
@@ -7,3 +13,7 @@
 | `batches` | which tasks go together and when they may; knows no Dask |
 | `worker` | calls the program for the tasks of a batch; runs on the workers |
 """
+
+from terrane_dask.driver import Report, Stop, run
+
+__all__ = ["Report", "Stop", "run"]

@@ -15,11 +15,12 @@ MEMORY = 0.98
 
 @dataclass(frozen=True)
 class Task:
-    """A task of a plan: its name, those it waits for, the samples it works on."""
+    """A task of a plan: its name, those it waits for, and its work: the samples of a mesh's task, the
+    cells of a grid's."""
 
     id: str
     after: tuple[str, ...]
-    samples: int
+    work: int
 
 
 class Queue:
@@ -29,13 +30,13 @@ class Queue:
         self.left = {task.id: task for task in tasks}
         self.tries: Counter[str] = Counter()
         self._batch_seconds = batch_seconds
-        self._samples = self._seconds = 0.0
+        self._work = self._seconds = 0.0
         self._rank = {id: rank for rank, id in enumerate(self.left)}
         self._followers: dict[str, list[Task]] = defaultdict(list)
         # Neither ready, nor given out, nor done.
         self._waiting = set(self.left)
         self._ready: list[tuple[int, Task]] = []
-        self._ready_samples = 0
+        self._ready_work = 0
         for task in self.left.values():
             for before in task.after:
                 self._followers[before].append(task)
@@ -47,22 +48,22 @@ class Queue:
 
     def has_batch(self) -> bool:
         """True when a whole batch is known to be ready."""
-        return self._batch_seconds <= self._estimate(self._ready_samples) < math.inf
+        return self._batch_seconds <= self._estimate(self._ready_work) < math.inf
 
     def take(self, workers: int) -> list[Task]:
         """The next batch, in an order in which its tasks can be done; one task at least. Less than
         a whole batch when there is not as much for each of the `workers`; one task as long as no
         time was measured. What failed before goes alone, so that it takes nothing else with it."""
-        seconds = min(self._batch_seconds, self._estimate(self._ready_samples) / workers)
+        seconds = min(self._batch_seconds, self._estimate(self._ready_work) / workers)
         batch: dict[str, Task] = {}
         while self._ready and (not batch or seconds > 0 and not self.tries[self._ready[0][1].id]):
             task = heapq.heappop(self._ready)[1]
-            self._ready_samples -= task.samples
+            self._ready_work -= task.work
             joined = [task]
             while joined and (not batch or seconds > 0):
                 task = joined.pop()
                 batch[task.id] = task
-                seconds -= math.inf if self.tries[task.id] else self._estimate(task.samples)
+                seconds -= math.inf if self.tries[task.id] else self._estimate(task.work)
                 joined += [next for next in self._followers[task.id] if self._may_join(next, batch)]
             self._waiting.difference_update(batch)
         return list(batch.values())
@@ -71,7 +72,7 @@ class Queue:
         """Notes that `task` is done, and the time it took unless it was done before."""
         self.left.pop(task.id, None)
         if seconds is not None:
-            self._samples = self._samples * MEMORY + task.samples
+            self._work = self._work * MEMORY + task.work
             self._seconds = self._seconds * MEMORY + seconds
         self._release(self._followers[task.id])
         if len(self.left) == 1:
@@ -87,7 +88,7 @@ class Queue:
             if task.id in self._waiting and self._is_free(task, ()):
                 self._waiting.remove(task.id)
                 heapq.heappush(self._ready, (self._rank[task.id], task))
-                self._ready_samples += task.samples
+                self._ready_work += task.work
 
     def _may_join(self, task: Task, batch: Container[str]) -> bool:
         waits = task.id in self._waiting and task.id not in batch
@@ -98,6 +99,6 @@ class Queue:
             return len(self.left) == 1
         return all(before not in self.left or before in batch for before in task.after)
 
-    def _estimate(self, samples: int) -> float:
+    def _estimate(self, work: int) -> float:
         """Seconds; infinite when nothing was measured yet."""
-        return samples * self._seconds / self._samples if self._samples else math.inf
+        return work * self._seconds / self._work if self._work else math.inf

@@ -16,21 +16,21 @@ from typing import NoReturn
 
 from distributed import Client
 
-from terrane_dask.driver import AGAIN, TRY_AGAIN, Driver, Job, Report, Stop, say
+from terrane_dask.driver import AGAIN, TRY_AGAIN, Job, Report, Stop, run, say
 from terrane_dask.worker import INTERRUPTED
 
 CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """`terrane-dask WORKDIR`: exits with 0, with the code of the program that failed, with 75 when
+    """`terrane-dask WORKDIR`: exits with 0, with the code of the program that failed, with 69 when
     the cluster failed, or with 130."""
     args = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     # Dask tells all that happens to its connections; what matters is said below.
     logging.disable(logging.ERROR)
     try:
-        print(json.dumps(asdict(run(args)), indent=2))
+        print(json.dumps(asdict(work(args)), indent=2))
         code = 0
     except Stop as stop:
         say(str(stop))
@@ -41,11 +41,23 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def run(args: argparse.Namespace) -> Report:
+def work(args: argparse.Namespace) -> Report:
     """Does the job on the cluster that is asked for."""
     try:
         with Client(args.scheduler) if args.scheduler else local(args) as client:
-            return Driver(client, job(args)).run()
+            return run(
+                args.workdir,
+                client,
+                terrane=args.terrane,
+                threads=args.threads_per_task,
+                memory=args.memory,
+                output=args.output,
+                overwrite=args.overwrite,
+                finish=args.finish,
+                batch_seconds=args.batch_seconds,
+                retries=args.retries,
+                most_nodes=args.max_nodes,
+            )
     except (OSError, TimeoutError, *CANCELLED) as error:
         raise Stop(TRY_AGAIN, f"the cluster is gone ({error}); {AGAIN}") from error
 
@@ -64,23 +76,6 @@ def local(args: argparse.Namespace) -> Client:
     )
 
 
-def job(args: argparse.Namespace) -> Job:
-    """The job, with paths that hold on every machine."""
-    is_path = os.sep in args.terrane
-    return Job(
-        folder=os.path.abspath(args.workdir),
-        terrane=os.path.abspath(args.terrane) if is_path else args.terrane,
-        threads=args.threads_per_task,
-        memory=args.memory,
-        output=args.output and os.path.abspath(args.output),
-        overwrite=args.overwrite,
-        finish=args.finish,
-        batch_seconds=args.batch_seconds,
-        retries=args.retries,
-        most_nodes=args.max_nodes,
-    )
-
-
 def parser() -> argparse.ArgumentParser:
     """The options; their defaults are those of `Job`."""
     parser = argparse.ArgumentParser(
@@ -95,9 +90,9 @@ def parser() -> argparse.ArgumentParser:
     add("--threads-per-task", metavar="N", type=at_least(1), default=Job.threads)
     add("--memory", metavar="SIZE", help="for a task, such as 2GiB [default: the program's]")
     add("--terrane", metavar="PATH", default=Job.terrane, help="the program [default: on PATH]")
-    add("--output", metavar="FILE", help="mesh to write [default: in the folder]")
-    add("--overwrite", action="store_true", help="replace a mesh that exists")
-    add("--no-finish", dest="finish", action="store_false", help="all tasks, but no mesh")
+    add("--output", metavar="FILE", help="file to write [default: in the folder]")
+    add("--overwrite", action="store_true", help="replace a file that exists")
+    add("--no-finish", dest="finish", action="store_false", help="all tasks, but no mesh or grid")
     add("--batch-seconds", metavar="S", type=float, default=Job.batch_seconds,
         help="short tasks are done together for about so long [default: %(default)s]")  # fmt: skip
     add("--retries", metavar="N", type=at_least(0), default=Job.retries,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 import time
@@ -18,10 +19,10 @@ from distributed import Client, Future, KilledWorker, as_completed
 from terrane_dask import worker
 from terrane_dask.batches import FINISH, Queue, Task
 
-# Exit codes of the program that another try may mend: cannot write, disk, try again, interrupted.
-# So may a program that was killed, whose code is below zero.
-PASSING = {73, 74, 75, 130}
-INTERNAL, TRY_AGAIN = 70, 75
+# Exit codes of the program that another try may mend: not yet, cannot write, disk, interrupted. So
+# may a program that was killed, whose code is below zero. Too little memory (75) stays too little.
+PASSING = {69, 73, 74, 130}
+INTERNAL, TRY_AGAIN = 70, 69
 # Seconds between looks at the number of workers, and between lines of progress.
 TICK = 5.0
 AGAIN = "finished tasks are kept, run again to go on"
@@ -61,7 +62,7 @@ class Report:
     before; done by this job, made by it or (found) by a batch whose result was lost; tries that
     failed. Then batches, and those lost with their worker; graph nodes and worker threads at most;
     seconds of this job, of the program by its own clock, and worker threads' time beside the work
-    as a share of it."""
+    as a share of it; where the mesh or grid is."""
 
     tasks: int = 0
     skipped: int = 0
@@ -75,7 +76,7 @@ class Report:
     wall_seconds: float = 0.0
     work_seconds: float = 0.0
     overhead: float | None = None
-    mesh: str | None = None
+    output: str | None = None
 
 
 class Stop(Exception):
@@ -115,11 +116,11 @@ def status(job: Job) -> dict[str, Any]:
 
 def to_do(job: Job, plan: dict[str, Any]) -> list[Task]:
     """The tasks to do of a plan in a given state."""
-    tasks = [Task(t["id"], tuple(t["after"]), t["samples"]) for t in plan["to_do"]]
+    tasks = [Task(t["id"], tuple(t["after"]), t["work"]) for t in plan["to_do"]]
     tasks = [task for task in tasks if task.id != FINISH]
     is_written = plan["output"] and job.output in (None, plan["output"])
     if job.finish and (tasks or not is_written):
-        tasks.append(Task(FINISH, (), plan["samples"]))
+        tasks.append(Task(FINISH, (), plan["work"]))
     return tasks
 
 
@@ -150,7 +151,7 @@ class Driver:
         if self.report.work_seconds:
             threads = self.report.wall_seconds * self.report.workers
             self.report.overhead = threads / self.report.work_seconds - 1
-        self.report.mesh = status(self.job)["output"]
+        self.report.output = status(self.job)["output"]
         return self.report
 
     def _work(self) -> None:
@@ -239,6 +240,62 @@ class Driver:
         done = self.report.skipped + self.report.done
         left = f"{len(self.queue.left)} left, {len(self.out)} batches out"
         say(f"{done} of {self.report.tasks} tasks done, {left}, {self.workers} worker threads")
+
+
+def run(
+    plan: str | os.PathLike[str],
+    client: Client,
+    *,
+    terrane: str = Job.terrane,
+    threads: int = Job.threads,
+    memory: str | None = None,
+    output: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    finish: bool = True,
+    batch_seconds: float = Job.batch_seconds,
+    retries: int = Job.retries,
+    most_nodes: int = Job.most_nodes,
+) -> Report:
+    """Does what is left of the plan of a mesh or a grid on the cluster that `client` is connected to.
+
+    `plan` is the folder that `terrane plan` made; the workers have to see it, and the input, by the
+    same paths. Tasks that are done are left alone, so a job that ended early goes on when it is run
+    again. The bytes are those of a run without a plan.
+
+    Args:
+        plan: Folder of the plan.
+        client: A connected `distributed.Client`. It is left open.
+        terrane: The program: on the `PATH` of all workers, or a path that holds on each.
+        threads: Threads of a task. A Dask worker thread does one task at a time.
+        memory: What a task may take, such as "2GiB"; the program's default when `None`.
+        output: File to write, absolute or from here; in the folder when `None`.
+        overwrite: Replace a file that is there.
+        finish: False leaves the mesh or grid to `terrane finish`.
+        batch_seconds: Short tasks are done together for about so long.
+        retries: Of a task that failed in a way that may pass, or was lost with its worker.
+        most_nodes: Nodes in Dask's graph at once.
+
+    Returns:
+        What was done; `report.output` is where the mesh or grid is.
+
+    Raises:
+        Stop: A task failed for good, or the cluster is gone. `code` is the exit code of the program,
+            or 69 when another try may help; the text names the task and what to do.
+    """
+    is_path = os.sep in terrane
+    job = Job(
+        folder=os.path.abspath(plan),
+        terrane=os.path.abspath(terrane) if is_path else terrane,
+        threads=threads,
+        memory=memory,
+        output=os.path.abspath(output) if output else None,
+        overwrite=overwrite,
+        finish=finish,
+        batch_seconds=batch_seconds,
+        retries=retries,
+        most_nodes=most_nodes,
+    )
+    return Driver(client, job).run()
 
 
 def say(text: str) -> None:

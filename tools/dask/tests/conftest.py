@@ -91,13 +91,26 @@ class Processes:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.started: list[subprocess.Popen[str]] = []
+        # What stands for the program, where something does.
+        self.program: str | None = None
 
     def python(self, *arguments: object, cwd: Path | None = None) -> subprocess.Popen[str]:
-        """Starts Python, in a process group of its own."""
-        command = [sys.executable, *map(str, arguments)]
+        """Starts Python."""
+        return self.start(sys.executable, *arguments, cwd=cwd)
+
+    def start(
+        self, *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None
+    ) -> subprocess.Popen[str]:
+        """Starts a program, in a process group of its own."""
         pipe = subprocess.PIPE
         process = subprocess.Popen(
-            command, stdout=pipe, stderr=pipe, text=True, cwd=cwd, start_new_session=True
+            [*map(str, arguments)],
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
+            cwd=cwd,
+            env=env,
+            start_new_session=True,
         )
         self.started.append(process)
         return process

@@ -44,6 +44,20 @@ pub(super) struct Manifest {
     /// Files that are left out of the input because they are bad.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) skipped: Vec<Skipped>,
+    pub(super) needs: Needs,
+}
+
+/// What the work will take, about.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Needs {
+    /// Bytes of all tiles' results, and
+    pub(super) tile_bytes: u64,
+    /// of what is written at the end.
+    pub(super) output_bytes: u64,
+    /// Least bytes of memory for a task.
+    pub(super) memory: u64,
+    /// Of one thread.
+    pub(super) point_nanoseconds: f64,
 }
 
 /// What is asked for.
@@ -162,6 +176,7 @@ impl Manifest {
             grid,
             files: plan::look_at(&plan::with_companions(paths))?,
             skipped: Vec::new(),
+            needs: Needs::default(),
         })
     }
 
@@ -256,6 +271,12 @@ impl Cells {
         Self { width, height, side, points, first: [t.x0, t.y0], crs }
     }
 
+    /// Of nothing in particular.
+    #[cfg(test)]
+    pub(super) fn sized(width: u32, height: u32, side: u32) -> Self {
+        Self { width, height, side, points: 1, first: [0.0; 2], crs: String::new() }
+    }
+
     /// Tiles from west to east and from north to south.
     fn counts(&self) -> [u32; 2] {
         [self.width, self.height].map(|cells| cells.div_ceil(self.side))
@@ -266,9 +287,9 @@ impl Cells {
         self.counts().into_iter().map(u64::from).product()
     }
 
-    /// All tasks, in an order in which they can be done.
-    pub(super) fn tasks(&self) -> impl Iterator<Item = TaskId> + use<> {
-        (0..self.count() as u32).map(TaskId::Tile).chain([TaskId::Finish])
+    /// The numbers of all tiles.
+    pub(super) fn tiles(&self) -> impl Iterator<Item = u32> + use<> {
+        0..self.count() as u32
     }
 
     /// True when there is such a task.
@@ -300,15 +321,11 @@ fn fair_side(cells: u64, points: u64) -> u32 {
 mod tests {
     use super::*;
 
-    fn cells(width: u32, height: u32, side: u32) -> Cells {
-        Cells { width, height, side, points: 1, first: [0.0; 2], crs: String::new() }
-    }
-
     #[test]
     fn tiles_cover_each_cell_once() {
         for (width, height, side) in [(1, 1, 256), (256, 256, 256), (1000, 300, 256), (513, 1, 512)]
         {
-            let grid = cells(width, height, side);
+            let grid = Cells::sized(width, height, side);
             let mut seen = vec![0_u8; width as usize * height as usize];
             for tile in 0..grid.count() as u32 {
                 let Rect { col, row, width: w, height: h } = grid.cells(TaskId::Tile(tile));

@@ -2,6 +2,7 @@
 //! the last task puts the tiles together. The grid is that of a single run, byte for byte.
 
 mod manifest;
+mod probe;
 mod run;
 mod tile;
 
@@ -14,12 +15,12 @@ use super::extent::Extent;
 use super::report::GridReport;
 use crate::cloud;
 use crate::error::{Error, Result};
-use crate::pipeline::Cancel;
-use crate::pipeline::plan::{self, Digest};
+use crate::pipeline::plan::{self, Forecast, Look, TaskReport, Told, last_output};
 use crate::pipeline::sift::Skipped;
+use crate::pipeline::{Cancel, Progress, Resources, Silent};
 use manifest::{BLOCK, Manifest, TaskId};
 pub use run::{RunGridJob, run_grid};
-use tile::Place;
+use tile::{Opened, Survey};
 
 /// A grid to plan.
 #[derive(Clone, Debug)]
@@ -44,34 +45,29 @@ pub struct GridStatus {
     pub format: String,
     pub width: u32,
     pub height: u32,
+    /// Cells, by the name that all kinds of plans have for what is worked on.
+    pub work: u64,
     /// Points that the headers claim.
     pub points: u64,
     /// Cells along a tile.
     pub tile_cells: u32,
     /// Tasks that are not done; the last one is "finish".
-    pub to_do: Vec<GridTask>,
+    pub to_do: Vec<TaskReport>,
     /// Tasks that are done.
     pub done: u64,
     /// Tasks whose results are damaged; they are among those not done.
     pub damaged: Vec<String>,
     /// Bytes of all results so far.
     pub object_bytes: u64,
-    /// Where the grid is, once it is written.
-    pub output: Option<String>,
+    /// What the rest takes.
+    #[serde(flatten)]
+    pub forecast: Forecast,
+    /// The grid, once it is written.
+    #[serde(flatten)]
+    pub grid: Told,
     /// Files that were left out of the input when it was planned.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
-}
-
-/// A task that is not done.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct GridTask {
-    /// Its name.
-    pub id: String,
-    /// The tasks it waits for: none; "finish" waits for all others and names none.
-    pub after: Vec<String>,
-    /// Cells it computes.
-    pub cells: u64,
 }
 
 /// What a run of a plan did.
@@ -103,13 +99,18 @@ pub struct GridRun {
     pub grid: Option<GridReport>,
 }
 
-/// Writes down what is to be made, from what, by which tasks. Headers are read, points are not.
+/// Writes down what is to be made, from what, by which tasks, and what they need. A few small tiles are
+/// made, to tell the size of the results, and thrown away.
 ///
 /// # Errors
 /// Those of opening the cloud and laying out the cells; `Usage` for a preset, whose points are found
 /// in the whole cloud at once, for tiles that are not of multiples of 256 cells, and for a folder that
 /// holds another plan or other files.
-pub fn plan_grid(job: &PlanGridJob) -> Result<GridStatus> {
+pub fn plan_grid(
+    job: &PlanGridJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<GridStatus> {
     let PlanGridJob { grid, folder, tile, skipped } = job;
     if grid.preset.is_some() {
         return Err(Error::usage("a model of the terrain is made of the whole cloud at once")
@@ -123,6 +124,8 @@ pub fn plan_grid(job: &PlanGridJob) -> Result<GridStatus> {
     let extent = Extent::new(points.info(), grid)?;
     let mut manifest = Manifest::new(grid, &*points, &extent, *tile)?;
     manifest.skipped.clone_from(skipped);
+    let opened = Opened { job: grid.clone(), points, extent };
+    manifest.needs = probe::expect(&opened, &manifest.grid, progress, cancel)?;
     plan::put(folder, &manifest)?;
     grid_status(folder)
 }
@@ -133,55 +136,49 @@ pub fn plan_grid(job: &PlanGridJob) -> Result<GridStatus> {
 /// A folder without the plan of a grid.
 pub fn grid_status(folder: &Path) -> Result<GridStatus> {
     let (manifest, id) = plan::read::<Manifest>(folder)?;
-    let written = written(folder, id).filter(|written| written.path.exists());
-    let mut status = GridStatus {
+    let (cells, cancel) = (&manifest.grid, Cancel::default());
+    let survey = Survey::of((folder, id), cells, Look::Quick, &Silent, &cancel)?;
+    let grid = last_output(folder, id)?;
+    let left = cells.tiles().filter(|tile| !survey.done.contains_key(tile)).map(TaskId::Tile);
+    let left: Vec<_> = left.chain(grid.output.is_none().then_some(TaskId::Finish)).collect();
+    let report = |task: &TaskId| TaskReport {
+        id: task.to_string(),
+        after: Vec::new(),
+        work: cells.cells(*task).len() as u64,
+    };
+    Ok(GridStatus {
         folder: folder.display().to_string(),
         plan_id: id.to_string(),
         input: manifest.method.label.clone(),
         format: manifest.method.format.clone(),
-        width: manifest.grid.width,
-        height: manifest.grid.height,
-        points: manifest.grid.points,
-        tile_cells: manifest.grid.side,
-        output: written.as_ref().map(|written| written.path.display().to_string()),
+        width: cells.width,
+        height: cells.height,
+        work: cells.cells(TaskId::Finish).len() as u64,
+        points: cells.points,
+        tile_cells: cells.side,
+        done: cells.count() + 1 - left.len() as u64,
+        damaged: survey.damaged.iter().map(|tile| TaskId::Tile(*tile).to_string()).collect(),
+        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
+        forecast: forecast(&manifest, &left),
+        to_do: left.iter().map(report).collect(),
+        grid,
         skipped: manifest.skipped.clone(),
-        ..GridStatus::default()
-    };
-    for task in manifest.grid.tasks() {
-        let done = match task {
-            TaskId::Finish => Ok(written.is_some()),
-            TaskId::Tile(_) => {
-                let found = Place::new(folder, id, task).look(false, &Cancel::default());
-                found.map(|done| done.map(|done| status.object_bytes += done.bytes).is_some())
-            }
-        };
-        if done.is_err() {
-            status.damaged.push(task.to_string());
-        }
-        match done.unwrap_or(false) {
-            true => status.done += 1,
-            false => status.to_do.push(GridTask {
-                id: task.to_string(),
-                after: Vec::new(),
-                cells: manifest.grid.cells(task).len() as u64,
-            }),
-        }
+    })
+}
+
+/// What the tasks that are `left` take.
+fn forecast(plan: &Manifest, left: &[TaskId]) -> Forecast {
+    let all = plan.grid.cells(TaskId::Finish).len() as f64;
+    let tiles = left.iter().filter(|task| **task != TaskId::Finish);
+    let cells: f64 = tiles.map(|task| plan.grid.cells(*task).len() as f64).sum();
+    let writing = if left.contains(&TaskId::Finish) { all } else { 0.0 };
+    let threads = Resources::default().threads;
+    let points = plan.grid.points as f64 * cells / all;
+    Forecast {
+        seconds: plan.needs.seconds(points, cells + writing, threads),
+        threads,
+        least_memory: plan.needs.memory,
+        disk_needed: (plan.needs.tile_bytes as f64 * cells / all) as u64,
+        output_bytes: plan.needs.output_bytes,
     }
-    Ok(status)
-}
-
-/// A grid that is written.
-#[derive(Clone, Debug, Serialize, serde::Deserialize)]
-struct Written {
-    plan_id: Digest,
-    /// Absolute.
-    #[serde(with = "plan::as_name")]
-    path: PathBuf,
-    /// Of its bytes; `None` while it is being written.
-    digest: Option<Digest>,
-}
-
-/// The note on the grid that was written last, if it is from this plan and finished.
-fn written(folder: &Path, id: Digest) -> Option<Written> {
-    plan::note(folder).filter(|w: &Written| w.plan_id == id && w.digest.is_some())
 }

@@ -4,17 +4,19 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde_json::Value;
+
+use super::GridRun;
 use super::manifest::{Manifest, TaskId};
-use super::tile::{Done, Opened, Place, Tiles};
-use super::{GridRun, Written, written};
-use crate::atomic::refuse_existing;
+use super::tile::{Opened, Place, Survey, Tiles};
 use crate::cloud::Census;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::gridding::Recipe;
 use crate::pipeline::grid::budget::Budget;
+use crate::pipeline::grid::extent::Extent;
 use crate::pipeline::grid::make::{Bands, report};
-use crate::pipeline::grid::{GridReport, GridStage};
-use crate::pipeline::plan::{self, Digest};
+use crate::pipeline::grid::{GridJob, GridReport, GridStage};
+use crate::pipeline::plan::{self, Digest, DiskCheck, Look, Output, Planned, State};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, write};
 
@@ -29,28 +31,31 @@ pub struct RunGridJob {
     pub output: Option<PathBuf>,
     /// Replace an existing file.
     pub overwrite: bool,
+    /// Whether to begin where the disk seems to have too little room.
+    pub disk: DiskCheck,
     /// What the work may use.
     pub resources: Resources,
 }
 
 /// Works on a plan: looks at every byte of what is done already, does what is not or is damaged, and
 /// writes the grid. What is done stays done however the run ends. A named task that is done is left
-/// alone.
+/// alone; the last one makes damaged tiles anew.
 ///
 /// The grid is the same as that of [`run`](crate::pipeline::grid::run) on the same request, byte for
 /// byte, whoever did which task how often.
 ///
 /// # Errors
 /// Those of a cloud-to-grid job, and `BadInput` for an input or program that is not what the plan was
-/// made with, `Resource` while others work in the folder and for a grid whose tiles are not done.
+/// made with, `NotYet` while another does all that is left and for a grid whose tiles are not done,
+/// `CannotWrite` when the disk has too little room.
 pub fn run_grid(job: &RunGridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridRun> {
     let started = Instant::now();
     let task = job.task.as_deref().map(str::parse).transpose()?;
     let mut run = Run::new(job, task, progress, cancel)?;
     match task {
         None => run.all(),
-        Some(TaskId::Finish) => run.finish(false),
-        Some(task) => run.one(task),
+        Some(TaskId::Finish) => run.finish(),
+        Some(TaskId::Tile(tile)) => run.one(tile),
     }
     .map_err(plan::kept)?;
     run.report.wall_seconds = started.elapsed().as_secs_f64();
@@ -64,10 +69,12 @@ struct Run<'a> {
     plan: Manifest,
     id: Digest,
     opened: Opened,
+    output: Output,
+    disk: DiskCheck,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
     report: GridRun,
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl<'a> Run<'a> {
@@ -85,14 +92,15 @@ impl<'a> Run<'a> {
                 .remedy("see terrane status"));
         }
         let alone = task.is_none();
-        let lock = plan::lock(folder, alone)?;
-        plan::check(crate::pipeline::plan::Planned::files(&plan), alone)?;
+        let lock = plan::enter(folder, alone)?;
+        plan::check(plan.files(), alone)?;
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.to_path_buf());
         let format = write::by_name(&plan.method.format)?;
         let default = || folder.join("grid").with_extension(format.extensions[0]);
-        let output = job.output.clone().unwrap_or_else(default);
-        let grid = plan.job(output, job.overwrite, resources);
+        let path = job.output.clone().unwrap_or_else(default);
+        let output = Output::new(folder, id, &path, Value::Null)?;
+        let grid = plan.job(path, job.overwrite, resources);
         let (points, extent) = plan.open(&grid)?;
         let report = GridRun {
             folder: folder.display().to_string(),
@@ -100,79 +108,148 @@ impl<'a> Run<'a> {
             tasks: plan.grid.count() + 1,
             ..GridRun::default()
         };
-        let opened = Opened { job: grid, points, extent };
-        Ok(Self { folder, plan, id, opened, progress, cancel, report, _lock: lock })
+        let (opened, disk) = (Opened { job: grid, points, extent }, job.disk);
+        Ok(Self { folder, plan, id, opened, output, disk, progress, cancel, report, _lock: lock })
     }
 
     /// All that is not done.
     fn all(&mut self) -> Result<()> {
-        if self.is_written()? {
-            self.note_written();
-            return Ok(());
+        let is_written = self.is_written()?;
+        self.progress.begin("check what is done", self.plan.grid.count());
+        let mut survey = self.survey()?;
+        self.progress.end();
+        let left: Vec<u32> =
+            self.plan.grid.tiles().filter(|tile| !survey.done.contains_key(tile)).collect();
+        self.check_disk(&left, is_written)?;
+        for tile in left {
+            self.make(tile, &mut survey)?;
         }
-        self.claim_output()?;
-        for task in self.plan.grid.tasks().filter(|task| *task != TaskId::Finish) {
-            self.one(task)?;
-        }
-        self.finish(true)
+        self.end(&survey, is_written)
     }
 
     /// One tile.
-    fn one(&mut self, task: TaskId) -> Result<()> {
-        let place = Place::new(self.folder, self.id, task);
-        match place.look(true, self.cancel) {
-            Ok(Some(done)) => {
-                self.found(&done);
-                return Ok(());
-            }
+    fn one(&mut self, tile: u32) -> Result<()> {
+        let mut survey = Survey::default();
+        match self.place(tile).look(Look::Whole, self.cancel) {
+            Ok(Some(done)) => drop(survey.done.insert(tile, done)),
             Ok(None) => {}
-            Err(error) if error.kind() == ErrorKind::Interrupted => return Err(error),
-            Err(_) => self.report.damaged.push(task.to_string()),
+            Err(error) => {
+                self.cancel.check().map_err(|_| error)?;
+                survey.damaged.push(tile);
+            }
         }
-        let done = self.opened.make(&self.plan, (task, &place), self.progress, self.cancel)?;
+        if survey.done.is_empty() {
+            self.check_disk(&[tile], true)?;
+            self.make(tile, &mut survey)?;
+        }
+        self.note_found(&survey);
+        Ok(())
+    }
+
+    /// The last task.
+    fn finish(&mut self) -> Result<()> {
+        if self.is_written()? {
+            return self.end(&Survey::default(), true);
+        }
+        let mut survey = self.survey()?;
+        if let Some(missing) = survey.missing(&self.plan.grid) {
+            return Err(plan::not_done(self.folder, missing));
+        }
+        self.check_disk(&survey.damaged, false)?;
+        for tile in survey.damaged.clone() {
+            self.make(tile, &mut survey)?;
+        }
+        self.end(&survey, false)
+    }
+
+    /// Looks at every byte of what is done.
+    fn survey(&self) -> Result<Survey> {
+        let of = (self.folder, self.id);
+        Survey::of(of, &self.plan.grid, Look::Whole, self.progress, self.cancel)
+    }
+
+    fn place(&self, tile: u32) -> Place {
+        Place::new(self.folder, self.id, TaskId::Tile(tile))
+    }
+
+    /// Makes a tile.
+    fn make(&mut self, tile: u32, survey: &mut Survey) -> Result<()> {
+        let (task, place) = (TaskId::Tile(tile), self.place(tile));
+        if survey.damaged.contains(&tile) {
+            self.report.damaged.push(task.to_string());
+        }
+        let cells = self.plan.grid.cells(task);
+        let done = self.opened.make((cells, &place), self.progress, self.cancel)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;
         self.report.points += done.read;
         self.report.spilled_bytes += done.spilled;
+        survey.done.insert(tile, done);
         Ok(())
     }
 
-    fn found(&mut self, done: &Done) {
-        self.report.found += 1;
-        self.report.found_bytes += done.bytes;
+    /// Fails when the disks will not hold these tiles and, unless it is written, the grid.
+    fn check_disk(&self, tiles: &[u32], is_written: bool) -> Result<()> {
+        let Manifest { grid, needs, .. } = &self.plan;
+        let cells: usize = tiles.iter().map(|tile| grid.cells(TaskId::Tile(*tile)).len()).sum();
+        let share = cells as f64 / grid.cells(TaskId::Finish).len() as f64;
+        let objects = (needs.tile_bytes as f64 * share) as u64;
+        let written = if is_written { 0 } else { needs.output_bytes };
+        self.disk.check(self.folder, &self.opened.job.output, [objects, written])
     }
 
-    /// The last task; what is done was counted before in a run of all.
-    fn finish(&mut self, counted: bool) -> Result<()> {
-        if self.is_written()? {
-            self.note_written();
+    fn note_found(&mut self, survey: &Survey) {
+        let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
+        self.report.found = (survey.done.len() - self.report.made.len()) as u64;
+        self.report.found_bytes = bytes - self.report.made_bytes;
+    }
+
+    /// Writes the grid from all tiles, unless it is there.
+    fn end(&mut self, survey: &Survey, is_written: bool) -> Result<()> {
+        self.note_found(survey);
+        self.report.written = Some(self.opened.job.output.display().to_string());
+        if is_written {
             return Ok(());
         }
-        self.claim_output()?;
-        let (mut files, mut census) = (Vec::new(), Census::default());
-        for task in self.plan.grid.tasks().filter(|task| *task != TaskId::Finish) {
-            let place = Place::new(self.folder, self.id, task);
-            let done = place.look(false, self.cancel)?.ok_or_else(|| self.not_done(task))?;
+        self.output.begin()?;
+        let mut census = Census::default();
+        for done in survey.done.values() {
             census.read += done.read;
             census.kept += done.kept;
-            if !counted {
-                self.found(&done);
-            }
-            files.push(place.file.display().to_string());
         }
-        let path = plan::noted_path(&self.opened.job.output)?;
-        let mut note = Written { plan_id: self.id, path, digest: None };
-        plan::write_note(self.folder, &note)?;
-        self.report.grid = Some(GridReport { points: census, ..self.write(&files)? });
-        self.report.written = Some(self.opened.job.output.display().to_string());
-        note.digest = Some(plan::digest_of(std::slice::from_ref(&note.path), self.cancel)?);
-        plan::write_note(self.folder, &note)
+        let file = |tile: &u32| self.place(*tile).file.display().to_string();
+        let files: Vec<_> = survey.done.keys().map(file).collect();
+        let Opened { job, extent, .. } = &self.opened;
+        let made = self.opened.write(&files, job, extent, (self.progress, self.cancel))?;
+        self.report.grid =
+            Some(GridReport { points: census, input: self.plan.method.label.clone(), ..made });
+        self.output.finish((), self.cancel)
     }
 
-    /// Puts the tiles together.
-    fn write(&self, files: &[String]) -> Result<GridReport> {
+    /// Whether the grid is where it belongs, as it was written. Fails when something else is there that
+    /// may not be replaced.
+    fn is_written(&mut self) -> Result<bool> {
+        let state = self.output.state::<()>(Look::Whole, self.cancel)?;
+        if matches!(state, State::Whole(())) {
+            return Ok(true);
+        }
+        let job = &mut self.opened.job;
+        job.overwrite = self.output.claim(&state, job.overwrite)?;
+        plan::refuse_own(self.folder, &self.plan, &job.output)?;
+        Ok(false)
+    }
+}
+
+impl Opened {
+    /// Puts the tiles in `files` together to the output of `job`, whose cells are those of `extent`.
+    pub(super) fn write(
+        &self,
+        files: &[String],
+        job: &GridJob,
+        extent: &Extent,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<GridReport> {
         let started = Instant::now();
-        let Opened { job, extent, points } = &self.opened;
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
@@ -188,12 +265,11 @@ impl<'a> Run<'a> {
         let open = |band: u32| raster::open_all(files, &options(band));
         let tiles = Tiles { bands: (1..=bands).map(open).collect::<Result<_>>()? };
         let bands = Bands { cells: &tiles, bands: recipe.bands(), info: &info };
-        let valid = bands.write(sink.as_mut(), budget.threads, self.progress, self.cancel)?;
-        self.cancel.check()?;
-        let notes = [points.notes().to_vec(), extent.notes.clone(), sink.notes()].concat();
+        let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
+        cancel.check()?;
+        let notes = [self.points.notes().to_vec(), extent.notes.clone(), sink.notes()].concat();
         Ok(GridReport {
-            input: self.plan.method.label.clone(),
-            files: points.files().len(),
+            files: self.points.files().len(),
             bands: bands.reports(&valid),
             notes,
             output_bytes: sink.finish()?,
@@ -202,43 +278,5 @@ impl<'a> Run<'a> {
             wall_seconds: started.elapsed().as_secs_f64(),
             ..report(job, &info, extent)
         })
-    }
-
-    fn not_done(&self, task: TaskId) -> Error {
-        Error::new(ErrorKind::Resource, format!("{task} is not done"))
-            .in_file(self.folder)
-            .remedy(format!("run it first: --task {task}"))
-    }
-
-    /// Whether the grid is where it belongs, as it was written.
-    fn is_written(&self) -> Result<bool> {
-        let path = plan::noted_path(&self.opened.job.output)?;
-        let Some(note) = written(self.folder, self.id).filter(|note| note.path == path) else {
-            return Ok(false);
-        };
-        match plan::digest_of(&[path], self.cancel) {
-            Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
-            // What cannot be read is not what was written.
-            found => Ok(found.is_ok_and(|digest| Some(digest) == note.digest)),
-        }
-    }
-
-    /// Nothing was left to do.
-    fn note_written(&mut self) {
-        self.report.found = self.report.tasks;
-        self.report.written = Some(self.opened.job.output.display().to_string());
-    }
-
-    /// Fails when something is where the grid belongs, unless a run that did not come to its end was
-    /// writing there.
-    fn claim_output(&mut self) -> Result<()> {
-        let path = plan::noted_path(&self.opened.job.output)?;
-        let is_own =
-            |note: &Written| (note.plan_id, &note.path, note.digest) == (self.id, &path, None);
-        let began: Option<Written> = plan::note(self.folder).filter(is_own);
-        self.opened.job.overwrite |= began.is_some();
-        let output = &self.opened.job.output;
-        refuse_existing(output, self.opened.job.overwrite)?;
-        plan::refuse_own(self.folder, &self.plan, output)
     }
 }

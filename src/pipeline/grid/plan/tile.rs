@@ -1,20 +1,23 @@
 //! The result of one task: a GeoTIFF with the values of a tile's cells, and a note that seals it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::manifest::{Manifest, TaskId};
+use super::manifest::{Cells, TaskId};
 use crate::cloud::{Census, PointSource};
 use crate::delaunay::Window;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::geom::{REACH, Rect};
 use crate::gridding::{Axis, Recipe, Statistic};
 use crate::pipeline::grid::GridJob;
 use crate::pipeline::grid::extent::Extent;
 use crate::pipeline::grid::make::Maker;
+use crate::pipeline::grid::report::GridReport;
 use crate::pipeline::grid::surface;
-use crate::pipeline::plan::{self, Digest, OBJECTS};
+use crate::pipeline::plan::{self, Digest, Look, OBJECTS, damaged_object as damaged};
 use crate::pipeline::points::reach;
 use crate::pipeline::{Cancel, Progress};
 use crate::raster::SampleType;
@@ -35,6 +38,16 @@ pub(super) struct Done {
     pub(super) read: u64,
     pub(super) kept: u64,
     pub(super) spilled: u64,
+    /// Of all the above.
+    seal: Digest,
+}
+
+impl Done {
+    fn sealed(self) -> Self {
+        let counts = [self.bytes, self.read, self.kept, self.spilled].map(u64::to_le_bytes);
+        let parts = [self.key.bytes(), self.digest.bytes(), counts.as_flattened()];
+        Self { seal: Digest::of_parts(&parts), ..self }
+    }
 }
 
 /// Where a tile's result lies.
@@ -52,16 +65,17 @@ impl Place {
         Self { file: at("tif"), note: at("json"), key }
     }
 
-    /// What is done; `None` when it is not. Fails when it is there and damaged; with `whole`, every
-    /// byte is looked at.
-    pub(super) fn look(&self, whole: bool, cancel: &Cancel) -> Result<Option<Done>> {
+    /// What is done; `None` when it is not. Fails when it is there and damaged.
+    pub(super) fn look(&self, look: Look, cancel: &Cancel) -> Result<Option<Done>> {
+        cancel.check()?;
         let Ok(text) = std::fs::read(&self.note) else { return Ok(None) };
+        let Ok(file) = std::fs::metadata(&self.file) else { return Ok(None) };
         let done: Done = serde_json::from_slice(&text).map_err(|_| damaged(&self.note))?;
-        let bytes = std::fs::metadata(&self.file).map_err(|_| damaged(&self.file))?.len();
-        if done.key != self.key || done.bytes != bytes {
-            return Err(damaged(&self.file));
+        if done.key != self.key || done.clone().sealed() != done {
+            return Err(damaged(&self.note));
         }
-        if whole && plan::digest_of(std::slice::from_ref(&self.file), cancel)? != done.digest {
+        let digest = || plan::digest_of(std::slice::from_ref(&self.file), cancel);
+        if done.bytes != file.len() || (look == Look::Whole && digest()? != done.digest) {
             return Err(damaged(&self.file));
         }
         Ok(Some(done))
@@ -72,16 +86,55 @@ impl Place {
         let digest = plan::digest_of(std::slice::from_ref(&self.file), cancel)?;
         let bytes = std::fs::metadata(&self.file).map_err(|e| Error::read(&self.file, e))?.len();
         let Census { read, kept, .. } = *census;
-        let done = Done { key: self.key, digest, bytes, read, kept, spilled };
+        let done = Done { key: self.key, digest, bytes, read, kept, spilled, seal: self.key };
+        let done = done.sealed();
         plan::write_json(&self.note, &done)?;
         Ok(done)
     }
 }
 
-fn damaged(path: &Path) -> Error {
-    Error::new(ErrorKind::Io, "is damaged")
-        .in_file(path)
-        .remedy("run again: what is damaged is made anew")
+/// Which tiles are done.
+#[derive(Default)]
+pub(super) struct Survey {
+    pub(super) done: BTreeMap<u32, Done>,
+    /// Those that are there and not sound; what is in neither is missing.
+    pub(super) damaged: Vec<u32>,
+}
+
+impl Survey {
+    /// Looks for the results of all tiles, in parallel; tells `progress` of each. Fails when it is to
+    /// stop.
+    pub(super) fn of(
+        (folder, plan): (&Path, Digest),
+        cells: &Cells,
+        look: Look,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let find = |&tile: &u32| {
+            progress.advance(1);
+            (tile, Place::new(folder, plan, TaskId::Tile(tile)).look(look, cancel))
+        };
+        let tiles: Vec<u32> = cells.tiles().collect();
+        let found: Vec<_> = tiles.par_iter().map(find).collect();
+        // What was not read to its end is not known to be damaged.
+        cancel.check()?;
+        let mut survey = Self::default();
+        for (tile, found) in found {
+            match found {
+                Ok(Some(done)) => drop(survey.done.insert(tile, done)),
+                Ok(None) => {}
+                Err(_) => survey.damaged.push(tile),
+            }
+        }
+        Ok(survey)
+    }
+
+    /// The first tile of `cells` that is missing.
+    pub(super) fn missing(&self, cells: &Cells) -> Option<TaskId> {
+        let is_there = |tile: &u32| self.done.contains_key(tile) || self.damaged.contains(tile);
+        cells.tiles().find(|tile| !is_there(tile)).map(TaskId::Tile)
+    }
 }
 
 /// A plan's cloud and cells, opened.
@@ -92,36 +145,51 @@ pub(super) struct Opened {
 }
 
 impl Opened {
-    /// Makes a tile from the part of the cloud that lies near it, or as much more as it takes.
+    /// Makes the tile of these `cells` from the part of the cloud that lies near it, or as much more as
+    /// it takes.
     pub(super) fn make(
         &self,
-        plan: &Manifest,
-        (task, place): (TaskId, &Place),
+        (cells, place): (Rect, &Place),
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Done> {
-        let job = self.job_of(place);
-        let (points, extent) =
-            (&*self.points, self.extent.part(plan.grid.cells(task), self.points.info()));
-        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
-        let cells = self.window(&extent, recipe.reach());
-        let mut margin = self.margin(&recipe, &cells);
+        let mut near = self.near(cells);
         loop {
-            let within = margin.map(|margin| cells.grown(margin));
-            let extent = extent.clone();
-            let maker = Maker { points, job: &job, extent, within, progress, cancel };
-            if let Some(made) = maker.try_make()? {
+            if let Some(made) = self.try_make(cells, &place.file, near, (progress, cancel))? {
                 return place.seal(&made.points, made.spilled_bytes, cancel);
             }
-            margin = margin.map(|margin| margin.saturating_mul(WIDER).min(REACH));
+            near = near.map(Near::wider);
         }
     }
 
+    /// Writes the tile of these `cells` to `file` from the parts `within`; `None` when these are too few.
+    pub(super) fn try_make(
+        &self,
+        cells: Rect,
+        file: &Path,
+        near: Option<Near>,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Option<GridReport>> {
+        let (points, job) = (&*self.points, self.job_of(file));
+        let extent = self.extent.part(cells, points.info());
+        let within = near.map(Near::window);
+        Maker { points, job: &job, extent, within, progress, cancel }.try_make()
+    }
+
+    /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
+    pub(super) fn near(&self, cells: Rect) -> Option<Near> {
+        let extent = self.extent.part(cells, self.points.info());
+        let recipe = Recipe::new(&self.job.stats, &self.job.rules(extent.cell()));
+        let cells = self.window(&extent, recipe.reach());
+        let margin = self.margin(&recipe, &cells)?;
+        Some(Near { cells, margin })
+    }
+
     /// The job whose output is a tile's result.
-    fn job_of(&self, place: &Place) -> GridJob {
+    pub(super) fn job_of(&self, file: &Path) -> GridJob {
         let creation = CREATION.map(|(key, value)| (key.to_owned(), value.to_owned()));
         GridJob {
-            output: place.file.clone(),
+            output: file.to_path_buf(),
             format: Some("GTiff".to_owned()),
             creation: creation.to_vec(),
             sample_type: SampleType::F64,
@@ -165,6 +233,24 @@ impl Opened {
         let side = |axis: usize| cells.high[axis].abs_diff(cells.low[axis]) / 8;
         // A narrow tile among far points: some of its own size at least.
         Some(if most == 0 { 0 } else { most.max(side(0).min(side(1)) as i32) })
+    }
+}
+
+/// What is read of a cloud for some cells.
+#[derive(Clone, Copy)]
+pub(super) struct Near {
+    cells: Window,
+    /// Steps around them.
+    margin: i32,
+}
+
+impl Near {
+    pub(super) fn window(self) -> Window {
+        self.cells.grown(self.margin)
+    }
+
+    fn wider(self) -> Self {
+        Self { margin: self.margin.saturating_mul(WIDER).min(REACH), ..self }
     }
 }
 

@@ -1,18 +1,15 @@
 //! The folder of a plan, and which of its tasks are done.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::manifest::Manifest;
 use super::object::Object;
 use super::tasks::{Strips, TaskId, before, key, object_path};
-use crate::error::{Error, ErrorKind, Result};
-use crate::pipeline::plan::{self, Digest, OBJECTS};
-use crate::pipeline::tin::report::TinReport;
+use crate::error::{Error, Result};
+use crate::pipeline::plan::{self, Digest, Look, OBJECTS};
 use crate::pipeline::tin::tally::Tally;
 use crate::pipeline::{Cancel, Progress, Silent};
 
@@ -47,34 +44,6 @@ struct Watch<'a> {
     cancel: &'a Cancel,
 }
 
-/// How thoroughly objects are looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Look {
-    /// The index and what stands for the rest.
-    Quick,
-    /// Every byte.
-    Whole,
-}
-
-/// A mesh that is being written, to a name that was free or may be replaced, or is finished.
-#[derive(Serialize, Deserialize)]
-pub(super) struct Mesh {
-    pub(super) plan_id: Digest,
-    /// Absolute.
-    #[serde(with = "plan::as_name")]
-    pub(super) path: PathBuf,
-    pub(super) split: Option<u32>,
-    pub(super) solid_base: Option<f64>,
-    pub(super) finished: Option<Finished>,
-}
-
-/// A finished mesh.
-#[derive(Serialize, Deserialize)]
-pub(super) struct Finished {
-    pub(super) digest: Digest,
-    pub(super) report: TinReport,
-}
-
 impl Folder {
     /// Puts `plan` into the folder `path`, made if it is not there; one that holds the very same plan
     /// is taken as it is. Fails with `Usage` when it holds anything else.
@@ -87,11 +56,6 @@ impl Folder {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let (plan, id) = plan::read::<Manifest>(path)?;
         Ok(Self { path: path.to_path_buf(), strips: plan.strips()?, plan, id })
-    }
-
-    /// As [`plan::lock`].
-    pub(super) fn lock(&self, alone: bool) -> Result<File> {
-        plan::lock(&self.path, alone)
     }
 
     /// As [`plan::refuse_own`].
@@ -128,11 +92,16 @@ impl Folder {
         Ok(survey)
     }
 
-    /// Looks for the objects that `task` works on, and for its own.
-    pub(super) fn survey_around(&self, task: TaskId, cancel: &Cancel) -> Result<Survey> {
+    /// Looks for the objects that `task` works on, and at every byte of its own.
+    pub(super) fn survey_around(
+        &self,
+        task: TaskId,
+        look: Look,
+        cancel: &Cancel,
+    ) -> Result<Survey> {
         let mut survey = Survey::default();
         let watch = Watch { progress: &Silent, cancel };
-        self.look_for(before(task), Look::Quick, watch, &mut survey)?;
+        self.look_for(before(task), look, watch, &mut survey)?;
         self.look_for(vec![task], Look::Whole, watch, &mut survey)?;
         Ok(survey)
     }
@@ -144,7 +113,7 @@ impl Folder {
         survey: &mut Survey,
         cancel: &Cancel,
     ) -> Result<()> {
-        if before(task).is_empty() || survey.damaged.contains(&task) {
+        if before(task).is_empty() || !survey.is_missing(task) || survey.damaged.contains(&task) {
             return Ok(());
         }
         self.look_for(vec![task], Look::Whole, Watch { progress: &Silent, cancel }, survey)
@@ -192,23 +161,16 @@ impl Folder {
 
     /// The error of a task that waits for `task`.
     pub(super) fn not_done(&self, task: TaskId) -> Error {
-        Error::new(ErrorKind::Resource, format!("{task} is not done"))
-            .in_file(&self.path)
-            .remedy(format!("run it first: --task {task}"))
-    }
-
-    /// The mesh that was written last, if it is from this plan.
-    pub(super) fn mesh(&self) -> Option<Mesh> {
-        plan::note(&self.path).filter(|mesh: &Mesh| mesh.plan_id == self.id)
-    }
-
-    /// Notes a mesh.
-    pub(super) fn note_mesh(&self, mesh: &Mesh) -> Result<()> {
-        plan::write_note(&self.path, mesh)
+        plan::not_done(&self.path, task)
     }
 }
 
 impl Survey {
+    /// True when `task` has an object, and none that is sound was found.
+    pub(super) fn is_missing(&self, task: TaskId) -> bool {
+        task != TaskId::Finish && !self.done.contains_key(&task)
+    }
+
     /// The seals of what `task` works on; `None` when not all of it is done.
     pub(super) fn seals(&self, task: TaskId) -> Option<Vec<Digest>> {
         before(task).iter().map(|before| Some(self.done.get(before)?.seal)).collect()

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::object::object_bytes;
 use super::tasks::{Strips, TaskId, before};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::geom::Affine;
 use crate::limits;
+use crate::output::MeshFormat;
 use crate::pipeline::Resources;
 use crate::pipeline::placing::Placing;
 use crate::pipeline::plan::{self, InputFile, Planned};
@@ -23,8 +25,6 @@ use crate::tin::{Local, Triangle};
 
 /// Changed whenever the same plan would give other bytes.
 const REVISION: u32 = 2;
-/// Bytes of a vertex and of a triangle in a mesh file, about.
-const MESH_BYTES: [u64; 2] = [24, 13];
 
 /// A plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,6 +37,8 @@ pub(super) struct Manifest {
     pub(super) method: Method,
     grid: Grid,
     files: Vec<InputFile>,
+    /// Vertices of the mesh, about.
+    vertices: u64,
     pub(super) tasks: Vec<Needs>,
     /// Files that are left out of the input because they are bad.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -117,7 +119,8 @@ impl Manifest {
             method,
             grid: Grid::of(info),
             files: plan::look_at(&all_files(job.input.names(), &*opened.source))?,
-            tasks: needs(&strips, layout.samples(), size, memory),
+            vertices: size.vertices,
+            tasks: needs(&strips, layout.samples(), size, opened.format, memory),
             skipped: Vec::new(),
         })
     }
@@ -198,6 +201,16 @@ impl Manifest {
     pub(super) fn samples(&self) -> u64 {
         u64::from(self.grid.width) * u64::from(self.grid.height)
     }
+
+    /// Share of the samples that the mesh keeps, about.
+    pub(super) fn kept(&self) -> f64 {
+        self.vertices as f64 / self.samples() as f64
+    }
+
+    /// Bytes of the mesh, about.
+    pub(super) fn mesh_bytes(&self) -> u64 {
+        self.tasks.last().map_or(0, |finish| finish.disk)
+    }
 }
 
 impl Planned for Manifest {
@@ -245,15 +258,20 @@ fn all_files(names: &[String], source: &dyn GridSource) -> Vec<PathBuf> {
 }
 
 /// Tasks with what they need, from the size of the whole mesh.
-fn needs(strips: &Strips, samples: u64, size: Size, memory: u64) -> Vec<Needs> {
+fn needs(
+    strips: &Strips,
+    samples: u64,
+    size: Size,
+    format: &MeshFormat,
+    memory: u64,
+) -> Vec<Needs> {
     let kept = size.triangles * size_of::<Triangle>() as u64
         + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
-    let mesh = size.vertices * MESH_BYTES[0] + size.triangles * MESH_BYTES[1];
     let need = |task: TaskId| {
-        let own = strips.work(task).samples();
+        let (own, tiles) = (strips.work(task).samples(), strips.work(task).tiles());
         let disk = match task {
-            TaskId::Finish => mesh,
-            _ => (kept as f64 * own as f64 / samples as f64) as u64,
+            TaskId::Finish => (format.most)().file_bytes(size.vertices, size.triangles),
+            _ => object_bytes((kept as f64 * own as f64 / samples as f64) as u64, tiles),
         };
         let after = match task {
             TaskId::Finish => strips.tasks().filter(|other| *other != task).collect(),
@@ -285,7 +303,7 @@ mod tests {
                 "width": 9000, "height": 9000, "crs": "none",
                 "transform": [0.1, 1e-300, 0.0, -7e22, 0.0, -1.0],
             },
-            "files": [], "tasks": tasks,
+            "files": [], "vertices": 0, "tasks": tasks,
         });
         serde_json::from_value(plan).unwrap()
     }

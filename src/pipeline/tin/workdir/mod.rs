@@ -13,21 +13,26 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub(super) use object::{ObjectWriter, Record};
-pub use report::{RunReport, StatusReport, TaskReport};
+pub use report::{RunReport, StatusReport};
 pub use run::{RunJob, run_plan};
 
 use super::estimate::Estimator;
 use super::job::TinJob;
 use super::make::{Maker, Opened, in_input};
+use super::plan::{nanoseconds, seconds};
 use super::report::TinReport;
 use super::worker::worker_bytes;
 use crate::error::{Error, ErrorKind, Result};
+use crate::pipeline::plan::{DiskCheck, Forecast, Look, TaskReport, last_output};
 use crate::pipeline::sift::Skipped;
-use crate::pipeline::{Cancel, Progress, Silent, memory};
+use crate::pipeline::{Cancel, Progress, Resources, Silent, memory};
 use crate::tin::Spec;
-use folder::{Folder, Look};
+use folder::Folder;
 use manifest::Manifest;
 use tasks::TaskId;
+
+/// Share of the time that the writing of the mesh takes, about.
+const WRITING: f64 = 0.1;
 
 /// A plan to make.
 #[derive(Clone, Debug)]
@@ -55,9 +60,11 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     let in_input = |error| in_input(error, &tin.input);
     let (tolerance, _) = maker.tolerance().map_err(in_input)?;
-    let layout = maker.layout().map_err(in_input)?;
     let spec = Spec { measure: false, ..maker.spec(tolerance) };
-    let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
+    let layout = maker.layout().map_err(in_input)?;
+    let size = Estimator::thorough(&*opened.source, layout, cancel)
+        .and_then(|mut estimator| estimator.size_at_most(&spec))
+        .map_err(in_input)?;
     let least = memory::least(1, worker_bytes(layout.side()), opened.source.block_bytes());
     let mut manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
     manifest.skipped.clone_from(&job.skipped);
@@ -71,19 +78,18 @@ pub fn status_of(path: &Path) -> Result<StatusReport> {
 
 fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
     let survey = folder.survey(Look::Quick, &Silent, cancel)?;
-    let mesh = folder.mesh().filter(|mesh| mesh.finished.is_some() && mesh.path.exists());
+    let mesh = last_output(&folder.path, folder.id)?;
     let is_done = |task: TaskId| match task {
-        TaskId::Finish => mesh.is_some(),
+        TaskId::Finish => mesh.output.is_some(),
         _ => survey.done.contains_key(&task),
     };
     let tasks = || folder.strips.tasks().zip(&folder.plan.tasks);
     let report = |(task, needs): (TaskId, &manifest::Needs)| TaskReport {
         id: needs.id.clone(),
         after: tasks::before(task).iter().map(TaskId::to_string).collect(),
-        samples: needs.samples,
+        work: needs.samples,
     };
     let left = |(task, _): &(TaskId, &manifest::Needs)| !is_done(*task);
-    let is_object = |(task, _): &(TaskId, &manifest::Needs)| *task != TaskId::Finish;
     let method = &folder.plan.method;
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
@@ -92,17 +98,38 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
         format: method.format.clone(),
         max_error: method.max_error,
         samples: folder.plan.samples(),
+        work: folder.plan.samples(),
         tile_cells: method.tile,
         to_do: tasks().filter(left).map(report).collect(),
         done: tasks().filter(|task| !left(task)).count() as u64,
         damaged: survey.damaged.iter().map(TaskId::to_string).collect(),
         object_bytes: survey.done.values().map(|done| done.bytes).sum(),
-        disk_needed: tasks().filter(left).filter(is_object).map(|(_, needs)| needs.disk).sum(),
-        mesh_bytes: folder.plan.tasks.last().map_or(0, |needs| needs.disk),
-        least_memory: folder.plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
-        output: mesh.map(|mesh| mesh.path.display().to_string()),
+        forecast: forecast(folder, &tasks().filter(left).collect::<Vec<_>>()),
+        mesh,
         skipped: folder.plan.skipped.clone(),
     })
+}
+
+/// What the tasks that are `left` take.
+fn forecast(folder: &Folder, left: &[(TaskId, &manifest::Needs)]) -> Forecast {
+    let plan = &folder.plan;
+    let (Resources { memory, threads, .. }, worker) =
+        (Resources::default(), worker_bytes(plan.method.tile));
+    let threads = memory::divide(memory, threads, worker).map_or(1, |shares| shares.threads);
+    let is_object = |(task, _): &&(TaskId, &manifest::Needs)| *task != TaskId::Finish;
+    let is_strip = |(task, _): &&(TaskId, &manifest::Needs)| matches!(task, TaskId::Strip(_));
+    // The rate is of the whole work by the samples of the grid, which are those of the strips.
+    let strips: u64 = left.iter().filter(is_strip).map(|(_, needs)| needs.samples).sum();
+    let writing = if left.iter().all(|task| is_object(&task)) { 0.0 } else { WRITING };
+    let whole = seconds(plan.samples(), nanoseconds(plan.kept()), threads);
+    let share = strips as f64 / plan.samples() as f64;
+    Forecast {
+        seconds: whole * (share * (1.0 - WRITING) + writing),
+        threads,
+        least_memory: plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
+        disk_needed: left.iter().filter(is_object).map(|(_, needs)| needs.disk).sum(),
+        output_bytes: plan.mesh_bytes(),
+    }
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
@@ -113,6 +140,7 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
 pub fn run_in(
     folder: &Path,
     job: &TinJob,
+    disk: DiskCheck,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
@@ -130,6 +158,7 @@ pub fn run_in(
         overwrite: job.overwrite,
         split: job.split,
         solid_base: job.solid_base,
+        disk,
         resources: job.resources.clone(),
     };
     run_plan(&run, progress, cancel).and_then(whole)

@@ -20,15 +20,17 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 
 use crate::atomic::AtomicFile;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::fault::{self, Point};
 use crate::pipeline::Cancel;
-use crate::pipeline::plan::Digest;
+use crate::pipeline::plan::{Digest, damaged_object as damaged};
 use crate::pipeline::tin::container::Container;
 use crate::pipeline::tin::schedule::lock;
 use crate::pipeline::tin::tally::Tally;
 
 const MAGIC: &[u8; 16] = b"terrane object 1";
+/// Bytes of the numbers that a record begins with.
+const RECORD_HEAD: u64 = 24;
 const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
 
 /// Where a record lies.
@@ -56,6 +58,12 @@ impl Tail {
         let suspects = (self.suspects > 0).then_some((self.suspect, self.suspects));
         Tally { valid: self.valid, isolated: self.isolated, suspects }
     }
+}
+
+/// Bytes of an object whose containers take `kept` bytes in memory.
+pub(super) fn object_bytes(kept: u64, tiles: u64) -> u64 {
+    let end = size_of::<Tail>() + size_of::<Digest>() + MAGIC.len();
+    kept + tiles * (size_of::<Entry>() as u64 + RECORD_HEAD) + end as u64
 }
 
 /// A container as bytes, with their digest.
@@ -204,12 +212,6 @@ fn read_at(file: &mut File, out: &mut [u8], offset: u64) -> io::Result<()> {
     fault::point(Point::Read)?;
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(out)
-}
-
-fn damaged(path: &Path) -> Error {
-    Error::new(ErrorKind::Io, "is damaged")
-        .in_file(path)
-        .remedy("run again: what is damaged is made anew")
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::pipeline::plan::{Forecast, TaskReport, Told};
 use crate::pipeline::sift::Skipped;
 use crate::pipeline::tin::report::{StageReport, TinReport};
 
@@ -15,6 +16,8 @@ pub struct StatusReport {
     pub format: String,
     pub max_error: f64,
     pub samples: u64,
+    /// The same, by the name that all kinds of plans have for it.
+    pub work: u64,
     pub tile_cells: u32,
     /// Tasks that are not done, in an order in which they can be; the last one is "finish".
     pub to_do: Vec<TaskReport>,
@@ -24,28 +27,15 @@ pub struct StatusReport {
     pub damaged: Vec<String>,
     /// Bytes of all results so far.
     pub object_bytes: u64,
-    /// Bytes on disk that the rest needs, about; the mesh is not counted.
-    pub disk_needed: u64,
-    /// Bytes of the mesh, about.
-    pub mesh_bytes: u64,
-    /// Least bytes of memory for a task.
-    pub least_memory: u64,
-    /// Where the mesh is, once it is written.
-    pub output: Option<String>,
+    /// What the rest takes.
+    #[serde(flatten)]
+    pub forecast: Forecast,
+    /// The mesh, once it is written.
+    #[serde(flatten)]
+    pub mesh: Told,
     /// Files that were left out of the input when it was planned.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
-}
-
-/// A task that is not done.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct TaskReport {
-    /// Its name.
-    pub id: String,
-    /// The tasks it waits for; "finish" waits for all others and names none.
-    pub after: Vec<String>,
-    /// Samples it works on.
-    pub samples: u64,
 }
 
 /// What a run did.

@@ -5,21 +5,22 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::folder::{Done, Finished, Folder, Look, Mesh, Survey};
+use serde_json::json;
+
+use super::folder::{Done, Folder, Survey};
 use super::report::RunReport;
 use super::shelf::Shelf;
 use super::tasks::TaskId;
-use crate::atomic::refuse_existing;
 use crate::error::{Error, ErrorKind, Result};
 use crate::output;
-use crate::pipeline::plan::{self, Digest};
+use crate::pipeline::plan::{self, DiskCheck, Look, Output, State};
 use crate::pipeline::tin::job::TinJob;
 use crate::pipeline::tin::make::{Maker, Opened, in_input};
 use crate::pipeline::tin::report::{Clock, TinReport};
 use crate::pipeline::tin::run::{save, write};
 use crate::pipeline::tin::tally::Tally;
 use crate::pipeline::tin::worker::Stock;
-use crate::pipeline::{Cancel, Progress, Resources, Silent, disk, peak_memory};
+use crate::pipeline::{Cancel, Progress, Resources, Silent, peak_memory};
 
 /// Work on a plan.
 #[derive(Clone, Debug)]
@@ -36,20 +37,22 @@ pub struct RunJob {
     pub split: Option<u32>,
     /// STL: close the surface down to this height.
     pub solid_base: Option<f64>,
+    /// Whether to begin where the disk seems to have too little room.
+    pub disk: DiskCheck,
     /// What the work may use.
     pub resources: Resources,
 }
 
 /// Works on a plan: looks at every byte of what is done already, does what is not or is damaged, and
 /// writes the mesh. What is done stays done however the run ends. A named task that is done is left
-/// alone.
+/// alone; one that reads a damaged result makes that anew, too.
 ///
 /// The mesh is the same as that of [`run`](crate::pipeline::tin::run) on the same request, byte for
 /// byte, whoever did which task how often.
 ///
 /// # Errors
 /// Those of a grid-to-TIN job, and `BadInput` for an input or program that is not what the plan was
-/// made with, `Resource` while others work in the folder and for a task whose inputs are not done,
+/// made with, `NotYet` while another does all that is left and for a task whose inputs are not done,
 /// `CannotWrite` when the disk has too little room.
 pub fn run_plan(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<RunReport> {
     let started = Instant::now();
@@ -78,11 +81,13 @@ struct Run<'a> {
     folder: Folder,
     tin: TinJob,
     opened: Opened,
+    output: Output,
+    disk: DiskCheck,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
     report: RunReport,
     clock: Clock,
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl<'a> Run<'a> {
@@ -93,14 +98,16 @@ impl<'a> Run<'a> {
         progress: &'a dyn Progress,
         cancel: &'a Cancel,
     ) -> Result<Self> {
-        let lock = folder.lock(alone)?;
+        let lock = plan::enter(&folder.path, alone)?;
         folder.plan.check_files(alone)?;
         let ending = if job.split.is_some() { "blocks" } else { ending(&folder) };
         let default = || folder.path.join("mesh").with_extension(ending);
-        let output = job.output.clone().unwrap_or_else(default);
+        let path = job.output.clone().unwrap_or_else(default);
+        let form = json!({ "split": job.split, "solid_base": job.solid_base });
+        let output = Output::new(&folder.path, folder.id, &path, form)?;
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
-        let mut tin = folder.plan.job(output, job.overwrite, resources);
+        let mut tin = folder.plan.job(path, job.overwrite, resources);
         (tin.solid_base, tin.split) = (job.solid_base, job.split);
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = folder.plan.method.height_origin;
@@ -111,83 +118,121 @@ impl<'a> Run<'a> {
             tasks: folder.plan.tasks.len() as u64,
             ..RunReport::default()
         };
-        let clock = Clock::default();
-        Ok(Self { folder, tin, opened, progress, cancel, report, clock, _lock: lock })
+        let (clock, disk) = (Clock::default(), job.disk);
+        Ok(Self { folder, tin, opened, output, disk, progress, cancel, report, clock, _lock: lock })
     }
 
     /// All that is not done.
     fn all(mut self) -> Result<RunReport> {
-        let finished = self.finished()?;
-        if finished.is_none() {
-            self.claim_output()?;
-        }
+        let written = self.written()?;
         self.progress.begin("check what is done", self.folder.plan.tasks.len() as u64);
         let mut survey = self.folder.survey(Look::Whole, self.progress, self.cancel)?;
         self.progress.end();
         let to_do: Vec<TaskId> =
-            self.folder.strips.tasks().filter(|task| is_missing(*task, &survey)).collect();
-        self.check_disk(&to_do)?;
+            self.folder.strips.tasks().filter(|task| survey.is_missing(*task)).collect();
+        self.check_disk(&to_do, written.is_some())?;
         let work = |task: &TaskId| self.folder.strips.work(*task).samples();
         self.progress.begin("triangulate", to_do.iter().map(work).sum());
         for task in to_do {
-            // Its key may not have been known before.
-            self.folder.look_again(task, &mut survey, self.cancel)?;
-            if is_missing(task, &survey) {
-                self.make(task, &mut survey)?;
-            }
+            self.make_missing(task, &mut survey)?;
         }
         self.progress.end();
-        self.note_found(&survey);
-        self.report.mesh = Some(match finished {
-            Some(finished) => finished.report,
+        self.report.mesh = Some(match written {
+            Some(report) => report,
             None => self.write_mesh(&survey)?,
         });
-        Ok(self.conclude())
+        Ok(self.conclude(&survey))
     }
 
     /// One task that is not the last.
     fn one(mut self, task: TaskId) -> Result<RunReport> {
-        let mut survey = self.folder.survey_around(task, self.cancel)?;
-        if is_missing(task, &survey) {
+        let mut survey = self.folder.survey_around(task, Look::Quick, self.cancel)?;
+        if survey.is_missing(task) {
+            self.check_disk(&[task], true)?;
+            let around = |run: &Self, look| run.folder.survey_around(task, look, run.cancel);
             self.progress.begin(&task.to_string(), self.folder.strips.work(task).samples());
-            self.make(task, &mut survey)?;
+            self.mending(&mut survey, &around, |run, survey| run.make_missing(task, survey))?;
             self.progress.end();
         }
-        self.note_found(&survey);
-        Ok(self.conclude())
+        Ok(self.conclude(&survey))
     }
 
     /// The last task.
     fn finish(mut self) -> Result<RunReport> {
-        if let Some(finished) = self.finished()? {
-            self.report.mesh = Some(finished.report);
-            return Ok(self.conclude());
+        if let Some(report) = self.written()? {
+            self.report.mesh = Some(report);
+            return Ok(self.conclude(&Survey::default()));
         }
-        self.claim_output()?;
-        let survey = self.folder.survey(Look::Quick, &Silent, self.cancel)?;
-        if let Some(missing) = self.folder.strips.tasks().find(|task| is_missing(*task, &survey)) {
-            return Err(self.folder.not_done(missing));
-        }
-        self.note_found(&survey);
-        self.report.mesh = Some(self.write_mesh(&survey)?);
-        Ok(self.conclude())
+        self.check_disk(&[], false)?;
+        let all = |run: &Self, look| run.folder.survey(look, &Silent, run.cancel);
+        let mut survey = all(&self, Look::Quick)?;
+        let mesh = self.mending(&mut survey, &all, |run, survey| {
+            match run.folder.strips.tasks().find(|task| survey.is_missing(*task)) {
+                Some(missing) => Err(run.folder.not_done(missing)),
+                None => run.write_mesh(survey),
+            }
+        })?;
+        self.report.mesh = Some(mesh);
+        Ok(self.conclude(&survey))
     }
 
-    fn note_found(&mut self, survey: &Survey) {
-        let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
-        self.report.found = (survey.done.len() - self.report.made.len()) as u64;
-        self.report.found_bytes = bytes - self.report.made_bytes;
-        self.report.damaged = survey.damaged.iter().map(TaskId::to_string).collect();
+    /// Does `work` on what a quick `survey` found. What that found damaged is made anew first; where the
+    /// work fails to read something, every byte is looked at (`look`), and the work done once more if
+    /// damage was found.
+    fn mending<T>(
+        &mut self,
+        survey: &mut Survey,
+        look: &dyn Fn(&Self, Look) -> Result<Survey>,
+        work: impl Fn(&mut Self, &mut Survey) -> Result<T>,
+    ) -> Result<T> {
+        self.mend(survey)?;
+        let error = match work(self, survey) {
+            Err(error) if error.kind() == ErrorKind::Io => error,
+            other => return other,
+        };
+        *survey = look(self, Look::Whole)?;
+        if survey.damaged.is_empty() {
+            return Err(error);
+        }
+        self.mend(survey)?;
+        work(self, survey)
     }
 
-    /// Fails when the disks will not hold what is left to do.
-    fn check_disk(&self, to_do: &[TaskId]) -> Result<()> {
-        let names: HashSet<String> = to_do.iter().map(TaskId::to_string).collect();
-        let needs = self.folder.plan.tasks.iter();
-        let objects = needs.clone().filter(|task| names.contains(&task.id)).map(|task| task.disk);
-        disk::check(&self.folder.path, objects.sum())?;
-        let mesh = needs.last().map_or(0, |task| task.disk);
-        disk::check(plan::parent(&self.tin.output), mesh)
+    /// Makes anew what is damaged.
+    fn mend(&mut self, survey: &mut Survey) -> Result<()> {
+        if survey.damaged.is_empty() {
+            return Ok(());
+        }
+        for task in self.folder.strips.tasks() {
+            // Its key may not have been known before.
+            self.folder.look_again(task, survey, self.cancel)?;
+            if survey.damaged.contains(&task) {
+                self.make_missing(task, survey)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a task's object unless it is there.
+    fn make_missing(&mut self, task: TaskId, survey: &mut Survey) -> Result<()> {
+        self.folder.look_again(task, survey, self.cancel)?;
+        if !survey.is_missing(task) {
+            return Ok(());
+        }
+        if survey.damaged.contains(&task) {
+            self.report.damaged.push(task.to_string());
+        }
+        self.make(task, survey)
+    }
+
+    /// Fails when the disks will not hold the objects of these tasks and, unless it is written, the mesh.
+    fn check_disk(&self, to_do: &[TaskId], is_written: bool) -> Result<()> {
+        let to_do: HashSet<&TaskId> = to_do.iter().collect();
+        let needs = self.folder.strips.tasks().zip(&self.folder.plan.tasks);
+        let left = needs.filter(|(task, _)| to_do.contains(task));
+        let objects = left.map(|(_, needs)| needs.disk).sum();
+        let mesh = if is_written { 0 } else { self.folder.plan.mesh_bytes() };
+        self.disk.check(&self.folder.path, &self.tin.output, [objects, mesh])
     }
 
     /// Carries out a task and notes its object.
@@ -223,7 +268,7 @@ impl<'a> Run<'a> {
 
     /// The error of a task that cannot be done yet.
     fn waits(&self, task: TaskId, survey: &Survey) -> Error {
-        let missing = super::tasks::before(task).into_iter().find(|b| is_missing(*b, survey));
+        let missing = super::tasks::before(task).into_iter().find(|b| survey.is_missing(*b));
         self.folder.not_done(missing.unwrap_or(task))
     }
 
@@ -232,8 +277,7 @@ impl<'a> Run<'a> {
         let started = Instant::now();
         let maker = self.maker();
         maker.check_output()?;
-        let mut mesh = self.mesh()?;
-        self.folder.note_mesh(&mesh)?;
+        self.output.begin()?;
         let mut tally = Tally::default();
         survey.done.values().for_each(|done| tally.add(done.tally));
         let shelf = Shelf::of_all(&self.folder, survey);
@@ -247,46 +291,21 @@ impl<'a> Run<'a> {
             .map_err(|error| in_input(error, &self.tin.input))?;
         self.progress.end();
         report.took(started.elapsed());
-        let digest = digest_of(&mesh.path, self.cancel)?;
-        mesh.finished = Some(Finished { digest, report: report.clone() });
-        self.folder.note_mesh(&mesh)?;
+        self.output.finish(&report, self.cancel)?;
         Ok(report)
     }
 
-    /// The mesh, if it is written already and as it was.
-    fn finished(&self) -> Result<Option<Finished>> {
-        let Some(mesh) = self.mesh_there()? else { return Ok(None) };
-        let Some(finished) = mesh.finished else { return Ok(None) };
-        match digest_of(&mesh.path, self.cancel) {
-            Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
-            // What cannot be read is not what was written.
-            found => Ok(found.is_ok_and(|digest| digest == finished.digest).then_some(finished)),
+    /// The report on the mesh, if it is written already and as it was. Fails when something else is
+    /// there that may not be replaced.
+    fn written(&mut self) -> Result<Option<TinReport>> {
+        let state = self.output.state(Look::Whole, self.cancel)?;
+        if let State::Whole(report) = state {
+            let output = self.tin.output.display().to_string();
+            return Ok(Some(TinReport { output, ..report }));
         }
-    }
-
-    /// The note on a mesh like this run's, where it belongs.
-    fn mesh_there(&self) -> Result<Option<Mesh>> {
-        let own = self.mesh()?;
-        let is_own = |mesh: &Mesh| {
-            (&mesh.path, mesh.split, mesh.solid_base) == (&own.path, own.split, own.solid_base)
-        };
-        Ok(self.folder.mesh().filter(is_own))
-    }
-
-    /// The mesh of this run, not finished.
-    fn mesh(&self) -> Result<Mesh> {
-        let TinJob { output, split, solid_base, .. } = &self.tin;
-        let path = plan::noted_path(output)?;
-        let (split, solid_base) = (*split, *solid_base);
-        Ok(Mesh { plan_id: self.folder.id, path, split, solid_base, finished: None })
-    }
-
-    /// Fails when something is where the mesh belongs, unless a run that did not come to its end was
-    /// writing there.
-    fn claim_output(&mut self) -> Result<()> {
-        self.tin.overwrite |= self.mesh_there()?.is_some_and(|mesh| mesh.finished.is_none());
-        refuse_existing(&self.tin.output, self.tin.overwrite)?;
-        self.folder.refuse_own(&self.tin.output)
+        self.tin.overwrite = self.output.claim(&state, self.tin.overwrite)?;
+        self.folder.refuse_own(&self.tin.output)?;
+        Ok(None)
     }
 
     fn maker(&self) -> Maker<'_> {
@@ -294,24 +313,17 @@ impl<'a> Run<'a> {
         Maker { job: tin, opened, progress: *progress, cancel }
     }
 
-    fn conclude(mut self) -> RunReport {
+    fn conclude(mut self, survey: &Survey) -> RunReport {
+        let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
+        self.report.found = (survey.done.len() - self.report.made.len()) as u64;
+        self.report.found_bytes = bytes - self.report.made_bytes;
         self.report.stages = self.clock.report();
         self.report
     }
-}
-
-fn is_missing(task: TaskId, survey: &Survey) -> bool {
-    task != TaskId::Finish && !survey.done.contains_key(&task)
 }
 
 /// The usual ending of mesh files of the plan's format.
 fn ending(folder: &Folder) -> &'static str {
     let format = output::by_path(Path::new(""), Some(&folder.plan.method.format));
     format.map_or("mesh", |format| format.extensions[0])
-}
-
-/// Of a mesh, in one file or in many.
-fn digest_of(path: &Path, cancel: &Cancel) -> Result<Digest> {
-    let files = if path.is_dir() { output::split::files(path)? } else { vec![path.to_path_buf()] };
-    plan::digest_of(&files, cancel)
 }
