@@ -357,7 +357,7 @@ fn an_output_of_any_name_is_noted() {
     };
     run_plan(&job, &Silent, &Cancel::default()).unwrap();
     assert!(job.output.is_some_and(|output| output.is_file()));
-    assert!(status_of(&folder).unwrap().output.is_some_and(|output| output.ends_with(".ply")));
+    assert!(status_of(&folder).unwrap().mesh.output.is_some_and(|output| output.ends_with(".ply")));
 }
 
 #[test]

@@ -21,6 +21,7 @@ use crate::output::{
 };
 use crate::pipeline::memory::{self, Shares};
 use crate::pipeline::placing::Placed;
+use crate::pipeline::surface::grid_stats;
 use crate::pipeline::{Cancel, Progress, peak_memory};
 use crate::raster::{GridInfo, GridSource, Inputs, OpenOptions};
 use crate::tin::Spec;
