@@ -149,7 +149,7 @@ fn rows_that_are_lines_are_so_all_along() {
     let header = "ncols 3\nnrows 4\nxllcorner 10\nyllcorner 20\ncellsize 4\n";
     let write = |lines: &str| write(folder.path(), "t.asc", format!("{header}{lines}").as_bytes());
     for (lines, place) in [
-        ("1 2 3\n4 5\n6 7 8 9\n10 11 12\n", "line 8"),
+        ("1 2 3\n4 5\n6 7 8 9\n10 11 12\n", "line 7"),
         ("1 2 3\n4 5 6 7\n8 9\n10 11 12\n", "line 7"),
         ("1 2 3\n4 5 6\n7 8 9\n10 1\r1\n", "line 9"),
         ("1 2 3\n4 5 6\n7 8\r9\n10 11 12\n", "line 8"),

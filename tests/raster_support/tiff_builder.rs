@@ -31,8 +31,8 @@ pub(crate) struct Spec {
     pub(crate) pad_last_strip: bool,
     /// Blocks left out (offset and byte count 0).
     pub(crate) sparse: Vec<usize>,
-    /// Blocks whose offset or byte count is not what it should be.
-    pub(crate) lie: Vec<(usize, Option<u64>, Option<u64>)>,
+    /// Blocks said to lie at other offsets.
+    pub(crate) lie: Vec<(usize, u64)>,
     pub(crate) extra: Vec<(u16, Value)>,
 }
 
@@ -106,10 +106,7 @@ impl Spec {
                 out.extend(block);
             }
         }
-        for (block, offset, count) in &self.lie {
-            offsets[*block] = offset.unwrap_or(offsets[*block]);
-            counts[*block] = count.unwrap_or(counts[*block]);
-        }
+        self.lie.iter().for_each(|(block, offset)| offsets[*block] = *offset);
         self.directory(out, pointer_at, offsets, counts);
     }
 

@@ -263,7 +263,7 @@ impl Lines {
         mut each: impl FnMut(f64),
     ) -> Result<u64> {
         let first = tokens.values(1, &mut each)?;
-        let start = tokens.breaks();
+        let (start, at) = (tokens.breaks(), tokens.offset());
         let found = first + tokens.values(u64::from(width) - first, &mut each)?;
         let (goes_on, is_line) = (start == self.end, tokens.breaks() == start);
         self.end = tokens.breaks();
@@ -271,9 +271,10 @@ impl Lines {
         match self.rows {
             1 => self.are_rows = is_line,
             2 if goes_on => self.are_rows = false,
-            _ if !self.are_rows || found < u64::from(width) => {}
-            _ if goes_on => return Err(uneven(width, "more").at(tokens.place())),
-            _ if !is_line => return Err(uneven(width, "fewer").at(tokens.place())),
+            _ if self.are_rows && found == u64::from(width) && (goes_on || !is_line) => {
+                let how = if goes_on { "more" } else { "fewer" };
+                return Err(uneven(width, how).at(format_args!("line {}", tokens.line_of(at))));
+            }
             _ => {}
         }
         Ok(found)

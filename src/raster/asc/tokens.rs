@@ -39,12 +39,17 @@ impl<'a> Tokens<'a> {
         self.breaks
     }
 
-    /// Number of the line of the last word, from 1. Reads what came before once more: lines are
-    /// asked for rarely, and not counting them makes the words come faster.
+    /// Number of the line of the last word, from 1.
     pub(super) fn line(&self) -> u64 {
+        self.line_of(self.offset())
+    }
+
+    /// Number of the line of the word that ends at `offset`. Reads what came before once more: lines
+    /// are asked for rarely, and not counting them makes the words come faster.
+    pub(super) fn line_of(&self, offset: u64) -> u64 {
         let (mut at, mut line) = self.start;
-        while at < self.offset() {
-            let bytes = (self.offset() - at).min(CHUNK as u64);
+        while at < offset {
+            let bytes = (offset - at).min(CHUNK as u64);
             let Ok(text) = self.file.read_vec(at, bytes) else { break };
             line += text.iter().filter(|byte| **byte == b'\n').count() as u64;
             at += bytes;
