@@ -55,7 +55,7 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let layout = maker.layout().map_err(in_input)?;
     let spec = Spec { measure: false, ..maker.spec(tolerance) };
     let size = Estimator::new(&*opened.source, layout, cancel).size(&spec).map_err(in_input)?;
-    let least = memory::least(1, worker_bytes(layout.side()), opened.source.block_bytes());
+    let least = memory::least(worker_bytes(layout.side()), opened.source.block_bytes());
     let manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
     Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
 }
