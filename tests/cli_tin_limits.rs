@@ -70,6 +70,22 @@ fn advised_memory_is_enough_memory() {
     }
 }
 
+/// A second worker that just fits must not take the room of a block.
+#[test]
+fn more_memory_than_advised_is_enough_too() {
+    let place = Place::new();
+    let tall = ["--co", "COMPRESS=DEFLATE", "--co", "BLOCKYSIZE=1100", "-q"];
+    place
+        .ok(&[&["convert", "synth:rough,size=1100", "strip.tif", "-f", "GTiff"], &tall[..]]
+            .concat());
+    let job = ["tin", "strip.tif", "o.ply", "--max-error", "1", "--tile", "64", "--threads", "2"];
+    let least: u64 = advised(&place, &job).trim_end_matches('M').parse().unwrap();
+    for memory in least..least + 12 {
+        let memory = format!("{memory}M");
+        place.ok(&[&job[..], &["--memory", &memory, "--overwrite", "-q"]].concat());
+    }
+}
+
 #[test]
 #[cfg(target_os = "linux")]
 fn a_mesh_of_all_points_of_a_cloud_keeps_to_the_least_memory() {

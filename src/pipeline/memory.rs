@@ -39,21 +39,15 @@ pub struct Shares {
     pub mesh: u64,
 }
 
-/// Bytes with which [`divide`] leaves enough for decoded blocks of `block` bytes, whatever the number
-/// of workers up to `threads` that it finds room for.
-pub fn least(threads: usize, worker: u64, block: u64) -> u64 {
-    let one = PROGRAM + LEAST_SHARED + worker;
-    if 2 * block <= LEAST_SHARED {
-        return one;
-    }
-    // Workers are added as soon as they fit, and the rest is shared by halves.
-    PROGRAM + worker * threads.max(1) as u64 + 2 * block
+/// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
+pub fn least(worker: u64, block: u64) -> u64 {
+    PROGRAM + worker + LEAST_SHARED.max(2 * block)
 }
 
 /// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
 /// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
-    let least = least(1, worker, 0);
+    let least = least(worker, 0);
     if memory < least {
         return Err(too_little(memory, least));
     }
@@ -76,24 +70,33 @@ fn too_little(memory: u64, least: u64) -> Error {
 /// An opened grid and how its memory is divided.
 pub type Opened = (Box<dyn GridSource>, Shares);
 
-/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share.
-/// Where the memory does not suffice, the error says how much does: for the blocks of this input, too.
+/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share:
+/// with fewer workers where one block of it does not fit beside all. Where the memory does not suffice,
+/// the error says how much does, for the blocks of this input, too.
 pub fn open(
     input: &Inputs,
     options: &OpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
-    let Resources { memory, threads, .. } = *resources;
-    let opened = divide(memory, threads, worker).and_then(|shares| {
-        let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
-        let options = OpenOptions { cache_bytes, threads: shares.threads, ..options.clone() };
-        Ok((raster::open_all(input.names(), &options)?, shares))
-    });
-    opened.map_err(|error| match error.kind() {
-        ErrorKind::Resource => enough(input, options, resources, worker).unwrap_or(error),
-        _ => error,
-    })
+    let mut threads = resources.threads;
+    let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
+    loop {
+        let mut fitting = 1;
+        let opened = divide(resources.memory, threads, worker).and_then(|shares| {
+            fitting = shares.threads;
+            let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+            let options = OpenOptions { cache_bytes, threads: fitting, ..options.clone() };
+            Ok((raster::open_all(input.names(), &options)?, shares))
+        });
+        match opened {
+            Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
+            Err(error) if is_short(&error) => {
+                return Err(enough(input, options, resources, worker).unwrap_or(error));
+            }
+            opened => return opened,
+        }
+    }
 }
 
 /// The error that tells how much memory is enough; `None` where none is.
@@ -104,7 +107,7 @@ fn enough(
     worker: u64,
 ) -> Option<Error> {
     let block = look_at(input, options).ok()?.block_bytes();
-    let least = least(resources.threads, worker, block);
+    let least = least(worker, block);
     (block <= MOST_CACHE && least > resources.memory).then(|| too_little(resources.memory, least))
 }
 
@@ -133,13 +136,13 @@ mod tests {
     }
 
     #[test]
-    fn the_least_memory_holds_a_block_however_many_workers_fit() {
-        for (threads, block) in [(1, 0), (1, 3), (8, 3), (1, 4), (8, 100), (3, 1024)] {
-            let least = least(threads, 48 * MIB, block * MIB);
-            let shares = divide(least, threads, 48 * MIB).unwrap();
-            assert!(shares.cache >= block * MIB, "{threads} threads, {block} MiB: {shares:?}");
-            let less = divide(least - 2 * MIB, threads, 48 * MIB);
-            assert!(threads > 1 || less.is_err() || less.unwrap().cache < block * MIB);
+    fn the_least_memory_and_more_hold_a_block_beside_one_worker() {
+        for (block, more) in [(0, 0), (3, 1), (4, 0), (100, 7), (1024, 500)] {
+            let least = least(48 * MIB, block * MIB);
+            let shares = divide(least + more * MIB, 1, 48 * MIB).unwrap();
+            assert!(shares.cache >= block * MIB, "{block} MiB: {shares:?}");
+            let less = divide(least - 2 * MIB, 1, 48 * MIB);
+            assert!(less.is_err() || less.unwrap().cache < block * MIB);
         }
     }
 

@@ -51,7 +51,7 @@ pub fn plan(source: &dyn GridSource, resources: &Resources) -> Option<Plan> {
         return None;
     }
     let worker = worker_bytes(TILE);
-    let least_memory = memory::least(resources.threads, worker, source.block_bytes());
+    let least_memory = memory::least(worker, source.block_bytes());
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;
     let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(TILE));

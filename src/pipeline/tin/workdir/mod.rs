@@ -65,7 +65,7 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
-    let least = memory::least(1, worker_bytes(layout.side()), opened.source.block_bytes());
+    let least = memory::least(worker_bytes(layout.side()), opened.source.block_bytes());
     let mut manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
     manifest.skipped.clone_from(&job.skipped);
     Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
