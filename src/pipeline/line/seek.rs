@@ -189,7 +189,9 @@ impl<'a> Search<'a> {
         let total = self.dial.total as f64;
         match (self.low, self.high) {
             // Every third time in the middle: a line may lead astray again and again.
-            (Some(low), Some(high)) if self.inside.is_multiple_of(3) => f64::midpoint(low.at, high.at),
+            (Some(low), Some(high)) if self.inside.is_multiple_of(3) => {
+                f64::midpoint(low.at, high.at)
+            }
             (Some(low), Some(high)) => self.between(low, high),
             (Some(low), None) => self.beyond(low).clamp((low.at * 1.02 + 1.0).min(total), total),
             (None, Some(high)) => self.beyond(high).clamp(0.0, high.at * 0.98),
