@@ -278,10 +278,11 @@ mod tests {
     fn the_least_that_is_told_can_be_had() {
         // Most is left at the largest threshold.
         let law = |t: f64| kept(t) + 200.0 * (1.0 + t).ln();
-        let (_, least, _) = sought(50, 10_100.0, law);
+        let (last, least, _) = sought(50, 10_100.0, law);
+        assert_eq!(last, None);
         let least = least.unwrap();
         assert_eq!(sought(least, 10_100.0, law).1, None);
-        assert_eq!(sought(least - 1, 10_100.0, law).1, Some(least));
+        assert_eq!(sought(least / 2, 10_100.0, law).1, Some(least));
     }
 
     #[test]

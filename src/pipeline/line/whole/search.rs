@@ -59,7 +59,8 @@ fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
         Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
         None => "ends of lines and corners of the smallest rings",
     };
-    Error::usage(format!("so little cannot be met: {most} {what}, and {stays} are {least}"))
+    let message = format!("so little cannot be met: {most} {what}; the least found is {least}");
+    Error::usage(format!("{message}, as {stays} stay"))
         .in_file(&whole.files.pairs[0].input)
         .remedy(format!("ask for {least} or more{others}"))
 }
