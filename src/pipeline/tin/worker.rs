@@ -383,15 +383,10 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
     }
 }
 
-/// Bytes for each sample of a tile that is handed on where all of them are kept: the triangles in order,
-/// and their ids.
-const HANDED_ON: u64 = 40;
-
 /// Most bytes a worker holds for tiles of `cells` x `cells`.
 pub(super) fn worker_bytes(cells: u32) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     tin::Scratch::bytes(cells + 2)
-        + HANDED_ON * samples
         + Window::bytes(samples)
         + Marks::bytes(cells)
         + 4 * Ranks::bytes(cells)
