@@ -184,6 +184,120 @@ fn numbers_and_sizes_are_met() {
     assert!(!place.path("c.geojson").exists());
 }
 
+/// Bytes of all files that a run with an output called b left behind; they are taken away.
+fn bytes_of_output(place: &Place) -> u64 {
+    let files: Vec<_> = place.files().into_iter().filter(|name| name.starts_with("b.")).collect();
+    let bytes = files.iter().map(|name| std::fs::metadata(place.path(name)).unwrap().len()).sum();
+    files.iter().for_each(|name| std::fs::remove_file(place.path(name)).unwrap());
+    bytes
+}
+
+/// Vertices of a file, counted as they are read.
+fn vertices_of(place: &Place, name: &str) -> u64 {
+    let mut source = terrane::vector::open(&place.path(name), &Default::default()).unwrap();
+    let mut count = 0;
+    while let Some(feature) = source.next().unwrap() {
+        count += feature.geometry.vertices() as u64;
+    }
+    count
+}
+
+/// Asserts that a goal was met, and little of it left unused.
+fn is_met(came: u64, goal: u64, name: &str) {
+    assert!(came <= goal && came >= goal - goal / 50, "{name}: {came} of {goal}");
+}
+
+#[test]
+fn goals_are_met_by_what_is_written() {
+    let place = Place::new();
+    place.ok(&["synth", "coverage,vertices=200,features=36", "a.fgb", "-q"]);
+    let all = vertices_of(&place, "a.fgb");
+    let ways: [&[&str]; 4] = [
+        &[],
+        &["--topology"],
+        &["--topology", "--snap", "0.5"],
+        &["--topology", "--collapse", "drop"],
+    ];
+    let formats: Vec<_> = FORMATS
+        .iter()
+        .filter(|format| format.create.is_some())
+        .filter(|format| format.holds.kinds.contains(&terrane::vector::Kind::Polygon))
+        .collect();
+    assert!(formats.len() > 4);
+    for method in METHODS {
+        for way in ways {
+            for (at, format) in formats.iter().enumerate() {
+                let output = format!("b.{}", format.extensions[0]);
+                let decimals: &[&str] =
+                    if output.contains("json") { &["--decimals", "1"] } else { &[] };
+                let run = |goal: [&str; 2]| {
+                    let base = ["line", "a.fgb", &output, "--method", method.name, "-q"];
+                    place.ok(&[&base[..], &goal, way, decimals].concat());
+                };
+                let name = format!("{} {way:?} {}", method.name, format.name);
+                for goal in [60_000, 100_000] {
+                    run(["--target-size", &goal.to_string()]);
+                    is_met(bytes_of_output(&place), goal, &name);
+                }
+                if at == 0 {
+                    run(["--keep-ratio", "0.4"]);
+                    is_met(vertices_of(&place, &output), all * 2 / 5, &name);
+                    bytes_of_output(&place);
+                    run(["--keep-count", "1500"]);
+                    is_met(vertices_of(&place, &output), 1500, &name);
+                    bytes_of_output(&place);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ratio_of_one_keeps_everything() {
+    let place = Place::new();
+    // Vertices on their segments, twice in one place, and a ring without area.
+    let all = "LINESTRING (0 0,1 0,1 0,2 0,9 0)\nPOLYGON ((0 1,4 1,8 1,8 9,8 9,0 9,0 1))\n\
+               POLYGON ((20 0,21 0,20 0,20 0))\n";
+    place.write("a.wkt", all);
+    let text = |name: &str| std::fs::read_to_string(place.path(name)).unwrap();
+    place.ok(&["line", "a.wkt", "b.wkt", "--tolerance", "0", "--method", "rdp", "-q"]);
+    assert!(text("b.wkt") != all, "a tolerance of 0 leaves out what lies on its segment");
+    for method in METHODS {
+        for topology in [&[][..], &["--topology"], &["--topology", "--collapse", "drop"]] {
+            for goal in [["--keep-ratio", "1"], ["--keep-count", "16"], ["--target-size", "1M"]] {
+                let base = ["line", "a.wkt", "b.wkt", "--method", method.name, "--overwrite", "-q"];
+                place.ok(&[&base[..], topology, &goal].concat());
+                assert_eq!(text("b.wkt"), all, "{} {topology:?} {goal:?}", method.name);
+            }
+        }
+    }
+    assert_eq!(vertices_of(&place, "b.wkt"), 16);
+}
+
+#[test]
+fn a_goal_that_cannot_be_met_is_refused_with_the_least_that_can() {
+    let place = Place::new();
+    place.ok(&["synth", "coverage,vertices=200,features=36", "a.fgb", "-q"]);
+    for method in METHODS {
+        for way in [&[][..], &["--topology"]] {
+            for (option, output) in [("--keep-count", "b.fgb"), ("--target-size", "b.shp")] {
+                let base = ["line", "a.fgb", output, "--method", method.name, "-q", option];
+                let refused = [&base[..], &["50"], way].concat();
+                place.fails(&refused, 2, &["so little cannot be met", "50"]);
+                let told = place.run(&refused).err;
+                let least = told.split("ask for ").nth(1).unwrap().split(' ').next().unwrap();
+                place.ok(&[&base[..], &[least], way].concat());
+                let came = match option {
+                    "--keep-count" => vertices_of(&place, output),
+                    _ => bytes_of_output(&place),
+                };
+                assert_eq!(came.to_string(), least, "{} {way:?} {option}", method.name);
+                bytes_of_output(&place);
+            }
+        }
+    }
+}
+
 #[test]
 fn metres_heights_rings_and_sides() {
     let place = Place::new();

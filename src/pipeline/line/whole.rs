@@ -94,9 +94,9 @@ impl Whole<'_> {
     fn too_little(&self, input: &Input<'_>) -> Error {
         let needed = (input.bytes * ALONE + PROGRAM).div_ceil(1 << 20);
         let message = format!("the threshold is looked for in memory, which takes {needed} MiB");
-        Error::new(ErrorKind::Resource, message)
-            .in_file(&self.files.pairs[0].input)
-            .remedy(format!("pass --memory {needed}M or more, pass --tolerance, or split the input"))
+        Error::new(ErrorKind::Resource, message).in_file(&self.files.pairs[0].input).remedy(
+            format!("pass --memory {needed}M or more, pass --tolerance, or split the input"),
+        )
     }
 
     /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
@@ -110,8 +110,9 @@ impl Whole<'_> {
     ) -> Result<Option<u64>> {
         let &Self { job, files, progress, cancel } = self;
         match (&job.topology, wanted) {
-            (Some(topology), _) => Cover { job, files, topology, rule, progress, cancel }
-                .run(input, wanted, report),
+            (Some(topology), _) => {
+                Cover { job, files, topology, rule, progress, cancel }.run(input, wanted, report)
+            }
             (None, Some(wanted)) => self.alone(input, rule, wanted, report),
             (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
         }

@@ -12,7 +12,7 @@ use crate::delaunay::{Bins, Found, Hull, Position, Window, interpolate};
 use crate::error::Result;
 use crate::geom::{Frame, Point, Rect};
 use crate::gridding::pitfree::{Facet, PitFree, is_short};
-use crate::pipeline::points::{MOST_POINTS, Around, Part, PointStore, Positions};
+use crate::pipeline::points::{Around, MOST_POINTS, Part, PointStore, Positions};
 use crate::pipeline::workers;
 
 /// Points and their hull.

@@ -43,7 +43,9 @@ impl Whole<'_> {
 
 fn simplified(file: &Collected, rule: &Rule) -> Result<Vec<(Geometry, Tally)>> {
     let features = file.features.par_iter().enumerate();
-    features.map(|(at, feature)| part::simplify(&feature.geometry, file.trees.get(at), rule)).collect()
+    features
+        .map(|(at, feature)| part::simplify(&feature.geometry, file.trees.get(at), rule))
+        .collect()
 }
 
 /// What was made of features that are still to come.

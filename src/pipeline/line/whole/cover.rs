@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use super::Whole;
 use super::input::Input;
 use super::kept::{Kept, Reader};
 use super::own::is_flat;
 use super::spool::{self, Spool, by_square};
 use super::square::{Flat, KEPT_VERTEX, Solved, VERTEX, World, solve};
 use super::trial::{Leaves, Wanted};
-use super::Whole;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::plane::area_sign;
 use crate::line::squares::{Place, Run, Squares, cut};
@@ -286,7 +286,8 @@ impl Cover<'_> {
         let mut order: Vec<_> = (0..squares.count()).collect();
         order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
         let largest = order.first().map_or(0, |square| size(*square));
-        let least = order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
+        let least =
+            order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
         let room = self.room(input).saturating_sub(spool.held());
         if least.max().unwrap_or(0) > room {
             return Err(self.too_little(input, largest));

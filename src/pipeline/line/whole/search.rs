@@ -59,7 +59,8 @@ fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
         Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
         None => "ends of lines and corners of the smallest rings",
     };
-    Error::usage(format!("so little cannot be met: {most} {what}, and {stays} are {least}"))
+    let message = format!("so little cannot be met: {most} {what}; the least found is {least}");
+    Error::usage(format!("{message}, as {stays} stay"))
         .in_file(&whole.files.pairs[0].input)
         .remedy(format!("ask for {least} or more{others}"))
 }
@@ -83,11 +84,13 @@ fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Pro
     match input.held() {
         Some(_) => on_threads(whole.job.resources.threads, || {
             let files = whole.files.pairs.iter().zip(&input.all);
-            files.map(|(pair, file)| {
-                let features = file.features.par_iter().enumerate();
-                let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
-                added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
-            }).collect::<Result<()>>()
+            files
+                .map(|(pair, file)| {
+                    let features = file.features.par_iter().enumerate();
+                    let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
+                    added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
+                })
+                .collect::<Result<()>>()
         })??,
         None => input.visit_all(whole.cancel, |feature| add(feature, None))?,
     }

@@ -66,19 +66,22 @@ impl Whole<'_> {
         self.progress.begin("write", input.all.len() as u64);
         for (file, pair) in self.files.pairs.iter().enumerate() {
             let layer = &input.all[file].layer;
-            let mut sink = match trial {
-                Some(folder) => pair.create_in(folder, job, layer)?,
-                None => pair.create(job, layer)?,
+            // What is wrong with a trial is wrong with the output.
+            let named = |e: Error| if trial.is_some() { e.renamed(&pair.output) } else { e };
+            let created = match trial {
+                Some(folder) => pair.create_in(folder, job, layer),
+                None => pair.create(job, layer),
             };
+            let mut sink = created.map_err(named)?;
             input.visit(file, self.cancel, |feature| {
                 let geometry = leaves.of(feature)?;
                 let original = std::mem::replace(&mut feature.geometry, geometry);
                 let written = sink.write(feature);
                 feature.geometry = original;
-                written
+                written.map_err(named)
             })?;
             if leaves.may_appear() {
-                all.push(sink.finish(&input.all[file].foreign)?);
+                all.push(sink.finish(&input.all[file].foreign).map_err(named)?);
             }
             self.progress.advance(1);
         }
