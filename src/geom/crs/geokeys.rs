@@ -386,6 +386,23 @@ mod tests {
     }
 
     #[test]
+    fn a_text_counts_beside_keys_that_describe_a_part_of_it() {
+        let system = r#"PROJCS["far",GEOGCS["x"],PROJECTION["Mollweide"],UNIT["Meter",1.0]]"#;
+        let ascii = format!("unknown|ESRI PE String = {system}|");
+        let length = (ascii.len() - 8) as u16;
+        let raw = [
+            [1, 1, 1, 4],
+            [1026, 34_737, 8, 0],
+            [2048, 0, 1, 32_767],
+            [3073, 34_737, length, 8],
+            [3076, 0, 1, 9001],
+        ];
+        let crs = keys(raw.as_flattened(), &ascii).into_crs();
+        assert_eq!((crs.geographic, crs.horizontal_unit()), (Some(false), "metre"));
+        assert_eq!((crs.wkt.as_deref(), crs.to_wkt().as_deref()), (Some(system), Some(system)));
+    }
+
+    #[test]
     fn user_defined_codes_are_no_codes() {
         let crs = keys(&[1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 32767], "").into_crs();
         assert_eq!((crs.epsg, crs.geographic), (None, Some(true)));
