@@ -70,7 +70,11 @@ fn an_output_is_no_input() {
     place.ok(&["convert", "whole.asc", "d/e.tif"]);
     place.fails(&["convert", "d", "d/e.tif", "--overwrite"], 2, &["d/e.tif", "itself"]);
     place.fails(&["convert", "d/a.asc", "d/e.tif", "d/./e.tif", "--overwrite"], 2, &["itself"]);
-    place.fails(&["tin", "d/a.asc", "--max-error", "1"], 2, &["required", "<INPUT>"]);
+    place.fails(
+        &["tin", "d/a.asc", "--max-error", "1"],
+        2,
+        &["name an input", "the file to write"],
+    );
     place.fails(&["tin", "d", "whole.ply", "d/x.ply", "--max-error", "1"], 65, &["whole.ply"]);
 }
 

@@ -115,6 +115,7 @@ fn name_size(error: Error, input: &str) -> Error {
 
 /// What can be known to be wrong before the input is opened.
 fn check(job: &ConvertJob) -> Result<()> {
+    pipes::refuse_output(&job.output)?;
     check::inputs(job.input.names())?;
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;

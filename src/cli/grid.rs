@@ -206,6 +206,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<GridJob> {
+    pipes::refuse_output(&args.output)?;
     let preset = args.model.preset();
     args.wanted.check(preset)?;
     if args.model.ground.is_some() && preset.is_none() {
