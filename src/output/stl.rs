@@ -366,7 +366,7 @@ mod tests {
         let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
         let made = title([500_000.0, 4e6, 0.0], None, bound(&comments)).unwrap();
         assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
-        let full = [-1.234_567_890_123_45e-30, -1.234_567_890_123_45e-30, 1.5];
+        let full = [-1.234_567_890_123_456_7e-300, -1.234_567_890_123_456_7e-300, 1.5];
         let made = title(full, None, bound(&comments)).unwrap();
         assert!(!made.windows(3).any(|some| some == b"max"));
         assert_eq!(bound(&["source a.tif".to_owned()]), None);
