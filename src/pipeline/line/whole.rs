@@ -2,8 +2,10 @@
 //! changes sides; or a number of vertices or bytes is to be met.
 
 mod cover;
+mod gaps;
 mod input;
 mod kept;
+mod moves;
 mod own;
 mod search;
 mod spool;
