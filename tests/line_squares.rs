@@ -123,7 +123,9 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
             let proof = place.proof(tolerance);
             let name = format!("{name} {seed}, {square}, {tolerance}, {strategy:?} {collapse:?}");
             assert!(proof.passed, "{name}: {:?}", proof.failures);
-            assert_eq!(proof.crossings[1], report.input_crossings, "{name}: {proof:?}");
+            // Rings that lie on a line in the input are dropped after the count.
+            let [met, told] = [proof.crossings[1], report.input_crossings];
+            assert!(met == told || (met < told && collapse == Collapse::Drop), "{name}: {proof:?}");
             kept[0] += report.kept;
             kept[1] += report.vertices;
         }
@@ -377,11 +379,14 @@ fn near_vertices_are_made_one_in_any_number_of_squares() {
 #[test]
 fn borders_that_almost_match_name_the_distance_to_try() {
     let place = nearly_matching(1e-7);
-    for square in [200, 1 << 20] {
+    for square in [2000, 1 << 20] {
         let mut job = place.job(0.3, square);
         let loose = simplify(&job);
         let note = loose.notes.iter().find(|note| note.contains("borders almost match")).unwrap();
-        assert!(note.ends_with("; try --snap 1e-6") || note.ends_with("; try --snap 1e-7"), "{note}");
+        assert!(
+            note.ends_with("; try --snap 1e-6") || note.ends_with("; try --snap 1e-7"),
+            "{note}"
+        );
         let distance = note.rsplit(' ').next().unwrap().parse::<f64>().unwrap();
         job.topology.as_mut().unwrap().snap = 2.0 * distance;
         let tight = simplify(&job);

@@ -99,7 +99,9 @@ fn coverage(dice: &mut Dice) -> Vec<Shape> {
     let mut border = |a: Cell, b: Cell| -> Vec<Cell> {
         let steps = 1 + dice.below(7);
         let inner: Vec<Cell> = (1..steps)
-            .map(|k| [0, 1].map(|axis| a[axis] + (b[axis] - a[axis]) * k / steps + dice.below(3) - 1))
+            .map(|k| {
+                [0, 1].map(|axis| a[axis] + (b[axis] - a[axis]) * k / steps + dice.below(3) - 1)
+            })
             .collect();
         [vec![a], inner, vec![b]].concat()
     };
@@ -112,8 +114,12 @@ fn coverage(dice: &mut Dice) -> Vec<Shape> {
     let back = |line: &[Cell]| line.iter().rev().copied().collect::<Vec<_>>();
     let mut shapes = Vec::new();
     for (y, x) in (0..down * across).map(|k| (k / across, k % across)) {
-        let sides =
-            [flat[y][x].clone(), upright[y][x + 1].clone(), back(&flat[y + 1][x]), back(&upright[y][x])];
+        let sides = [
+            flat[y][x].clone(),
+            upright[y][x + 1].clone(),
+            back(&flat[y + 1][x]),
+            back(&upright[y][x]),
+        ];
         let mut ring = sides.concat();
         ring.dedup();
         ring.pop();
@@ -285,7 +291,9 @@ fn parse(line: &str) -> Vec<Written> {
     };
     let Some(open) = line.find('(') else { return Vec::new() };
     let parts = line[open..].trim_matches(['(', ')']).split(')');
-    parts.map(|part| part.trim_start_matches([',', ' ', '(']).split(',').map(vertex).collect()).collect()
+    parts
+        .map(|part| part.trim_start_matches([',', ' ', '(']).split(',').map(vertex).collect())
+        .collect()
 }
 
 /// Simplifies a world, and returns what is written.
@@ -593,29 +601,30 @@ fn far_places(moved: &[Shape], written: &[Vec<Written>], way: &Way) -> Vec<Strin
     faults
 }
 
-/// All that is wrong with a world, in every way.
+/// All that is wrong with a world, by both strategies.
 fn judge(seed: u64, folder: &std::path::Path, kept: &mut [u64; 2]) -> Vec<String> {
     let (all, way) = world(seed);
+    // Kinds of worlds come in fives.
+    let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
+    let collapse = policies[(seed / 5 % 3) as usize];
     let mut faults = Vec::new();
     for strategy in [Strategy::Retroactive, Strategy::Proactive] {
-        for collapse in [Collapse::Minimal, Collapse::Drop, Collapse::Keep] {
-            let way = Way { strategy, collapse, ..way };
-            let (report, written) = simplify(folder, &all, &way);
-            kept[0] += report.kept;
-            kept[1] += report.vertices;
-            let mut judge = Judge::default();
-            judge.world(&all, &way, &report, &written);
-            judge.faults.extend(far_places(&moved(&all, &way), &written, &way));
-            let name = |fault: &String| format!("{seed} {way:?}: {fault}");
-            faults.extend(judge.faults.iter().take(3).map(name));
-        }
+        let way = Way { strategy, collapse, ..way };
+        let (report, written) = simplify(folder, &all, &way);
+        kept[0] += report.kept;
+        kept[1] += report.vertices;
+        let mut judge = Judge::default();
+        judge.world(&all, &way, &report, &written);
+        judge.faults.extend(far_places(&moved(&all, &way), &written, &way));
+        let name = |fault: &String| format!("{seed} {way:?}: {fault}");
+        faults.extend(judge.faults.iter().take(3).map(name));
     }
     faults
 }
 
 #[test]
 fn what_is_written_of_any_world_is_sound() {
-    let count = std::env::var("TERRANE_WORLDS").map_or(300, |count| count.parse().unwrap());
+    let count = std::env::var("TERRANE_WORLDS").map_or(240, |count| count.parse().unwrap());
     let folder = tempfile::tempdir().unwrap();
     let mut kept = [0, 0];
     let failed: Vec<Vec<String>> = (0..count)
@@ -624,7 +633,7 @@ fn what_is_written_of_any_world_is_sound() {
         .collect();
     let first: Vec<String> = failed.iter().take(12).flatten().cloned().collect();
     assert!(failed.is_empty(), "{} of {count} worlds failed: {first:#?}", failed.len());
-    assert!(kept[0] * 10 < kept[1] * 9 && kept[1] > count * 100, "simplified too little: {kept:?}");
+    assert!(kept[0] * 10 < kept[1] * 9 && kept[1] > count * 40, "simplified too little: {kept:?}");
 }
 
 /// Faults of one world in every way, from whole coordinates.
@@ -672,8 +681,19 @@ fn loops_and_rings_that_cross_themselves_are_not_lost() {
             true,
             10,
             &[
-                [3, 2], [6, 5], [1, 1], [1, 2], [1, 0], [5, 6], [4, 4], [3, 6], [5, 6], [0, 0],
-                [1, 3], [1, 4], [3, 2],
+                [3, 2],
+                [6, 5],
+                [1, 1],
+                [1, 2],
+                [1, 0],
+                [5, 6],
+                [4, 4],
+                [3, 6],
+                [5, 6],
+                [0, 0],
+                [1, 3],
+                [1, 4],
+                [3, 2],
             ],
         ),
         (
@@ -681,8 +701,18 @@ fn loops_and_rings_that_cross_themselves_are_not_lost() {
             true,
             1500,
             &[
-                [0, 1], [2, 4], [3, 1], [2, 2], [4, 0], [3, 5], [0, 2], [3, 4], [0, 3], [3, 1],
-                [1, 2], [0, 1],
+                [0, 1],
+                [2, 4],
+                [3, 1],
+                [2, 2],
+                [4, 0],
+                [3, 5],
+                [0, 2],
+                [3, 4],
+                [0, 3],
+                [3, 1],
+                [1, 2],
+                [0, 1],
             ],
         ),
         ("doubled closing vertex", true, 10, &[[0, 0], [5, 0], [5, 5], [0, 5], [0, 0], [0, 0]]),
@@ -700,7 +730,15 @@ fn loops_and_rings_that_cross_themselves_are_not_lost() {
 #[test]
 fn what_rounding_spoils_is_told() {
     let folder = tempfile::tempdir().unwrap();
-    let comb = closed(vec![[0, 0], [4000, 0], [4000, 4000], [2020, 4000], [2000, 1000], [1980, 4000], [0, 4000]]);
+    let comb = closed(vec![
+        [0, 0],
+        [4000, 0],
+        [4000, 4000],
+        [2020, 4000],
+        [2000, 1000],
+        [1980, 4000],
+        [0, 4000],
+    ]);
     let sliver = closed(vec![[9000, 9010], [9300, 9020], [9600, 9010], [9300, 9040]]);
     let all = [comb, sliver].map(|ring| Shape { is_polygon: true, parts: vec![ring] });
     let note = |decimals| {

@@ -356,9 +356,8 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
         }
         let mut kept = Kept::new();
         for range in arcs.starts.windows(2).map(|ends| ends[0]..ends[1]) {
-            let is_kept = |v: &usize| {
-                *v == range.start || *v + 1 == range.end || dice.below(2) == 0
-            };
+            let is_kept =
+                |v: &usize| *v == range.start || *v + 1 == range.end || dice.below(2) == 0;
             kept.vertices.extend(range.clone().filter(is_kept).map(|v| v as u32));
             kept.close();
         }

@@ -40,9 +40,9 @@ fn solve(world: &World, tolerance: f64, options: Options<'_>) -> Outcome {
 fn ways() -> impl Iterator<Item = Options<'static>> {
     let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
-    policies
-        .into_iter()
-        .flat_map(move |collapse| strategies.map(|strategy| Options { strategy, collapse, loops: &[] }))
+    policies.into_iter().flat_map(move |collapse| {
+        strategies.map(|strategy| Options { strategy, collapse, loops: &[] })
+    })
 }
 
 /// Checks an outcome in every way that is sure to hold for its world.

@@ -50,8 +50,7 @@ impl Cover<'_> {
         self.snap(&mut input)?;
         let squares = self.squares(&mut input)?;
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
-        let needed =
-            largest.unwrap_or(0) * VERTEX + input.vertices / 8 + input.moves.held();
+        let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8 + input.moves.held();
         if input.held().is_some_and(|held| held + needed > self.memory()) {
             input.release();
         }
@@ -172,9 +171,8 @@ impl Cover<'_> {
             Ok(())
         })?;
         let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
-        let met = |[s, t]: &&[[Xy; 2]; 2]| {
-            old(s).iter().any(|s| old(t).iter().any(|t| conflict(*s, *t)))
-        };
+        let met =
+            |[s, t]: &&[[Xy; 2]; 2]| old(s).iter().any(|s| old(t).iter().any(|t| conflict(*s, *t)));
         Ok(pairs.iter().filter(|pair| !met(pair)).count() as u64)
     }
 
