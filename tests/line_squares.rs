@@ -99,7 +99,7 @@ fn read(path: &Path) -> Vec<u8> {
 
 /// Worlds of a kind, in squares of few vertices.
 fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
-    let (mut kept, mut cleans) = ([0, 0], 0);
+    let (mut kept, mut cleans, mut unjudged) = ([0, 0], 0, 0);
     for seed in 0..count {
         let mut dice = Dice::new(seed);
         let world = make(&mut dice);
@@ -108,6 +108,12 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
         }
         let place = Place::new(&world);
         let tolerance = f64::from(1 << dice.below(12));
+        // A ring that comes by its vertices repeatedly may not even be taken for itself.
+        std::fs::copy(place.path("a.wkt"), place.path("b.wkt")).unwrap();
+        if !place.proof(tolerance).passed {
+            unjudged += 1;
+            continue;
+        }
         let crowd = |p| world.cells.iter().filter(|q| **q == p).count() as u64;
         let crowd = world.cells.iter().map(|p| crowd(*p)).max().unwrap_or(1);
         let square = [4, 12, 40][dice.below(3) as usize].max(crowd);
@@ -126,20 +132,16 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
             proof.may_drop = collapse == Collapse::Drop;
             let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
             let name = format!("{name} {seed}, {square}, {tolerance}, {strategy:?} {collapse:?}");
-            assert_eq!(proof.crossings[2], 0, "{name}: {proof:?}");
-            // A loop of a line that touches itself may be dropped.
-            if is_clean || collapse != Collapse::Drop {
-                assert_eq!(proof.beyond, 0, "{name}: {proof:?}");
-                assert_eq!(proof.crossings[1], report.input_crossings, "{name}: {proof:?}");
-            }
-            if is_clean {
-                assert!(proof.passed, "{name}: {:?}", proof.failures);
-            }
+            assert!(proof.passed, "{name}: {:?}", proof.failures);
+            // Rings that lie on a line in the input are dropped after the count.
+            let [met, told] = [proof.crossings[1], report.input_crossings];
+            assert!(met == told || (met < told && collapse == Collapse::Drop), "{name}: {proof:?}");
             kept[0] += report.kept;
             kept[1] += report.vertices;
         }
     }
     assert!(kept[0] * 10 < kept[1] * 9, "{name}: {kept:?}");
+    assert!(unjudged * 50 < count, "{name}: {unjudged} worlds are not judged");
     assert!(cleans * 100 > count, "{name}: only {cleans} clean worlds");
 }
 
@@ -315,7 +317,7 @@ fn rings_that_cross_themselves_do_not_turn_over() {
 }
 
 #[test]
-fn a_loop_at_a_border_goes_without_its_end() {
+fn a_loop_at_a_border_is_no_ring_to_be_dropped() {
     let place = Place(tempfile::tempdir().unwrap());
     let line =
         [[0, 10], [100, 10], [101, 11], [102, 10], [101, 9], [100, 10], [0, 9], [0, 5], [0, 1]];
@@ -324,16 +326,93 @@ fn a_loop_at_a_border_goes_without_its_end() {
     job.collapse = Collapse::Drop;
     simplify(&job);
     let left = String::from_utf8(read(&place.path("b.wkt"))).unwrap();
-    assert_eq!(left, "LINESTRING (0 10,100 10,100 10,0 9,0 1)\n");
+    assert_eq!(left, "LINESTRING (0 10,100 10,101 11,102 10,100 10,0 9,0 1)\n");
+}
+
+/// Two rows of cells on either side of a border that each has by itself, off by up to `gap`.
+fn nearly_matching(gap: f64) -> Place {
+    let place = Place(tempfile::tempdir().unwrap());
+    let mut dice = Dice::new(7);
+    let mut off = move || gap * (dice.below(2001) as f64 / 1000.0 - 1.0) / 2.0;
+    let cells = (0..40).map(|row| {
+        let side = |at: f64, step: f64| -> Vec<Xy> {
+            let border = (0..=60).map(|k| {
+                let x = 30.0 + step * (f64::from(k) - 30.0);
+                [x, at + (x * 1.7).sin() * 0.2]
+            });
+            border.collect()
+        };
+        let y = f64::from(row);
+        let mut ring = [side(y, 1.0), side(y + 1.0, -1.0)].concat();
+        ring.iter_mut().for_each(|at| *at = at.map(|c| c + off()));
+        ring.push(ring[0]);
+        part(&ring)
+    });
+    place.write("a.wkt", cells);
+    place
+}
+
+#[test]
+fn near_vertices_are_made_one_in_any_number_of_squares() {
+    let (gap, snap) = (1e-6, 1.5e-6);
+    let place = nearly_matching(gap);
+    let numbers = |name: &str| -> Vec<f64> {
+        let text = String::from_utf8(read(&place.path(name))).unwrap();
+        let texts = text.split(|c: char| !c.is_ascii_digit() && !".-e".contains(c));
+        texts.filter_map(|text| text.parse().ok()).collect()
+    };
+    let before = numbers("a.wkt");
+    for square in [50, 300, 1 << 20] {
+        let mut job = place.job(0.0, square);
+        // Each vertex is beyond the tolerance, so all are written.
+        job.topology.as_mut().unwrap().snap = snap;
+        let report = simplify(&job);
+        let (first, after) = (read(&place.path("b.wkt")), numbers("b.wkt"));
+        assert_eq!((report.input_crossings, report.kept), (0, report.vertices), "{square}");
+        let far = before.iter().zip(&after).map(|(p, q)| (p - q).abs()).fold(0.0, f64::max);
+        assert!(far > 0.0 && far <= snap, "{square}: {far}");
+        let mut places: Vec<Xy> = after.chunks(2).map(|at| [at[0], at[1]]).collect();
+        places.sort_by(|p, q| p.partial_cmp(q).unwrap());
+        places.dedup();
+        let apart = |pair: &[Xy]| twin::distance(pair[0], [pair[1]; 2]) > snap;
+        assert!(places.windows(2).all(apart), "{square}");
+        assert_eq!(places.len(), 41 * 61, "{square}");
+        for (memory, threads) in [(1 << 30, 3), (900_000, 2), (150_000, 1)] {
+            if memory < 1 << 20 && square > 1000 {
+                continue;
+            }
+            job.resources = resources(memory, threads);
+            simplify(&job);
+            assert!(first == read(&place.path("b.wkt")), "{square}, {memory}");
+        }
+    }
+}
+
+#[test]
+fn borders_that_almost_match_name_the_distance_to_try() {
+    let place = nearly_matching(1e-7);
+    for square in [2000, 1 << 20] {
+        let mut job = place.job(0.3, square);
+        let loose = simplify(&job);
+        let note = loose.notes.iter().find(|note| note.contains("borders almost match")).unwrap();
+        assert!(
+            note.ends_with("; try --snap 1e-6") || note.ends_with("; try --snap 1e-7"),
+            "{note}"
+        );
+        let distance = note.rsplit(' ').next().unwrap().parse::<f64>().unwrap();
+        job.topology.as_mut().unwrap().snap = 2.0 * distance;
+        let tight = simplify(&job);
+        assert!(tight.kept * 3 < loose.kept, "{} {}", loose.kept, tight.kept);
+        assert!(!tight.notes.iter().any(|note| note.contains("almost match")));
+    }
+    let sound = polygons(3);
+    assert_eq!(simplify(&sound.job(0.02, 1 << 20)).notes, Vec::<String>::new());
 }
 
 #[test]
 fn what_cannot_be_done_by_squares_is_told() {
     let place = polygons(1);
     let fails = |job: &LineJob| run(job, &Silent, &Cancel::default()).unwrap_err().to_string();
-    let mut job = place.job(0.02, 100);
-    job.topology.as_mut().unwrap().snap = 0.001;
-    assert!(fails(&job).contains("--snap for more than 100 vertices"));
     let mut job = place.job(0.02, 1 << 20);
     job.resources = resources(200_000, 1);
     let told = fails(&job);

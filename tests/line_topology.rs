@@ -10,7 +10,7 @@ use terrane::line::topology::{Collapse, Kept, Options, Strategy, refining, untan
 use terrane::line::{METHODS, Method, Scratch, Xy};
 use terrane::verify::lines::{Distance, Lines, Question, Report, check};
 
-fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options) -> Report {
+fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<'_>) -> Report {
     let mut scratch = Scratch::default();
     let arcs = Arcs::new(&rings.chains(), 0.0).unwrap();
     let chains = arcs.chains();
@@ -46,7 +46,8 @@ fn every_method_comes_out_sound() {
             for (strategy, collapse) in
                 strategies.into_iter().flat_map(|s| [(s, Collapse::Minimal), (s, Collapse::Keep)])
             {
-                let report = simplified(method, &rings, tolerance, &Options { strategy, collapse });
+                let options = Options { strategy, collapse, ..Options::default() };
+                let report = simplified(method, &rings, tolerance, &options);
                 let name = format!("{} {seed} {strategy:?} {collapse:?}", method.name);
                 assert!(report.is_sound(), "{name}: {report:?}");
                 assert!(report.vertices[1] < report.vertices[0], "{name}");

@@ -194,7 +194,7 @@ struct Output {
     /// The object of TopoJSON files to read [default: their first]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Digits behind the point in text formats [default: as many as it takes]
+    /// Digits behind the point in text formats; with --topology, of all positions, before they are judged [default: as many as it takes]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=17))]
     decimals: Option<u8>,
     /// Replace files that exist

@@ -9,9 +9,9 @@ pub enum Kept {
     All,
     /// Nothing of it.
     Nothing,
-    /// The vertices with these indices, which rise. A ring is closed again by its first kept vertex
-    /// where the last is another. What is left of a line with less than two vertices, or of a ring
-    /// with less than four (the first again included), is nothing.
+    /// The vertices with these indices, which rise. A ring is closed by its first kept vertex, heights
+    /// and measures included; others in that place at its end go. What is left of a line with less
+    /// than two vertices, or of a ring with less than four (the first again included), is nothing.
     Vertices(Vec<u32>),
 }
 
@@ -90,19 +90,30 @@ impl Geometry {
             Kept::All => left.extend(from, start..from.ends[at]),
             Kept::Vertices(indices) => {
                 assert!(indices.iter().all(|&i| (i as usize) < part.xy.len()), "beyond the part");
-                let again = indices.first().filter(|&&first| {
-                    let last = indices[indices.len() - 1];
-                    part.is_ring() && part.xy[first as usize] != part.xy[last as usize]
-                });
-                let count = indices.len() + usize::from(again.is_some());
+                let (open, again) = match part.is_ring() {
+                    true => (opened(indices, part.xy), indices.first()),
+                    false => (&indices[..], None),
+                };
+                let count = open.len() + usize::from(again.is_some());
                 if count >= if part.is_ring() { 4 } else { 2 } {
-                    let chosen = indices.iter().chain(again);
+                    let chosen = open.iter().chain(again);
                     left.extend(from, chosen.map(|&i| start + i as usize));
                 }
             }
         }
         left.end_part();
     }
+}
+
+/// What is kept of a ring, up to where it is back at its first vertex for good.
+fn opened<'a>(indices: &'a [u32], xy: &[[f64; 2]]) -> &'a [u32] {
+    let mut open = indices;
+    while let [first, .., last] = open
+        && xy[*first as usize] == xy[*last as usize]
+    {
+        open = &open[..open.len() - 1];
+    }
+    open
 }
 
 #[cfg(test)]

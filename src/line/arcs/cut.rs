@@ -85,7 +85,9 @@ impl<'a> Cutter<'a> {
         }
         let mut first = 0;
         for i in 1..whole.len() {
-            if self.junction[whole[i] as usize] || i + 1 == whole.len() {
+            // A ring without a junction that comes back to its first goes around once more.
+            let is_end = whole[i] == whole[0] || i + 1 == whole.len();
+            if self.junction[whole[i] as usize] || is_end {
                 self.pass(&whole[first..=i])?;
                 first = i;
             }
@@ -98,8 +100,7 @@ impl<'a> Cutter<'a> {
         Ok(())
     }
 
-    /// Lets a ring begin at its first junction, or else at its lowest position, and end there; one
-    /// that goes around more than once goes once.
+    /// Lets a ring begin at its first junction, or else at its lowest position, and end there.
     fn close(&self, ring: &mut Vec<u32>) {
         let at = |i: usize| self.parts.points[ring[i] as usize];
         let below = |p: Xy, q: Xy| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
@@ -108,9 +109,6 @@ impl<'a> Cutter<'a> {
             (1..ring.len()).fold(0, |low, i| if below(at(i), at(low)) { i } else { low })
         });
         ring.rotate_left(start);
-        // One without a junction that comes back goes around the same way again.
-        let again = ring.iter().skip(1).position(|&v| v == ring[0]).filter(|_| junction.is_none());
-        ring.truncate(again.map_or(ring.len(), |at| at + 1));
         ring.push(ring[0]);
     }
 

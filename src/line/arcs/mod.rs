@@ -70,15 +70,16 @@ pub struct Parts {
     pub starts: Vec<usize>,
 }
 
-/// Moves positions onto others no farther than `distance`, as [`Arcs::new`] does.
+/// Moves positions onto others no farther than `distance`, as [`Arcs::new`] does; `anchors` have stayed
+/// before all of them.
 ///
 /// # Errors
 /// `Usage` for a distance that is not above 0 and finite.
-pub fn snap(points: &mut [Xy], distance: f64) -> Result<()> {
+pub fn snap(points: &mut [Xy], anchors: &[Xy], distance: f64) -> Result<()> {
     if !(distance > 0.0 && distance.is_finite()) {
         return Err(Error::usage(format!("snap distance {distance} is not one")));
     }
-    snap::snap(points, distance);
+    snap::snap(points, anchors, distance);
     Ok(())
 }
 
@@ -99,7 +100,7 @@ impl Arcs {
             return cut(parts);
         }
         let mut points = parts.points.to_vec();
-        self::snap(&mut points, snap)?;
+        self::snap(&mut points, &[], snap)?;
         cut(&Chains { points: &points, ..*parts })
     }
 
@@ -134,6 +135,51 @@ impl Arcs {
         }
         parts
     }
+
+    /// Fills `out` with what a part keeps of its `own` vertices, of a ring without the last one, which
+    /// is its first again: indices, ascending. Of vertices that repeat each other it is the first, but
+    /// at the end of a line the last. O(vertices of the part).
+    pub fn own(&self, part: usize, own: &[Xy], is_ring: bool, kept: &Kept, out: &mut Vec<u32>) {
+        out.clear();
+        let passages = &self.passages[self.parts[part]..self.parts[part + 1]];
+        let [first, ..] = passages else { return };
+        let way = without_repeats(own, is_ring);
+        let range = |passage: &Passage| self.starts[passage.arc()]..self.starts[passage.arc() + 1];
+        let begin = if first.is_backward() { range(first).end - 1 } else { range(first).start };
+        let is_begin = |at: &u32| own[*at as usize] == self.points[begin];
+        let mut steps = way.iter().position(is_begin).unwrap_or_default();
+        for (number, passage) in passages.iter().enumerate() {
+            let (start, last) = (range(passage).start, range(passage).len() - 1);
+            // Where one ends, the next one begins; a ring's first with its last.
+            let has_end = last == 0 || (!is_ring && number + 1 == passages.len());
+            for &vertex in kept.of(passage.arc()) {
+                let step = vertex as usize - start;
+                let step = if passage.is_backward() { last - step } else { step };
+                if step < last || has_end {
+                    out.push(way[(steps + step) % way.len()]);
+                }
+            }
+            steps += last;
+        }
+        if let ([0], false, 2..) = (&out[..], is_ring, own.len()) {
+            out.push(own.len() as u32 - 1);
+        }
+        out.sort_unstable();
+    }
+}
+
+/// The indices of a part's vertices, one of each run at one position, without a ring's last.
+fn without_repeats(own: &[Xy], is_ring: bool) -> Vec<u32> {
+    let is_new = |at: &u32| *at == 0 || own[*at as usize] != own[*at as usize - 1];
+    let mut way: Vec<u32> = (0..own.len() as u32).filter(is_new).collect();
+    match way[..] {
+        [] | [_] => {}
+        [.., last] if is_ring && own[last as usize] == own[0] => {
+            way.pop();
+        }
+        [.., ref mut last] => *last = own.len() as u32 - 1,
+    }
+    way
 }
 
 fn cut(parts: &Chains<'_>) -> Result<Arcs> {

@@ -12,22 +12,24 @@ const SLACK: f64 = 1.0 + 1.0 / 1_048_576.0;
 /// Moves positions onto others no farther than `distance`.
 ///
 /// The positions are taken from the lowest on, by x, then y. One that is within the distance of
-/// positions before it that have stayed moves to the lowest of them; otherwise it stays. So those that
-/// stay are farther than the distance from each other, none moves farther than it, and the order of
-/// the positions makes no difference.
-pub(super) fn snap(points: &mut [Xy], distance: f64) {
-    let mut order = Bins::new(points, distance * SLACK).close(points, distance);
-    let order_of = |v: u32| points[v as usize].map(|c| c + 0.0);
+/// `stayed`, or of positions before it that have stayed, moves to the lowest of them; otherwise it stays.
+/// So those that stay are farther than the distance from each other, none moves farther than it, and
+/// the order of the positions makes no difference.
+pub(super) fn snap(points: &mut [Xy], stayed: &[Xy], distance: f64) {
+    let all = [stayed, points].concat();
+    let mut order = Bins::new(&all, distance * SLACK).close(&all, distance);
+    let is_free = |v: u32| v as usize >= stayed.len();
     order.sort_unstable_by(|&a, &b| {
-        let (p, q) = (order_of(a), order_of(b));
-        p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1]))
+        let [p, q] = [a, b].map(|v| all[v as usize].map(|c| c + 0.0));
+        let by_place = p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1]));
+        is_free(a).cmp(&is_free(b)).then(by_place)
     });
     let mut anchors: HashMap<[i64; 2], Vec<Xy>> = HashMap::new();
     for v in order {
-        let p = points[v as usize];
+        let p = all[v as usize];
         let cell = p.map(|c| (c / (distance * SLACK)).floor() as i64);
-        match lowest(&anchors, cell, p, distance) {
-            Some(anchor) => points[v as usize] = anchor,
+        match lowest(&anchors, cell, p, distance).filter(|_| is_free(v)) {
+            Some(anchor) => points[v as usize - stayed.len()] = anchor,
             None => anchors.entry(cell).or_default().push(p),
         }
     }

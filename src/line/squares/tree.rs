@@ -219,16 +219,31 @@ impl Squares {
         Some(square)
     }
 
+    /// Fills `found` with the squares that a position within `reach` of `p` may be in, ascending.
+    pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
+        found.clear();
+        let is_near = |node: &Node| {
+            let (low, high) = (node.low(), node.high());
+            (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
+        };
+        self.find_all(is_near, found);
+    }
+
     /// Fills `found` with the squares that a segment has a point in common with, their borders
     /// included, ascending. Exact; O(squares found and their parents).
     pub fn meeting(&self, segment: [Xy; 2], found: &mut Vec<u32>) {
         found.clear();
+        self.find_all(|node| node.meets(segment), found);
+    }
+
+    /// Appends the squares for which, and for whose parents, something holds; ascending.
+    fn find_all(&self, holds: impl Fn(&Node) -> bool, found: &mut Vec<u32>) {
         let mut open: Vec<usize> = (0..self.roots).collect();
         while let Some(at) = open.pop() {
             let node = &self.nodes[at];
             match node.kind {
                 Kind::Open | Kind::Crowded(_) => {}
-                _ if !node.meets(segment) => {}
+                _ if !holds(node) => {}
                 Kind::Square(square) => found.push(square),
                 Kind::Divided(first) => open.extend(first as usize..first as usize + 4),
             }

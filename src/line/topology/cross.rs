@@ -7,7 +7,7 @@ use crate::geom::plane::{Xy, orient};
 /// Whether segments `s` and `t`, neither of them a point, meet anywhere but in one common end
 /// vertex: they cross, an end of one lies in the other, or they overlap. Exact.
 #[inline]
-pub(super) fn conflict(s: [Xy; 2], t: [Xy; 2]) -> bool {
+pub fn conflict(s: [Xy; 2], t: [Xy; 2]) -> bool {
     if !spans_meet(s, t, 0) || !spans_meet(s, t, 1) {
         return false;
     }

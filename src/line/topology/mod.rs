@@ -42,19 +42,19 @@ mod tests;
 mod tree;
 
 pub use chains::{Chains, Kept, open_at};
+pub use cross::conflict;
 
 use crate::error::Result;
 use crate::geom::plane::Xy;
 use tree::{Bounds, Tree};
 
-/// What to do with rings that have lost their area: less than three vertices are kept, or all on a
-/// line.
+/// What to do with rings that collapse: of which fewer than three vertices would be kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Collapse {
     /// Keep a ring of three vertices, or as many more as the rules ask for.
     #[default]
     Minimal,
-    /// Keep nothing of the ring.
+    /// Keep nothing of the ring, if it is one as a whole.
     Drop,
     /// Keep all of its vertices.
     Keep,
@@ -74,11 +74,13 @@ pub enum Strategy {
 
 /// How to untangle.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Options {
+pub struct Options<'a> {
     /// When segments are tested.
     pub strategy: Strategy,
-    /// What becomes of rings without area.
+    /// What becomes of rings that collapse.
     pub collapse: Collapse,
+    /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
+    pub loops: &'a [bool],
 }
 
 /// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
@@ -112,7 +114,7 @@ pub struct Outcome {
     pub refined: u64,
     /// Rings that had collapsed when they came, and were dealt with as the option says.
     pub collapsed: u64,
-    /// Rings without area in the input: kept as they were, or dropped.
+    /// Rings without area in the input.
     pub flat: u64,
     /// How often what was new was tested.
     pub rounds: u64,
@@ -132,7 +134,7 @@ pub fn untangle(
     chains: &Chains<'_>,
     kept: &Kept,
     points: &[Xy],
-    options: &Options,
+    options: &Options<'_>,
     refine: &mut Refine<'_>,
 ) -> Result<Outcome> {
     untangle_within(chains, kept, points, options, usize::MAX, refine)
@@ -158,7 +160,7 @@ pub fn untangle_within(
     chains.check()?;
     kept.check(chains)?;
     let points = Points::new(points)?;
-    let (mut kept, mended) = rings::mend(chains, kept, options.collapse, refine);
+    let (mut kept, mended) = rings::mend(chains, kept, options, refine);
     let mut refined = 0;
     if options.strategy == Strategy::Proactive {
         (kept, refined) = proactive::accept(chains, &kept, &points, refine);

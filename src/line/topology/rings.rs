@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use super::chains::{Chains, Kept};
 use super::region::farthest;
-use super::{Collapse, Refine};
+use super::{Collapse, Options, Refine};
 use crate::geom::plane::{Xy, area_sign, orient};
 
 /// What became of the rings.
@@ -16,13 +16,14 @@ pub(super) struct Mended {
     pub(super) flat: u64,
 }
 
-/// Gives every ring an area of the sign it had, or takes it away, as `collapse` says.
+/// Gives every ring an area of the sign it had, or takes it away where it has collapsed, as the options
+/// say.
 ///
 /// O(vertices) besides the calls of `refine`.
 pub(super) fn mend(
     chains: &Chains<'_>,
     kept: &Kept,
-    collapse: Collapse,
+    options: &Options<'_>,
     refine: &mut Refine<'_>,
 ) -> (Kept, Mended) {
     let mut result = Kept::new();
@@ -33,6 +34,11 @@ pub(super) fn mend(
         match chains.closed[chain] && !old.is_empty() {
             true => {
                 let mut ring = Ring { chains, chain, refine, out: &mut result.vertices };
+                let is_loop = options.loops.get(chain) == Some(&true);
+                let collapse = match options.collapse {
+                    Collapse::Drop if is_loop => Collapse::Minimal,
+                    other => other,
+                };
                 ring.mend(old, collapse, &mut mended);
             }
             false => result.vertices.extend_from_slice(old),
@@ -53,21 +59,16 @@ struct Ring<'a, 'b> {
 impl Ring<'_, '_> {
     fn mend(&mut self, kept: &[u32], collapse: Collapse, mended: &mut Mended) {
         let sign = area_sign(self.chains.points[self.chains.range(self.chain)].iter().copied());
-        if sign == Ordering::Equal {
-            mended.flat += 1;
-            return match collapse {
-                Collapse::Drop => {}
-                _ => self.all(),
-            };
+        let (has_collapsed, is_flat) = (kept.len() < 4, sign == Ordering::Equal);
+        match (has_collapsed, collapse) {
+            (false, _) if is_flat => self.out.extend_from_slice(kept),
+            (false, _) => self.turn(kept.to_vec(), sign),
+            (true, Collapse::Drop) => {}
+            (true, Collapse::Minimal) if !is_flat => self.least(kept, sign),
+            (true, _) => self.all(),
         }
-        let now = if kept.len() < 4 { Ordering::Equal } else { self.sign(kept) };
-        match (now, collapse) {
-            (Ordering::Equal, Collapse::Drop) => {}
-            (Ordering::Equal, Collapse::Keep) => self.all(),
-            (Ordering::Equal, Collapse::Minimal) => self.least(kept, sign),
-            _ => self.turn(kept.to_vec(), sign),
-        }
-        mended.collapsed += u64::from(now == Ordering::Equal);
+        mended.collapsed += u64::from(has_collapsed);
+        mended.flat += u64::from(is_flat);
     }
 
     /// The sign of the area of vertices that begin and end with the ring's first.

@@ -3,8 +3,10 @@
 
 mod alone;
 mod cover;
+mod gaps;
 mod input;
 mod kept;
+mod moves;
 mod own;
 mod search;
 mod spool;

@@ -27,7 +27,7 @@ pub(super) fn rdp(points: &[Xy], from: u32, to: u32, tolerance: f64, out: &mut V
     }
 }
 
-fn solve(world: &World, tolerance: f64, options: Options) -> Outcome {
+fn solve(world: &World, tolerance: f64, options: Options<'_>) -> Outcome {
     let chains = world.chains();
     let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
         rdp(chains.points, from, to, tolerance, out);
@@ -37,16 +37,16 @@ fn solve(world: &World, tolerance: f64, options: Options) -> Outcome {
 }
 
 /// Both strategies, and each policy of collapse.
-fn ways() -> impl Iterator<Item = Options> {
+fn ways() -> impl Iterator<Item = Options<'static>> {
     let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
-    policies
-        .into_iter()
-        .flat_map(move |collapse| strategies.map(|strategy| Options { strategy, collapse }))
+    policies.into_iter().flat_map(move |collapse| {
+        strategies.map(|strategy| Options { strategy, collapse, loops: &[] })
+    })
 }
 
 /// Checks an outcome in every way that is sure to hold for its world.
-fn check(world: &World, is_clean: bool, tolerance: f64, options: Options, name: &str) {
+fn check(world: &World, is_clean: bool, tolerance: f64, options: Options<'_>, name: &str) {
     let outcome = solve(world, tolerance, options);
     let kept = &outcome.kept;
     let name = format!("{name}, tolerance {tolerance}, {options:?}");
@@ -117,7 +117,7 @@ fn segments_accepted_one_by_one_need_no_mending() {
             rdp(chains.points, from, to, tolerance, out);
         };
         let kept = Kept::simplified(&chains, &mut refine);
-        let (kept, _) = rings::mend(&chains, &kept, Collapse::Minimal, &mut refine);
+        let (kept, _) = rings::mend(&chains, &kept, &Options::default(), &mut refine);
         let points = Points::new(&world.fixed).unwrap();
         let (kept, _) = proactive::accept(&chains, &kept, &points, &mut refine);
         assert!(twin::crossings(&world, &kept).is_empty(), "seed {seed}: crossings");

@@ -1,29 +1,30 @@
 //! Features as a coverage, square by square: what does not fit into memory is sorted into squares
 //! first, and what is kept is put together again as the features are read once more.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use super::Whole;
+use super::gaps::Gaps;
 use super::input::Input;
 use super::kept::{Kept, Reader};
-use super::own::is_flat;
+use super::moves::Snapped;
+use super::own;
 use super::spool::{self, Spool, by_square};
-use super::square::{Flat, KEPT_VERTEX, Solved, VERTEX, World, solve};
+use super::square::{Flat, KEPT_VERTEX, MOST_PAIRS, Solved, VERTEX, World, solve};
 use super::trial::{Leaves, Wanted};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::plane::area_sign;
+use crate::line::Xy;
 use crate::line::squares::{Place, Run, Squares, cut};
-use crate::line::topology::Collapse;
-use crate::line::{Xy, arcs};
+use crate::line::topology::{Collapse, conflict};
 use crate::pipeline::line::files::Files;
 use crate::pipeline::line::part::{check, chosen};
 use crate::pipeline::line::tool::Rule;
 use crate::pipeline::line::{LineJob, LineReport, Measure, Topology};
 use crate::pipeline::workers::{self, lock};
 use crate::pipeline::{Cancel, Progress, disk};
-use crate::vector::{self, Feature, OpenOptions, Part};
+use crate::vector::{self, Feature, Geometry, OpenOptions, Part, Role};
 
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
@@ -58,23 +59,25 @@ impl Cover<'_> {
         wanted: Option<&Wanted>,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
+        self.snap(input)?;
         let squares = self.squares(input)?;
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
-        let needed = largest.unwrap_or(0) * VERTEX + input.vertices / 8 + REST;
-        if input.held().is_some_and(|held| held + needed > self.memory()) && !self.snaps() {
+        let beside = input.vertices / 8 + input.moves.held() + REST;
+        let needed = largest.unwrap_or(0) * VERTEX + beside;
+        if input.held().is_some_and(|held| held + needed > self.memory()) {
             input.release();
         }
         if input.held().unwrap_or(0) + needed > self.memory() {
             return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
         }
-        self.snap(input, &squares)?;
         let mut whole = Parts::new();
         loop {
             let kept = Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
             let now = Now { squares: &squares, whole: &whole, kept: &kept };
-            self.solve_all(input, &now, report)?;
+            let total = self.solve_all(input, &now, report)?;
             // A file that is written cannot be taken back.
-            if wanted.is_some() || (input.all.len() > 1 && squares.count() > 1) {
+            let may_turn = squares.count() > 1 || self.rule.collapse == Collapse::Drop;
+            if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.look(input, &now)?;
                 if !left.turned.is_empty() {
                     whole.extend(left.turned);
@@ -93,6 +96,7 @@ impl Cover<'_> {
             }
             let turned = self.write(input, &now, report)?;
             if turned.is_empty() {
+                report.notes.extend(self.notes(input, &total)?);
                 return Ok(None);
             }
             whole.extend(turned);
@@ -108,15 +112,11 @@ impl Cover<'_> {
         self.job.resources.memory
     }
 
-    fn snaps(&self) -> bool {
-        self.topology.snap > 0.0
-    }
-
     /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
     /// is kept of it: features are held as long as they take no more than half, and so much of the rest
     /// waits for its square.
     fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
-        let rest = square + input.vertices / 8 + REST;
+        let rest = square + input.vertices / 8 + input.moves.held() + REST;
         let needed = rest + input.bytes.min(rest);
         let needed = ((needed + needed / 7) >> 20) + 1;
         let message = format!("neighbours are looked at in memory, which takes {needed} MiB");
@@ -150,27 +150,72 @@ impl Cover<'_> {
     }
 
     /// Makes vertices one that are nearly so, in all features.
-    fn snap(&self, input: &mut Input<'_>, squares: &Squares) -> Result<()> {
-        if !self.snaps() {
+    fn snap(&self, input: &mut Input<'_>) -> Result<()> {
+        if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
         }
-        if squares.count() > 1 {
-            let most = self.topology.square;
-            return Err(Error::unsupported(format!("--snap for more than {most} vertices"))
-                .in_file(&self.files.pairs[0].input)
-                .remedy("leave --snap out, or split the input"));
+        let squares = self.squares(input)?;
+        let folder = self.folder();
+        let room = (&*folder, self.memory());
+        let snapped = Snapped::new(input, squares, self.topology.snap, room, self.cancel)?;
+        input.snap(snapped, self.cancel)
+    }
+
+    /// What users have to know of the input.
+    fn notes(&self, input: &mut Input<'_>, total: &Total) -> Result<Vec<String>> {
+        let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
+        let pairs = self.made_by_moving(input, &total.pairs)?;
+        let is_part = (total.pairs.len() as u64) < total.crossings;
+        let harm = [
+            (pairs, "pairs of segments cross, touch or overlap"),
+            (input.harm.rings, "rings turn over or lose their area"),
+            (input.harm.touching, "features have rings that touch themselves or each other"),
+        ];
+        let told = harm.iter().filter(|(count, _)| *count > 0);
+        let told: Vec<_> = told.map(|(count, what)| format!("{count} {what}")).collect();
+        let least = if is_part && pairs > 0 { "at least " } else { "" };
+        let snap = Some(self.topology.snap).filter(|snap| *snap > 0.0);
+        let by = [
+            snap.map(|snap| (format!("--snap {snap:?}"), "a smaller --snap")),
+            self.job.decimals.map(|n| (format!("--decimals {n}"), "more --decimals")),
+        ];
+        let (by, remedies): (Vec<_>, Vec<_>) = by.into_iter().flatten().unzip();
+        if !told.is_empty() {
+            notes.push(format!(
+                "with {}, {least}{} that did not before; pass {}",
+                by.join(" and "),
+                told.join(", "),
+                remedies.join(", ")
+            ));
         }
-        let mut points = Vec::new();
-        input.visit_all(self.cancel, |feature| {
-            feature.geometry.parts().for_each(|part| points.extend_from_slice(part.xy));
+        Ok(notes)
+    }
+
+    /// How many of these pairs of segments, which meet, did not before their vertices were moved.
+    fn made_by_moving(&self, input: &mut Input<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
+        if pairs.is_empty() || input.moves.is_none() {
+            return Ok(0);
+        }
+        let key = |segment: &[Xy; 2]| {
+            let [a, b] = segment.map(|p| p.map(|c| (c + 0.0).to_bits()));
+            [a.min(b), a.max(b)]
+        };
+        let mut old: HashMap<_, Vec<[Xy; 2]>> =
+            pairs.iter().flatten().map(|segment| (key(segment), Vec::new())).collect();
+        input.visit_moves(self.cancel, |before, after| {
+            for (from, to) in before.parts().zip(after.parts()) {
+                for (from, to) in from.xy.windows(2).zip(to.xy.windows(2)) {
+                    if let Some(all) = old.get_mut(&key(&[to[0], to[1]])) {
+                        all.push([from[0], from[1]]);
+                    }
+                }
+            }
             Ok(())
         })?;
-        arcs::snap(&mut points, self.topology.snap)?;
-        let mut moved = points.into_iter();
-        input.visit_all(self.cancel, |feature| {
-            feature.geometry.place_parts(&mut moved);
-            Ok(())
-        })
+        let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
+        let met =
+            |[s, t]: &&[[Xy; 2]; 2]| old(s).iter().any(|s| old(t).iter().any(|t| conflict(*s, *t)));
+        Ok(pairs.iter().filter(|pair| !met(pair)).count() as u64)
     }
 
     /// Finds out what is kept of all squares.
@@ -179,7 +224,7 @@ impl Cover<'_> {
         input: &mut Input<'_>,
         now: &Now<'_>,
         report: &mut LineReport,
-    ) -> Result<()> {
+    ) -> Result<Total> {
         let squares = now.squares;
         let sides = match &self.topology.sides {
             Some(path) => by_square(positions(path, &OpenOptions::default())?, squares),
@@ -198,7 +243,7 @@ impl Cover<'_> {
             Ok(())
         };
         let solved = if squares.count() == 1 && input.held().is_some() {
-            solve_one(0, self.flat(input)?, self.room(input))
+            solve_one(0, self.flat(input, now)?, self.room(input))
         } else {
             let spool = self.spool(input, now)?;
             self.solve_spooled(input, squares, &spool, solve_one)
@@ -214,11 +259,11 @@ impl Cover<'_> {
         report.input_crossings = total.crossings;
         report.collapsed = total.collapsed;
         report.largest_distance = total.square.sqrt();
-        Ok(())
+        Ok(total)
     }
 
     /// All parts as they are held, as one square.
-    fn flat(&self, input: &mut Input<'_>) -> Result<World> {
+    fn flat(&self, input: &mut Input<'_>, now: &Now<'_>) -> Result<World> {
         let mut flat = Flat::default();
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
@@ -231,7 +276,9 @@ impl Cover<'_> {
                 Ok(())
             })
         })?;
-        Ok(World { flat, ..World::default() })
+        // There are as many as fit into one square.
+        let whole = now.whole.iter().map(|part| *part as u32).collect();
+        Ok(World { flat, whole, ..World::default() })
     }
 
     /// Bytes of the square that takes most, if all of its vertices are kept.
@@ -242,7 +289,8 @@ impl Cover<'_> {
 
     /// Memory for squares that are worked on and for what waits for them.
     fn room(&self, input: &Input<'_>) -> u64 {
-        beside(self.memory()).saturating_sub(input.held().unwrap_or(0) + input.vertices / 8)
+        let held = input.held().unwrap_or(0) + input.moves.held();
+        beside(self.memory()).saturating_sub(held + input.vertices / 8)
     }
 
     /// Sorts all parts into squares.
@@ -308,8 +356,8 @@ impl Cover<'_> {
         Ok(left)
     }
 
-    /// Writes all features with what is kept of them; or, if rings have turned over, which they are, and
-    /// nothing is written.
+    /// Writes all features with what is kept of them; or, if rings have to stay whole that do not, which
+    /// they are, and nothing is written.
     fn write(
         &self,
         input: &mut Input<'_>,
@@ -343,6 +391,9 @@ struct Total {
     crossings: u64,
     collapsed: u64,
     square: f64,
+    /// Some of the pairs of segments that meet.
+    pairs: Vec<[[Xy; 2]; 2]>,
+    gaps: Gaps,
 }
 
 impl Total {
@@ -353,12 +404,17 @@ impl Total {
         self.square = self.square.max(solved.square);
         // Segments that meet come by a square together, maybe by several: the first one counts them.
         let mut near = [Vec::new(), Vec::new()];
-        let counts = solved.meeting.iter().filter(|pair| {
+        let is_own = |pair: &&[[Xy; 2]; 2]| {
             (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
             let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
             first == Some(&(square as u32))
-        });
-        self.crossings += solved.crossings + counts.count() as u64;
+        };
+        let meeting: Vec<_> = solved.meeting.iter().filter(is_own).copied().collect();
+        self.crossings += solved.crossings + meeting.len() as u64;
+        self.gaps.merge(&solved.gaps);
+        meeting.iter().for_each(|pair| self.gaps.add(*pair));
+        let most = MOST_PAIRS.div_ceil(squares.count());
+        self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
     }
 }
 
@@ -391,6 +447,9 @@ struct Left<'a> {
     kept: Reader<'a>,
     collapse: Collapse,
     indices: Vec<u32>,
+    /// The last outer ring, if nothing is kept of it.
+    gone: Option<u64>,
+    /// Parts that have to stay whole, and do not.
     turned: Parts,
     features: u64,
     vertices: u64,
@@ -404,6 +463,7 @@ impl<'a> Left<'a> {
             kept: now.kept.reader(),
             collapse,
             indices: Vec::new(),
+            gone: None,
             turned: Parts::new(),
             features: 0,
             vertices: 0,
@@ -415,22 +475,30 @@ impl<'a> Left<'a> {
         let is_cut = self.parts.runs.len() > 1;
         let count = part.xy.len() - usize::from(is_cut && part.is_ring());
         self.kept.part(&self.parts.runs, count, &mut self.indices)?;
-        if part.is_ring() && is_cut {
-            let left = self.indices.iter().map(|v| part.xy[*v as usize]);
-            let has_turned = area_sign(left) != area_sign(part.xy.iter().copied());
-            if has_turned && !self.whole.contains(&number) {
-                self.turned.insert(number);
-            }
-            // It has no area to begin with.
-            if is_flat(part.xy, &self.indices) {
-                let drops = self.collapse == Collapse::Drop;
-                return Ok(if drops { vector::Kept::Nothing } else { vector::Kept::All });
-            }
+        let is_whole = self.whole.contains(&number);
+        let kept = match part.is_ring() {
+            true if is_whole || self.indices.len() == part.xy.len() => Some(vector::Kept::All),
+            true if is_cut => own::ring(part.xy, &self.indices, self.collapse),
+            _ => Some(chosen(&self.indices)),
+        };
+        if kept.is_none() {
+            self.turned.insert(number);
         }
-        Ok(match part.is_ring() && self.indices.len() == part.xy.len() {
-            true => vector::Kept::All,
-            false => chosen(&self.indices),
-        })
+        let kept = kept.unwrap_or(vector::Kept::All);
+        self.note_outer(part.role, number, kept == vector::Kept::Nothing);
+        Ok(kept)
+    }
+
+    /// A polygon without its outer ring is nothing: that ring stays whole where a hole does not go, as one
+    /// that lies outside of it may not.
+    fn note_outer(&mut self, role: Role, number: u64, is_gone: bool) {
+        match (role, self.gone) {
+            (Role::Hole, Some(outer)) if !is_gone => {
+                self.turned.insert(outer);
+            }
+            (Role::Hole, _) => {}
+            _ => self.gone = is_gone.then_some(number),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
+use super::moves::{Harm, Moves, Snapped};
 use super::room;
 use crate::error::{Error, ErrorKind, Result};
 use crate::line::squares::Census;
@@ -36,8 +37,12 @@ pub(super) struct Input<'a> {
     files: &'a Files,
     pub(super) all: Vec<Collected>,
     pub(super) vertices: u64,
-    /// Where they are.
+    /// Where they are, once moved.
     pub(super) census: Census,
+    /// Where they go when they are shown.
+    pub(super) moves: Moves,
+    /// What that has done.
+    pub(super) harm: Harm,
     /// Bytes that all features take when they are held.
     pub(super) bytes: u64,
     /// Whether they are.
@@ -60,9 +65,15 @@ impl<'a> Input<'a> {
             all: Vec::new(),
             vertices: 0,
             census: Census::default(),
+            moves: Moves::default(),
+            harm: Harm::default(),
             bytes: 0,
             is_held: true,
         };
+        // Rounding waits for snapping.
+        if job.topology.as_ref().is_some_and(|topology| topology.snap == 0.0) {
+            input.moves.decimals = job.decimals;
+        }
         progress.begin("read", files.pairs.len() as u64);
         for pair in &files.pairs {
             input.collect(pair, most, store, cancel)?;
@@ -115,19 +126,40 @@ impl<'a> Input<'a> {
     }
 
     fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
+        // One that is moved is there twice, with what is looked at of both.
+        let topology = self.job.topology.as_ref();
+        let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
+        let copies = if moves { 4 } else { 2 };
         let room = room(self.job);
-        if bytes > room / 2 {
+        if bytes > room / copies {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices is more than memory holds");
-            let needed = (2 * bytes + self.job.resources.memory - room).div_ceil(1 << 20);
+            let needed = (copies * bytes + self.job.resources.memory - room).div_ceil(1 << 20);
             return Err(Error::new(ErrorKind::Resource, message)
                 .remedy(format!("pass --memory {needed}M or more")));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
-        match self.job.topology {
-            Some(_) => feature.geometry.parts().try_for_each(|part| self.census.add(part.xy)),
-            None => Ok(()),
+        if self.job.topology.is_none() {
+            return Ok(());
         }
+        let moved = self.moves.apply(&feature.geometry)?;
+        if let Some(after) = &moved {
+            self.harm.add(&feature.geometry, after);
+        }
+        let now = moved.as_ref().unwrap_or(&feature.geometry);
+        now.parts().try_for_each(|part| self.census.add(part.xy))
+    }
+
+    /// From now on shows features snapped and rounded.
+    pub(super) fn snap(&mut self, snapped: Snapped, cancel: &Cancel) -> Result<()> {
+        self.moves = Moves { snapped: Some(snapped), decimals: self.job.decimals };
+        let (mut census, mut harm) = (Census::default(), Harm::default());
+        self.visit_moves(cancel, |before, after| {
+            harm.add(before, after);
+            after.parts().try_for_each(|part| census.add(part.xy))
+        })?;
+        (self.census, self.harm) = (census, harm);
+        Ok(())
     }
 
     /// Bytes of the features in memory; `None` when they are not held.
@@ -141,35 +173,68 @@ impl<'a> Input<'a> {
         self.all.iter_mut().for_each(|file| file.features = Vec::new());
     }
 
-    /// Shows all features of a file, one after the other; changes last if they are held.
+    /// Shows all features of a file, moved, one after the other, and each geometry as it was if any of
+    /// them is moved; the files have to come in order. Held features may be changed.
+    fn show(
+        &mut self,
+        file: usize,
+        cancel: &Cancel,
+        mut each: impl FnMut(&mut Feature, Option<&Geometry>) -> Result<()>,
+    ) -> Result<()> {
+        let Self { job, files, all, moves, is_held, .. } = self;
+        if file == 0 {
+            moves.restart();
+        }
+        let pair = &files.pairs[file];
+        let mut show = |feature: &mut Feature| {
+            cancel.check()?;
+            let Some(moved) = moves.apply(&feature.geometry)? else { return each(feature, None) };
+            let before = std::mem::replace(&mut feature.geometry, moved);
+            let shown = each(feature, Some(&before));
+            feature.geometry = before;
+            shown
+        };
+        if *is_held {
+            let mut features = all[file].features.iter_mut();
+            return features
+                .try_for_each(|feature| show(feature).map_err(|e| e.in_file(&pair.input)));
+        }
+        let mut source = pair.open(job)?;
+        while let Some(mut feature) = source.next()? {
+            show(&mut feature).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
+        }
+        Ok(())
+    }
+
+    /// Shows all features of a file where they are moved to. The files have to come in order.
     pub(super) fn visit(
         &mut self,
         file: usize,
         cancel: &Cancel,
         mut each: impl FnMut(&mut Feature) -> Result<()>,
     ) -> Result<()> {
-        let pair = &self.files.pairs[file];
-        if self.is_held {
-            return self.all[file].features.iter_mut().try_for_each(|feature| {
-                cancel.check()?;
-                each(feature).map_err(|e| e.in_file(&pair.input))
-            });
-        }
-        let mut source = pair.open(self.job)?;
-        while let Some(mut feature) = source.next()? {
-            cancel.check()?;
-            each(&mut feature).map_err(|e| e.at(source.place()).in_file(&pair.input))?;
-        }
-        Ok(())
+        self.show(file, cancel, |feature, _| each(feature))
     }
 
-    /// Shows all features of all files.
+    /// Shows all features of all files where they are moved to.
     pub(super) fn visit_all(
         &mut self,
         cancel: &Cancel,
         mut each: impl FnMut(&mut Feature) -> Result<()>,
     ) -> Result<()> {
         (0..self.all.len()).try_for_each(|file| self.visit(file, cancel, &mut each))
+    }
+
+    /// Shows all geometries that are moved, before and after.
+    pub(super) fn visit_moves(
+        &mut self,
+        cancel: &Cancel,
+        mut each: impl FnMut(&Geometry, &Geometry) -> Result<()>,
+    ) -> Result<()> {
+        let mut pair = |feature: &mut Feature, before: Option<&Geometry>| {
+            before.map_or(Ok(()), |before| each(before, &feature.geometry))
+        };
+        (0..self.all.len()).try_for_each(|file| self.show(file, cancel, &mut pair))
     }
 }
 

@@ -3,13 +3,15 @@
 
 use std::path::Path;
 
+use bytemuck::Pod;
+
 use crate::error::Result;
 use crate::line::squares::Run;
 use crate::pipeline::points::Buckets;
 use crate::vector;
 
-/// Words of a square that are held at a time.
-const WORDS: usize = 128;
+/// Records of a square that are held at a time.
+const RECORDS: usize = 128;
 
 /// A set of numbers from 0 on.
 #[derive(Clone, Debug, Default)]
@@ -53,24 +55,54 @@ impl Kept {
     }
 
     pub(super) fn reader(&self) -> Reader<'_> {
-        Reader { kept: self, cursors: vec![Cursor::default(); self.squares] }
+        Reader {
+            bits: &self.bits,
+            words: Cursors::new(self.squares),
+            open: vec![(0, 0); self.squares],
+        }
     }
 }
 
-/// The next bits of a square.
-#[derive(Clone, Debug, Default)]
-struct Cursor {
-    words: Vec<u64>,
+/// The next records of a square.
+#[derive(Clone, Debug)]
+struct Cursor<T> {
+    records: Vec<T>,
     /// The number of the first of them.
     first: usize,
-    /// The next bit.
+    /// The next record.
     next: usize,
 }
 
-/// Bits read square by square, each from its beginning: 1 KiB for each square.
+/// Records read square by square, each from its beginning: 128 of them for each square.
+#[derive(Debug)]
+pub(super) struct Cursors<T>(Vec<Cursor<T>>);
+
+impl<T: Pod> Cursors<T> {
+    pub(super) fn new(squares: usize) -> Self {
+        Self((0..squares).map(|_| Cursor { records: Vec::new(), first: 0, next: 0 }).collect())
+    }
+
+    /// The next record of a square; `None` after its last.
+    pub(super) fn next(&mut self, all: &Buckets<T>, square: usize) -> Result<Option<T>> {
+        let cursor = &mut self.0[square];
+        if cursor.next >= cursor.first + cursor.records.len() {
+            cursor.records.resize(RECORDS, T::zeroed());
+            let count = all.read_from(square, cursor.next, &mut cursor.records)?;
+            cursor.records.truncate(count);
+            cursor.first = cursor.next;
+        }
+        let record = cursor.records.get(cursor.next - cursor.first).copied();
+        cursor.next += 1;
+        Ok(record)
+    }
+}
+
+/// Bits read square by square, each from its beginning.
 pub(super) struct Reader<'a> {
-    kept: &'a Kept,
-    cursors: Vec<Cursor>,
+    bits: &'a Buckets<u64>,
+    words: Cursors<u64>,
+    /// What is left of each square's last word, and of how many bits.
+    open: Vec<(u64, u32)>,
 }
 
 impl Reader<'_> {
@@ -93,17 +125,14 @@ impl Reader<'_> {
     }
 
     fn next(&mut self, square: usize) -> Result<bool> {
-        let cursor = &mut self.cursors[square];
-        let word = cursor.next / 64;
-        if word >= cursor.first + cursor.words.len() {
-            cursor.words.resize(WORDS, 0);
-            let count = self.kept.bits.read_from(square, word, &mut cursor.words)?;
-            cursor.words.truncate(count);
-            cursor.first = word;
+        let (word, left) = &mut self.open[square];
+        if *left == 0 {
+            let next = self.words.next(self.bits, square)?;
+            (*word, *left) = (next.unwrap_or_default(), u64::BITS);
         }
-        let bit = cursor.words.get(word - cursor.first).map(|w| w >> (cursor.next % 64) & 1);
-        cursor.next += 1;
-        Ok(bit == Some(1))
+        let bit = *word & 1 == 1;
+        (*word, *left) = (*word >> 1, *left - 1);
+        Ok(bit)
     }
 }
 

@@ -1,17 +1,22 @@
 //! A square: its runs are cut into arcs where they meet, arcs are simplified once and untangled
 //! among the segments that come by, and what is left is found in the runs again.
 
+use super::gaps::Gaps;
 use super::kept::Bits;
-use super::own::own_vertices;
-use crate::error::{Error, ErrorKind, Result};
-use crate::line::arcs::{Arcs, Parts};
+use super::own;
+use crate::error::Result;
+use crate::line::arcs::Arcs;
 use crate::line::topology::{
-    Chains, Collapse, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining,
+    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining,
     untangle_within,
 };
 use crate::line::{Metric, Scratch, Xy};
+use crate::pipeline::line::part::chosen;
 use crate::pipeline::line::tool::{Rule, Task, Tool, Vertex};
 use crate::vector::Kept;
+
+/// Most pairs of segments that are remembered, of those that meet.
+pub(super) const MOST_PAIRS: usize = 1 << 16;
 
 /// Lines and rings, flat.
 #[derive(Debug)]
@@ -38,6 +43,10 @@ impl Flat {
 
     fn chains(&self) -> Chains<'_> {
         Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
+    }
+
+    fn part(&self, part: usize) -> &[Xy] {
+        &self.points[self.starts[part]..self.starts[part + 1]]
     }
 }
 
@@ -66,6 +75,10 @@ pub(super) struct Solved {
     pub(super) collapsed: u64,
     /// Pairs of segments that meet in the input and still do, but for pairs of obstacles.
     pub(super) crossings: u64,
+    /// The first of these pairs.
+    pub(super) pairs: Vec<[[Xy; 2]; 2]>,
+    /// How near they come to share an end.
+    pub(super) gaps: Gaps,
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
     /// The largest squared distance.
@@ -78,10 +91,28 @@ pub(super) const VERTEX: u64 = 112;
 /// Bytes for each vertex where all of them are kept.
 pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
 
-/// Simplifies what a square holds, in `room` bytes; fails where that is too little.
+/// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
+/// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
 pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule, room: u64) -> Result<Solved> {
+    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
+    let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
+    let mut whole = world.whole.clone();
+    loop {
+        let arcs = with_obstacles(world)?;
+        let made = rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces })?;
+        let mut solved = made.solved(world);
+        let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
+        if spoiled.is_empty() {
+            return Ok(solved);
+        }
+        whole.extend(spoiled);
+        whole.sort_unstable();
+    }
+}
+
+/// The arcs of all runs, and each obstacle as one more.
+fn with_obstacles(world: &World) -> Result<Arcs> {
     let mut arcs = Arcs::new(&world.flat.chains(), 0.0)?;
-    let own = arcs.closed.len();
     for segment in &world.obstacles {
         arcs.points.extend(segment);
         // Without heights: nothing of it is left out.
@@ -90,53 +121,15 @@ pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule, room: u64) -
         arcs.closed.push(false);
         arcs.free.push(false);
     }
-    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
-    let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
-    let made = rule.apply(Together { arcs, world, strategy, rule, pieces })?;
-    let first = made.arcs.starts[own] as u32;
-    let is_pair = |pair: &&[u32; 2]| pair.iter().all(|from| *from >= first);
-    let segment = |from: u32| world.obstacles[(from - first) as usize / 2];
-    let crossings = &made.outcome.crossings;
-    let meeting: Vec<_> = crossings.iter().filter(is_pair).map(|pair| pair.map(segment)).collect();
-    Ok(Solved {
-        bits: own_bits(world, &made, rule)?,
-        arcs: own as u64,
-        refined: made.outcome.refined,
-        collapsed: made.outcome.collapsed,
-        crossings: (crossings.len() - meeting.len()) as u64,
-        meeting,
-        square: made.square,
-    })
-}
-
-/// The kept vertices of all runs.
-fn own_bits(world: &World, made: &Made, rule: &Rule) -> Result<Bits> {
-    let flat = &world.flat;
-    let mut bits = Bits::new(flat.points.len());
-    for run in 0..flat.closed.len() {
-        let points = &flat.points[flat.starts[run]..flat.starts[run + 1]];
-        let left = &made.parts.vertices[made.parts.starts[run]..made.parts.starts[run + 1]];
-        let place = |vertex: &u32| made.arcs.points[*vertex as usize];
-        let kept = match left.is_empty() {
-            // Vertices that arcs leave out, too: those that repeat the one before them.
-            _ if rule.keeps_everything() => Some(Kept::All),
-            // It has no area to begin with.
-            true if rule.collapse != Collapse::Drop => Some(Kept::All),
-            true if world.cut.binary_search(&(run as u32)).is_ok() => {
-                Some(Kept::Vertices(vec![0, points.len() as u32 - 1]))
-            }
-            _ => own_vertices(points, flat.closed[run], left.iter().map(place)),
-        };
-        let lost = || Error::new(ErrorKind::Internal, "a part lost its way through its arcs");
-        bits.add(&kept.ok_or_else(lost)?, flat.starts[run], points.len());
-    }
-    Ok(bits)
+    Ok(arcs)
 }
 
 /// Arcs to be simplified together.
 struct Together<'a> {
     arcs: Arcs,
     world: &'a World,
+    /// Numbers of the runs of which all vertices stay, ascending.
+    whole: &'a [u32],
     strategy: Strategy,
     rule: &'a Rule,
     /// Most pieces that there is room for.
@@ -146,10 +139,61 @@ struct Together<'a> {
 /// What became of them.
 struct Made {
     arcs: Arcs,
-    parts: Parts,
     outcome: Outcome,
     /// The largest squared distance.
     square: f64,
+}
+
+impl Made {
+    /// What there is to tell of it.
+    fn solved(&self, world: &World) -> Solved {
+        let own = self.arcs.closed.len() - world.obstacles.len();
+        let first = self.arcs.starts[own] as u32;
+        let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
+        let mut solved = Solved {
+            arcs: own as u64,
+            refined: self.outcome.refined,
+            collapsed: self.outcome.collapsed,
+            square: self.square,
+            ..Solved::default()
+        };
+        for pair in &self.outcome.crossings {
+            let segments = pair.map(segment);
+            if pair.iter().all(|from| *from >= first) {
+                solved.meeting.push(segments);
+                continue;
+            }
+            solved.crossings += 1;
+            solved.gaps.add(segments);
+            if solved.pairs.len() < MOST_PAIRS {
+                solved.pairs.push(segments);
+            }
+        }
+        solved
+    }
+
+    /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
+    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut Bits) -> Vec<u32> {
+        let flat = &world.flat;
+        *bits = Bits::new(flat.points.len());
+        let (mut left, mut spoiled) = (Vec::new(), Vec::new());
+        for run in 0..flat.closed.len() {
+            let (points, is_ring) = (flat.part(run), flat.closed[run]);
+            self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
+            let kept = match is_ring {
+                // Vertices that arcs leave out, too: those that repeat the one before them.
+                _ if rule.keeps_everything() => Some(Kept::All),
+                true if whole.binary_search(&(run as u32)).is_ok() => Some(Kept::All),
+                true => own::ring(points, &left, rule.collapse),
+                false => Some(chosen(&left)),
+            };
+            match kept {
+                Some(kept) => bits.add(&kept, flat.starts[run], points.len()),
+                None => spoiled.push(run as u32),
+            }
+        }
+        spoiled
+    }
 }
 
 impl Task for Together<'_> {
@@ -160,13 +204,14 @@ impl Task for Together<'_> {
         let kept = self.plain(tool, &mut scratch);
         let vertices = self.vertices::<V>();
         let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
-        let options = Options { strategy: self.strategy, collapse: self.rule.collapse };
+        let loops = self.loops();
+        let Rule { collapse, .. } = *self.rule;
+        let options = Options { strategy: self.strategy, collapse, loops: &loops };
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
         let refine = &mut refining(&vertices, run);
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
-        let parts = self.arcs.rebuild(&outcome.kept);
         let square = largest(tool, &vertices, &outcome.kept);
-        Ok(Made { arcs: self.arcs, parts, outcome, square })
+        Ok(Made { arcs: self.arcs, outcome, square })
     }
 }
 
@@ -186,9 +231,9 @@ impl Together<'_> {
             points.clear();
             points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
             kept.clear();
-            match self.arcs.free[arc] && points.len() > 3 && !self.rule.keeps_everything() {
-                false if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
-                false if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
+            match self.arcs.free[arc] {
+                _ if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
+                _ if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
                 false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
                 true => {
                     if tool.whole_ring(&points, &mut tool.method(), scratch, &mut kept) {
@@ -208,12 +253,29 @@ impl Together<'_> {
 
     /// The arcs of runs that stay whole, ascending.
     fn whole(&self) -> Vec<usize> {
-        let runs = self.world.whole.iter().map(|run| *run as usize);
-        let passages = runs.map(|run| self.arcs.parts[run]..self.arcs.parts[run + 1]);
-        let mut arcs: Vec<_> = passages.flatten().map(|at| self.arcs.passages[at].arc()).collect();
+        let mut arcs: Vec<_> =
+            self.whole.iter().flat_map(|run| self.arcs_of(*run as usize)).collect();
         arcs.sort_unstable();
         arcs.dedup();
         arcs
+    }
+
+    /// The arcs that a run passes.
+    fn arcs_of(&self, run: usize) -> impl Iterator<Item = usize> {
+        let passages = self.arcs.parts[run]..self.arcs.parts[run + 1];
+        self.arcs.passages[passages].iter().map(|passage| passage.arc())
+    }
+
+    /// Which arcs are but loops of a run: of a line, or of a ring that touches itself.
+    fn loops(&self) -> Vec<bool> {
+        let mut loops = vec![false; self.arcs.closed.len()];
+        for (run, is_ring) in self.world.flat.closed.iter().enumerate() {
+            let first = self.arcs_of(run).next();
+            if !is_ring || self.arcs_of(run).any(|arc| Some(arc) != first) {
+                self.arcs_of(run).for_each(|arc| loops[arc] = true);
+            }
+        }
+        loops
     }
 
     fn vertex<V: Vertex>(&self, vertex: usize) -> V {
