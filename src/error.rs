@@ -107,7 +107,10 @@ impl Error {
 
     /// The failures that it stands for, where it stands for several.
     pub fn each(&self) -> &[Self] {
-        self.several.as_ref().map_or(&[], |several| &several.0)
+        match &self.several {
+            Some(several) => &several.0,
+            None => &[],
+        }
     }
 
     /// Shorthand for [`ErrorKind::Usage`].
