@@ -65,11 +65,7 @@ fn bound(comments: &[String]) -> Option<&str> {
 }
 
 /// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none.
-fn title(
-    origin: Point3,
-    scale: Option<Point3>,
-    bound: Option<&str>,
-) -> Result<[u8; TITLE_BYTES]> {
+fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
     let numbers = |point: Point3| point.map(text::f64_text).join(" ");
     let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
     let mut text = format!("{ORIGIN}{}{scale}", numbers(origin));

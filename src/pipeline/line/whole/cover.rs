@@ -24,7 +24,7 @@ use crate::pipeline::line::tool::Rule;
 use crate::pipeline::line::{LineJob, LineReport, Measure, Topology};
 use crate::pipeline::workers::{self, lock};
 use crate::pipeline::{Cancel, Progress, disk};
-use crate::vector::{self, Feature, Geometry, OpenOptions, Part, Role};
+use crate::vector::{self, Feature, OpenOptions, Part, Role};
 
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
@@ -62,8 +62,8 @@ impl Cover<'_> {
         self.snap(input)?;
         let squares = self.squares(input)?;
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
-        let beside = input.vertices / 8 + input.moves.held() + REST;
-        let needed = largest.unwrap_or(0) * VERTEX + beside;
+        let others = input.vertices / 8 + input.moves.held() + REST;
+        let needed = largest.unwrap_or(0) * VERTEX + others;
         if input.held().is_some_and(|held| held + needed > self.memory()) {
             input.release();
         }
