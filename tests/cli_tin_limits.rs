@@ -57,7 +57,6 @@ fn advised_memory_is_enough_memory() {
         "grid cloud.laz *.tif --cell 1",
         "grid cloud.laz *.tif --cell 1 --stat natural",
         "grid cloud.laz *.tif --cell 1 --stat tin",
-        "plan tin strip.tif --output * --max-error 1 --format PLY",
         "tin strip.tif *.ply --max-error 1 --workdir *",
     ];
     for (i, job) in jobs.iter().enumerate() {
@@ -106,7 +105,7 @@ fn a_mesh_of_all_points_of_a_cloud_keeps_to_the_least_memory() {
 fn a_budget_takes_few_trials_and_is_nearly_used() {
     let place = Place::new();
     place.write("holed.asc", holed(240, false)).write("whole.asc", holed(240, true));
-    for (grid, least) in [("holed.asc", 0.95), ("whole.asc", 0.7)] {
+    for (grid, least) in [("holed.asc", 0.95), ("whole.asc", 0.5)] {
         for (goal, counted, budget) in [
             ("--max-vertices", "vertices", "9000"),
             ("--max-vertices", "vertices", "12000"),
@@ -178,5 +177,5 @@ fn a_tile_larger_than_the_grid_is_one_of_its_size() {
     let [a, b, c] =
         ["a.ply", "b.ply", "c.ply"].map(|name| std::fs::read(place.path(name)).unwrap());
     assert!(a == b && a == c);
-    place.fails(&job("e.ply", "8193"), 2, &["8193", "16 to 8192"]);
+    place.fails(&job("e.ply", "8193"), 2, &["8193", "16..=8192"]);
 }
