@@ -18,7 +18,11 @@ fn missing_and_broken_inputs() {
         place.fails(&["tin", input, "out.ply", "--max-error", "1"], code, words);
     };
     tin("nowhere.tif", 65, &["nowhere.tif", "no such file"]);
-    tin(".", 65, &["empty.tif"]);
+    let ran = place.run(&["tin", ".", "out.ply", "--max-error", "1"]);
+    assert_eq!((ran.code, ran.err.lines().count()), (65, 3), "{}", ran.err);
+    for word in ["empty.tif", "noise.tif", "2 of 4 files", "--skip-bad"] {
+        assert!(ran.err.contains(word), "{}", ran.err);
+    }
     std::fs::create_dir(place.path("bare")).unwrap();
     tin("bare", 65, &["bare", "holds no grid"]);
     tin("*.dem", 65, &["matches no file"]);

@@ -62,6 +62,9 @@ impl TryFrom<String> for Digest {
 
     fn try_from(text: String) -> std::result::Result<Self, String> {
         let hash = blake3::Hash::from_hex(&text).map_err(|e| format!("no digest: {e}"))?;
-        Ok(Self(*hash.as_bytes()))
+        match *hash.to_hex() == *text {
+            true => Ok(Self(*hash.as_bytes())),
+            false => Err("no digest: not as it is written".to_owned()),
+        }
     }
 }
