@@ -82,7 +82,7 @@ fn lattice(p: Local) -> Lattice {
 }
 
 /// Largest error as an exact comparison: panics when a sample in a triangle is beyond `tolerance`
-/// (an integer number of `unit`ths). Returns the samples covered.
+/// (an integer number of `unit`ths), or beyond what the triangle tells. Returns the samples covered.
 fn check_bound(
     grid: &Grid,
     triangles: &[Triangle],
@@ -111,6 +111,9 @@ fn check_bound(
                     i128::from(grid.at(col as u32, row as u32).expect("surface over a void"));
                 let off: i128 = (0..3).map(|i| i128::from(w[i]) * (z[i] - height)).sum();
                 assert!(off.abs() * unit <= tolerance * area, "sample {q:?} is too far from {p:?}");
+                // Both sides are exact: the heights and areas of these grids are small.
+                let told = f64::from(triangle.max_error) * area as f64;
+                assert!(off.abs() as f64 <= told, "sample {q:?} is further from {p:?} than told");
                 covered.insert(q);
             }
         }
@@ -173,7 +176,7 @@ proptest! {
         let mesh = whole(&grid, &spec);
         check_all(&grid, &mesh.triangles, quarters.into(), 4);
         let largest = mesh.triangles.iter().fold(0.0_f32, |most, t| most.max(t.max_error));
-        prop_assert!(f64::from(largest) <= spec.tolerance * (1.0 + 1e-6));
+        prop_assert!(f64::from(largest) <= spec.tolerance);
     }
 
     #[test]

@@ -8,10 +8,16 @@ use crate::geom::predicates::orient;
 /// Samples summed side by side; part of the arithmetic, so that sums never depend on the machine.
 const LANES: usize = 8;
 
-/// Measures triangle `p` over all its samples in `f64`. A sample on edge `i` counts in the sum only
-/// when `owned[i]`; vertices have no error. Returns (largest error, sum of squares); no sample is
-/// further off than the first, for which all rounding goes up. Time linear in the samples.
-pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f32) {
+/// Measures triangle `p`, all samples of which are within `tolerance`, in `f64`. A sample on edge `i`
+/// counts in the sum only when `owned[i]`; vertices have no error. Returns (largest error, sum of
+/// squares); no sample is further off than the first, for which all rounding goes up, though not
+/// beyond the tolerance. Time linear in the samples.
+pub(super) fn measure(
+    field: &Field,
+    p: [Local; 3],
+    owned: [bool; 3],
+    tolerance: f64,
+) -> (f32, f32) {
     let facet = Facet::new(p, field.vertices(p));
     let whole = field.whole();
     let mut total = Total::default();
@@ -40,7 +46,7 @@ pub(super) fn measure(field: &Field, p: [Local; 3], owned: [bool; 3]) -> (f32, f
         }
         total.add_run(low + 1, high, error);
     }
-    total.finish(|largest| doubt(&facet, p, field.vertices(p), largest))
+    total.finish(tolerance, |largest| doubt(&facet, p, field.vertices(p), largest))
 }
 
 /// True when a row holds two corners, and so may run along an edge.
@@ -89,10 +95,10 @@ impl Total {
         (col..to).for_each(|col| self.add(error(col), true));
     }
 
-    fn finish(self, doubt: impl Fn(f64) -> f64) -> (f32, f32) {
+    fn finish(self, tolerance: f64, doubt: impl Fn(f64) -> f64) -> (f32, f32) {
         let largest = self.most.iter().fold(self.largest, |most, &lane| most.max(lane));
         let sum = self.sum + self.lanes.iter().sum::<f64>();
-        (upwards(largest + doubt(largest)), sum as f32)
+        (upwards((largest + doubt(largest)).min(tolerance)), sum as f32)
     }
 }
 

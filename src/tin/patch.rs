@@ -180,8 +180,11 @@ fn finish(
             continue;
         }
         let owned = [0, 1, 2].map(|edge| border.is_owned(tri, edge));
-        let (max_error, square_sum) =
-            if spec.measure { measure(field, tri.corners, owned) } else { (0.0, 0.0) };
+        let (max_error, square_sum) = if spec.measure {
+            measure(field, tri.corners, owned, spec.tolerance)
+        } else {
+            (0.0, 0.0)
+        };
         let corners = smallest_first(tri.corners);
         patch.triangles.push(Triangle { corners, max_error, square_sum });
     }

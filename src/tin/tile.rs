@@ -166,7 +166,7 @@ fn finish(
         }
         let owned = |edge| owns_edge(mesh, id, edge, field, grid_ends);
         let (max_error, square_sum) = if spec.measure {
-            measure(field, tri.corners, [0, 1, 2].map(owned))
+            measure(field, tri.corners, [0, 1, 2].map(owned), spec.tolerance)
         } else {
             (0.0, 0.0)
         };

@@ -3,8 +3,9 @@
 //! Counts come from complete runs that write nothing, so they are exact, and the last run writes
 //! what its trial counted. Between trials the logarithm of the count is taken to be linear in the
 //! logarithm of the tolerance; what no tolerance takes away (the outlines of voids) is left out of
-//! that count once it is known. Trials end when the tolerance is known to [`WIDTH`], when the count is
-//! within [`SLACK`] below the budget, and after [`MOST_TRIALS`].
+//! that count once it is known. The guess to begin with comes from a sample of the grid, and is made again
+//! with what the first trial counted. Trials end when the tolerance is known to [`WIDTH`], when the count
+//! is within [`SLACK`] below the budget, and after [`MOST_TRIALS`].
 
 use crate::error::{Error, Result};
 
@@ -27,27 +28,33 @@ const TINY: f64 = 1e-9;
 
 /// A tolerance and what its mesh counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Trial {
-    tolerance: f64,
-    count: u64,
+pub(super) struct Trial {
+    pub(super) tolerance: f64,
+    pub(super) count: u64,
 }
 
-/// Finds the tolerance for at most `budget`, starting from `guess`; returns it with the number of
-/// trials, of which `spent` are done already. `count` tells the exact count at a tolerance. Fails with
-/// `Usage`, telling the least count, when not even the coarsest mesh fits.
+/// Finds the tolerance for at most `budget`; returns it with the number of trials, of which one, with a
+/// tolerance of 0, may be `known` already. `guess` tells about where the tolerance is, the better for a
+/// trial, and `count` the exact count at a tolerance. Fails with `Usage`, telling the least count, when
+/// not even the coarsest mesh fits.
 pub(super) fn search(
     budget: u64,
-    guess: f64,
-    spent: u32,
+    known: Option<Trial>,
+    mut guess: impl FnMut(Option<Trial>) -> Result<f64>,
     mut count: impl FnMut(f64) -> Result<u64>,
 ) -> Result<(f64, u32)> {
-    let mut search = Search { budget, guess, spent, trials: Vec::new(), same_side: 0 };
-    loop {
-        let Some(tolerance) = search.next() else { break };
-        search.note(Trial { tolerance, count: count(tolerance)? });
+    let spent = known.is_some().into();
+    let mut search =
+        Search { budget, guess: guess(known)?, spent, trials: Vec::new(), same_side: 0 };
+    while let Some(tolerance) = search.next() {
+        let trial = Trial { tolerance, count: count(tolerance)? };
+        search.note(trial);
         let least = search.least();
         if least > budget {
             return Err(too_small(budget, least));
+        }
+        if search.trials.len() == 1 && !search.is_close() {
+            search.guess = guess(Some(trial))?;
         }
     }
     let fits = search.fits().map_or(COARSEST, |trial| trial.tolerance);
@@ -74,10 +81,7 @@ impl Search {
     fn next(&self) -> Option<f64> {
         let left = MOST_TRIALS - self.spent - self.trials.len() as u32;
         let (over, fits) = (self.over(), self.fits());
-        let is_close = |fits: Trial| {
-            fits.tolerance == 0.0 || fits.count as f64 >= self.budget as f64 * (1.0 - SLACK)
-        };
-        if left == 0 || fits.is_some_and(is_close) {
+        if left == 0 || self.is_close() {
             return None;
         }
         if fits.is_none() && (left == 1 || self.trials.len() as u32 == PATIENCE) {
@@ -87,6 +91,12 @@ impl Search {
             (Some(over), Some(fits)) if fits.tolerance < COARSEST => self.between(over, fits),
             (over, fits) => Some(self.beyond(over, fits)),
         }
+    }
+
+    /// True when no other tolerance would be much better.
+    fn is_close(&self) -> bool {
+        let least = self.budget as f64 * (1.0 - SLACK);
+        self.fits().is_some_and(|fits| fits.tolerance == 0.0 || fits.count as f64 >= least)
     }
 
     fn note(&mut self, trial: Trial) {
@@ -135,6 +145,15 @@ impl Search {
         x + self.miss(near.count as f64) / slope
     }
 
+    /// True when the guess is clearly on the side of a trial where the budget must be.
+    fn leads_on(&self, trial: Trial) -> bool {
+        if trial.count > self.budget {
+            self.guess > trial.tolerance * WIDTH
+        } else {
+            self.guess < trial.tolerance / WIDTH
+        }
+    }
+
     /// A tolerance beyond all trials on one side, where the other is not known.
     fn beyond(&self, over: Option<Trial>, fits: Option<Trial>) -> f64 {
         let is_usual = |trial: &&Trial| trial.tolerance > 0.0 && trial.tolerance < COARSEST;
@@ -145,6 +164,7 @@ impl Search {
         });
         let wanted = match known[..] {
             [] => return round_up(self.guess),
+            [only] if self.leads_on(only) => return round_up(self.guess),
             // The count is taken to go with 1 / tolerance.
             [only] => only.tolerance.ln() + self.miss(only.count as f64),
             [near, other, ..] => self.followed(near, other),
@@ -223,7 +243,7 @@ mod tests {
         ) {
             let count = |tolerance| least + curve(tolerance, quantum, slope);
             let mut counted = 0;
-            let found = search(budget, guess, 0, |t| {
+            let found = search(budget, None, |_| Ok(guess), |t| {
                 counted += 1;
                 Ok(count(t))
             });
@@ -244,21 +264,44 @@ mod tests {
             let count = |tolerance| least + curve(tolerance, 0.0, slope);
             let budget = count(exact);
             let guess = exact * off.exp();
-            let (tolerance, _) = search(budget, guess, 0, |t| Ok(count(t))).unwrap();
+            let (tolerance, _) = search(budget, None, |_| Ok(guess), |t| Ok(count(t))).unwrap();
             let used = count(tolerance) as f64 / budget as f64;
             prop_assert!((0.85..=1.0).contains(&used), "{}", used);
+        }
+
+        /// A sample that is off by a factor says nothing where it has less at any tolerance than the
+        /// budget, and says all once it is compared with a trial.
+        #[test]
+        fn a_sample_that_is_off_leads_to_the_budget(
+            exact in 0.02..50.0, off in 0.5..2.0, slope in 0.7..2.5, whole: bool
+        ) {
+            let count = |tolerance| curve(tolerance, 0.0, slope);
+            let budget = count(exact);
+            let guess = |trial: Option<Trial>| {
+                let factor = trial.map_or(1.0, |trial| {
+                    off * count(trial.tolerance) as f64 / trial.count as f64
+                });
+                let wanted = budget as f64 * factor;
+                let fits = |t: &f64| off * count(*t) as f64 <= wanted;
+                Ok((0..1400).map(|i| 1e-4 * 1.01_f64.powi(i)).find(fits).unwrap())
+            };
+            let known = whole.then(|| Trial { tolerance: 0.0, count: count(0.0) });
+            let (tolerance, trials) = search(budget, known, guess, |t| Ok(count(t))).unwrap();
+            let used = count(tolerance) as f64 / budget as f64;
+            prop_assert!((0.99..=1.0).contains(&used), "{}", used);
+            prop_assert!(trials <= MOST_TRIALS);
         }
     }
 
     #[test]
     fn few_trials_suffice_from_a_fair_guess() {
-        let (_, trials) = search(10_000, 30.0, 0, |t| Ok(curve(t, 0.0, 1.2))).unwrap();
+        let (_, trials) = search(10_000, None, |_| Ok(30.0), |t| Ok(curve(t, 0.0, 1.2))).unwrap();
         assert!(trials <= 5, "{trials}");
     }
 
     #[test]
     fn too_small_a_budget_tells_the_least_count() {
-        let error = search(3, 1.0, 0, |t| Ok(curve(t, 0.0, 1.0))).unwrap_err();
+        let error = search(3, None, |_| Ok(1.0), |t| Ok(curve(t, 0.0, 1.0))).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
         assert!(error.to_string().contains("the coarsest one has 4"));
     }

@@ -1,5 +1,6 @@
 //! How large a mesh will be, from a few tiles spread over the grid.
 
+use super::budget::Trial;
 use super::layout::{Layout, TileId};
 use super::window::Window;
 use super::worker::tile_input;
@@ -111,19 +112,27 @@ impl<'a> Estimator<'a> {
         Ok((owned.len() as u64, Size { vertices, triangles: mesh.triangles.len() as u64 }))
     }
 
-    /// A tolerance at which `count` of the mesh's size is about `budget`; it is above 0.
+    /// A tolerance at which `count` of the mesh's size is about `budget`; it is above 0. Estimates are
+    /// taken to be off by the same factor as that for a trial.
     pub(super) fn guess(
         &mut self,
         spec: &Spec,
         budget: u64,
+        trial: Option<Trial>,
         count: impl Fn(Size) -> u64,
     ) -> Result<f64> {
+        let mut estimate = |tolerance| self.size(&Spec { tolerance, ..*spec }).map(&count);
+        let factor = match trial {
+            Some(trial) => estimate(trial.tolerance)? as f64 / trial.count.max(1) as f64,
+            None => 1.0,
+        };
+        let budget = budget as f64 * factor;
         let relief = self.relief()?;
         let (mut low, mut high) = ((relief * 1e-6).ln(), relief.ln());
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);
             let size = self.size(&Spec { tolerance: middle.exp(), ..*spec })?;
-            if count(size) > budget { low = middle } else { high = middle }
+            if count(size) as f64 > budget { low = middle } else { high = middle }
         }
         Ok(high.exp())
     }

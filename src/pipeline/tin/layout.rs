@@ -63,6 +63,7 @@ pub(super) struct Layout {
     width: u32,
     height: u32,
     tile: u32,
+    spacing: u32,
     /// Tiles along a row.
     pub(super) cols: u32,
     /// Rows of tiles.
@@ -81,7 +82,7 @@ impl Layout {
         // What is larger than the grid is as large as the grid: it takes no more memory.
         let tile = tile.min((width.max(height) - 1).max(*TILE_CELLS.start()));
         let (cols, rows) = ((width - 1).div_ceil(tile), (height - 1).div_ceil(tile));
-        Ok(Self { width, height, tile, cols, rows })
+        Ok(Self { width, height, tile, spacing: tile / 4, cols, rows })
     }
 
     /// Cells along a tile's side.
@@ -89,9 +90,19 @@ impl Layout {
         self.tile
     }
 
-    /// The tiling of the same grid into tiles of at most so many cells.
-    pub(super) fn finer(&self, tile: u32) -> Result<Self> {
-        Self::new(self.width, self.height, tile.min(self.tile))
+    /// The tiling of the same grid into tiles of at most so many cells, with posts no closer than here: a
+    /// tile is a few times their distance wide, or a fraction of it.
+    pub(super) fn finer(&self, most: u32) -> Result<Self> {
+        if self.tile <= most {
+            return Ok(*self);
+        }
+        let spacing = self.spacing;
+        let side = match most / spacing {
+            0 => spacing / spacing.div_ceil(most),
+            times => times * spacing,
+        };
+        let finer = Self::new(self.width, self.height, side)?;
+        Ok(Self { spacing, ..finer })
     }
 
     /// Number of tiles.
@@ -228,7 +239,7 @@ impl Layout {
     /// How far apart the posts of a tile are at most. Triangles are then not wider than a third of a
     /// tile or so, and a patch of half a tile holds all that meet at its seam.
     pub(super) fn spacing(&self) -> u32 {
-        self.tile / 4
+        self.spacing
     }
 
     /// The rows of a finished tile that no narrow patch will read again.
@@ -269,6 +280,18 @@ mod tests {
         assert_eq!(reaches(16), [8]);
         assert_eq!(reaches(100), [FIRST_REACH, 2 * FIRST_REACH, 50]);
         assert_eq!(reaches(512).last(), Some(&256));
+    }
+
+    #[test]
+    fn finer_tiles_have_posts_no_closer() {
+        for tile in 16..=2000 {
+            let layout = Layout::new(9000, 9000, tile).unwrap();
+            let finer = layout.finer(128).unwrap();
+            let [side, spacing] = [finer.side(), finer.spacing()];
+            assert_eq!(spacing, layout.spacing());
+            assert!(side <= 128 && side >= 65.min(tile), "{tile}");
+            assert!(side == tile || side < spacing || side % spacing == 0, "{tile}");
+        }
     }
 
     #[test]

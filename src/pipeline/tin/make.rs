@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::budget::search;
+use super::budget::{Trial, search};
 use super::estimate::{Estimator, Size};
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
@@ -264,13 +264,15 @@ impl Maker<'_> {
         counted: impl Fn(Size) -> u64,
     ) -> Result<(f64, u32)> {
         let spec = Spec { measure: false, ..self.spec(0.0) };
+        let count = |tolerance| self.count(tolerance, &counted);
         let may_be_all = budget >= layout.samples() / 2;
-        if may_be_all && self.count(0.0, &counted)? <= budget {
+        let all = || Ok::<_, Error>(Trial { tolerance: 0.0, count: count(0.0)? });
+        let known = may_be_all.then(all).transpose()?;
+        if known.is_some_and(|all| all.count <= budget) {
             return Ok((0.0, 1));
         }
-        let guess = Estimator::new(&*self.opened.source, layout, self.cancel)
-            .guess(&spec, budget, &counted)?;
-        search(budget, guess, may_be_all.into(), |tolerance| self.count(tolerance, &counted))
+        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
+        search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
     }
 
     /// The size of the mesh at a tolerance, by making it and throwing it away.
