@@ -99,7 +99,7 @@ fn read(path: &Path) -> Vec<u8> {
 
 /// Worlds of a kind, in squares of few vertices.
 fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
-    let (mut kept, mut cleans, mut unjudged) = ([0, 0], 0, 0);
+    let (mut kept, mut cleans) = ([0, 0], 0);
     for seed in 0..count {
         let mut dice = Dice::new(seed);
         let world = make(&mut dice);
@@ -108,12 +108,6 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
         }
         let place = Place::new(&world);
         let tolerance = f64::from(1 << dice.below(12));
-        // A ring that comes by its vertices repeatedly may not even be taken for itself.
-        std::fs::copy(place.path("a.wkt"), place.path("b.wkt")).unwrap();
-        if !place.proof(tolerance).passed {
-            unjudged += 1;
-            continue;
-        }
         let crowd = |p| world.cells.iter().filter(|q| **q == p).count() as u64;
         let crowd = world.cells.iter().map(|p| crowd(*p)).max().unwrap_or(1);
         let square = [4, 12, 40][dice.below(3) as usize].max(crowd);
@@ -141,7 +135,6 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
         }
     }
     assert!(kept[0] * 10 < kept[1] * 9, "{name}: {kept:?}");
-    assert!(unjudged * 50 < count, "{name}: {unjudged} worlds are not judged");
     assert!(cleans * 100 > count, "{name}: only {cleans} clean worlds");
 }
 

@@ -81,11 +81,7 @@ impl Table {
     /// Appends a feature. `most` is the most bytes a value may take as text.
     pub(super) fn push(&mut self, feature: &Feature, most: usize) -> Result<()> {
         self.starts.push(self.spool.bytes());
-        let id = feature.id.as_ref().map(|id| match id {
-            Id::Int(id) => Value::Int(*id),
-            Id::Real(id) => Value::Real(*id),
-            Id::Text(id) => Value::Text(id.clone()),
-        });
+        let id = feature.id.as_ref().map(value_of);
         let is_named = feature.properties.get(ID).is_some();
         let has_lost =
             is_named && id.as_ref().is_some_and(|id| feature.properties.get(ID) != Some(id));
@@ -185,6 +181,19 @@ impl Column {
             self.decimals = self.decimals.max(digits);
         }
         Ok(())
+    }
+}
+
+/// What the column of ids has for a feature: a property of its name goes before the id.
+pub(super) fn id_of(feature: &Feature) -> Option<Value> {
+    feature.properties.get(ID).cloned().or_else(|| feature.id.as_ref().map(value_of))
+}
+
+fn value_of(id: &Id) -> Value {
+    match id {
+        Id::Int(id) => Value::Int(*id),
+        Id::Real(id) => Value::Real(*id),
+        Id::Text(id) => Value::Text(id.clone()),
     }
 }
 

@@ -148,7 +148,9 @@ impl Source {
             if line.is_empty() {
                 continue;
             }
-            let found = [b'\t', b';', b','].into_iter().find(|d| line.as_bytes().contains(d));
+            // What is between quotation marks divides nothing.
+            let bare: String = line.split('"').step_by(2).collect();
+            let found = [b'\t', b';', b','].into_iter().find(|d| bare.as_bytes().contains(d));
             self.delimiter = found.unwrap_or(b' ');
             self.row.cells = self.cells(&line)?;
             self.count = self.row.cells.len();

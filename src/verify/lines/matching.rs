@@ -3,9 +3,10 @@
 use super::{Distance, Vertices, Xy};
 
 /// Vertices at one position that are tried for one of the result: lines pass few positions so often.
-/// Where that does not do, more are.
+/// Where that does not do, more are, and all of those of a short part.
 const FEW_TRIED: usize = 8;
 const MANY_TRIED: usize = 64;
+const SHORT: usize = 512;
 
 /// A vertex of the original tried for one of the result.
 #[derive(Clone, Copy, Debug)]
@@ -105,19 +106,54 @@ impl<'a> Matching<'a> {
 
     /// The vertices of the original that those of the result are, in order and from any start of a ring;
     /// where a position comes repeatedly, so that the largest distance is least, as far as the tolerance
-    /// asks for it. Beyond its end a ring begins again. `None` when the result was not made from it.
-    pub(super) fn best(&self, tolerance: Option<f64>) -> Option<Vec<u32>> {
+    /// asks for it. Beyond its end a ring begins again. `None` when the result was not made from it. With
+    /// the largest distance, which is 0 where there is no choice.
+    pub(super) fn best(&self, tolerance: Option<f64>) -> Option<(f64, Vec<u32>)> {
         if self.old.is_empty() {
             return None;
         }
         if self.places.windows(2).all(|pair| pair[0].0 != pair[1].0) {
-            return self.only();
+            return self.only().map(|places| (0.0, places));
+        }
+        if let Some(places) = self.rotated() {
+            return Some((0.0, places));
         }
         let found = self.tried(FEW_TRIED);
         let is_enough =
             found.as_ref().is_some_and(|(worst, _)| tolerance.is_none_or(|most| *worst <= most));
-        let found = if is_enough { found } else { self.tried(MANY_TRIED).or(found) };
-        found.map(|(_, places)| places)
+        let many = if self.old.len() <= SHORT { 2 * SHORT } else { MANY_TRIED };
+        if is_enough { found } else { self.tried(many).or(found) }
+    }
+
+    /// The match of a ring of which nothing was left out. O(n).
+    fn rotated(&self) -> Option<Vec<u32>> {
+        let count = self.old.len();
+        if !self.is_ring || self.new.len() != count + 1 {
+            return None;
+        }
+        let mut old = vec![Key::default(); count];
+        self.places.iter().for_each(|(key, at)| old[*at as usize] = *key);
+        let new = &self.new[..count];
+        // For each beginning of the ring, the longest shorter one that it ends with.
+        let mut again = vec![0; count];
+        let grown = |again: &[usize], mut length: usize, key: &Key| {
+            while length > 0 && new[length] != *key {
+                length = again[length - 1];
+            }
+            length + usize::from(new[length] == *key)
+        };
+        for at in 1..count {
+            again[at] = grown(&again, again[at - 1], &new[at]);
+        }
+        let mut length = 0;
+        for at in 0..2 * count {
+            length = grown(&again, length, &old[at % count]);
+            if length == count {
+                let start = (at + 1 - count) as u32;
+                return Some((start..=start + count as u32).collect());
+            }
+        }
+        None
     }
 
     /// The best of those matches that try so many vertices at one position.
@@ -195,10 +231,7 @@ impl<'a> Matching<'a> {
             candidates.sort_unstable();
             candidates.truncate(most);
             let next = nodes.len();
-            for at in candidates {
-                let best = self.reach(&nodes, layer.clone(), at);
-                nodes.extend(best);
-            }
+            nodes.extend(self.reached(&nodes[layer.clone()], layer.start, &candidates));
             layer = next..nodes.len();
         }
         let mut at = layer.min_by(|&p, &q| nodes[p].worst.total_cmp(&nodes[q].worst))?;
@@ -214,13 +247,63 @@ impl<'a> Matching<'a> {
         Some((worst, places))
     }
 
-    /// The node at `at` that comes best from one of a layer.
-    fn reach(&self, nodes: &[Node], layer: std::ops::Range<usize>, at: u32) -> Option<Node> {
-        let ways = layer.filter(|&k| nodes[k].at < at).map(|k| {
-            let off = self.farthest(nodes[k].at, at).0;
-            Node { at, worst: nodes[k].worst.max(off), back: k as u32 }
-        });
-        ways.min_by(|p, q| p.worst.total_cmp(&q.worst))
+    /// Of vertices at one position, those that are reached from a layer, whose vertices are at one position,
+    /// too, each in the best way; `first` is the number of the first of the layer. O(n).
+    fn reached(&self, layer: &[Node], first: usize, candidates: &[u32]) -> Vec<Node> {
+        let unknown = |&at: &u32| Node { at, worst: f64::INFINITY, back: u32::MAX };
+        let mut all: Vec<Node> = candidates.iter().map(unknown).collect();
+        let from = self.heights(layer.iter().map(|node| node.at));
+        let to = self.heights(candidates.iter().copied());
+        for (&a, &b) in from.iter().flat_map(|a| to.iter().map(move |b| (a, b))) {
+            self.sweep(layer, first, [a, b], &mut all);
+        }
+        all.retain(|node| node.back != u32::MAX);
+        all
+    }
+
+    /// Goes along the original from the first of a layer to the last candidate, and joins those of the one at
+    /// `a` with those of the other at `b`: whatever is between is so far off the one segment.
+    fn sweep(&self, layer: &[Node], first: usize, [a, b]: [[f64; 3]; 2], all: &mut [Node]) {
+        let (mut left, mut next) =
+            ((first as u32..).zip(layer).peekable(), all.iter_mut().peekable());
+        let mut best: Option<(f64, u32)> = None;
+        for at in layer[0].at.. {
+            if let Some(node) = next.next_if(|node| node.at == at)
+                && self.place(at) == b
+                && let Some((worst, back)) = best.filter(|best| best.0 < node.worst)
+            {
+                (node.worst, node.back) = (worst, back);
+            }
+            if next.peek().is_none() {
+                return;
+            }
+            if let Some((worst, _)) = &mut best {
+                *worst = worst.max(self.distance.of(self.vertex(at), a, b));
+            }
+            let own = left.next_if(|(_, node)| node.at == at).filter(|_| self.place(at) == a);
+            if let Some((back, node)) =
+                own.filter(|own| best.is_none_or(|best| own.1.worst < best.0))
+            {
+                best = Some((node.worst, back));
+            }
+        }
+    }
+
+    /// The places of vertices, each once.
+    fn heights(&self, vertices: impl Iterator<Item = u32>) -> Vec<[f64; 3]> {
+        let mut places = Vec::new();
+        for place in vertices.map(|at| self.place(at)) {
+            if !places.contains(&place) {
+                places.push(place);
+            }
+        }
+        places
+    }
+
+    /// What of a vertex tells in distances.
+    fn place(&self, at: u32) -> [f64; 3] {
+        let [x, y, z] = self.vertex(at);
+        [x, y, if self.distance == Distance::Space { z } else { 0.0 }]
     }
 
     /// The largest distance strictly between two vertices, and whose it is.

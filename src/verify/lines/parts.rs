@@ -141,7 +141,7 @@ struct Matched<'a> {
 
 impl<'a> Matched<'a> {
     /// The vertices with their heights and measures, or else by their positions alone; those of a ring
-    /// forward or backward, whichever keeps the sign of its area where both will do.
+    /// forward or backward, whichever keeps the tolerance, and the sign of its area where both do.
     fn best(
         by: &Comparison,
         before: Vertices<'a>,
@@ -151,7 +151,7 @@ impl<'a> Matched<'a> {
         let has_extras = !before.extras.is_empty() && !after.extras.is_empty();
         let sign = if is_ring { area_sign(before.points) } else { 0 };
         for with_extras in [true, false].into_iter().filter(|with| has_extras || !with) {
-            let mut other = None;
+            let mut best: Option<([bool; 2], Self)> = None;
             for is_backward in [false, true].into_iter().filter(|back| is_ring || !back) {
                 let (mut points, mut extras) = (after.points.to_vec(), after.extras.to_vec());
                 if is_backward {
@@ -161,17 +161,20 @@ impl<'a> Matched<'a> {
                 let is_same = sign == 0 || area_sign(&points) == sign;
                 let own = Own { points, extras, with_extras };
                 let matching = Matching::new(by.distance, before, own, is_ring);
-                let Some(places) = matching.best(by.tolerance) else { continue };
+                let Some((worst, places)) = matching.best(by.tolerance) else { continue };
                 let changed =
                     if has_extras { matching.changed(&places, before) } else { Vec::new() };
                 let found = Self { matching, places, changed };
-                if is_same {
+                let faults = [by.tolerance.is_some_and(|most| worst > most), !is_same];
+                if faults == [false; 2] {
                     return Some(found);
                 }
-                other = other.or(Some(found));
+                if best.as_ref().is_none_or(|(fewer, _)| faults < *fewer) {
+                    best = Some((faults, found));
+                }
             }
-            if other.is_some() {
-                return other;
+            if let Some((_, found)) = best {
+                return Some(found);
             }
         }
         None

@@ -130,9 +130,7 @@ fn meshes_of_every_format_are_proved() {
             assert_eq!(report.failures, Vec::<String>::new(), "{name} at {tolerance}");
             assert!(report.passed && report.made_by_terrane);
             assert_eq!((report.free_vertices, report.off_point_vertices.count), (0, 0), "{name}");
-            // An STL has no room to state a bound.
-            let stated = (name != "a.stl").then(|| (tolerance * 100.0).round());
-            assert_eq!(report.tolerance_steps, stated, "{name}");
+            assert_eq!(report.tolerance_steps, Some((tolerance * 100.0).round()), "{name}");
             assert_eq!(report.non_delaunay_edges.count, 0);
             assert_eq!(report.covered_points, report.judged_points);
             assert!(report.stacked_points >= 60 && report.judged_points <= 6000);

@@ -9,6 +9,9 @@ use crate::vector::{Feature, FeatureSource, Field, Holds, Id, Kind, Value, Value
 const ID: &str = "id";
 /// Name of an id that has a place of its own.
 const OWN_ID: &str = "its id";
+/// Name of the column that ids are in where a CSV numbers features as ids repeat; underscores follow
+/// where a property has it.
+const ORIGINAL_ID: &str = "original_id";
 /// Name of the field that numbers records of a dBASE table without any.
 const NUMBER: &str = "FID";
 /// Most bytes of the name of a field of a dBASE table.
@@ -138,9 +141,15 @@ impl Rules {
 
     /// What of a feature is not as it was; `None` where all is.
     pub(super) fn difference(&mut self, expected: &Facts, found: &Facts) -> Option<String> {
+        let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
+        let moved = found.iter().find(|(name, _)| {
+            let is_it = name.trim_end_matches('_') == ORIGINAL_ID && !is_known(name);
+            is_it && self.holds.values == Values::Cells
+        });
         for (name, value) in expected {
             let is_it = |of: &str| found.iter().find(|(other, _)| other == of);
-            let Some((_, own)) = is_it(name).or_else(|| is_it(counterpart(name)?)) else {
+            let known = moved.filter(|_| name == ID).or_else(|| is_it(name));
+            let Some((_, own)) = known.or_else(|| is_it(counterpart(name)?)) else {
                 return Some(format!("{name} is gone"));
             };
             match self.compare(name, value, own) {
@@ -153,11 +162,12 @@ impl Rules {
         }
         let is_new = |(name, _): &&(String, Value)| {
             let is_number = match self.holds.values {
-                Values::Cells => name == ID,
+                Values::Cells => {
+                    name == ID || moved.is_some_and(|(own, _)| own == name && is_known(ID))
+                }
                 Values::Dbase => name == NUMBER && expected.is_empty(),
                 _ => false,
             };
-            let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
             !is_number && !is_known(name) && !counterpart(name).is_some_and(is_known)
         };
         found.iter().find(is_new).map(|(name, _)| format!("{name} is new"))

@@ -140,23 +140,26 @@ fn placed_by_vertices(before: &Own, after: &Own) -> (Vec<Option<usize>>, Vec<usi
     (of, strangers)
 }
 
+/// Vertices of a ring at one position that are tried as its start.
+const MOST_STARTS: usize = 64;
+
 /// Whether the vertices of `new` come in their order in `old`, of a ring from any start and either way
-/// round: a short look that may say no where repeated vertices would do after all. O(n).
+/// round: a look that may say no where a ring comes to its start more often than is tried. O(n).
 fn is_walk(old: &OwnPart, new: &OwnPart) -> bool {
     let ends = usize::from(new.is_ring());
     let (old, new) = (&old.points, &new.points);
     let (old, new) =
         (&old[..old.len().saturating_sub(ends)], &new[..new.len().saturating_sub(ends)]);
     let Some(first) = new.first() else { return true };
-    let starts = || if ends == 0 { 0..1.min(old.len()) } else { 0..old.len() };
-    let Some(start) = starts().find(|&at| key(&old[at]) == key(first)) else { return false };
-    let around = |step: usize| {
+    let starts = if ends == 0 { 0..1.min(old.len()) } else { 0..old.len() };
+    let around = |start: usize, step: usize| {
         let at = move |i: usize| &old[(start + i * step) % old.len()];
         let mut left = new.iter().peekable();
         (0..old.len()).for_each(|i| _ = left.next_if(|next| key(next) == key(at(i))));
         left.next().is_none()
     };
-    around(1) || (ends == 1 && around(old.len() - 1))
+    let mut starts = starts.filter(|&at| key(&old[at]) == key(first)).take(MOST_STARTS);
+    starts.any(|at| around(at, 1) || (ends == 1 && around(at, old.len() - 1)))
 }
 
 /// Whether all vertices of `new` are among those of `old`.
