@@ -18,11 +18,13 @@ fn missing_and_broken_inputs() {
         place.fails(&["tin", input, "out.ply", "--max-error", "1"], code, words);
     };
     tin("nowhere.tif", 65, &["nowhere.tif", "no such file"]);
-    let ran = place.run(&["tin", ".", "out.ply", "--max-error", "1"]);
-    assert_eq!((ran.code, ran.err.lines().count()), (65, 3), "{}", ran.err);
-    for word in ["empty.tif", "noise.tif", "2 of 4 files", "--skip-bad"] {
-        assert!(ran.err.contains(word), "{}", ran.err);
+    let folder = place.run(&["tin", ".", "out.ply", "--max-error", "1"]);
+    assert_eq!(folder.code, 65, "{}", folder.err);
+    for (line, word) in folder.err.lines().zip(["empty.tif", "noise.tif", "--skip-bad"]) {
+        assert!(line.starts_with("terrane: error: ") && line.contains(word), "{line}");
     }
+    assert_eq!(folder.err.lines().count(), 3, "each bad file has its line: {}", folder.err);
+    assert!(!place.path("out.ply").exists());
     std::fs::create_dir(place.path("bare")).unwrap();
     tin("bare", 65, &["bare", "holds no grid"]);
     tin("*.dem", 65, &["matches no file"]);
@@ -190,7 +192,9 @@ fn budgets_too_small_tell_the_least_and_the_units() {
     for bare in ["1", "512", "1000000"] {
         place.fails(&[&tin[..], &[bare]].concat(), 2, &["--memory", "at least 1M", "K, M or G"]);
     }
-    place.fails(&[&tin[..], &["1M"]].concat(), 75, &["--memory 67M", "1.0 MiB"]);
+    place.fails(&[&tin[..], &["1M"]].concat(), 75, &["--memory 19M", "1.0 MiB"]);
+    let wide = ["tin", "synth:rough,size=600", "out.ply", "--max-error", "1", "--memory"];
+    place.fails(&[&wide[..], &["1M"]].concat(), 75, &["--memory 67M", "1.0 MiB"]);
     let view = ["view", "good.asc", "-o", "out.png", "--memory", "1M"];
     place.fails(&view, 75, &["--memory 156M", "--width"]);
 }

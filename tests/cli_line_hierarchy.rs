@@ -139,7 +139,7 @@ fn hierarchies_are_the_same_however_they_are_made() {
         std::fs::read(place.path(name)).unwrap()
     };
     let first = made("1.h", &["--tolerance", "0.1", "--threads", "1"]);
-    let small = ["--tolerance", "7", "--threads", "3", "--memory", "1M"];
+    let small = ["--tolerance", "7", "--threads", "3", "--memory", "13M"];
     assert!(first == made("2.h", &small));
     assert!(first == made("3.h", &["--keep-ratio", "0.5", "--threads", "2"]));
     assert!(first == made("1.h", &["--keep-ratio", "0.5"]), "asking changes nothing");

@@ -370,8 +370,8 @@ fn near_vertices_are_made_one_in_any_number_of_squares() {
         let apart = |pair: &[Xy]| twin::distance(pair[0], [pair[1]; 2]) > snap;
         assert!(places.windows(2).all(apart), "{square}");
         assert_eq!(places.len(), 41 * 61, "{square}");
-        for (memory, threads) in [(1 << 30, 3), (900_000, 2), (150_000, 1)] {
-            if memory < 1 << 20 && square > 1000 {
+        for (memory, threads) in [(1 << 30, 3), (5 << 20, 2), (4 << 20, 1)] {
+            if memory < 1 << 30 && square > 1000 {
                 continue;
             }
             job.resources = resources(memory, threads);

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::layout::Layout;
 use super::worker::worker_bytes;
 use crate::pipeline::Resources;
 use crate::pipeline::memory;
@@ -46,11 +47,9 @@ pub struct Plan {
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
 pub fn plan(source: &dyn GridSource, resources: &Resources) -> Option<Plan> {
+    let layout = Layout::new(source.info().width, source.info().height, TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
-    if width < 2 || height < 2 {
-        return None;
-    }
-    let worker = worker_bytes(TILE);
+    let worker = worker_bytes(layout.side());
     let least_memory = memory::least(worker, source.block_bytes());
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;
