@@ -178,7 +178,7 @@ const JOBS: &[&str] = &[
 ];
 
 /// Budgets of the table, in MiB.
-const BUDGETS: [u64; 6] = [24, 32, 48, 64, 128, 256];
+const BUDGETS: [u64; 4] = [24, 32, 64, 256];
 
 /// Runs a job with so much memory: its exit code, what it said, and the MiB that it took.
 ///
@@ -233,12 +233,15 @@ fn no_verb_takes_more_than_it_may() {
         let mut done = 0;
         for mib in BUDGETS {
             let (mut mib, (mut code, mut told, mut peak)) = (mib, measured(&place, &again, mib));
-            if code == 75 {
-                // What is told to be enough is enough.
-                let Some(enough) = advised(&told).filter(|enough| *enough > mib) else {
-                    faults.push(format!("{job}, {mib} MiB: no advice in {told}"));
+            // Of one feature that is too large its own need is told, and what its neighbours take once
+            // that is met, as README.md says; otherwise what is told to be enough is enough.
+            let steps =
+                if told.contains("a feature of") && job.contains("--topology") { 2 } else { 1 };
+            for _ in 0..steps {
+                if code != 75 {
                     break;
-                };
+                }
+                let Some(enough) = advised(&told).filter(|enough| *enough > mib) else { break };
                 (mib, (code, told, peak)) = (enough, measured(&place, &again, enough));
             }
             if code != 0 {

@@ -21,7 +21,7 @@ const BATCH: u64 = 1 << 20;
 const VERTEX: u64 = 160;
 /// Bytes that a vertex of a feature takes that is more than a batch, by any method, with what the next
 /// batch takes.
-const FEATURE_VERTEX: u64 = 96;
+const FEATURE_VERTEX: u64 = 104;
 /// Bytes more where it has a hierarchy.
 const SPLIT: u64 = 60;
 /// Features of a batch at most.
