@@ -315,7 +315,7 @@ mod latin {
             (&["synth", "rough,size=9", "%synth.tif"], "%synth.tif"),
             (&["plan", "tin", "@asc", "-o", "@plan", "--max-error", "0"], "@plan"),
             (&["run", "@plan"], "@plan"),
-            (&["finish", "@plan", "%ply"], "%ply"),
+            (&["finish", "@plan", "%ply", "--overwrite"], "%ply"),
             (&["status", "@plan"], "@plan"),
             (&["plan", "grid", "@laz", "-o", "@gplan", "--cell", "5"], "@gplan"),
             (&["run", "@gplan"], "@gplan"),

@@ -185,6 +185,10 @@ const BUDGETS: [u64; 4] = [24, 32, 64, 256];
 /// A new process shares the memory of the one that starts it until it is a program of its own, and the
 /// system counts that, too: the tests have to stay below the least budget themselves.
 #[cfg(target_os = "linux")]
+#[expect(
+    clippy::zombie_processes,
+    reason = "it is waited for with wait4, which tells what it used"
+)]
 fn measured(place: &Place, job: &str, mib: u64) -> (i32, String, f64) {
     use std::io::Read;
     let memory = format!("{mib}M");

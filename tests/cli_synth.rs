@@ -62,11 +62,11 @@ fn lines_become_files_and_are_inputs_by_name() {
         let by_name = format!("synth:{name}");
         place.ok(&["line", &by_name, "b.wkt", "--tolerance", "3", "-q", "--overwrite"]);
         for original in [&by_name, &file] {
-            // WKT has no place for properties, so they are not judged; a WKT has none.
+            // WKT has no place for properties and ids, so they are not judged; a WKT has none.
             let ran = place.run(&["verify", "b.wkt", original, "--tolerance", "3", "-q"]);
             let (code, told) = match original.ends_with(".wkt") {
                 true => (0, ""),
-                false => (3, "not judged: properties of 2 features"),
+                false => (3, "of 2 features, which WKT has no place for"),
             };
             assert!(ran.code == code && ran.err.contains(told), "{original}: {}", ran.err);
         }

@@ -441,7 +441,8 @@ fn damage_anywhere_in_a_vrt_or_a_sidecar_is_told() {
         place.write("t000.asc.aux.xml", text);
         opened(&[place.at("t000.asc")]).map(drop)
     };
-    let cases: [(&str, &dyn Fn(&str) -> Result<()>); 3] =
+    type Opens<'a> = &'a dyn Fn(&str) -> Result<()>;
+    let cases: [(&str, Opens<'_>); 3] =
         [(&vrt, &open_vrt), (&sidecar, &open_beside), (&other, &open_beside)];
     for (sound, open) in cases {
         std::fs::remove_file(place.at("t000.asc.aux.xml")).ok();

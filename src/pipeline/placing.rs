@@ -290,7 +290,10 @@ mod tests {
         let steep = Placing { exaggerate: Some(3.0), ..plain };
         assert_eq!(at(steep, &utm, METRES, "STL").unwrap().0, [1.0, 1.0, 3.0]);
         let feet = at(scaled, &crs(2263, ""), METRES, "STL").unwrap().0;
-        assert!((feet[0] - 0.006_096).abs() < 1e-6 && (feet[2] / feet[0] - 2.0).abs() < 1e-6, "{feet:?}");
+        assert!(
+            (feet[0] - 0.006_096).abs() < 1e-6 && (feet[2] / feet[0] - 2.0).abs() < 1e-6,
+            "{feet:?}"
+        );
         for (placing, crs, name, part) in [
             (print, &utm, "PLY", "--size is for STL and GLB: PLY"),
             (kept, &degrees, "OBJ", "--keep-degrees is for STL and GLB: OBJ"),

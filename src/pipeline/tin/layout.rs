@@ -289,7 +289,7 @@ mod tests {
             let finer = layout.finer(128).unwrap();
             let [side, spacing] = [finer.side(), finer.spacing()];
             assert_eq!(spacing, layout.spacing());
-            assert!(side <= 128 && side >= 65.min(tile), "{tile}");
+            assert!(side <= 128 && side >= 64.min(tile), "{tile}");
             assert!(side == tile || side < spacing || side % spacing == 0, "{tile}");
         }
     }

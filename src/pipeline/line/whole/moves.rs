@@ -107,8 +107,8 @@ impl Snapped {
                 if squares.count() > 1 {
                     squares.around(*p, distance, &mut near);
                 }
-                let later = near.iter().filter(|other| **other as usize > square);
-                later.map(|other| stayed.push(*other as usize, &[*p])).collect::<Result<()>>()?;
+                let mut later = near.iter().filter(|other| **other as usize > square);
+                later.try_for_each(|other| stayed.push(*other as usize, &[*p]))?;
             }
         }
         Ok(Self { cursors: Cursors::new(count), squares, places, place: Place::default() })

@@ -83,14 +83,11 @@ fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Pro
     };
     match input.held() {
         Some(_) => on_threads(whole.job.resources.threads, || {
-            let files = whole.files.pairs.iter().zip(&input.all);
-            files
-                .map(|(pair, file)| {
-                    let features = file.features.par_iter().enumerate();
-                    let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
-                    added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
-                })
-                .collect::<Result<()>>()
+            whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
+                let features = file.features.par_iter().enumerate();
+                let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
+                added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
+            })
         })??,
         None => input.visit_all(whole.cancel, |feature| add(feature, None))?,
     }
