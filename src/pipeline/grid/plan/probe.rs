@@ -7,6 +7,7 @@ use tempfile::TempDir;
 use super::manifest::{BLOCK, Cells, Needs, TaskId};
 use super::tile::Opened;
 use crate::error::{Error, Result};
+use crate::files::name_of;
 use crate::geom::Rect;
 use crate::gridding::Recipe;
 use crate::pipeline::grid::GridJob;
@@ -145,7 +146,7 @@ fn probe(opened: &Opened, rect: Rect, folder: &Path, cancel: &Cancel) -> Result<
         return Ok(None);
     };
     let extent = opened.extent.part(rect, points.info());
-    let files = [tile.display().to_string()];
+    let files = [name_of(tile)?];
     let job = written_in(&opened.job, folder)?;
     let written = opened.write(&files, &job, &extent, (&Silent, cancel))?;
     Ok(Some([made.output_bytes, written.output_bytes]))

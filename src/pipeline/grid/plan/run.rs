@@ -11,6 +11,7 @@ use super::manifest::{Manifest, TaskId};
 use super::tile::{Opened, Place, Survey, Tiles};
 use crate::cloud::Census;
 use crate::error::{Error, Result};
+use crate::files::name_of;
 use crate::gridding::Recipe;
 use crate::pipeline::grid::budget::Budget;
 use crate::pipeline::grid::extent::Extent;
@@ -217,8 +218,8 @@ impl<'a> Run<'a> {
             census.read += done.read;
             census.kept += done.kept;
         }
-        let file = |tile: &u32| self.place(*tile).file.display().to_string();
-        let files: Vec<_> = survey.done.keys().map(file).collect();
+        let file = |tile: &u32| name_of(self.place(*tile).file);
+        let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let Opened { job, extent, .. } = &self.opened;
         let made = self.opened.write(&files, job, extent, (self.progress, self.cancel))?;
         self.report.grid =
