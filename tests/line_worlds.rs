@@ -340,7 +340,7 @@ fn far_places(moved: &[Shape], written: &[Vec<Written>], way: &Way) -> Vec<Strin
                 (low..=high).step_by(((high - low) / 12).max(1) as usize + 1)
             };
             for p in range(0).flat_map(|x| range(1).map(move |y| [x, y])) {
-                let is_near = segments(old).any(|s| is_within(p, s, way.tolerance));
+                let is_near = old.windows(2).any(|w| is_within(p, [w[0], w[1]], way.tolerance));
                 if !is_near && (is_on(&new, p) || turns(old, p) != turns(&new, p)) {
                     faults.push(format!("{p:?} is far from {old:?}, not from {new:?}"));
                 }

@@ -183,16 +183,17 @@ pub(crate) fn world(seed: u64) -> (Vec<Shape>, Way) {
     let mut all = shapes(&mut dice, (seed % 5) as i64);
     let tolerance = dice.of(&[10, 500, 800, 1000, 1500, 2000, 4000]);
     let (snap, decimals) = match dice.below(6) {
-        0 => (30, None),
-        1 => (30, Some(dice.below(3) as u8)),
-        2 | 3 => (0, Some(dice.below(2) as u8)),
+        // Where vertices end is an eighth or a whole number: floats that are what their texts say.
+        0 => (300, None),
+        1 => (300, Some(0)),
+        2 | 3 => (0, Some(0)),
         _ => (0, None),
     };
     let scale = if snap == 0 && decimals.is_some() { 373 } else { 1000 };
     for at in all.iter_mut().flat_map(|shape| &mut shape.parts).flatten() {
         *at = at.map(|c| c * scale);
         if snap > 0 {
-            *at = at.map(|c| c + 7 * dice.below(3));
+            *at = at.map(|c| c + 125 * dice.below(3));
         }
     }
     for shape in all.iter_mut().filter(|shape| shape.is_polygon) {
