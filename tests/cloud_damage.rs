@@ -2,11 +2,13 @@
 //! panic, a hang, or more points or memory than a file has.
 
 mod cloud_support;
+#[path = "common/data.rs"]
+mod data;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use cloud_support::{Made, Packing, Place, Random, copc, data_files, keep_all, read_file};
+use cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_file};
 use terrane::Result;
 use terrane::cloud::{Census, OpenOptions};
 
@@ -224,10 +226,11 @@ fn shifted(whole: &[[f64; 3]], found: &[[f64; 3]]) -> bool {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn nothing_is_invented_from_damaged_files_of_the_corpus() {
     let (mut tried, mut lost) = (0, 0);
     let most = if std::env::var_os("TERRANE_MUTATIONS").is_some() { usize::MAX } else { 250_000 };
-    for path in [data_files("lidar"), data_files("lidar/formats")].concat() {
+    for path in [data::files("lidar"), data::files("lidar/formats")].concat() {
         let sound = std::fs::read(&path).unwrap();
         if path.extension().is_none_or(|ending| ending != "laz") || sound.len() > most {
             continue;
@@ -250,7 +253,7 @@ fn nothing_is_invented_from_damaged_files_of_the_corpus() {
         }
     }
     println!("{tried} mutants, {lost} of them lost points");
-    assert!(tried == 0 || tried >= 40 && lost > tried / 4, "{lost} of {tried} lost points");
+    assert!(tried >= 40 && lost > tried / 4, "{lost} of {tried} lost points");
 }
 
 #[test]
@@ -407,9 +410,10 @@ fn ten_thousand_mutations() {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn malformed_files_of_the_corpus() {
     let mut seen = 0;
-    for path in data_files("malformed/las") {
+    for path in data::files("malformed/las") {
         let name = path.file_name().unwrap().to_str().unwrap();
         let (strict, loose) = both(path.to_str().unwrap());
         let count = |found: &Found| found.as_ref().map_or(-1, |(points, _)| points.len() as i64);
@@ -427,5 +431,5 @@ fn malformed_files_of_the_corpus() {
         assert_eq!((count(&strict), count(&loose)), expected, "{name}");
         seen += 1;
     }
-    assert!(seen == 0 || seen == 9 && peak_is_low());
+    assert!(seen == 9 && peak_is_low());
 }

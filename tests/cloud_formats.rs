@@ -2,11 +2,13 @@
 //! independent readers have them.
 
 mod cloud_support;
+#[path = "common/data.rs"]
+mod data;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use cloud_support::{Made, Packing, Place, copc, data_files, keep_all, raw, read_all, read_file};
+use cloud_support::{Made, Packing, Place, copc, keep_all, raw, read_all, read_file};
 use terrane::cloud::{self, OpenOptions, PointSource};
 
 const PACKINGS: [Packing; 5] = [
@@ -113,8 +115,8 @@ fn an_octree_equals_the_same_file_without_it() {
 }
 
 fn real_files() -> Vec<PathBuf> {
-    let mut files = data_files("lidar");
-    files.extend(data_files("lidar/formats"));
+    let mut files = data::files("lidar");
+    files.extend(data::files("lidar/formats"));
     files
 }
 
@@ -128,6 +130,7 @@ fn oracle(path: &PathBuf) -> Vec<([f64; 3], u8, u8, u8)> {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn real_files_hold_what_another_reader_finds() {
     for path in real_files() {
         let name = path.to_str().unwrap().to_owned();
@@ -153,23 +156,23 @@ fn real_files_hold_what_another_reader_finds() {
 
 /// What the catalogue of the data says of classes.
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn classes_of_a_real_tile() {
-    for path in data_files("lidar").into_iter().filter(|p| p.ends_with("ahn3_delft_1.laz")) {
-        let name = path.to_str().unwrap().to_owned();
-        let cloud = cloud::open(&[name], &keep_all()).unwrap();
-        let mut classes = BTreeMap::new();
-        for part in 0..cloud.parts() {
-            cloud.records(part, &mut |r| *classes.entry(r.class).or_insert(0) += 1).unwrap();
-        }
-        let known = [(1, 196_137), (2, 195_988), (6, 246_753), (9, 267), (26, 1365)];
-        assert_eq!(classes, BTreeMap::from(known));
+    let name = data::at("lidar/ahn3_delft_1.laz").to_str().unwrap().to_owned();
+    let cloud = cloud::open(&[name], &keep_all()).unwrap();
+    let mut classes = BTreeMap::new();
+    for part in 0..cloud.parts() {
+        cloud.records(part, &mut |r| *classes.entry(r.class).or_insert(0) += 1).unwrap();
     }
+    let known = [(1, 196_137), (2, 195_988), (6, 246_753), (9, 267), (26, 1365)];
+    assert_eq!(classes, BTreeMap::from(known));
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn a_real_octree_equals_its_file_read_as_chunks() {
     let place = Place::new();
-    for path in real_files().into_iter().filter(|p| p.to_str().unwrap().contains(".copc.")) {
+    for path in ["lidar/lone-star.copc.laz", "lidar/formats/simple.copc.laz"].map(data::at) {
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[375 + 2..375 + 6].copy_from_slice(b"xopc");
         let plain = place.write("plain.laz", &bytes);

@@ -1,5 +1,5 @@
-//! Our GLB files pass the Khronos validator without error or warning. Needs node and npm; skipped
-//! with a note where the validator can be neither found nor installed.
+//! Our GLB files pass the Khronos validator without error or warning. Needs node and npm, and is run
+//! when asked for.
 
 #[path = "common/mesh.rs"]
 mod mesh;
@@ -23,12 +23,12 @@ const PACKAGE: &str = "gltf-validator@2.0.0-dev.3.10";
 
 /// A folder in whose `node_modules` the validator is, installed on first use beside other build
 /// products.
-fn home() -> Option<PathBuf> {
+fn home() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gltf-validator");
     if folder.join("node_modules/gltf-validator/package.json").exists() {
-        return Some(folder);
+        return folder;
     }
-    std::fs::create_dir_all(&folder).ok()?;
+    std::fs::create_dir_all(&folder).unwrap();
     let arguments = [
         "install",
         "--fetch-retries=0",
@@ -39,20 +39,19 @@ fn home() -> Option<PathBuf> {
         ".",
         PACKAGE,
     ];
-    let npm = Command::new("npm").args(arguments).current_dir(&folder).output().ok()?;
-    npm.status.success().then_some(folder)
+    let npm = Command::new("npm").args(arguments).current_dir(&folder).output().unwrap();
+    assert!(npm.status.success(), "{}", String::from_utf8_lossy(&npm.stderr));
+    folder
 }
 
-fn validate(home: &Path, file: &Path) -> Option<Output> {
-    Command::new("node").args(["-e", SCRIPT]).arg(file).current_dir(home).output().ok()
+fn validate(home: &Path, file: &Path) -> Output {
+    Command::new("node").args(["-e", SCRIPT]).arg(file).current_dir(home).output().unwrap()
 }
 
 #[test]
+#[ignore = "needs node and npm"]
 fn the_validator_finds_nothing() {
-    let Some(home) = home() else {
-        println!("skipped: the npm package gltf-validator is not available");
-        return;
-    };
+    let home = home();
     let folder = tempfile::tempdir().unwrap();
     let empty = Mesh { vertices: Vec::new(), triangles: Vec::new() };
     let points = Mesh { vertices: vec![mesh::ORIGIN; 3], triangles: Vec::new() };
@@ -60,10 +59,7 @@ fn the_validator_finds_nothing() {
         let path = folder.path().join(format!("{i}.glb"));
         let glb = output::by_path(&path, None).unwrap();
         mesh::write(glb, &path, mesh, &SinkOptions::default(), 100).unwrap();
-        let Some(output) = validate(&home, &path) else {
-            println!("skipped: node is not available");
-            return;
-        };
+        let output = validate(&home, &path);
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let report: serde_json::Value = serde_json::from_str(&text).unwrap();

@@ -1,7 +1,8 @@
 //! The ground filter: the same in tiles as whole, and as good as is stated, on clouds whose ground is
 //! known and on real ones that people classified.
 
-use std::path::PathBuf;
+#[path = "common/data.rs"]
+mod data;
 
 use spade::{DelaunayTriangulation, FloatTriangulation, HasPosition, Point2, Triangulation};
 use terrane::cloud::synth::survey;
@@ -190,17 +191,9 @@ fn low_noise_does_not_drag_the_surface_down() {
     assert!((refused as f64) < 0.02 * clean.len() as f64, "{refused}");
 }
 
-/// Points of a real file, or `None` with a note when the folder of real data is not there.
-fn real(name: &str) -> Option<Vec<Classified>> {
-    let folder = std::env::var_os("TERRANE_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join("lidar").join(name);
-    if !path.is_file() {
-        println!("{} is not there: skipped", path.display());
-        return None;
-    }
+/// Points of a real file.
+fn real(name: &str) -> Vec<Classified> {
+    let path = data::at("lidar").join(name);
     let mut reader = las::Reader::from_path(path).unwrap();
     let low = reader.header().bounds().min;
     let points = reader.read_all().unwrap();
@@ -210,10 +203,11 @@ fn real(name: &str) -> Option<Vec<Classified>> {
         z: (point.z * 100.0).round() as i32,
         class: point.classification.into(),
     };
-    Some(points.points().map(|point| classified(point.unwrap())).collect())
+    points.points().map(|point| classified(point.unwrap())).collect()
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn people_agree_on_the_ground_of_real_clouds() {
     for (name, most) in [
         ("ahn3_delft_1.laz", 0.05),
@@ -222,7 +216,7 @@ fn people_agree_on_the_ground_of_real_clouds() {
         ("ign_semis_2023_0292_6833.laz", 0.07),
         ("ign_lidarhd_extrabytes.laz", 0.01),
     ] {
-        let Some(points) = real(name) else { continue };
+        let points = real(name);
         let (minima, width) = minima(&points);
         let found = ground(&minima, width, &Parameters::metres(1.0, 0.01));
         let errors = errors(&points, &found);

@@ -1,12 +1,14 @@
 //! Many files as one grid: against a painter that goes sample by sample, against what GDAL makes of
 //! the same virtual rasters, and what does not fit together.
 
+#[path = "common/data.rs"]
+mod data;
 mod raster_support;
 
 use std::path::Path;
 
 use proptest::prelude::*;
-use raster_support::{crc, data_folder, read_all, read_in_windows, same};
+use raster_support::{crc, read_all, read_in_windows, same};
 use tempfile::TempDir;
 use terrane::geom::Rect;
 use terrane::raster::{GridSource, OpenOptions, SampleType, open, open_all};
@@ -477,9 +479,9 @@ fn damage_anywhere_in_a_vrt_or_a_sidecar_is_told() {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn srtm_tiles_share_their_edges() {
-    let Some(data) = data_folder() else { return };
-    let name = |tile: &str| data.join(format!("dem/{tile}.hgt.zip")).display().to_string();
+    let name = |tile: &str| data::at(&format!("dem/{tile}.hgt.zip")).display().to_string();
     let grid = opened(&[name("N41E001"), name("N42E001")]).unwrap();
     let info = grid.info();
     assert_eq!((info.width, info.height, info.nodata), (1201, 2401, Some(-32768.0)));

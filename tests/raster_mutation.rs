@@ -1,6 +1,8 @@
 //! Damaged files of every format, by the thousand: an answer or an error, soon and in bounded memory,
 //! never a panic. `TERRANE_MUTATIONS=100000` does as many of each format as that.
 
+#[path = "common/data.rs"]
+mod data;
 mod raster_support;
 
 use std::path::Path;
@@ -8,7 +10,7 @@ use std::path::Path;
 use raster_support::formats::{self, Sample};
 use raster_support::hostile::{MOST_MEMORY, Random, guarded, mutate};
 use raster_support::tiff_builder::{Spec, Value};
-use raster_support::{data_folder, write_anew};
+use raster_support::write_anew;
 use terrane::raster::FORMATS;
 
 /// Real files up to this long are damaged too.
@@ -180,9 +182,9 @@ fn texts() -> Vec<Seed> {
     seeds
 }
 
-/// The small real files, where they are at hand.
+/// The small real files, where the environment names their folder.
 fn real(folders: &[&str], ending: &str) -> Vec<Seed> {
-    let Some(data) = data_folder() else { return Vec::new() };
+    let Some(data) = data::at_hand() else { return Vec::new() };
     let mut seeds = Vec::new();
     for folder in folders {
         for entry in std::fs::read_dir(data.join(folder)).unwrap() {

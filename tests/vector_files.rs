@@ -1,21 +1,12 @@
 //! Real files of features, and damaged ones: what is read is what the catalogue counts.
 
-use std::path::{Path, PathBuf};
+#[path = "common/data.rs"]
+mod data;
+
+use std::path::Path;
 
 use terrane::Result;
 use terrane::vector::{self, Feature, Kind, OpenOptions, Value};
-
-/// A file of the data beside the project; `None` where it is not there.
-fn data(name: &str) -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
-    let folder = std::env::var_os("TERRANE_DATA").map_or_else(|| default.into(), PathBuf::from);
-    let path = folder.join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    println!("skipped: {} is not there", path.display());
-    None
-}
 
 fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
     let options = OpenOptions { layer: layer.map(str::to_owned) };
@@ -24,6 +15,7 @@ fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn real_files_hold_what_is_known_of_them() {
     // Features, parts, vertices.
     let known = [
@@ -38,7 +30,7 @@ fn real_files_hold_what_is_known_of_them() {
         ("tuolumne.gpx", None, 9, 1, 5257),
     ];
     for (name, layer, features, parts, vertices) in known {
-        let Some(path) = data(&format!("lines/{name}")) else { continue };
+        let path = data::at(&format!("lines/{name}"));
         let found = read(&path, layer).unwrap();
         let count = |of: fn(&Feature) -> usize| found.iter().map(of).sum::<usize>();
         let counts = (
@@ -51,33 +43,32 @@ fn real_files_hold_what_is_known_of_them() {
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn properties_names_and_systems_are_read() {
-    if let Some(path) = data("lines/UScounties.shp") {
-        let source = vector::open(&path, &OpenOptions::default()).unwrap();
-        assert_eq!(source.layer().crs.epsg, Some(4269));
-        assert_eq!(source.layer().schema.as_ref().map(Vec::len), Some(6));
-        let first = &read(&path, None).unwrap()[0];
-        assert_eq!(first.properties.get("NAME"), Some(&Value::Text("Cleburne".to_owned())));
-    }
-    if let Some(path) = data("lines/ne_10m_admin_0_boundary_lines_land.json") {
-        let first = &read(&path, None).unwrap()[0];
-        assert_eq!(first.properties.get("labelrank"), Some(&Value::Int(2)));
-        assert_eq!(first.properties.get("min_zoom"), Some(&Value::Real(2.0)));
-        assert_eq!(
-            first.geometry.coordinates().xy[0],
-            [-124.758_865_926_999_95, 48.494_017_843_000_04]
-        );
-    }
-    if let Some(path) = data("lines/tuolumne.gpx") {
-        let found = read(&path, None).unwrap();
-        let track = found.iter().find(|feature| feature.geometry.kind() == Kind::MultiLineString);
-        let track = &track.unwrap().geometry;
-        assert_eq!(track.coordinates().z.len(), 5249);
-        assert!(track.coordinates().m.iter().all(|moment| *moment > 1.1e9));
-    }
+    let path = data::at("lines/UScounties.shp");
+    let source = vector::open(&path, &OpenOptions::default()).unwrap();
+    assert_eq!(source.layer().crs.epsg, Some(4269));
+    assert_eq!(source.layer().schema.as_ref().map(Vec::len), Some(6));
+    let first = &read(&path, None).unwrap()[0];
+    assert_eq!(first.properties.get("NAME"), Some(&Value::Text("Cleburne".to_owned())));
+    let path = data::at("lines/ne_10m_admin_0_boundary_lines_land.json");
+    let first = &read(&path, None).unwrap()[0];
+    assert_eq!(first.properties.get("labelrank"), Some(&Value::Int(2)));
+    assert_eq!(first.properties.get("min_zoom"), Some(&Value::Real(2.0)));
+    assert_eq!(
+        first.geometry.coordinates().xy[0],
+        [-124.758_865_926_999_95, 48.494_017_843_000_04]
+    );
+    let path = data::at("lines/tuolumne.gpx");
+    let found = read(&path, None).unwrap();
+    let track = found.iter().find(|feature| feature.geometry.kind() == Kind::MultiLineString);
+    let track = &track.unwrap().geometry;
+    assert_eq!(track.coordinates().z.len(), 5249);
+    assert!(track.coordinates().m.iter().all(|moment| *moment > 1.1e9));
 }
 
 #[test]
+#[ignore = "needs TERRANE_DATA"]
 fn damaged_shapefiles_are_refused_by_name_or_read_right() {
     // What is said, or else features and vertices.
     let known = [
@@ -93,7 +84,7 @@ fn damaged_shapefiles_are_refused_by_name_or_read_right() {
         ("pointnan", Err("feature 2 (record 2): vertex 0: its position is not finite")),
     ];
     for (name, expected) in known {
-        let Some(path) = data(&format!("malformed/shp/{name}.shp")) else { continue };
+        let path = data::at(&format!("malformed/shp/{name}.shp"));
         let found = read(&path, None).map(|found| {
             (found.len(), found.iter().map(|feature| feature.geometry.vertices()).sum())
         });

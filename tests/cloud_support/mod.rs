@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlrBuilder};
 use terrane::Result;
@@ -314,24 +314,4 @@ pub(crate) fn read_all(cloud: &Cloud) -> Result<(Vec<[f64; 3]>, Census)> {
 /// Opens and reads one file.
 pub(crate) fn read_file(name: &str, options: &OpenOptions) -> Result<(Vec<[f64; 3]>, Census)> {
     read_all(&cloud::open(&[name.to_owned()], options)?)
-}
-
-/// The folder of real data, if it is there.
-pub(crate) fn data(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("TERRANE_DATA").map(PathBuf::from);
-    let root = root.unwrap_or(Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"));
-    let found = Some(root.join(folder)).filter(|path| path.is_dir());
-    if found.is_none() {
-        println!("note: {} is not there; skipped", root.join(folder).display());
-    }
-    found
-}
-
-/// Files below `folder` of the real data, sorted.
-pub(crate) fn data_files(folder: &str) -> Vec<PathBuf> {
-    let Some(folder) = data(folder) else { return Vec::new() };
-    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: Vec<_> = entries.filter(|path| path.is_file()).collect();
-    files.sort();
-    files
 }

@@ -6,22 +6,11 @@ pub(crate) mod formats;
 pub(crate) mod hostile;
 pub(crate) mod tiff_builder;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use terrane::Result;
 use terrane::geom::Rect;
 use terrane::raster::{GridSource, OpenOptions, open};
-
-/// The folder of real elevation models; `None` (with a note) where it is absent.
-pub(crate) fn data_folder() -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
-    let folder = std::env::var_os("TERRANE_DATA").map_or_else(|| default.into(), PathBuf::from);
-    if !folder.is_dir() {
-        eprintln!("note: {} is absent, test skipped", folder.display());
-        return None;
-    }
-    Some(folder)
-}
 
 /// Opens `path` with default options and the given band.
 pub(crate) fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {
