@@ -88,6 +88,8 @@ fn a_budget_is_kept_and_used() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let budget = |goal| make(&TinJob { overwrite: true, ..job(TERRAIN, &path, goal) }).unwrap();
+    assert_eq!(budget(Goal::MaxVertices(400)).vertices, 400, "the coarsest");
+    assert_eq!(budget(Goal::MaxTriangles(722)).triangles, 722, "the coarsest");
     for most in [800, 1000, 20_000] {
         let made = budget(Goal::MaxVertices(most));
         assert!(made.vertices <= most && made.trials > 0, "{} of {most}", made.vertices);

@@ -217,11 +217,13 @@ fn tiles_out_of_range_are_refused() {
 #[test]
 fn seams_leave_a_delaunay_mesh_of_about_the_untiled_size() {
     let grid = FunctionGrid::new(500, 400, hills);
-    for tolerance in [1.0, 3.0] {
+    // Tiles of 128 cells begin with four times as many vertices as the tile that holds all.
+    for (tolerance, most) in [(1.0, 1.05), (3.0, 1.083)] {
         let (mesh, tiled) = Run { tile: 128, tolerance, ..Run::default() }.on(&grid).unwrap();
         let (_, whole) = Run { tile: 512, tolerance, ..Run::default() }.on(&grid).unwrap();
         assert_eq!(non_delaunay_edges(&mesh, &grid), 0);
-        assert!(tiled.vertices as f64 <= 1.13 * whole.vertices as f64);
+        let share = tiled.vertices as f64 / whole.vertices as f64;
+        assert!(share <= most, "{share}");
     }
 }
 
@@ -271,7 +273,7 @@ const LANDS: [(&str, Land); 8] = [
 #[test]
 fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
     let rounds = std::env::var("TERRANE_MESHES").map_or(60, |n| n.parse().unwrap());
-    let mut wrong = Vec::new();
+    let (mut wrong, mut void) = (Vec::new(), 0);
     for seed in 0..rounds {
         let draw = |k: u32| dice(seed, k, 4242);
         let (name, land) = LANDS[seed as usize % LANDS.len()];
@@ -288,7 +290,11 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             );
         let (mesh, outcome) = match (Run { tolerance, tile, ..Run::default() }).on(&grid) {
             Ok(made) => made,
-            Err(error) if error.kind() == ErrorKind::BadInput => continue,
+            // No land is valid.
+            Err(error) if error.kind() == ErrorKind::BadInput => {
+                void += 1;
+                continue;
+            }
             Err(error) => panic!("{name}: {error}"),
         };
         validate(&mesh, &grid, tolerance);
@@ -299,5 +305,6 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             ));
         }
     }
+    assert!(4 * void < rounds, "{void} of {rounds} grids hold nothing");
     assert!(wrong.is_empty(), "{} meshes are not Delaunay:\n{}", wrong.len(), wrong.join("\n"));
 }
