@@ -67,7 +67,11 @@ pub struct Error {
 
 /// What an error stands for that stands for several.
 #[derive(Debug)]
-struct Several(Vec<Error>);
+struct Several {
+    failures: Vec<Error>,
+    /// Among so many files.
+    of: usize,
+}
 
 impl Error {
     /// A new error of `kind`; `message` says what is wrong, without file or remedy.
@@ -84,9 +88,8 @@ impl Error {
             return failures.swap_remove(first);
         }
         let message = format!("{} of {of} files cannot be used", failures.len());
-        let mut error = Self::new(failures[0].kind, message)
-            .remedy("mend them, leave them out, or go on without them with --skip-bad");
-        error.several = Some(Box::new(Several(failures)));
+        let mut error = Self::new(failures[0].kind, message).remedy("mend them, or leave them out");
+        error.several = Some(Box::new(Several { failures, of }));
         error
     }
 
@@ -108,9 +111,16 @@ impl Error {
     /// The failures that it stands for, where it stands for several.
     pub fn each(&self) -> &[Self] {
         match &self.several {
-            Some(several) => &several.0,
+            Some(several) => &several.failures,
             None => &[],
         }
+    }
+
+    /// True where it stands for some of the inputs and not for all: the others could do without them.
+    pub(crate) fn spares_some(&self) -> bool {
+        // What one file is made of is named with it.
+        let is_of_inputs = self.path.is_none();
+        is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
     }
 
     /// Shorthand for [`ErrorKind::Usage`].
@@ -314,6 +324,8 @@ mod tests {
         assert_eq!(together.each().len(), 2);
         let told = together.to_string();
         assert!(told.starts_with("2 of 4 files cannot be used: a: is bad | b: is bad; "), "{told}");
+        assert!(together.spares_some() && !together.in_file(Path::new("a.vrt")).spares_some());
+        assert!(!Error::several(vec![bad("a"), bad("b")], 2).spares_some());
         assert_eq!(all(vec![Ok(1), Err(bad("a"))]).unwrap_err().to_string(), "a: is bad");
         let mut stopped = found();
         stopped.push(Err(Error::new(ErrorKind::Interrupted, "stopped")));

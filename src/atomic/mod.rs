@@ -20,6 +20,14 @@ pub use sidecar::Sidecar;
 const TEMP_PREFIX: &str = ".terrane-";
 const TEMP_SUFFIX: &str = ".tmp";
 
+/// What stands for stdout where a file is named. No file or folder is ever called so.
+pub const STDOUT: &str = "-";
+
+/// True for what stands for stdout.
+pub fn is_stdout(path: &Path) -> bool {
+    path == Path::new(STDOUT)
+}
+
 /// An output file in the making. Dropping it removes the temporary file.
 #[derive(Debug)]
 pub struct AtomicFile {
@@ -34,11 +42,6 @@ impl AtomicFile {
     /// Starts a file that will appear at `path`. Fails at once when `path` exists and `overwrite`
     /// is false, or when its folder is missing or not writable.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
-        if path == Path::new("-") {
-            return Err(Error::usage("no file is called -, which stands for stdout")
-                .in_file(path)
-                .remedy("name a file, or ./- if that is what you want"));
-        }
         refuse_existing(path, overwrite)?;
         refuse_special(path)?;
         let target = resolve(path)?;
@@ -98,14 +101,31 @@ impl Seek for AtomicFile {
     }
 }
 
-/// Fails when something exists at `path` and `overwrite` is false.
+/// Fails when `path` stands for stdout, and when something exists there and `overwrite` is false.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
+    refuse_stdout(path)?;
     if !overwrite && path.symlink_metadata().is_ok() {
         return Err(Error::new(ErrorKind::Usage, "output exists already")
             .in_file(path)
             .remedy("choose another name or pass --overwrite"));
     }
     Ok(())
+}
+
+/// Fails when a file or folder would get the name that stands for stdout.
+pub fn refuse_stdout(path: &Path) -> Result<()> {
+    if !is_stdout(path) {
+        return Ok(());
+    }
+    Err(Error::usage("stdout is not written to here")
+        .in_file(path)
+        .remedy("choose another name, or ./- if that is what you want"))
+}
+
+/// Makes the folder `path` and those above it that are missing.
+pub fn create_folders(path: &Path) -> Result<()> {
+    refuse_stdout(path)?;
+    std::fs::create_dir_all(path).map_err(|e| Error::write(path, e))
 }
 
 /// Fails when `path` is a folder or a device: a rename would replace it, or fail only at the end.
@@ -223,6 +243,20 @@ mod tests {
         assert_eq!(refused.kind(), ErrorKind::Usage);
         AtomicFile::create(&path, true).unwrap().commit().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn nothing_gets_the_name_of_stdout() {
+        let path = Path::new(STDOUT);
+        let refused = [
+            AtomicFile::create(path, true).map(drop),
+            AtomicFolder::create(path, true, |_| true).map(drop),
+            create_folders(path),
+        ];
+        for refused in refused {
+            assert_eq!(refused.unwrap_err().kind(), ErrorKind::Usage);
+        }
+        assert!(!path.exists());
     }
 
     #[test]

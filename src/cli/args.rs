@@ -69,7 +69,8 @@ fn only_grid_files(option: &str, input: &str) -> Result<()> {
 
 /// Fails when `input` is a mesh, because `option` is about grids.
 pub(super) fn only_grids(option: &str, input: &str) -> Result<()> {
-    if is_mesh(input)? { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
+    // What cannot be told from a grid is told of when it is opened.
+    if is_mesh(input).unwrap_or(false) { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
 }
 
 fn refusal(option: &str, input: &str, what: &str) -> Error {
@@ -194,7 +195,7 @@ impl Show {
         match (self.json, self.quiet) {
             (true, _) if self.is_taken => say::aside(&say::pretty(report)?),
             (true, _) => say::json(report)?,
-            (false, false) if self.is_taken => say::aside(summary().as_bytes()),
+            (false, false) if self.is_taken => say::aside(&summary()),
             (false, false) => say::result(&summary())?,
             (false, true) => return Ok(false),
         }

@@ -39,7 +39,6 @@ fn is_nowhere(kind: io::ErrorKind) -> bool {
 
 /// Fails when `path` cannot become a new file: it exists, or its folder does not.
 pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
-    pipes::refuse_output(path)?;
     atomic::refuse_existing(path, overwrite)?;
     if path.is_dir() {
         return Err(Error::usage("is a folder").in_file(path).remedy("name a file in it"));
@@ -49,6 +48,16 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
         return Err(Error::new(ErrorKind::CannotWrite, "its folder does not exist")
             .in_file(path)
             .remedy("make the folder first"));
+    }
+    Ok(())
+}
+
+/// Fails when `path` cannot become a folder: a file is there.
+pub(super) fn folder(path: &Path) -> Result<()> {
+    if path.exists() && !path.is_dir() {
+        return Err(Error::usage("is a file, and several inputs go into a folder")
+            .in_file(path)
+            .remedy("name a folder, which need not exist"));
     }
     Ok(())
 }

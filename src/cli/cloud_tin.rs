@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::cli::many::{Kind, Many};
 use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin, verify};
-use crate::cloud::{self as clouds, is_cloud};
+use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::output;
@@ -18,10 +19,11 @@ use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 ///
 /// # Errors
 /// Clouds and grids together.
-pub(super) fn are_clouds(inputs: &[String]) -> Result<bool> {
-    let all = inputs.iter().all(|input| is_cloud(input));
-    match inputs.iter().find(|input| is_cloud(input) != all) {
-        Some(odd) => Err(Error::usage("clouds and grids cannot be one input")
+pub(super) fn are_clouds(inputs: &[String], many: &Many) -> Result<bool> {
+    let are = inputs.iter().map(|input| many.is_cloud(input)).collect::<Result<Vec<_>>>()?;
+    let all = are.iter().all(|is_cloud| *is_cloud);
+    match inputs.iter().zip(&are).find(|(_, is_cloud)| **is_cloud != all) {
+        Some((odd, _)) => Err(Error::usage("clouds and grids cannot be one input")
             .in_file(&path_of(odd))
             .remedy("name files of one kind")),
         None => Ok(all),
@@ -32,7 +34,8 @@ pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
     refuse_grid_options(args)?;
     let resources = args.machine.resources();
     let options = args.points.open_options(&resources)?;
-    let Sifted { names, skipped } = args.many.clouds(&args.input, &options, &resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, Kind::Clouds(&options), &resources)?;
     let args = &tin::Args { input: names, ..args.clone() };
     let job = job(args)?;
     let progress = args.show.progress();

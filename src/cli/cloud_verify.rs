@@ -12,7 +12,8 @@ use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.points.open_options(&resources)?;
-    let Sifted { names, skipped } = args.many.clouds(&args.source, &options, &resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
     let args = &verify::Args { source: names, ..args.clone() };
     let job = job(args)?;
     let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;

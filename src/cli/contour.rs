@@ -42,7 +42,7 @@ pub(super) struct Args {
     #[command(flatten)]
     out: Output,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -112,17 +112,16 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let mut args = args.clone();
-    let stdin = pipes::Stdin::take(&mut args.input, pipes::Holds::Grid, &resources)?;
+    let mut stdin = pipes::Stdin::expect(&mut args.input, pipes::Holds::Grid, &resources)?;
     let stdout = pipes::Stdout::take(&mut args.output, args.out.format.as_deref(), &resources)?;
-    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
-    let args = &Args { input: names, ..args };
-    let job = ContourJob { input: stdin.inputs(args.input.clone()), ..job(args)? };
-    let made = contour::run(&job, args.show.progress().as_ref(), cancel);
-    let mut report = made.map_err(|e| stdin.named(e))?;
-    if let Some(stdout) = &stdout {
-        stdout.pour()?;
-        pipes::DASH.clone_into(&mut report.output);
-    }
+    let grids = many::Kind::Grids(&options);
+    args.input = args.many.find(&args.input, grids)?;
+    let job = job(&args)?;
+    stdin.gather(&mut args.input, cancel)?;
+    let Sifted { names, skipped } = args.many.sift(args.input, grids, &resources)?;
+    let job = ContourJob { input: stdin.inputs(names), ..job };
+    let report = contour::run(&job, args.show.progress().as_ref(), cancel)?;
+    stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
         tin::write_report(path, args.out.overwrite, &told)?;
@@ -133,7 +132,6 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<ContourJob> {
-    check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
     let Output { format, attribute, with_z, report, overwrite } = args.out.clone();
     let outputs: Vec<_> = [Some(&args.output), report.as_ref()].into_iter().flatten().collect();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::atomic;
 use crate::cli::{Outcome, args, check, many, names, parse, pipes, say, text};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::Cancel;
@@ -49,7 +50,7 @@ pub(super) struct Args {
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -61,11 +62,11 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
-    let mut names = args.input.clone();
-    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Grid, &resources)?;
-    let Sifted { names, skipped } = args.many.grids(&names, &options, &resources)?;
-    check::inputs(&names)?;
-    args.grid.check_all(&names)?;
+    let grids = many::Kind::Grids(&options);
+    let mut input = args.input.clone();
+    let mut stdin = pipes::Stdin::expect(&mut input, pipes::Holds::Grid, &resources)?;
+    input = args.many.find(&input, grids)?;
+    args.grid.check_all(&input)?;
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
@@ -76,10 +77,13 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         out_nodata: args.out_nodata,
         round: args.round,
         overwrite: args.overwrite,
-        resources,
-        ..ConvertJob::new(stdin.inputs(names), &args.output)
+        resources: resources.clone(),
+        ..ConvertJob::new(input.clone(), &args.output)
     };
-    copy(&job, &skipped, &args.show, cancel).map_err(|e| stdin.named(e))
+    check(&job)?;
+    stdin.gather(&mut input, cancel)?;
+    let Sifted { names, skipped } = args.many.sift(input, grids, &resources)?;
+    copy(&ConvertJob { input: stdin.inputs(names), ..job }, &skipped, &args.show, cancel)
 }
 
 /// Runs a checked copy and tells about it.
@@ -89,7 +93,6 @@ pub(super) fn copy(
     show: &args::Show,
     cancel: &Cancel,
 ) -> Result<Outcome> {
-    check(job)?;
     let made = convert::run(job, show.progress().as_ref(), cancel);
     let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
     if show.json {
@@ -114,9 +117,8 @@ fn name_size(error: Error, input: &str) -> Error {
 }
 
 /// What can be known to be wrong before the input is opened.
-fn check(job: &ConvertJob) -> Result<()> {
-    pipes::refuse_output(&job.output)?;
-    check::inputs(job.input.names())?;
+pub(super) fn check(job: &ConvertJob) -> Result<()> {
+    atomic::refuse_stdout(&job.output)?;
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     check::not_inputs(job.input.names(), &[&job.output])?;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::atomic;
 use crate::cli::{Outcome, args, say, text, tin, verify};
 use crate::error::{Error, Result};
 use crate::pipeline::convert::{self, ConvertJob};
@@ -57,7 +58,7 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    std::fs::create_dir_all(&args.dir).map_err(|e| Error::write(&args.dir, e))?;
+    atomic::create_folders(&args.dir)?;
     let files = Files::within(&args.dir);
     let resources = args.machine.resources();
     let progress = args.show.progress();

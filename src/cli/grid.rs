@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use crate::atomic;
 use crate::cli::{Outcome, args, check, cloud, many, names, parse, pipes, text, tin};
-use crate::error::{Error, Result, all};
-use crate::files::path_of;
+use crate::cloud::OpenOptions;
+use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
 use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
 use crate::pipeline::sift::Sifted;
-use crate::pipeline::surface::is_synthetic;
 use crate::pipeline::{Cancel, Resources};
 use crate::raster::SampleType;
 
@@ -29,7 +29,7 @@ pub(super) struct Args {
     #[arg(skip)]
     pub(super) output: PathBuf,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     model: Model,
     #[command(flatten)]
@@ -189,13 +189,16 @@ struct Output {
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let mut names = args.input.clone();
-    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Points, &resources)?;
-    let Sifted { names, skipped } = args.wanted.sift(&args.many, &names, &resources)?;
-    let args = &Args { input: names, ..args.clone() };
-    let job = job(args)?;
-    let made = grid::run(&job, args.show.progress().as_ref(), cancel);
-    let report = made.map_err(|e| stdin.named(e))?;
+    let options = args.wanted.open_options(&resources)?;
+    let clouds = many::Kind::Clouds(&options);
+    let mut args = args.clone();
+    let mut stdin = pipes::Stdin::expect(&mut args.input, pipes::Holds::Points, &resources)?;
+    args.input = args.many.find(&args.input, clouds)?;
+    let job = job(&args)?;
+    stdin.gather(&mut args.input, cancel)?;
+    let Sifted { names, skipped } = args.many.sift(args.input, clouds, &resources)?;
+    let job = GridJob { input: names, ..job };
+    let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
     let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
         tin::write_report(path, args.out.overwrite, &told)?;
@@ -206,7 +209,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<GridJob> {
-    pipes::refuse_output(&args.output)?;
+    atomic::refuse_stdout(&args.output)?;
     let preset = args.model.preset();
     args.wanted.check(preset)?;
     if args.model.ground.is_some() && preset.is_none() {
@@ -232,14 +235,9 @@ fn idle(option: &str, why: &str) -> Error {
 }
 
 impl Wanted {
-    /// The files that are taken of `input`.
-    pub(super) fn sift(
-        &self,
-        many: &many::Many,
-        input: &[String],
-        resources: &Resources,
-    ) -> Result<Sifted> {
-        many.clouds(input, &self.points.open_options(resources)?, resources)
+    /// How the clouds are opened.
+    pub(super) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
+        self.points.open_options(resources)
     }
 
     /// The job that makes it of `input`; its output is left to be named.
@@ -322,28 +320,12 @@ impl Args {
         let report = self.out.report.as_deref();
         let outputs: Vec<&Path> =
             [Some(self.output.as_path()), report].into_iter().flatten().collect();
-        let files = files_of(&self.input)?;
+        let files = crate::cloud::files(&self.input)?;
+        self.wanted.cells.like.as_deref().map_or(Ok(()), check::input)?;
         check::not_among(&files, &outputs)?;
         let new = |path: &&Path| check::new_file(path, self.out.overwrite);
         outputs.iter().try_for_each(new)
     }
-}
-
-/// The files that inputs stand for; fails when one is missing.
-pub(super) fn files_of(input: &[String]) -> Result<Vec<String>> {
-    let files = crate::cloud::files(input)?;
-    all(files.iter().map(|file| is_there(file)).collect())?;
-    Ok(files)
-}
-
-/// Fails when a file is missing.
-fn is_there(file: &str) -> Result<()> {
-    pipes::refuse_input(file)?;
-    let path = path_of(file);
-    if is_synthetic(file) || path.exists() {
-        return Ok(());
-    }
-    Err(Error::bad_input("no such file").in_file(&path).remedy("check the name"))
 }
 
 /// A list of statistics.

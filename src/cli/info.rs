@@ -4,16 +4,18 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, args, check, cloud, cloud_info, feature_info, many, names, say, text};
+use crate::cli::many::Kind;
+use crate::cli::{Outcome, args, cloud, cloud_info, feature_info, many, names, say, text};
 use crate::cloud::is_cloud;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
 use crate::output::MeshInfo;
-use crate::pipeline::sift::Sifted;
+use crate::pipeline::sift::{Sifted, Skipped};
 use crate::pipeline::surface::{self, GridStats, Surface};
 use crate::pipeline::tin::{Plan, plan};
 use crate::pipeline::{Cancel, Progress, Resources};
 use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
+use crate::vector;
 
 /// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
 /// of a grid would take
@@ -34,7 +36,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -48,38 +50,61 @@ pub(super) struct Args {
 /// Tells about each file; a bad one does not keep the others from being told about.
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
-    let mut failure = None;
+    let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
     for files in args.files.chunks(at_once.max(1)) {
         let described = sift(files, args).and_then(|Sifted { names, skipped }| {
             Ok((describe(&names, args, progress.as_ref(), cancel)?, skipped))
         });
         match described {
-            Ok((report, skipped)) if args.show.json => {
-                say::json_line(&many::WithSkipped { report: &report, skipped: &skipped })?;
+            Ok((facts, skipped)) => {
+                is_any_told = true;
+                match args.show.json {
+                    true => {
+                        say::json_line(&many::WithSkipped { report: &facts, skipped: &skipped })?
+                    }
+                    false => say::result(&facts.text(&told(files)))?,
+                }
             }
-            Ok((facts, _)) => say::result(&facts.text(&told(files)))?,
             Err(error) => {
                 cancel.check()?;
-                if let Some(earlier) = failure.replace(error) {
-                    say::error(&earlier);
-                }
+                failures.push((told(files), error));
             }
         }
     }
-    failure.map_or(Ok(Outcome::Kept), Err)
+    let may_skip = |(_, error): &(String, Error)| error.is_about_a_file();
+    if args.many.skip_bad && is_any_told && failures.iter().all(may_skip) {
+        return skip(&failures, args);
+    }
+    let last = failures.pop();
+    failures.into_iter().for_each(|(_, error)| say::error(&args.many.advise(error)));
+    last.map_or(Ok(Outcome::Kept), |(_, error)| Err(error))
+}
+
+/// Tells of files by themselves that are left out.
+fn skip(failures: &[(String, Error)], args: &Args) -> Result<Outcome> {
+    let skipped = failures.iter().map(|(name, error)| Skipped::new(name, error));
+    let skipped: Vec<Skipped> = skipped.collect();
+    skipped.iter().for_each(many::tell);
+    if args.show.json && !skipped.is_empty() {
+        say::json_line(&serde_json::json!({ "skipped": skipped }))?;
+    }
+    Ok(Outcome::Kept)
 }
 
 /// The files that are taken of what is to be told about together.
 fn sift(files: &[String], args: &Args) -> Result<Sifted> {
     let resources = args.machine.resources();
     if files.iter().any(|file| feature_info::are_features(file)) {
-        return args.many.features(files, args.layer.as_ref(), &resources);
+        let options = vector::OpenOptions { layer: args.layer.clone() };
+        return args.many.take(files, Kind::Features(&options), &resources);
     }
-    match files.iter().any(|file| is_cloud(file)) {
-        true => args.many.clouds(files, &args.cloud.open_options(&resources)?, &resources),
-        false => args.many.grids(files, &args.grid.open_options(&resources), &resources),
+    let are_clouds = files.iter().map(|file| args.many.is_cloud(file));
+    if are_clouds.collect::<Result<Vec<_>>>()?.contains(&true) {
+        let options = args.cloud.open_options(&resources)?;
+        return args.many.take(files, Kind::Clouds(&options), &resources);
     }
+    args.many.take(files, Kind::Grids(&args.grid.open_options(&resources)), &resources)
 }
 
 /// What is known of a file.
@@ -120,7 +145,6 @@ fn describe(
         return describe_features(files, args, progress, cancel);
     }
     args.refuse_layer(files)?;
-    check::inputs(files)?;
     let as_grid = match describe_surface(files, args, progress, cancel) {
         Err(error) if error.kind() == ErrorKind::BadInput => error,
         other => return other,

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use crate::atomic;
 use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
-use crate::files::path_of;
+use crate::files::{name_of, path_of};
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
 use crate::pipeline::Cancel;
@@ -14,6 +15,7 @@ use crate::pipeline::line::{
     self, Goal, HierarchyReport, Length, LineJob, LineReport, Measure, Topology,
 };
 use crate::pipeline::sift::Sifted;
+use crate::vector;
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
 ///
@@ -23,7 +25,8 @@ use crate::pipeline::sift::Sifted;
 #[group(id = "line")]
 pub(super) struct Args {
     /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last
-    /// name is that of the file to write; with several inputs of a folder, in which each keeps its name
+    /// name is that of the file to write; with several inputs, a folder or a pattern it is that of a
+    /// folder, in which each keeps its name
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]
@@ -33,7 +36,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME")]
     input_format: Option<String>,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     goal: GoalArgs,
     #[command(flatten)]
@@ -209,22 +212,31 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let mut args = args.clone();
     let holds = pipes::Holds::Features(args.input_format.as_deref());
-    let stdin = pipes::Stdin::take(&mut args.input, holds, &resources)?;
+    let mut stdin = pipes::Stdin::expect(&mut args.input, holds, &resources)?;
     if args.input_format.is_some() && !stdin.is_read() {
         return Err(Error::usage("--input-format is for stdin, and no input is -")
             .remedy("leave --input-format out: files tell their format"));
     }
-    let stdout = pipes::Stdout::take(&mut args.output, args.out.format.as_deref(), &resources)?;
-    let Sifted { names, skipped } =
-        args.many.features(&args.input, args.out.layer.as_ref(), &resources)?;
-    let args = &Args { input: names, ..args };
-    let job = job(args)?;
-    let made = line::run(&job, args.show.progress().as_ref(), cancel);
-    let mut report = made.map_err(|e| stdin.named(e))?;
-    if let Some(stdout) = &stdout {
-        stdout.pour()?;
-        report.outputs = vec![pipes::DASH.to_owned()];
+    // What is asked for says so, not how many of the files are there or good.
+    let into_folder = args.input.len() > 1 || vector::is_collection(&args.input[0]);
+    if into_folder {
+        atomic::refuse_stdout(&args.output)?;
     }
+    let stdout = pipes::Stdout::take(&mut args.output, args.out.format.as_deref(), &resources)?;
+    let options = vector::OpenOptions { layer: args.out.layer.clone() };
+    let features = many::Kind::Features(&options);
+    args.input = args.many.find(&args.input, features)?;
+    let job = LineJob { into_folder, ..job(&args)? };
+    match into_folder {
+        true => check::folder(&job.output)?,
+        false => check::new_file(&job.output, job.overwrite)?,
+    }
+    job.check()?;
+    stdin.gather(&mut args.input, cancel)?;
+    let Sifted { names, skipped } = args.many.sift(args.input, features, &resources)?;
+    let job = LineJob { input: paths(&names), ..job };
+    let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
+    stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = many::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
         tin::write_report(path, args.out.overwrite, &told)?;
@@ -236,14 +248,13 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<LineJob> {
     let Args { input, output, goal, method, neighbours, out, .. } = args;
-    check::inputs(input)?;
+    if let Some(sides) = &neighbours.sides {
+        check::input(&name_of(sides.clone())?)?;
+    }
     let beside = [out.report.as_deref(), method.hierarchy.as_deref()];
     let outputs: Vec<&Path> =
         std::iter::once(output.as_path()).chain(beside.into_iter().flatten()).collect();
     check::not_among(input, &outputs)?;
-    if input.len() == 1 {
-        check::new_file(output, out.overwrite)?;
-    }
     if let Some(report) = &out.report {
         check::new_file(report, out.overwrite)?;
     }
@@ -251,9 +262,10 @@ fn job(args: &Args) -> Result<LineJob> {
         check::new_file(hierarchy, false)?;
     }
     Ok(LineJob {
-        input: input.iter().map(|name| path_of(name).into_owned()).collect(),
+        input: paths(input),
         layer: out.layer.clone(),
         output: output.clone(),
+        into_folder: false,
         format: out.format.clone(),
         method: method.method(),
         hierarchy: method.hierarchy.clone(),
@@ -269,6 +281,10 @@ fn job(args: &Args) -> Result<LineJob> {
         overwrite: out.overwrite,
         resources: args.machine.resources(),
     })
+}
+
+fn paths(names: &[String]) -> Vec<PathBuf> {
+    names.iter().map(|name| path_of(name).into_owned()).collect()
 }
 
 impl GoalArgs {

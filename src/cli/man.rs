@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Command;
 
-use crate::atomic::AtomicFile;
+use crate::atomic::{self, AtomicFile};
 use crate::cli::{Outcome, help, say};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -20,7 +20,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome> {
-    std::fs::create_dir_all(&args.dir).map_err(|e| Error::write(&args.dir, e))?;
+    atomic::create_folders(&args.dir)?;
     let mut command = help::command().disable_help_subcommand(true);
     command.build();
     let verbs = command.get_subcommands().cloned().collect::<Vec<_>>();

@@ -2,11 +2,13 @@
 
 use serde::Serialize;
 
-use crate::cli::say;
+use crate::cli::{check, pipes, say};
 use crate::cloud;
-use crate::error::Result;
+use crate::error::{Error, Result, all};
+use crate::files::path_of;
 use crate::pipeline::Resources;
 use crate::pipeline::sift::{self, Sifted, Skipped};
+use crate::pipeline::surface::is_synthetic;
 use crate::raster;
 use crate::vector;
 
@@ -20,11 +22,61 @@ pub(super) struct Many {
     recursive: bool,
     /// Go on without files that cannot be opened: each is told on stderr and listed in the report
     #[arg(long)]
-    skip_bad: bool,
+    pub(super) skip_bad: bool,
 }
 
-/// The files that inputs stand for.
-type Find = fn(&[String]) -> Result<Vec<String>>;
+/// What files hold, and how they are opened.
+#[derive(Clone, Copy)]
+pub(super) enum Kind<'a> {
+    Grids(&'a raster::OpenOptions),
+    Clouds(&'a cloud::OpenOptions),
+    Features(&'a vector::OpenOptions),
+}
+
+impl Kind<'_> {
+    fn files(self, inputs: &[String]) -> Result<Vec<String>> {
+        match self {
+            Self::Grids(_) => raster::files(inputs),
+            Self::Clouds(_) => cloud::files(inputs),
+            Self::Features(_) => vector::files(inputs),
+        }
+    }
+
+    fn files_below(self, inputs: &[String]) -> Result<Vec<String>> {
+        match self {
+            Self::Grids(_) => raster::files_below(inputs),
+            Self::Clouds(_) => cloud::files_below(inputs),
+            Self::Features(_) => vector::files_below(inputs),
+        }
+    }
+
+    /// Fails when one of the files that `names` stand for is not there.
+    fn check(self, names: &[String]) -> Result<()> {
+        match self {
+            Self::Clouds(_) => {
+                all(cloud::files(names)?.iter().map(|file| is_there(file)).collect()).map(drop)
+            }
+            Self::Grids(_) | Self::Features(_) => check::inputs(names),
+        }
+    }
+
+    fn sift(self, names: &[String], resources: &Resources) -> Result<Sifted> {
+        match self {
+            Self::Grids(options) => sift::grids(names, options, resources),
+            Self::Clouds(options) => sift::clouds(names, options, resources),
+            Self::Features(options) => sift::features(names, options, resources),
+        }
+    }
+}
+
+/// Fails when a cloud is missing.
+fn is_there(file: &str) -> Result<()> {
+    let path = path_of(file);
+    if is_synthetic(file) || path.exists() {
+        return Ok(());
+    }
+    Err(Error::bad_input("no such file").in_file(&path).remedy("check the name"))
+}
 
 impl Many {
     /// The first of these options that was given.
@@ -33,64 +85,85 @@ impl Many {
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 
-    /// The files of grids that are taken of `inputs`; the names as they are where nothing is asked for.
-    pub(super) fn grids(
-        &self,
-        inputs: &[String],
-        options: &raster::OpenOptions,
-        resources: &Resources,
-    ) -> Result<Sifted> {
-        let sift = |names: &[String]| sift::grids(names, options, resources);
-        self.taken(inputs, [raster::files, raster::files_below], sift)
-    }
-
-    /// The files of clouds.
-    pub(super) fn clouds(
-        &self,
-        inputs: &[String],
-        options: &cloud::OpenOptions,
-        resources: &Resources,
-    ) -> Result<Sifted> {
-        let sift = |names: &[String]| sift::clouds(names, options, resources);
-        self.taken(inputs, [cloud::files, cloud::files_below], sift)
-    }
-
-    /// The files of features; folders and patterns are taken without being asked for.
-    pub(super) fn features(
-        &self,
-        inputs: &[String],
-        layer: Option<&String>,
-        resources: &Resources,
-    ) -> Result<Sifted> {
-        let options = vector::OpenOptions { layer: layer.cloned() };
-        let sift = |names: &[String]| sift::features(names, &options, resources);
-        let mut taken = self.taken(inputs, [vector::files, vector::files_below], sift)?;
-        if !self.recursive && !self.skip_bad {
-            taken.names = vector::files(inputs)?;
+    /// True when `input` is a cloud by its name, or by those of the files it stands for.
+    ///
+    /// # Errors
+    /// A folder that holds grids as well: one of both would be left out unsaid.
+    pub(super) fn is_cloud(&self, input: &str) -> Result<bool> {
+        let is_cloud: fn(&str) -> bool =
+            if self.recursive { cloud::is_cloud_below } else { cloud::is_cloud };
+        let grids = if self.recursive { raster::files_below } else { raster::files };
+        let (is_cloud, path) = (is_cloud(input), path_of(input));
+        if is_cloud && path.is_dir() && grids(&[input.to_owned()]).is_ok() {
+            return Err(Error::usage("holds point clouds and grids, and it takes one of them")
+                .in_file(&path)
+                .remedy("name files of one kind by a pattern, such as '*.laz'"));
         }
-        Ok(taken)
+        Ok(is_cloud)
     }
 
-    fn taken(
-        &self,
-        inputs: &[String],
-        [files, files_below]: [Find; 2],
-        sift: impl FnOnce(&[String]) -> Result<Sifted>,
-    ) -> Result<Sifted> {
-        let names = match (self.recursive, self.skip_bad) {
-            (false, false) => inputs.to_vec(),
-            (true, _) => files_below(inputs)?,
-            (false, true) => files(inputs)?,
+    /// The files that are taken of `inputs`, good and bad; the names as they are where nothing is asked
+    /// for. Features have nothing that takes several files for one: theirs are found in any case.
+    ///
+    /// # Errors
+    /// Folders and patterns without files; files that are not there, unless they are to be sifted.
+    pub(super) fn find(&self, inputs: &[String], kind: Kind<'_>) -> Result<Vec<String>> {
+        inputs.iter().try_for_each(|input| pipes::refuse_input(input))?;
+        let names = match (self.recursive, self.skip_bad, kind) {
+            (true, ..) => kind.files_below(inputs)?,
+            (_, true, _) | (.., Kind::Features(_)) => kind.files(inputs)?,
+            _ => inputs.to_vec(),
         };
-        if !self.skip_bad {
+        if !self.sifts(&names) {
+            kind.check(&names)?;
+        }
+        Ok(names)
+    }
+
+    /// The good ones of the files that were found, if bad ones are to be skipped. A file by itself
+    /// is taken as it is: nothing would be left without it.
+    pub(super) fn sift(
+        &self,
+        names: Vec<String>,
+        kind: Kind<'_>,
+        resources: &Resources,
+    ) -> Result<Sifted> {
+        if !self.sifts(&names) {
             return Ok(Sifted { names, skipped: Vec::new() });
         }
-        let sifted = sift(&names)?;
-        for Skipped { file, reason } in &sifted.skipped {
-            say::note(&format!("skipped {file}: {reason}"));
-        }
+        let sifted = kind.sift(&names, resources)?;
+        sifted.skipped.iter().for_each(tell);
         Ok(sifted)
     }
+
+    fn sifts(&self, names: &[String]) -> bool {
+        self.skip_bad && names.len() > 1
+    }
+
+    /// The files that are taken of `inputs`, without bad ones if these are to be skipped.
+    pub(super) fn take(
+        &self,
+        inputs: &[String],
+        kind: Kind<'_>,
+        resources: &Resources,
+    ) -> Result<Sifted> {
+        self.sift(self.find(inputs, kind)?, kind, resources)
+    }
+
+    /// An error with the advice to skip bad files, where that was not asked for and would help.
+    pub(super) fn advise(&self, error: Error) -> Error {
+        match !self.skip_bad && error.spares_some() {
+            true => {
+                error.remedy("mend them, leave them out, or go on without them with --skip-bad")
+            }
+            false => error,
+        }
+    }
+}
+
+/// Names a file that is left out on stderr.
+pub(super) fn tell(Skipped { file, reason }: &Skipped) {
+    say::note(&format!("skipped {file}: {reason}"));
 }
 
 /// A report with the files that were left out.

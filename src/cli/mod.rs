@@ -43,7 +43,7 @@ use std::process::ExitCode;
 
 use clap::{FromArgMatches, Parser, Subcommand};
 
-use crate::error::ErrorKind;
+use crate::error::{Error, ErrorKind};
 use crate::pipeline::Cancel;
 
 /// Huge elevation grids in, small meshes with a proven vertical error bound out.
@@ -91,6 +91,25 @@ enum Verb {
     Man(man::Args),
 }
 
+impl Verb {
+    /// An error with the advice that only this verb can give.
+    fn advised(&self, error: Error) -> Error {
+        let many = match self {
+            Self::Tin(args) => &args.many,
+            Self::Verify(args) => &args.many,
+            Self::Info(args) => &args.many,
+            Self::View(args) => &args.many,
+            Self::Convert(args) => &args.many,
+            Self::Grid(args) => &args.many,
+            Self::Contour(args) => &args.many,
+            Self::Line(args) => &args.many,
+            Self::Plan(args) => args.many(),
+            _ => return error,
+        };
+        many.advise(error)
+    }
+}
+
 /// Whether a verb found all promises kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
@@ -131,6 +150,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(Outcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
         Ok(Outcome::NotJudged) => NOT_JUDGED.into(),
         Err(error) => {
+            let error = cli.verb.advised(error);
             say::error(&error);
             error.kind().exit_code().into()
         }

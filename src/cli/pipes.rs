@@ -1,22 +1,37 @@
 //! `-`: stdin and stdout, for formats that are read and written from front to back.
 //!
 //! What comes in is gathered in a temporary file, because everything else here reads by position, and
-//! what goes out is complete before its first byte is written: a failed run writes nothing.
+//! what goes out is complete before its first byte is written: a failed run writes nothing. These files
+//! have another name each time, which means nothing to anybody: all that is told goes through [`told`].
 
+use std::borrow::Cow;
 use std::fs::File;
-use std::io;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::Duration;
 
 use tempfile::TempDir;
 
+use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::name_of;
-use crate::pipeline::Resources;
+use crate::pipeline::{Cancel, Resources};
 use crate::raster::Inputs;
 use crate::vector;
 
-/// The name of stdin and stdout.
-pub(super) const DASH: &str = "-";
+/// The name of stdin.
+const STDIN: &str = "-";
+/// The same, said to be a cloud.
+const CLOUD: &str = "cloud:-";
+
+/// Bytes of stdin that are read at once.
+const CHUNK: usize = 1 << 18;
+/// Chunks that wait to be written.
+const CHUNKS: usize = 4;
+/// How often it is asked whether to stop while nothing comes.
+const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What is in a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,73 +45,135 @@ pub(super) enum Holds<'a> {
 }
 
 /// Stdin as a file; it goes with the value.
-pub(super) struct Stdin {
-    _folder: Option<TempDir>,
-    path: Option<PathBuf>,
+pub(super) struct Stdin<'a> {
+    file: Option<Gathered>,
+    holds: Holds<'a>,
 }
 
-impl Stdin {
-    /// Gathers stdin where one of `names` stands for it, and puts the file's name there.
-    pub(super) fn take(
+/// The file that stdin is gathered in.
+struct Gathered {
+    _folder: TempDir,
+    path: PathBuf,
+}
+
+impl<'a> Stdin<'a> {
+    /// Makes an empty file where one of `names` stands for stdin, and puts the file's name there. What
+    /// can be wrong with the rest is to be asked before it is [gathered](Self::gather).
+    pub(super) fn expect(
         names: &mut [String],
-        holds: Holds<'_>,
+        holds: Holds<'a>,
         resources: &Resources,
     ) -> Result<Self> {
-        let dash = |name: &String| name == DASH || (holds == Holds::Points && name == "cloud:-");
+        let dash = |name: &String| name == STDIN || (holds == Holds::Points && name == CLOUD);
         if names.iter().filter(|name| dash(name)).count() > 1 {
             return Err(Error::usage("stdin can be read only once").remedy("name - once"));
         }
         let Some(name) = names.iter_mut().find(|name| dash(name)) else {
-            return Ok(Self { _folder: None, path: None });
+            return Ok(Self { file: None, holds });
         };
-        let folder = folder(resources)?;
-        let path = gather(folder.path(), holds)?;
+        let (folder, mut path) = place(resources, "stdin")?;
+        match holds {
+            Holds::Grid | Holds::Points => path.set_extension("xyz"),
+            Holds::Features(Some(name)) => {
+                path.set_extension(streamed(vector::by_path(&path, Some(name))?, "read")?)
+            }
+            Holds::Features(None) => false,
+        };
+        File::create(&path).map_err(|e| Error::write(&path, e))?;
         *name = name_of(path.clone())?;
-        Ok(Self { _folder: Some(folder), path: Some(path) })
+        Ok(Self { file: Some(Gathered { _folder: folder, path }), holds })
     }
 
     /// True where an input is stdin.
     pub(super) fn is_read(&self) -> bool {
-        self.path.is_some()
+        self.file.is_some()
     }
 
-    /// Inputs of a job, told as `-` where they are stdin: the temporary name is another each time.
-    pub(super) fn inputs(&self, names: Vec<String>) -> Inputs {
-        match (&self.path, names.len()) {
-            (Some(_), 1) => Inputs::labelled(names, DASH.to_owned()),
-            _ => names.into(),
+    /// Fails where an input is stdin, because `option` needs one that can be read again.
+    pub(super) fn refuse(&self, option: &str) -> Result<()> {
+        if !self.is_read() {
+            return Ok(());
         }
+        Err(Error::usage(format!(
+            "{option} needs input that can be read again, which stdin is not"
+        ))
+        .in_file(Path::new(STDIN))
+        .remedy(format!("name a file, or leave {option} out")))
     }
 
-    /// Calls the temporary file what the user does.
-    pub(super) fn named(&self, error: Error) -> Error {
-        let is_it = self.path.is_some() && error.path() == self.path.as_deref();
-        if is_it { error.renamed(Path::new(DASH)) } else { error }
+    /// Reads stdin, if it is among `names`. Where its format is known only now, the file gets another
+    /// name, there too.
+    pub(super) fn gather(&mut self, names: &mut [String], cancel: &Cancel) -> Result<()> {
+        let Some(Gathered { path, .. }) = &mut self.file else { return Ok(()) };
+        if fill(path, cancel)? == 0 {
+            return Err(Error::bad_input("is empty")
+                .in_file(Path::new(STDIN))
+                .remedy("pipe a file in"));
+        }
+        if self.holds != Holds::Features(None) {
+            return Ok(());
+        }
+        let format = vector::identify(path)?.ok_or_else(|| {
+            Error::usage("nothing says what format stdin has")
+                .remedy(format!("name it with --input-format: {}", known()))
+        })?;
+        let named = path.with_extension(streamed(format, "read")?);
+        std::fs::rename(&*path, &named).map_err(|e| Error::write(&named, e))?;
+        let (old, new) = (name_of(path.clone())?, name_of(named.clone())?);
+        names.iter_mut().filter(|name| **name == old).for_each(|name| name.clone_from(&new));
+        *path = named;
+        Ok(())
+    }
+
+    /// Inputs of a job, told as the user called them.
+    pub(super) fn inputs(&self, names: Vec<String>) -> Inputs {
+        let inputs = Inputs::from(names);
+        if !self.is_read() {
+            return inputs;
+        }
+        let label = told(&inputs.to_string()).into_owned();
+        Inputs::labelled(inputs.names().to_vec(), label)
     }
 }
 
-/// Stdin in a file of `folder`, under an ending that tells its format.
-fn gather(folder: &Path, holds: Holds<'_>) -> Result<PathBuf> {
-    let path = folder.join("stdin");
-    let fail = |e| Error::io(ErrorKind::Io, "read stdin", e);
-    let mut file = File::create(&path).map_err(|e| Error::write(&path, e))?;
-    if io::copy(&mut io::stdin().lock(), &mut file).map_err(fail)? == 0 {
-        return Err(Error::bad_input("is empty").in_file(Path::new(DASH)).remedy("pipe a file in"));
-    }
-    let ending = match holds {
-        Holds::Grid | Holds::Points => "xyz",
-        Holds::Features(Some(name)) => streamed(vector::by_path(&path, Some(name))?, "read")?,
-        Holds::Features(None) => match vector::identify(&path)? {
-            Some(format) => streamed(format, "read")?,
-            None => {
-                return Err(Error::usage("nothing says what format stdin has")
-                    .remedy(format!("name it with --input-format: {}", known())));
+/// Writes stdin to the file at `path`; returns its bytes.
+fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
+    let fail = |e| Error::write(path, e);
+    let mut file = File::create(path).map_err(fail)?;
+    let (chunks, mut bytes) = (chunks_of_stdin(), 0);
+    loop {
+        cancel.check()?;
+        let chunk = match chunks.recv_timeout(PATIENCE) {
+            Ok(chunk) => chunk.map_err(|e| Error::io(ErrorKind::Io, "read stdin", e))?,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Error::new(ErrorKind::Internal, "the reader of stdin is gone"));
             }
-        },
-    };
-    let named = path.with_extension(ending);
-    std::fs::rename(&path, &named).map_err(|e| Error::write(&named, e))?;
-    Ok(named)
+        };
+        if chunk.is_empty() {
+            return Ok(bytes);
+        }
+        file.write_all(&chunk).map_err(fail)?;
+        bytes += chunk.len() as u64;
+    }
+}
+
+/// What comes from stdin, the last chunk empty: read by a thread, because nothing ends the wait for
+/// bytes that do not come.
+fn chunks_of_stdin() -> Receiver<io::Result<Vec<u8>>> {
+    let (sender, receiver) = sync_channel(CHUNKS);
+    std::thread::spawn(move || {
+        let mut stdin = io::stdin().lock();
+        loop {
+            let mut chunk = Vec::with_capacity(CHUNK);
+            let read = (&mut stdin).take(CHUNK as u64).read_to_end(&mut chunk);
+            let is_last = chunk.is_empty() || read.is_err();
+            if sender.send(read.map(|_| chunk)).is_err() || is_last {
+                return;
+            }
+        }
+    });
+    receiver
 }
 
 /// The ending of a format, unless it cannot come or go through a pipe.
@@ -105,7 +182,7 @@ fn streamed(format: &vector::VectorFormat, done: &str) -> Result<&'static str> {
         return Ok(format.extensions[0]);
     }
     Err(Error::usage(format!("{} cannot be {done} through a pipe", format.name))
-        .in_file(Path::new(DASH))
+        .in_file(Path::new(STDIN))
         .remedy(format!("name a file, or use one of {}", known())))
 }
 
@@ -126,14 +203,13 @@ impl Stdout {
         format: Option<&str>,
         resources: &Resources,
     ) -> Result<Option<Self>> {
-        if *output != Path::new(DASH) {
+        if !atomic::is_stdout(output) {
             return Ok(None);
         }
         let ending = streamed(vector::by_path(output, format)?, "written")?;
-        let folder = folder(resources)?;
-        let path = folder.path().join("stdout").with_extension(ending);
-        output.clone_from(&path);
-        Ok(Some(Self { _folder: folder, path }))
+        let (folder, path) = place(resources, "stdout")?;
+        *output = path.with_extension(ending);
+        Ok(Some(Self { _folder: folder, path: output.clone() }))
     }
 
     /// Writes the file to stdout.
@@ -148,28 +224,65 @@ impl Stdout {
     }
 }
 
-fn folder(resources: &Resources) -> Result<TempDir> {
-    let place = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
-    let made = tempfile::Builder::new().prefix("terrane-").tempdir_in(&place);
-    made.map_err(|e| Error::write(&place, e))
+/// Paths, without their endings, of the files that stand for stdin and stdout.
+static PLACES: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// A file called `name` in a temporary folder, told as `-` from now on.
+fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
+    let around = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    // Some names are made absolute on their way to where they are told.
+    let around = std::path::absolute(&around).map_err(|e| Error::write(&around, e))?;
+    let made = tempfile::Builder::new().prefix("terrane-").tempdir_in(&around);
+    let folder = made.map_err(|e| Error::write(&around, atomic::plain(e)))?;
+    let path = folder.path().join(name);
+    let shown = path.display().to_string();
+    // As it stands in JSON, where that differs.
+    let quoted = serde_json::Value::from(shown.as_str()).to_string();
+    let mut places = PLACES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    places.extend([quoted.trim_matches('"').to_owned(), shown]);
+    Ok((folder, path))
 }
 
-/// Fails when a file would be called `-`.
-pub(super) fn refuse_output(path: &Path) -> Result<()> {
-    if path != Path::new(DASH) {
-        return Ok(());
-    }
-    Err(Error::usage("stdout is not written to here")
-        .in_file(path)
-        .remedy(format!("name a file; line and contour write {} to stdout", known())))
+/// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user
+/// calls them.
+pub(super) fn told(text: &str) -> Cow<'_, str> {
+    let places = PLACES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
+        true => Cow::Owned(without(place, &text)),
+        false => text,
+    })
+}
+
+/// `text` with a dash for each path that is `place` and an ending.
+fn without(place: &str, text: &str) -> String {
+    let ending = |rest: &str| {
+        let behind = rest.strip_prefix('.').unwrap_or(rest);
+        behind.trim_start_matches(|c: char| c.is_ascii_alphanumeric()).len()
+    };
+    let mut parts = text.split(place);
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |told, rest| told + atomic::STDOUT + &rest[rest.len() - ending(rest)..])
 }
 
 /// Fails when an input is stdin.
 pub(super) fn refuse_input(name: &str) -> Result<()> {
-    if name != DASH {
+    if name != STDIN && name != CLOUD {
         return Ok(());
     }
     Err(Error::usage("stdin is not read here")
         .in_file(Path::new(name))
         .remedy("name a file; tin, convert and contour read XYZ, grid points and line features"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn temporary_names_are_told_as_a_dash() {
+        let tell = |text| without("/t/terrane-a/stdin", text);
+        assert_eq!(tell("/t/terrane-a/stdin.xyz: line 3: is bad"), "-: line 3: is bad");
+        assert_eq!(tell(r#"{"a":"/t/terrane-a/stdin","b":1}"#), r#"{"a":"-","b":1}"#);
+        assert_eq!(tell("a and /t/terrane-a/stdin.wkt, /t/terrane-a/stdin.csv."), "a and -, -.");
+    }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::cli::{Outcome, args, check, grid, many, names, parse, status, tin};
+use crate::cli::{Outcome, args, grid, many, names, parse, status, tin};
 use crate::error::Result;
 use crate::output;
 use crate::pipeline::grid::plan::{PlanGridJob, plan_grid};
@@ -78,6 +78,16 @@ struct GridArgs {
     show: args::Show,
 }
 
+impl Args {
+    /// Which of many files are taken.
+    pub(super) fn many(&self) -> &many::Many {
+        match &self.what {
+            What::Tin(args) => &args.many,
+            What::Grid(args) => &args.many,
+        }
+    }
+}
+
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
@@ -88,8 +98,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     args.wanted.check(None)?;
     let resources = Resources::default();
-    let Sifted { names, skipped } = args.wanted.sift(&args.many, &args.input, &resources)?;
-    grid::files_of(&names)?;
+    let options = args.wanted.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let mut job = args.wanted.job(&names, resources)?;
     let format = write::by_name(job.format.as_deref().unwrap_or("GTiff"))?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
@@ -102,7 +113,8 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
 fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     let resources = Resources::default();
     let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     let args = &TinArgs { input: names, ..args.clone() };
     let job = PlanJob { skipped, ..job(args)? };
     let report = plan_work(&job, args.show.progress().as_ref(), cancel)?;
@@ -111,7 +123,6 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn job(args: &TinArgs) -> Result<PlanJob> {
-    check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
     let format = output::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {

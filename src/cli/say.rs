@@ -1,34 +1,33 @@
-//! What is said where: results on stdout, messages on stderr. A reader that has gone away is no
-//! error.
+//! What is said where: results on stdout, messages on stderr, and files as the user calls them. A reader
+//! that has gone away is no error.
 
 use std::io::{self, Write};
 
 use serde::Serialize;
 
+use crate::cli::pipes::told;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Prints a result.
 pub(super) fn result(text: &str) -> Result<()> {
-    to_stdout(text.as_bytes())
+    to_stdout(told(text).as_bytes())
 }
 
 /// Prints a result as indented JSON.
 pub(super) fn json(value: &impl Serialize) -> Result<()> {
-    to_stdout(&pretty(value)?)
+    to_stdout(pretty(value)?.as_bytes())
 }
 
 /// Prints a result as JSON on a line of its own.
 pub(super) fn json_line(value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_vec(value).map_err(not_json)?;
-    text.push(b'\n');
-    to_stdout(&text)
+    let text = serde_json::to_string(value).map_err(not_json)?;
+    to_stdout((told(&text) + "\n").as_bytes())
 }
 
 /// A value as indented JSON with a line end.
-pub(super) fn pretty(value: &impl Serialize) -> Result<Vec<u8>> {
-    let mut text = serde_json::to_vec_pretty(value).map_err(not_json)?;
-    text.push(b'\n');
-    Ok(text)
+pub(super) fn pretty(value: &impl Serialize) -> Result<String> {
+    let text = serde_json::to_string_pretty(value).map_err(not_json)?;
+    Ok((told(&text) + "\n").into_owned())
 }
 
 fn not_json(error: serde_json::Error) -> Error {
@@ -47,8 +46,8 @@ pub(super) fn to_stdout(bytes: &[u8]) -> Result<()> {
 }
 
 /// Prints a result on stderr.
-pub(super) fn aside(text: &[u8]) {
-    flushed(io::stderr().write_all(text));
+pub(super) fn aside(text: &str) {
+    flushed(io::stderr().write_all(told(text).as_bytes()));
 }
 
 /// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
@@ -74,7 +73,7 @@ pub(super) fn note(message: &str) {
 }
 
 fn one_line(message: &str) -> String {
-    message.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+    told(message).chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// For output that nobody may be reading any more.

@@ -66,6 +66,7 @@ fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
         resources: args.machine.resources(),
         ..ConvertJob::new(name, &args.output)
     };
+    convert::check(&job)?;
     convert::copy(&job, &[], &args.show, cancel)
 }
 

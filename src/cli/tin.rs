@@ -208,7 +208,7 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    if cloud_tin::are_clouds(&args.input)? {
+    if cloud_tin::are_clouds(&args.input, &args.many)? {
         return cloud_tin::run(args, cancel);
     }
     args.points.refuse(&args.input[0])?;
@@ -218,27 +218,27 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     }
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
-    let mut names = args.input.clone();
-    let stdin = pipes::Stdin::take(&mut names, pipes::Holds::Grid, &resources)?;
-    let Sifted { names, skipped } = args.many.grids(&names, &options, &resources)?;
-    let args = &Args { input: names, ..args.clone() };
-    make(args, &stdin, &skipped, cancel).map_err(|e| stdin.named(e))
+    let grids = many::Kind::Grids(&options);
+    let mut args = args.clone();
+    let mut stdin = pipes::Stdin::expect(&mut args.input, pipes::Holds::Grid, &resources)?;
+    if args.workdir.is_some() {
+        stdin.refuse("--workdir")?;
+    }
+    args.input = args.many.find(&args.input, grids)?;
+    let job = job(&args)?;
+    stdin.gather(&mut args.input, cancel)?;
+    let Sifted { names, skipped } = args.many.sift(args.input.clone(), grids, &resources)?;
+    make(&args, &TinJob { input: stdin.inputs(names), ..job }, &skipped, cancel)
 }
 
-fn make(
-    args: &Args,
-    stdin: &pipes::Stdin,
-    skipped: &[Skipped],
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    let job = TinJob { input: stdin.inputs(args.input.clone()), ..job(args)? };
+fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let made = match &args.workdir {
-        None => tin::run(&job, progress.as_ref(), cancel)?,
-        Some(folder) => tin::run_in(folder, &job, args.disk.check(), progress.as_ref(), cancel)?,
+        None => tin::run(job, progress.as_ref(), cancel)?,
+        Some(folder) => tin::run_in(folder, job, args.disk.check(), progress.as_ref(), cancel)?,
     };
     let checked = match args.verify {
-        true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),
+        true => Some(crate::pipeline::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
         false => None,
     };
     let report = Report { tin: &made, verify: checked.as_ref(), skipped };
@@ -258,7 +258,6 @@ fn make(
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<TinJob> {
-    check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
     let format = output::by_path(&args.output, args.format.as_deref().or(usual))?;
@@ -324,7 +323,7 @@ pub(super) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
 pub(super) fn write_report(path: &Path, overwrite: bool, report: &impl Serialize) -> Result<()> {
     use std::io::Write;
     let mut file = AtomicFile::create(path, overwrite)?;
-    file.write_all(&say::pretty(report)?).map_err(|e| Error::write(path, e))?;
+    file.write_all(say::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
 }
 

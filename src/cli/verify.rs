@@ -65,15 +65,15 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     if is_cloud(&mesh) {
         return Err(wrong_way_round("cloud", &mesh, &args.source[0]));
     }
-    if cloud_tin::are_clouds(&args.source)? {
+    if cloud_tin::are_clouds(&args.source, &args.many)? {
         return cloud_verify::run(args, cancel);
     }
     args.points.refuse(&args.source[0])?;
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } = args.many.grids(&args.source, &options, &resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.source, many::Kind::Grids(&options), &resources)?;
     let args = &Args { source: names, ..args.clone() };
-    check::inputs(&args.source)?;
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
     if let Some(report) = &args.report {

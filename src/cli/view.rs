@@ -42,7 +42,7 @@ pub(super) struct Args {
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
     #[command(flatten)]
-    many: many::Many,
+    pub(super) many: many::Many,
     #[command(flatten)]
     grid: args::Grid,
     #[command(flatten)]
@@ -54,9 +54,9 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } = args.many.grids(&args.input, &options, &resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     let args = &Args { input: names, ..args.clone() };
-    check::inputs(&args.input)?;
     args.grid.check_all(&args.input)?;
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
     check::ending(&args.output, &["png"], "a picture")?;

@@ -17,7 +17,7 @@ mod text;
 pub mod write;
 
 pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
-pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, open};
+pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::Polygon;
 
 use crate::error::Result;

@@ -143,6 +143,11 @@ pub fn is_cloud(input: &str) -> bool {
     CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(&path_of(&file)))
 }
 
+/// As [`is_cloud`], of a folder with those below it.
+pub fn is_cloud_below(input: &str) -> bool {
+    is_cloud(input) || files_below(&[input.to_owned()]).is_ok()
+}
+
 fn is_member(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();

@@ -106,12 +106,22 @@ impl Seek {
                 }
                 Kind::List(list) => files.extend(listed(&list)?),
                 Kind::Pattern => {
-                    files.extend(names(path, glob::expand(path)?, "matches no file")?);
+                    files.extend(names(path, self.matching(path)?, "matches no file")?);
                 }
             }
             limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
         }
         Ok(files)
+    }
+
+    /// The files that a pattern matches; of one that ends in `**`, which only folders match, their files.
+    fn matching(&self, pattern: &Path) -> Result<Vec<PathBuf>> {
+        let found = glob::expand(pattern)?;
+        if !pattern.ends_with("**") {
+            return Ok(found);
+        }
+        let found = found.iter().map(|folder| self.folder(folder));
+        Ok(found.collect::<Result<Vec<_>>>()?.concat())
     }
 
     /// The files of a folder (not of those below it) that are wanted, sorted by name.

@@ -1,7 +1,5 @@
 //! Bad files told from good ones before the work: each is opened by itself.
 
-use std::path::Path;
-
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +68,16 @@ pub fn features(
     })
 }
 
+impl Skipped {
+    /// The file `name`, left out because of `error`. The reason names the file only where it is another
+    /// one, such as a source of a VRT.
+    pub fn new(name: &str, error: &Error) -> Self {
+        let (file, told) = (shown(name), error.to_string());
+        let reason = told.strip_prefix(&format!("{file}: ")).unwrap_or(&told).to_owned();
+        Self { file, reason }
+    }
+}
+
 fn sift(
     names: &[String],
     resources: &Resources,
@@ -89,13 +97,6 @@ fn sift(
     if names_left.is_empty() && !bad.is_empty() {
         return Err(Error::several(bad.into_iter().map(|(_, error)| error).collect(), names.len()));
     }
-    let skip = |(name, error): (&String, Error)| skipped(&path_of(name), name, &error);
+    let skip = |(name, error): (&String, Error)| Skipped::new(name, &error);
     Ok(Sifted { names: names_left, skipped: bad.into_iter().map(skip).collect() })
-}
-
-/// The reason names the file only where it is another one, such as a source of a VRT.
-fn skipped(path: &Path, name: &str, error: &Error) -> Skipped {
-    let told = error.to_string();
-    let own = format!("{}: ", path.display());
-    Skipped { file: shown(name), reason: told.strip_prefix(&own).unwrap_or(&told).to_owned() }
 }

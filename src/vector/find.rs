@@ -26,6 +26,11 @@ pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     FEATURES.files(inputs)
 }
 
+/// True when `input` names files other than itself: a folder, a list of files, or a pattern.
+pub fn is_collection(input: &str) -> bool {
+    FEATURES.is_collection(input)
+}
+
 /// As [`files`], with those in folders below the folders among `inputs`.
 ///
 /// # Errors

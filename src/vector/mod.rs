@@ -37,7 +37,7 @@ use crate::error::{Error, Result};
 use crate::files::RawFile;
 
 pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
-pub use find::{files, files_below};
+pub use find::{files, files_below, is_collection};
 pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
 pub use keep::Kept;
 pub use sink::{FeatureSink, WriteOptions, Written};

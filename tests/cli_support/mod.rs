@@ -20,6 +20,7 @@ pub struct Place {
 }
 
 /// What a run left behind.
+#[derive(Debug)]
 pub struct Ran {
     pub code: i32,
     pub out: String,
@@ -89,4 +90,33 @@ impl From<Output> for Ran {
         let code = output.status.code().unwrap_or(-1);
         Self { code, out: text(output.stdout), err: text(output.stderr) }
     }
+}
+
+/// A grid beside `GRID`, `column` columns of four samples to the east.
+pub fn beside(column: u32) -> String {
+    GRID.replace("xllcorner 100", &format!("xllcorner {}", 100 + 40 * column))
+}
+
+/// Folders of grids, clouds and features, each with three good files and two bad ones, one of them
+/// deeper.
+pub fn batch() -> Place {
+    let place = Place::new();
+    for folder in ["g/deep", "c/deep", "f/deep"] {
+        std::fs::create_dir_all(place.path(folder)).unwrap();
+    }
+    for (i, name) in ["g/a.asc", "g/c.asc", "g/deep/e.asc"].into_iter().enumerate() {
+        place.write(name, beside(i as u32));
+    }
+    for (i, name) in ["c/a.laz", "c/c.laz", "c/deep/e.laz"].into_iter().enumerate() {
+        let cloud = format!("cloud,size=30,density=1,seed={i}");
+        place.ok(&["synth", &cloud, name, "-q"]);
+    }
+    for name in ["f/a.geojson", "f/c.geojson", "f/deep/e.geojson"] {
+        let line = r#"{"type":"LineString","coordinates":[[0,0],[1,0.1],[2,0]]}"#;
+        place.write(name, line);
+    }
+    place.write("g/b.asc", "ncols 4\nnrows").write("g/d.asc", "");
+    place.write("c/b.laz", "LASF").write("c/d.laz", "no cloud");
+    place.write("f/b.geojson", r#"{"type":"LineStr"#).write("f/d.geojson", "{");
+    place
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::LineJob;
 use super::goal::{Goal, measured};
 use super::tool::{Measure, Rule};
+use crate::atomic;
 use crate::error::{Error, Result, all};
 use crate::geom::Crs;
 use crate::vector::{
@@ -30,7 +31,7 @@ impl Files {
     pub(super) fn of(job: &LineJob) -> Result<Self> {
         let pairs = match job.input.as_slice() {
             [] => return Err(Error::usage("no file is given")),
-            [input] => vec![Pair {
+            [input] if !job.is_into_folder() => vec![Pair {
                 input: input.clone(),
                 output: job.output.clone(),
                 format: vector::by_path(&job.output, job.format.as_deref())?,
@@ -106,8 +107,8 @@ impl Pair {
 
     /// Starts the output.
     pub(super) fn create(&self, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
-        if let Some(folder) = self.output.parent().filter(|_| job.input.len() > 1) {
-            std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+        if let Some(folder) = self.output.parent().filter(|_| job.is_into_folder()) {
+            atomic::create_folders(folder)?;
         }
         self.create_at(&self.output, job, layer)
     }

@@ -25,6 +25,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method, registry};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
+use crate::vector;
 use files::Files;
 use part::Tally;
 use stored::Store;
@@ -37,8 +38,10 @@ pub struct LineJob {
     pub input: Vec<PathBuf>,
     /// The object of TopoJSON files; their first one when `None`.
     pub layer: Option<String>,
-    /// The file to write; with several inputs a folder, in which each keeps its name.
+    /// The file or folder to write.
     pub output: PathBuf,
+    /// The output is a folder, in which each input keeps its name; with several inputs it is in any case.
+    pub into_folder: bool,
     /// Name of the format to write; by the output's ending, or as the input, when `None`.
     pub format: Option<String>,
     /// How vertices are chosen.
@@ -94,6 +97,7 @@ impl LineJob {
             input: vec![input.into()],
             layer: None,
             output: output.into(),
+            into_folder: false,
             format: None,
             method: &METHODS[0],
             goal,
@@ -128,8 +132,7 @@ pub fn method(name: &str) -> Result<&'static Method> {
 /// the method.
 pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
     let started = Instant::now();
-    job.goal.check(job.method)?;
-    check_hierarchy(job)?;
+    job.check()?;
     let files = Files::of(job)?;
     let mut report = match (&job.topology, job.goal) {
         (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
@@ -142,6 +145,27 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     report.peak_memory = peak_memory();
     report.wall_seconds = started.elapsed().as_secs_f64();
     Ok(report)
+}
+
+impl LineJob {
+    /// True where the output is a folder.
+    fn is_into_folder(&self) -> bool {
+        self.into_folder || self.input.len() > 1
+    }
+
+    /// Fails where it can be known without the inputs that the job cannot be done.
+    ///
+    /// # Errors
+    /// A goal that the method does not have, hierarchies of another method or with topology, an output
+    /// whose format is not known.
+    pub fn check(&self) -> Result<()> {
+        self.goal.check(self.method)?;
+        check_hierarchy(self)?;
+        match (self.is_into_folder(), &self.format) {
+            (true, None) => Ok(()),
+            (_, format) => vector::by_path(&self.output, format.as_deref()).map(drop),
+        }
+    }
 }
 
 /// Fails where hierarchies were asked for that do not do the job.

@@ -28,7 +28,7 @@ pub(in crate::pipeline) use files::{InputFile, check, look_at, with_companions};
 pub(in crate::pipeline) use output::{Output, State, last_output};
 pub use report::{DiskCheck, Forecast, TaskReport, Told};
 
-use crate::atomic::{AtomicFile, is_temporary};
+use crate::atomic::{AtomicFile, is_temporary, refuse_stdout};
 use crate::error::{Error, ErrorKind, Result};
 use crate::limits;
 use crate::pipeline::Cancel;
@@ -197,6 +197,7 @@ pub(in crate::pipeline) fn put<P: Planned>(path: &Path, plan: &P) -> Result<()> 
 /// Makes the folder `path` unless it is there. Those above it are never made: a name that was mistyped
 /// would only be found by who looks for the plan.
 fn make_folder(path: &Path) -> Result<()> {
+    refuse_stdout(path)?;
     match std::fs::create_dir(path) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Err(no_folder(path, error)),
