@@ -173,6 +173,28 @@ mod tests {
     }
 
     #[test]
+    fn exit_codes_are_the_same_everywhere() {
+        let code = include_str!("../error.rs");
+        let arms = code.split("fn exit_code").nth(1).unwrap().split("\n    }\n").next().unwrap();
+        let first_number = |text: &str| {
+            let digits: String = text.trim().chars().take_while(char::is_ascii_digit).collect();
+            digits.parse::<u8>().ok()
+        };
+        let mut codes: Vec<u8> = arms.split("=>").skip(1).filter_map(first_number).collect();
+        codes.extend([0, crate::cli::NOT_JUDGED]);
+        codes.sort_unstable();
+        assert!(codes.len() > 9, "{codes:?}");
+        let table = |text: &str, title: &str| -> Vec<u8> {
+            let rows = text.split(title).nth(1).unwrap().lines().skip(2);
+            rows.map_while(|row| first_number(row.strip_prefix("|")?)).collect()
+        };
+        let told = EXIT_CODES.strip_prefix("Exit codes: ").unwrap().split(", ");
+        assert_eq!(told.filter_map(first_number).collect::<Vec<_>>(), codes);
+        assert_eq!(table(include_str!("../../README.md"), "| exit code | means |"), codes);
+        assert_eq!(table(include_str!("../../ARCHITECTURE.md"), "| exit | kind |"), codes);
+    }
+
+    #[test]
     fn help_names_every_registered_thing() {
         let help = |verb: &str| {
             let mut command = command();
