@@ -223,6 +223,7 @@ fn what_is_wrong_with_the_rest_is_told_before_stdin_is_read() {
         (&["tin", "-", "a.ply", "--max-error", "0", "--co", "SOLID_BASE=1"], "SOLID_BASE"),
         (&["tin", "-", "a.ply", "--max-error", "0", "--report", "there.json"], "exists"),
         (&["tin", "-", "nowhere.xyz", "a.ply", "--max-error", "0"], "no such file"),
+        (&["tin", "-", "a.ply", "--max-error", "0", "--temp-dir", "nowhere"], "error: nowhere: "),
         (&["convert", "-", "there.tif"], "exists"),
         (&["convert", "-", "a.tif", "-f", "COG", "--co", "NO=1"], "NO"),
         (&["contour", "-", "-o", "there.wkt", "-i", "2"], "exists"),
@@ -257,7 +258,7 @@ fn what_is_wrong_with_the_rest_is_told_before_stdin_is_read() {
         }
         drop(stdin);
         let ran = cli_support::Ran::from(child.wait_with_output().unwrap());
-        assert!(matches!(ran.code, 2 | 65) && ran.err.contains(word), "{args:?}: {}", ran.err);
+        assert!(matches!(ran.code, 2 | 65 | 73) && ran.err.contains(word), "{args:?}: {}", ran.err);
         assert_eq!(place.files(), before, "{args:?}");
     }
 }

@@ -231,9 +231,9 @@ static PLACES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     let around = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     // Some names are made absolute on their way to where they are told.
-    let around = std::path::absolute(&around).map_err(|e| Error::write(&around, e))?;
-    let made = tempfile::Builder::new().prefix("terrane-").tempdir_in(&around);
-    let folder = made.map_err(|e| Error::write(&around, atomic::plain(e)))?;
+    let folder = std::path::absolute(&around)
+        .and_then(|around| tempfile::Builder::new().prefix("terrane-").tempdir_in(around))
+        .map_err(|e| Error::write(&around, atomic::plain(e)))?;
     let path = folder.path().join(name);
     let shown = path.display().to_string();
     // As it stands in JSON, where that differs.
