@@ -215,7 +215,7 @@ fn memory_and_threads_leave_no_trace() {
 
 #[test]
 fn a_goal_after_moves_leaves_no_trace_of_memory() {
-    for (snap, decimals) in [(0.0, Some(1)), (0.02, None), (0.02, Some(1))] {
+    for (snap, decimals) in [(0.0, Some(3)), (0.002, None), (0.002, Some(3))] {
         let place = polygons(1);
         let made = |goal, memory, threads| {
             let mut job = place.job(0.0, 60);
@@ -225,7 +225,7 @@ fn a_goal_after_moves_leaves_no_trace_of_memory() {
             simplify(&job);
             read(&place.path("b.wkt"))
         };
-        for goal in [Goal::Ratio(0.2), Goal::Size(9_000)] {
+        for goal in [Goal::Ratio(0.4), Goal::Size(90_000)] {
             let held = made(goal, 1 << 30, 1);
             assert!(held == made(goal, 300_000, 2), "{goal:?}, {snap}, {decimals:?}");
         }

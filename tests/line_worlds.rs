@@ -121,6 +121,15 @@ fn meet(s: Segment, t: Segment) -> bool {
     common > 0 || (common == 0 && shared == 0)
 }
 
+/// Whether two segments cross within both.
+fn cross_within(s: Segment, t: Segment) -> bool {
+    let parts = |[a, b]: Segment, other: Segment| {
+        let [p, q] = other.map(|p| cross(sub(b, a), sub(p, a)).signum());
+        p * q < 0
+    };
+    parts(s, t) && parts(t, s)
+}
+
 fn segments(line: &[Cell]) -> impl Iterator<Item = Segment> + Clone + '_ {
     line.windows(2).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
 }
@@ -189,14 +198,14 @@ fn in_order([a, b]: Segment) -> Segment {
 }
 
 /// Whether moving vertices has turned a ring over, made two of these segments meet, or rings of a polygon
-/// touch.
-fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>) -> bool {
+/// touch; or may have, where the numbers of the input are not quite those that are judged here.
+fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>, is_exact: bool) -> bool {
     let mut old: BTreeMap<Segment, Vec<Segment>> = BTreeMap::new();
     for (before, after) in all.iter().zip(moved) {
         let is_polygon = before.is_polygon;
         for (before, after) in before.parts.iter().zip(&after.parts) {
-            let has_turned = area(before) != 0 && area(before).signum() != area(after).signum();
-            if is_polygon && has_turned {
+            let may_turn = !is_exact || area(before) != 0;
+            if is_polygon && may_turn && area(before).signum() != area(after).signum() {
                 return true;
             }
             for (s, t) in before.windows(2).zip(after.windows(2)) {
@@ -207,8 +216,9 @@ fn is_spoilt(all: &[Shape], moved: &[Shape], now: &BTreeSet<Segment>) -> bool {
             return true;
         }
     }
+    let is_apart = |s, t| !if is_exact { meet(s, t) } else { cross_within(s, t) };
     let were_apart =
-        |s: &Segment, t: &Segment| old[s].iter().any(|s| old[t].iter().any(|t| !meet(*s, *t)));
+        |s: &Segment, t: &Segment| old[s].iter().any(|s| old[t].iter().any(|t| is_apart(*s, *t)));
     let pairs = now.iter().flat_map(|s| now.range(..*s).map(move |t| (s, t)));
     pairs.filter(|(s, t)| meet(**s, **t)).any(|(s, t)| were_apart(s, t))
 }
@@ -275,14 +285,13 @@ impl Judge {
             self.unmoved(all, &moved, &left);
         }
         let written: BTreeSet<Segment> = left.iter().flat_map(Left::originals).collect();
-        let is_due = is_spoilt(all, &moved, &written);
+        let is_due = is_spoilt(all, &moved, &written, true);
         self.demand(is_told || !is_due, || "what moving spoils is not told".into());
         // Rings that are dropped may have spoilt something before.
         let input = moved.iter().flat_map(|shape| &shape.parts).flat_map(|part| segments(part));
-        let is_due = match way.collapse {
-            Collapse::Drop => is_spoilt(all, &moved, &input.map(in_order).collect()),
-            _ => is_due,
-        };
+        let all_of_it = input.map(in_order).collect();
+        let may = if way.collapse == Collapse::Drop { &all_of_it } else { &written };
+        let is_due = is_spoilt(all, &moved, may, way.is_exact());
         self.demand(is_due || !is_told, || "told is what moving does not spoil".into());
     }
 
