@@ -253,6 +253,35 @@ fn goals_are_met_by_what_is_written() {
 }
 
 #[test]
+fn decimals_are_those_of_every_format() {
+    let place = Place::new();
+    let line = |x: f64| format!("LINESTRING Z ({x} 0.5167 7.449,1.23456 {x} -0.04,9 9 {x})\n");
+    place.write("a.wkt", (0..40).map(|k| line(f64::from(k) * 0.077)).collect::<String>());
+    for format in FORMATS.iter().filter(|format| format.create.is_some()) {
+        for way in
+            [&["--tolerance", "0"][..], &["--keep-ratio", "1"], &["--tolerance", "0", "--topology"]]
+        {
+            let output = format!("b.{}", format.extensions[0]);
+            let base = ["line", "a.wkt", &output, "--decimals", "2", "-q", "--overwrite"];
+            place.ok(&[&base[..], way].concat());
+            let mut source =
+                terrane::vector::open(&place.path(&output), &Default::default()).unwrap();
+            let mut count = 0;
+            while let Some(feature) = source.next().unwrap() {
+                for part in feature.geometry.parts() {
+                    let heights = part.z.iter().filter(|_| way.len() < 3);
+                    for c in part.xy.as_flattened().iter().chain(heights) {
+                        assert_eq!((c * 100.0).round() / 100.0, *c, "{output} {way:?}");
+                        count += 1;
+                    }
+                }
+            }
+            assert!(count >= 240, "{output} {way:?}: {count}");
+        }
+    }
+}
+
+#[test]
 fn a_ratio_of_one_keeps_everything() {
     let place = Place::new();
     // Vertices on their segments, twice in one place, and a ring without area.
@@ -438,6 +467,11 @@ fn broken_promises_and_bad_input_are_told() {
     );
     let told = place.run(&["verify", "b.wkt", "a.wkt"]);
     assert!(told.code == 3 && told.out.contains("not judged"), "{}", told.out);
+    for how in ["keep", "minimal"] {
+        // Nothing is judged by these.
+        let args = ["verify", "b.wkt", "a.wkt", "--tolerance", "2", "--collapse", how];
+        place.fails(&args, 2, &[how, "drop"]);
+    }
     place.write("n.geojson", "{\"type\":\"LineString\",\"coordinates\":[[0,0],[1e999,1]]}");
     place.fails(&["line", "n.geojson", "o.geojson", "--tolerance", "1"], 65, &["n.geojson"]);
     place.fails(&["line", "a.wkt", "a.wkt", "--tolerance", "1"], 2, &[]);

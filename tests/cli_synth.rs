@@ -63,12 +63,11 @@ fn lines_become_files_and_are_inputs_by_name() {
         place.ok(&["line", &by_name, "b.wkt", "--tolerance", "3", "-q", "--overwrite"]);
         for original in [&by_name, &file] {
             // WKT has no place for properties and ids, so they are not judged; a WKT has none.
+            let has_none = original.ends_with(".wkt");
             let ran = place.run(&["verify", "b.wkt", original, "--tolerance", "3", "-q"]);
-            let (code, told) = match original.ends_with(".wkt") {
-                true => (0, ""),
-                false => (3, "of 2 features, which WKT has no place for"),
-            };
-            assert!(ran.code == code && ran.err.contains(told), "{original}: {}", ran.err);
+            assert_eq!(ran.code, if has_none { 0 } else { 3 }, "{original}: {}", ran.err);
+            let is_told = ran.err.contains("of 2 features, which WKT has no place for");
+            assert!(is_told != has_none, "{original}: {}", ran.err);
         }
     }
     let cells = "synth:coverage,vertices=400,features=30";

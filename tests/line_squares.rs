@@ -129,7 +129,8 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
             assert!(proof.passed, "{name}: {:?}", proof.failures);
             // Rings that lie on a line in the input are dropped after the count.
             let [met, told] = [proof.crossings[1], report.input_crossings];
-            assert!(met == told || (met < told && collapse == Collapse::Drop), "{name}: {proof:?}");
+            let may_drop = collapse == Collapse::Drop && !is_clean;
+            assert!(met == told || (met < told && may_drop), "{name}: {proof:?}");
             kept[0] += report.kept;
             kept[1] += report.vertices;
         }
@@ -208,6 +209,29 @@ fn memory_and_threads_leave_no_trace() {
                     assert!(first == made(memory, threads, square), "{seed}, {square}: {memory}");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn a_goal_after_moves_leaves_no_trace_of_memory() {
+    // Held, or not held; snapping takes more.
+    let (some, more) = (150_000, 4_000_000);
+    for (snap, decimals, little) in
+        [(0.0, Some(3), some), (0.002, None, more), (0.002, Some(3), more)]
+    {
+        let place = polygons(1);
+        let made = |goal, memory, threads| {
+            let mut job = place.job(0.0, 60);
+            (job.goal, job.decimals) = (goal, decimals);
+            job.topology.as_mut().unwrap().snap = snap;
+            job.resources = resources(memory, threads);
+            simplify(&job);
+            read(&place.path("b.wkt"))
+        };
+        for goal in [Goal::Ratio(0.4), Goal::Size(90_000)] {
+            let held = made(goal, 1 << 30, 1);
+            assert!(held == made(goal, little, 2), "{goal:?}, {snap}, {decimals:?}");
         }
     }
 }

@@ -152,10 +152,10 @@ pub(super) struct Promises {
     /// Points that had to stay on their side
     #[arg(long, value_name = "FILE", requires = "topology")]
     pub(super) sides: Option<PathBuf>,
-    /// With drop, rings may be gone: those with two vertices whose segment has all others within the
-    /// tolerance, and their holes with them [default: nothing may be gone]
+    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and
+    /// their holes with them [default: nothing may be gone]
     #[arg(long, value_name = "HOW", value_enum)]
-    collapse: Option<CollapseName>,
+    collapse: Option<Gone>,
     /// The object of a TopoJSON file that the lines were made from
     #[arg(long, value_name = "NAME")]
     pub(super) layer: Option<String>,
@@ -167,10 +167,15 @@ pub(super) enum Solid {
     Space,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Gone {
+    Drop,
+}
+
 impl Promises {
     /// Whether rings may be gone.
     pub(super) fn may_drop(&self) -> bool {
-        self.collapse == Some(CollapseName::Drop)
+        self.collapse == Some(Gone::Drop)
     }
 
     /// The first of these options that was given.
@@ -197,7 +202,7 @@ struct Output {
     /// The object of TopoJSON files to read [default: their first]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Digits behind the point in text formats; with --topology, of all positions, before they are judged [default: as many as it takes]
+    /// Digits behind the point that positions are rounded to; with --topology before they are judged [default: as they are]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=17))]
     decimals: Option<u8>,
     /// Replace files that exist

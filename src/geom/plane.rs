@@ -23,6 +23,11 @@ const EPSILON: f64 = f64::EPSILON / 2.0;
 /// The relative error of the determinant in floats, by the sum of its two products' magnitudes.
 const FILTER: f64 = (3.0 + 16.0 * EPSILON) * EPSILON;
 
+/// A key that positions have in common exactly where they are equal.
+pub fn key(at: Xy) -> [u64; 2] {
+    at.map(|c| (c + 0.0).to_bits())
+}
+
 /// Whether (a, b, c) turns left (`Greater`), right (`Less`) or not at all, exactly.
 #[inline(always)]
 pub fn orient(a: Xy, b: Xy, c: Xy) -> Ordering {

@@ -338,6 +338,13 @@ impl Geometry {
         self.members.iter_mut().for_each(|member| member.place_parts(positions));
     }
 
+    /// The numbers of all positions, of members too.
+    pub(super) fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut Coordinates)) {
+        each(&mut self.coordinates);
+        // The depth of collections is limited where they are made.
+        self.members.iter_mut().for_each(|member| member.for_each_leaf(each));
+    }
+
     /// Positions, those of members included.
     pub fn vertices(&self) -> usize {
         self.leaves().map(|leaf| leaf.coordinates.xy.len()).sum()

@@ -17,6 +17,7 @@ mod number;
 mod out;
 mod pages;
 mod rings;
+mod round;
 #[cfg(test)]
 mod sample;
 mod shp;
@@ -40,6 +41,7 @@ pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Valu
 pub use find::{files, files_below, is_collection};
 pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
 pub use keep::Kept;
+pub(crate) use round::rounded;
 pub use sink::{FeatureSink, WriteOptions, Written};
 pub use source::{FeatureSource, OpenOptions};
 pub use synth::synthetic;
@@ -155,7 +157,11 @@ pub fn create(
             .in_file(path)
             .remedy(format!("written are {}", writable(|f| f.name.to_owned())))
     })?;
-    create(path, layer, options)
+    let inner = create(path, layer, options)?;
+    Ok(match options.decimals {
+        Some(decimals) => Box::new(round::Rounding { inner, decimals, measures: !layer.m_is_time }),
+        None => inner,
+    })
 }
 
 /// Bytes of a file that [`VectorFormat::sniff`] gets to see.

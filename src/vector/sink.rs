@@ -10,8 +10,7 @@ use crate::error::Result;
 pub struct WriteOptions {
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Digits behind the point of coordinates in text formats; `None` for as few as read back as the
-    /// same number.
+    /// Digits behind the point that coordinates are rounded to, in any format; `None` to leave them.
     pub decimals: Option<u8>,
     /// Sort features into a spatial index, in formats that have one (FlatGeobuf).
     pub index: bool,

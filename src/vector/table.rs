@@ -203,7 +203,7 @@ pub(super) fn push_text(value: &Value, text: &mut Vec<u8>) {
         Value::Null => {}
         Value::Bool(value) => text.extend_from_slice(value.to_string().as_bytes()),
         Value::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
-        Value::Real(value) => number::push(*value, None, text),
+        Value::Real(value) => number::push(*value, text),
         Value::Text(value) | Value::Date(value) | Value::DateTime(value) | Value::Json(value) => {
             text.extend_from_slice(value.as_bytes());
         }

@@ -34,6 +34,8 @@ impl Precision {
         match self {
             Self::Double => stored == height,
             Self::Single { origin, scale } => {
+                // Meshes are made of heights as files hold them, and those are rounded again when they are
+                // written: that is not always the same number.
                 let held = |z: f64| origin + f64::from(((z - origin) * scale) as f32) / scale;
                 stored == height || stored == held(height) || stored == held(held(height))
             }

@@ -177,6 +177,13 @@ pub(crate) struct Way {
     pub(crate) collapse: Collapse,
 }
 
+impl Way {
+    /// Whether the numbers that are read are those that are told: eighths and whole ones are.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.snap > 0 || self.decimals.is_none()
+    }
+}
+
 /// A world in thousandths, and a way to simplify it but for strategy and collapse.
 pub(crate) fn world(seed: u64) -> (Vec<Shape>, Way) {
     let mut dice = Dice(seed.wrapping_mul(0xD134_2543_DE82_EF95));

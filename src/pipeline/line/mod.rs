@@ -57,8 +57,8 @@ pub struct LineJob {
     pub hierarchy: Option<PathBuf>,
     /// What becomes of rings that have fewer than three vertices left.
     pub collapse: Collapse,
-    /// Digits behind the point in text formats, and with topology of all positions; as many as it takes
-    /// when `None`.
+    /// Digits behind the point that positions are rounded to, in any format: with topology before they are
+    /// judged; `None` to leave them as they are.
     pub decimals: Option<u8>,
     /// Replace files that exist.
     pub overwrite: bool,

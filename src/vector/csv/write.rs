@@ -26,7 +26,6 @@ pub(super) fn create(
         notes: crs::notes(&layer.crs),
         table: Table::new(path, layer, options.temp_dir.as_deref())?,
         ids: Ids::default(),
-        decimals: options.decimals,
         has_z: false,
         has_m: false,
         path: path.to_path_buf(),
@@ -39,7 +38,6 @@ struct Sink {
     notes: Vec<String>,
     table: Table,
     ids: Ids,
-    decimals: Option<u8>,
     has_z: bool,
     has_m: bool,
     path: PathBuf,
@@ -76,7 +74,7 @@ impl FeatureSink for Sink {
                 own_name(&rows)
             ));
         }
-        let mut pen = Pen::new(&rows, numbers, this.decimals);
+        let mut pen = Pen::new(&rows, numbers);
         (pen.has_z, pen.has_m) = (this.has_z, this.has_m);
         pen.head(&rows, &mut out.buffer);
         let mut empty = 0;
@@ -159,16 +157,15 @@ struct Pen {
     columns: usize,
     has_z: bool,
     has_m: bool,
-    decimals: Option<u8>,
     /// The cells behind a feature's vertices.
     tail: Vec<u8>,
 }
 
 impl Pen {
-    fn new(rows: &Rows, numbers: Option<i64>, decimals: Option<u8>) -> Self {
+    fn new(rows: &Rows, numbers: Option<i64>) -> Self {
         let id = rows.columns.iter().position(|column| *column.name == *"id");
         let columns = rows.columns.len();
-        Self { id, numbers, columns, has_z: false, has_m: false, decimals, tail: Vec::new() }
+        Self { id, numbers, columns, has_z: false, has_m: false, tail: Vec::new() }
     }
 
     /// Whether a column comes behind the vertices.
@@ -224,13 +221,13 @@ impl Pen {
             push_text(&Value::Int(part as i64), text);
             for value in found.xy[at] {
                 text.push(b',');
-                number::push(value, self.decimals, text);
+                number::push(value, text);
             }
             for (is_there, values) in [(self.has_z, &found.z), (self.has_m, &found.m)] {
                 if is_there {
                     text.push(b',');
                     if let Some(value) = values.get(at).filter(|value| !value.is_nan()) {
-                        number::push(*value, self.decimals, text);
+                        number::push(*value, text);
                     }
                 }
             }

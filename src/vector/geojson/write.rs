@@ -36,7 +36,6 @@ struct Sink {
     out: Out,
     /// Where the system has no place in the file.
     prj: Option<Sidecar>,
-    decimals: Option<u8>,
     is_collection: bool,
     features: u64,
     /// Features with measures and without heights: a measure has no place without a height.
@@ -73,8 +72,7 @@ impl Sink {
             let label = layer.crs.label();
             notes.push(format!("coordinates are in {label}, not in WGS 84; the CRS is {how}"));
         }
-        let decimals = options.decimals;
-        Ok(Self { out, prj, decimals, is_collection, features: 0, measured: 0, notes })
+        Ok(Self { out, prj, is_collection, features: 0, measured: 0, notes })
     }
 
     /// What comes before the features.
@@ -108,7 +106,7 @@ impl FeatureSink for Sink {
             (true, false) => text.extend_from_slice(b",\n"),
             (false, _) => {}
         }
-        push_feature(feature, self.decimals, text);
+        push_feature(feature, text);
         if !self.is_collection {
             text.push(b'\n');
         }
@@ -151,7 +149,7 @@ fn push_member(member: &Member, text: &mut Vec<u8>) {
     text.extend_from_slice(member.json.as_bytes());
 }
 
-fn push_feature(feature: &Feature, decimals: Option<u8>, text: &mut Vec<u8>) {
+fn push_feature(feature: &Feature, text: &mut Vec<u8>) {
     text.extend_from_slice(b"{\"type\":\"Feature\",");
     if let Some(id) = &feature.id {
         text.extend_from_slice(b"\"id\":");
@@ -176,7 +174,7 @@ fn push_feature(feature: &Feature, decimals: Option<u8>, text: &mut Vec<u8>) {
         push_value(value, text);
     }
     text.extend_from_slice(b"},\"geometry\":");
-    push_geometry(&feature.geometry, decimals, text);
+    push_geometry(&feature.geometry, text);
     text.push(b'}');
 }
 
@@ -199,7 +197,7 @@ fn push_value(value: &Value, text: &mut Vec<u8>) {
 }
 
 // Collections are nested no deeper than their constructor allows.
-fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) {
+fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) {
     if geometry.kind() == Kind::Null {
         text.extend_from_slice(b"null");
         return;
@@ -212,7 +210,7 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
             if at > 0 {
                 text.push(b',');
             }
-            push_geometry(member, decimals, text);
+            push_geometry(member, text);
         }
         text.extend_from_slice(b"]}");
         return;
@@ -220,7 +218,7 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
     text.extend_from_slice(b"\",\"coordinates\":");
     let coordinates = geometry.coordinates();
     let all = 0..coordinates.xy.len();
-    let mut pen = Pen { coordinates, decimals, text };
+    let mut pen = Pen { coordinates, text };
     match geometry.kind() {
         Kind::Point if all.is_empty() => pen.text.extend_from_slice(b"[]"),
         Kind::Point => pen.position(0),
@@ -238,7 +236,6 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
 /// Writes lists of positions.
 struct Pen<'a> {
     coordinates: &'a Coordinates,
-    decimals: Option<u8>,
     text: &'a mut Vec<u8>,
 }
 
@@ -270,16 +267,16 @@ impl Pen<'_> {
     fn position(&mut self, at: usize) {
         let [x, y] = self.coordinates.xy[at];
         self.text.push(b'[');
-        number::push(x, self.decimals, self.text);
+        number::push(x, self.text);
         self.text.push(b',');
-        number::push(y, self.decimals, self.text);
+        number::push(y, self.text);
         let there = |values: &[f64]| values.get(at).copied().filter(|value| !value.is_nan());
         if let Some(z) = there(&self.coordinates.z) {
             self.text.push(b',');
-            number::push(z, self.decimals, self.text);
+            number::push(z, self.text);
             if let Some(m) = there(&self.coordinates.m) {
                 self.text.push(b',');
-                number::push(m, self.decimals, self.text);
+                number::push(m, self.text);
             }
         }
         self.text.push(b']');

@@ -35,7 +35,6 @@ pub(super) fn create(
         out,
         routes: Spool::new(path, folder)?,
         tracks: Spool::new(path, folder)?,
-        decimals: options.decimals,
         m_is_time: layer.m_is_time,
         features: 0,
         measured: 0,
@@ -56,7 +55,6 @@ struct Sink {
     out: Out,
     routes: Spool,
     tracks: Spool,
-    decimals: Option<u8>,
     m_is_time: bool,
     features: u64,
     /// Features with measures that are no times.
@@ -151,7 +149,7 @@ impl Sink {
             Target::Routes => &mut self.routes.buffer,
             Target::Tracks => &mut self.tracks.buffer,
         };
-        Pen { text, decimals: self.decimals, m_is_time: self.m_is_time }
+        Pen { text, m_is_time: self.m_is_time }
     }
 }
 
@@ -164,7 +162,6 @@ enum Target {
 
 struct Pen<'a> {
     text: &'a mut Vec<u8>,
-    decimals: Option<u8>,
     m_is_time: bool,
 }
 
@@ -189,12 +186,12 @@ impl Pen<'_> {
         text.extend_from_slice(name.as_bytes());
         for (name, value) in [(" lat=\"", lat), ("\" lon=\"", lon)] {
             text.extend_from_slice(name.as_bytes());
-            number::push(value, self.decimals, text);
+            number::push(value, text);
         }
         text.extend_from_slice(b"\">");
         if let Some(z) = part.z.get(at).filter(|z| !z.is_nan()) {
             text.extend_from_slice(b"<ele>");
-            number::push(*z, self.decimals, text);
+            number::push(*z, text);
             text.extend_from_slice(b"</ele>");
         }
         let moment = part.m.get(at).filter(|m| self.m_is_time && !m.is_nan());

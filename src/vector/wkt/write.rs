@@ -20,15 +20,13 @@ pub(super) fn create(
     let out = Out::create(path, options.overwrite)?;
     let prj = crs::prj(path, &layer.crs, options.overwrite)?;
     let notes = crs::notes(&layer.crs);
-    let decimals = options.decimals;
-    Ok(Box::new(Sink { out, prj, notes, decimals, features: 0, with_properties: 0, nulls: 0 }))
+    Ok(Box::new(Sink { out, prj, notes, features: 0, with_properties: 0, nulls: 0 }))
 }
 
 struct Sink {
     out: Out,
     prj: Sidecar,
     notes: Vec<String>,
-    decimals: Option<u8>,
     features: u64,
     /// Features that had properties or an id.
     with_properties: u64,
@@ -43,7 +41,7 @@ impl FeatureSink for Sink {
         self.with_properties += u64::from(has_more);
         self.nulls += u64::from(feature.geometry.kind() == Kind::Null);
         let number = self.features;
-        push_geometry(&feature.geometry, self.decimals, &mut self.out.buffer)
+        push_geometry(&feature.geometry, &mut self.out.buffer)
             .map_err(|e| e.at(format!("feature {number}")))?;
         self.out.buffer.push(b'\n');
         self.out.settle()
@@ -71,7 +69,7 @@ impl FeatureSink for Sink {
 }
 
 // Collections are nested no deeper than their constructor allows.
-fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) -> Result<()> {
+fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
     let kind = if geometry.kind() == Kind::Null { Kind::Collection } else { geometry.kind() };
     text.extend_from_slice(kind.name().to_ascii_uppercase().as_bytes());
     let coordinates = geometry.coordinates();
@@ -90,7 +88,7 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
         text.extend_from_slice(b"EMPTY");
         return Ok(());
     }
-    let mut pen = Pen { decimals, text };
+    let mut pen = Pen { text };
     match kind {
         Kind::Collection => {
             pen.text.push(b'(');
@@ -98,7 +96,7 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
                 if at > 0 {
                     pen.text.push(b',');
                 }
-                push_geometry(member, decimals, pen.text)?;
+                push_geometry(member, pen.text)?;
             }
             pen.text.push(b')');
         }
@@ -115,7 +113,6 @@ fn push_geometry(geometry: &Geometry, decimals: Option<u8>, text: &mut Vec<u8>) 
 }
 
 struct Pen<'a> {
-    decimals: Option<u8>,
     text: &'a mut Vec<u8>,
 }
 
@@ -135,10 +132,10 @@ impl Pen<'_> {
         self.list(0..part.xy.len(), |pen, at| {
             let [x, y] = part.xy[at];
             let more = part.z.get(at).into_iter().chain(part.m.get(at));
-            number::push(x, pen.decimals, pen.text);
+            number::push(x, pen.text);
             for value in std::iter::once(&y).chain(more) {
                 pen.text.push(b' ');
-                number::push(*value, pen.decimals, pen.text);
+                number::push(*value, pen.text);
             }
         });
     }

@@ -37,7 +37,7 @@ fn solve(world: &World, tolerance: f64, options: Options<'_>) -> Outcome {
 }
 
 /// Both strategies, and each policy of collapse.
-fn ways() -> impl Iterator<Item = Options<'static>> {
+fn ways<'a>() -> impl Iterator<Item = Options<'a>> {
     let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
     policies.into_iter().flat_map(move |collapse| {
@@ -50,7 +50,9 @@ fn check(world: &World, is_clean: bool, tolerance: f64, options: Options<'_>, na
     let outcome = solve(world, tolerance, options);
     let kept = &outcome.kept;
     let name = format!("{name}, tolerance {tolerance}, {options:?}");
-    twin::selection(world, kept, options.collapse == Collapse::Drop, &name);
+    let is_loop = |chain| options.loops.get(chain) == Some(&true);
+    let may_drop = |chain| options.collapse == Collapse::Drop && !is_loop(chain);
+    twin::selection(world, kept, may_drop, &name);
     twin::within(world, kept, tolerance, &name);
     twin::areas(world, kept, &name);
     let crossings = twin::crossings(world, kept);
@@ -71,7 +73,10 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_a
         let is_clean = world.is_clean();
         clean += u64::from(is_clean);
         let tolerance = f64::from(1 << dice.below(12));
-        for options in ways() {
+        let loops: Vec<bool> = world.rings.iter().map(|_| dice.below(2) == 0).collect();
+        let with_loops = ways().map(|options| Options { loops: &loops, ..options });
+        let with_loops = with_loops.filter(|options| options.collapse == Collapse::Drop);
+        for options in ways().chain(with_loops) {
             check(&world, is_clean, tolerance, options, &format!("{name} {seed}"));
         }
     }

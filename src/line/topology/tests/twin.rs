@@ -14,10 +14,10 @@ pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
 }
 
 /// Kept vertices are a selection with the ends of each chain; rings have four entries and more.
-pub(super) fn selection(world: &World, kept: &Kept, may_drop: bool, name: &str) {
+pub(super) fn selection(world: &World, kept: &Kept, may_drop: impl Fn(usize) -> bool, name: &str) {
     for chain in 0..world.rings.len() {
         let (of, all) = (kept.of(chain), world.range(chain));
-        if of.is_empty() && (may_drop || all.is_empty()) {
+        if of.is_empty() && (may_drop(chain) || all.is_empty()) {
             continue;
         }
         assert!(of.windows(2).all(|pair| pair[0] < pair[1]), "{name}: order");

@@ -15,6 +15,7 @@ use super::spool::{self, Spool, by_square};
 use super::square::{Flat, KEPT_VERTEX, MOST_PAIRS, Solved, VERTEX, World, solve};
 use super::trial::{Leaves, Wanted};
 use crate::error::{Error, ErrorKind, Result};
+use crate::geom::plane;
 use crate::line::Xy;
 use crate::line::squares::{Place, Run, Squares, cut};
 use crate::line::topology::{Collapse, conflict};
@@ -94,9 +95,10 @@ impl Cover<'_> {
                     return Ok(unwanted);
                 }
             }
+            let notes = self.notes(input, &total)?;
             let turned = self.write(input, &now, report)?;
             if turned.is_empty() {
-                report.notes.extend(self.notes(input, &total)?);
+                report.notes.extend(notes);
                 return Ok(None);
             }
             whole.extend(turned);
@@ -138,7 +140,7 @@ impl Cover<'_> {
     /// Divides space.
     fn squares(&self, input: &mut Input<'_>) -> Result<Squares> {
         let most = self.topology.square.clamp(1, spool::MOST);
-        let mut squares = Squares::new(&input.census, most)?;
+        let mut squares = Squares::new(&input.seen.census, most)?;
         while let Some(mut finer) = squares.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
@@ -161,19 +163,17 @@ impl Cover<'_> {
         input.snap(snapped, self.cancel)
     }
 
-    /// What users have to know of the input.
+    /// What users have to know of the input, which is read again for it: before anything is written.
     fn notes(&self, input: &mut Input<'_>, total: &Total) -> Result<Vec<String>> {
         let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
         let pairs = self.made_by_moving(input, &total.pairs)?;
-        let is_part = (total.pairs.len() as u64) < total.crossings;
         let harm = [
             (pairs, "pairs of segments cross, touch or overlap"),
-            (input.harm.rings, "rings turn over or lose their area"),
-            (input.harm.touching, "features have rings that touch themselves or each other"),
+            (input.seen.harm.rings, "rings turn over or lose their area"),
+            (input.seen.harm.touching, "features have rings that touch themselves or each other"),
         ];
         let told = harm.iter().filter(|(count, _)| *count > 0);
         let told: Vec<_> = told.map(|(count, what)| format!("{count} {what}")).collect();
-        let least = if is_part && pairs > 0 { "at least " } else { "" };
         let snap = Some(self.topology.snap).filter(|snap| *snap > 0.0);
         let by = [
             snap.map(|snap| (format!("--snap {snap:?}"), "a smaller --snap")),
@@ -182,22 +182,30 @@ impl Cover<'_> {
         let (by, remedies): (Vec<_>, Vec<_>) = by.into_iter().flatten().unzip();
         if !told.is_empty() {
             notes.push(format!(
-                "with {}, {least}{} that did not before; pass {}",
+                "with {}, {} that did not before; pass {}",
                 by.join(" and "),
                 told.join(", "),
                 remedies.join(", ")
             ));
         }
+        let (looked, all) = (total.pairs.len() as u64, total.crossings);
+        if !by.is_empty() && looked < all {
+            notes.push(format!(
+                "{all} pairs of segments meet; whether they did before {} is known of {looked} only",
+                by.join(" and ")
+            ));
+        }
         Ok(notes)
     }
 
-    /// How many of these pairs of segments, which meet, did not before their vertices were moved.
+    /// How many of these pairs of segments, which meet, are of some that did not before their vertices were
+    /// moved.
     fn made_by_moving(&self, input: &mut Input<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
         }
         let key = |segment: &[Xy; 2]| {
-            let [a, b] = segment.map(|p| p.map(|c| (c + 0.0).to_bits()));
+            let [a, b] = segment.map(plane::key);
             [a.min(b), a.max(b)]
         };
         let mut old: HashMap<_, Vec<[Xy; 2]>> =
@@ -213,9 +221,11 @@ impl Cover<'_> {
             Ok(())
         })?;
         let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
-        let met =
-            |[s, t]: &&[[Xy; 2]; 2]| old(s).iter().any(|s| old(t).iter().any(|t| conflict(*s, *t)));
-        Ok(pairs.iter().filter(|pair| !met(pair)).count() as u64)
+        // Segments that have become one were several: some may have met the other one, and some not.
+        let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
+            old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
+        };
+        Ok(pairs.iter().filter(was_apart).count() as u64)
     }
 
     /// Finds out what is kept of all squares.

@@ -31,18 +31,35 @@ pub(super) struct Collected {
     pub(super) trees: Vec<Trees>,
 }
 
+/// What is known of all features where they are moved to.
+#[derive(Default)]
+pub(super) struct Seen {
+    /// Where they are.
+    pub(super) census: Census,
+    /// What moving has done.
+    pub(super) harm: Harm,
+}
+
+impl Seen {
+    fn add(&mut self, before: &Geometry, moved: Option<&Geometry>) -> Result<()> {
+        if let Some(after) = moved {
+            self.harm.add(before, after);
+        }
+        let now = moved.unwrap_or(before);
+        now.parts().try_for_each(|part| self.census.add(part.xy))
+    }
+}
+
 /// All files of a job.
 pub(super) struct Input<'a> {
     job: &'a LineJob,
     files: &'a Files,
     pub(super) all: Vec<Collected>,
     pub(super) vertices: u64,
-    /// Where they are, once moved.
-    pub(super) census: Census,
     /// Where they go when they are shown.
     pub(super) moves: Moves,
-    /// What that has done.
-    pub(super) harm: Harm,
+    /// What is known of them then.
+    pub(super) seen: Seen,
     /// Bytes that all features take when they are held.
     pub(super) bytes: u64,
     /// Whether they are.
@@ -64,9 +81,8 @@ impl<'a> Input<'a> {
             files,
             all: Vec::new(),
             vertices: 0,
-            census: Census::default(),
             moves: Moves::default(),
-            harm: Harm::default(),
+            seen: Seen::default(),
             bytes: 0,
             is_held: true,
         };
@@ -143,22 +159,15 @@ impl<'a> Input<'a> {
             return Ok(());
         }
         let moved = self.moves.apply(&feature.geometry)?;
-        if let Some(after) = &moved {
-            self.harm.add(&feature.geometry, after);
-        }
-        let now = moved.as_ref().unwrap_or(&feature.geometry);
-        now.parts().try_for_each(|part| self.census.add(part.xy))
+        self.seen.add(&feature.geometry, moved.as_ref())
     }
 
     /// From now on shows features snapped and rounded.
     pub(super) fn snap(&mut self, snapped: Snapped, cancel: &Cancel) -> Result<()> {
         self.moves = Moves { snapped: Some(snapped), decimals: self.job.decimals };
-        let (mut census, mut harm) = (Census::default(), Harm::default());
-        self.visit_moves(cancel, |before, after| {
-            harm.add(before, after);
-            after.parts().try_for_each(|part| census.add(part.xy))
-        })?;
-        (self.census, self.harm) = (census, harm);
+        let mut seen = Seen::default();
+        self.visit_moves(cancel, |before, after| seen.add(before, Some(after)))?;
+        self.seen = seen;
         Ok(())
     }
 

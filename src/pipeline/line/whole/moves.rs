@@ -7,12 +7,12 @@ use std::path::Path;
 use super::input::Input;
 use super::kept::Cursors;
 use crate::error::Result;
-use crate::geom::plane::area_sign;
+use crate::geom::plane::{area_sign, key};
 use crate::line::squares::{Place, Squares, cut};
 use crate::line::{Xy, arcs};
 use crate::pipeline::Cancel;
 use crate::pipeline::points::Buckets;
-use crate::vector::{Geometry, Part};
+use crate::vector::{self, Geometry, Part};
 
 /// Where vertices go.
 #[derive(Default)]
@@ -45,7 +45,7 @@ impl Moves {
             places.iter_mut().try_for_each(|at| snapped.next(at))?;
         }
         if let Some(decimals) = self.decimals {
-            places.iter_mut().for_each(|at| *at = at.map(|c| rounded(c, decimals)));
+            places.iter_mut().for_each(|at| *at = at.map(|c| vector::rounded(c, decimals)));
         }
         let mut moved = geometry.clone();
         moved.place_parts(&mut places.into_iter());
@@ -56,16 +56,6 @@ impl Moves {
     pub(super) fn held(&self) -> u64 {
         self.snapped.as_ref().map_or(0, |snapped| snapped.places.held())
     }
-}
-
-/// The number nearest to `value` with so many digits behind the point; a number that has no digits there
-/// as it is.
-fn rounded(value: f64, decimals: u8) -> f64 {
-    const EXACT: f64 = (1_u64 << 53) as f64;
-    // Powers of ten up to 10^22 are exact, so the quotient is what a reader of the text gets.
-    let power = 10_f64.powi(decimals.into());
-    let whole = (value * power).round();
-    if whole.abs() < EXACT { whole / power + 0.0 } else { value }
 }
 
 /// Positions after snapping: of each square in the order in which the input comes by them.
@@ -163,48 +153,36 @@ impl Harm {
             then != Ordering::Equal && then != sign(new)
         };
         self.rings += pairs.filter(is_lost).count() as u64;
-        self.touching += u64::from(touches(after) > touches(before));
+        self.touching += u64::from(touches_anew(before, after));
     }
 }
 
-/// How many positions of rings are those of other vertices, too.
-fn touches(geometry: &Geometry) -> usize {
-    let mut all: Vec<[u64; 2]> = Vec::new();
-    for part in geometry.parts().filter(Part::is_ring) {
-        let first = all.len();
-        let open = &part.xy[..part.xy.len().saturating_sub(1)];
-        all.extend(open.iter().map(|at| at.map(|c| (c + 0.0).to_bits())));
-        let mut own = all.split_off(first);
-        own.dedup();
-        while own.len() > 1 && own.first() == own.last() {
-            own.pop();
+/// Whether rings come by a position several times now that did not all come by one position before.
+fn touches_anew(before: &Geometry, after: &Geometry) -> bool {
+    // Where each vertex is, how often its rings have moved on since the first one, and where it was.
+    let mut all: Vec<([u64; 2], usize, [u64; 2])> = Vec::new();
+    let mut passage = 0_usize;
+    for (old, new) in before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring()) {
+        let open = new.xy.len().saturating_sub(1);
+        let own = all.len();
+        for (old, new) in old.xy.iter().zip(&new.xy[..open]) {
+            passage += usize::from(all.last().is_some_and(|(at, ..)| *at != key(*new)));
+            all.push((key(*new), passage, key(*old)));
         }
-        all.append(&mut own);
+        // Where it begins it may be in the middle of a passage.
+        let first = all.get(own).map(|(at, passage, _)| (*at, *passage));
+        if let Some((at, first)) = first {
+            let last = all[own..].iter_mut().rev();
+            last.take_while(|one| one.0 == at).for_each(|one| one.1 = first);
+        }
+        passage += 1;
     }
-    let count = all.len();
     all.sort_unstable();
     all.dedup();
-    count - all.len()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn a_rounded_number_is_what_its_text_says(value in -1e9..1e9, decimals in 0_u8..=17) {
-            let moved = rounded(value, decimals);
-            let text = format!("{moved:.*}", usize::from(decimals));
-            prop_assert_eq!(text.parse::<f64>().unwrap(), moved);
-            prop_assert!((moved - value).abs() <= 0.500_001 * 0.1_f64.powi(decimals.into()) + 3e-7);
-        }
-    }
-
-    #[test]
-    fn nothing_is_minus_zero() {
-        assert!(rounded(-0.2, 0).is_sign_positive());
-        assert_eq!(rounded(1e300, 17), 1e300);
-    }
+    all.chunk_by(|a, b| a.0 == b.0).any(|place| {
+        let passages = place.chunk_by(|a, b| a.1 == b.1).count();
+        let mut old: Vec<_> = place.iter().map(|(.., old)| *old).collect();
+        old.sort_unstable();
+        passages > 1 && old.chunk_by(|a, b| a == b).all(|same| same.len() < passages)
+    })
 }

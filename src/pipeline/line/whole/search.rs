@@ -82,14 +82,15 @@ fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Pro
         whole.cancel.check()
     };
     match input.held() {
-        Some(_) => on_threads(whole.job.resources.threads, || {
+        // Those that are moved are shown where they go, and have no hierarchies.
+        Some(_) if input.moves.is_none() => on_threads(whole.job.resources.threads, || {
             whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
                 let features = file.features.par_iter().enumerate();
                 let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
                 added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
             })
         })??,
-        None => input.visit_all(whole.cancel, |feature| add(feature, None))?,
+        _ => input.visit_all(whole.cancel, |feature| add(feature, None))?,
     }
     let (profile, bounds) = state.into_inner().unwrap_or_default();
     let extent = bounds.map_or(0.0, |[w, s, e, n]: [f64; 4]| (e - w).max(n - s));
