@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::geom::metres_in;
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
 use crate::pipeline::Cancel;
@@ -237,20 +238,16 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<LineJob> {
     let Args { input, output, goal, method, neighbours, out, .. } = args;
     check::inputs(input)?;
-    let beside = [out.report.as_deref(), method.hierarchy.as_deref()];
     let outputs: Vec<&Path> =
-        std::iter::once(output.as_path()).chain(beside.into_iter().flatten()).collect();
+        std::iter::once(output.as_path()).chain(method.hierarchy.as_deref()).collect();
     check::not_among(input, &outputs)?;
     if input.len() == 1 {
         check::new_file(output, out.overwrite)?;
     }
-    if let Some(report) = &out.report {
-        check::new_file(report, out.overwrite)?;
-    }
     if let Some(hierarchy) = method.hierarchy.as_deref().filter(|path| !path.exists()) {
         check::new_file(hierarchy, false)?;
     }
-    Ok(LineJob {
+    let job = LineJob {
         input: input.iter().map(|name| path_of(name).into_owned()).collect(),
         layer: out.layer.clone(),
         output: output.clone(),
@@ -268,7 +265,12 @@ fn job(args: &Args) -> Result<LineJob> {
         decimals: out.decimals,
         overwrite: out.overwrite,
         resources: args.machine.resources(),
-    })
+    };
+    let mut results = line::outputs(&job)?;
+    results.extend(method.hierarchy.clone());
+    let results: Vec<&Path> = results.iter().map(PathBuf::as_path).collect();
+    check::report(out.report.as_deref(), input, &results, out.overwrite)?;
+    Ok(job)
 }
 
 impl GoalArgs {
@@ -310,9 +312,9 @@ impl Neighbours {
 
 /// A length such as 0.01, 100m, 2km or 50ft.
 pub(super) fn parse_length(text: &str) -> std::result::Result<Length, String> {
-    let units = [("km", 1000.0), ("ft", 0.3048), ("m", 1.0)];
-    let unit =
-        units.into_iter().find_map(|(name, metres)| Some((text.strip_suffix(name)?, metres)));
+    let unit = ["km", "ft", "m"]
+        .into_iter()
+        .find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
     let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
     match number.trim().parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
