@@ -233,6 +233,39 @@ fn a_plan_keeps_to_the_files_it_was_made_with() {
 }
 
 #[test]
+fn what_a_plan_leaves_out_is_told_and_is_no_reason_to_plan_anew() {
+    let place = batch();
+    let tin = |more: &[&'static str]| {
+        [&["tin"], more, &["out.ply", "--max-error", "0", "--workdir", "w"]].concat()
+    };
+    let skipping = tin(&["g", "--skip-bad"]);
+    let names = |text: &str| {
+        let told: serde_json::Value = serde_json::from_str(text).unwrap();
+        let all = told["skipped"].as_array().cloned().unwrap_or_default();
+        all.iter().map(|one| one["file"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let bad = ["g/b.asc", "g/d.asc"];
+    assert_eq!(names(&place.ok(&[&skipping[..], &["--json"]].concat()).out), bad);
+    assert_eq!(names(&place.ok(&["status", "w", "--json"]).out), bad);
+    assert_eq!(names(&place.ok(&["run", "w", "-o", "out.ply", "--json"]).out), bad);
+    for told in [place.ok(&["status", "w"]).out, place.ok(&["run", "w", "-o", "out.ply"]).out] {
+        let rows = bad.iter().filter(|name| told.contains(&format!("{name}: ")));
+        assert_eq!(rows.count(), 2, "{told}");
+    }
+    let made = std::fs::read(place.path("out.ply")).unwrap();
+    // The same work, asked for by the names of what is left, and after another reason to skip.
+    place.write("g/b.asc", "neither a grid nor as it was");
+    place.ok(&tin(&["g/a.asc", "g/c.asc"]));
+    place.ok(&skipping);
+    place.ok(&["plan", "tin", "g", "-o", "w", "--max-error", "0", "--skip-bad"]);
+    assert!(std::fs::read(place.path("out.ply")).unwrap() == made);
+    place.ok(&["plan", "grid", "c", "-o", "v", "--cell", "5", "--skip-bad"]);
+    place.write("c/b.laz", "neither a cloud nor as it was");
+    place.ok(&["plan", "grid", "c", "-o", "v", "--cell", "5", "--skip-bad"]);
+    assert_eq!(names(&place.ok(&["run", "v", "--json"]).out), ["c/b.laz", "c/d.laz"]);
+}
+
+#[test]
 fn folders_recurse_when_asked() {
     let place = batch();
     for name in ["g/b.asc", "g/d.asc", "c/b.laz", "c/d.laz", "f/b.geojson", "f/d.geojson"] {
@@ -334,127 +367,6 @@ mod latin {
     }
 }
 
-/// Heights over longitudes and latitudes: 9 x 7 samples a thousandth of a degree apart.
-fn degrees(place: &Place) {
-    let rows = (0..7).map(|row| {
-        let height = |col: i32| 300.25 + f64::from((col * 7 + row * 5) % 11) * 3.5;
-        (0..9).map(|col| height(col).to_string()).collect::<Vec<_>>().join(" ")
-    });
-    let text = rows.collect::<Vec<_>>().join("\n");
-    let head = "ncols 9\nnrows 7\nxllcenter 7\nyllcenter 46\ncellsize 0.001\n";
-    place.write("dem.asc", format!("{head}{text}\n"));
-    let wkt = "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],\
-               PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433],AUTHORITY[\"EPSG\",\"4326\"]]";
-    place.write("dem.prj", wkt);
-}
-
-/// The triangles of an STL as they are stored.
-fn stored(bytes: &[u8]) -> Vec<[[f32; 3]; 3]> {
-    let corners = |record: &[u8]| {
-        let number = |i: usize| f32::from_le_bytes(record[4 * i..4 * i + 4].try_into().unwrap());
-        [3, 6, 9].map(|at| [number(at), number(at + 1), number(at + 2)])
-    };
-    bytes[84..].chunks_exact(50).map(corners).collect()
-}
-
-/// Sides of the box around some triangles, and its lowest height.
-fn sides(triangles: &[[[f32; 3]; 3]]) -> ([f64; 3], f64) {
-    let all = || triangles.iter().flatten();
-    let low = [0, 1, 2].map(|i| all().map(|p| f64::from(p[i])).fold(f64::INFINITY, f64::min));
-    let high = [0, 1, 2].map(|i| all().map(|p| f64::from(p[i])).fold(f64::NEG_INFINITY, f64::max));
-    ([0, 1, 2].map(|i| high[i] - low[i]), low[2])
-}
-
-/// Options, and the sides that an STL of `degrees` then has.
-const PRINTS: [(&[&str], [f64; 3]); 6] = [
-    // 0.008 x 0.006 degrees at latitude 46.003.
-    (&[], [619.4, 666.9, 35.0]),
-    (&["--keep-degrees"], [0.008, 0.006, 35.0]),
-    (&["--exaggerate", "2"], [619.4, 666.9, 70.0]),
-    (&["--size", "100mm"], [92.88, 100.0, 5.248]),
-    (&["--scale", "1:10000", "--exaggerate", "3"], [61.94, 66.69, 10.5]),
-    (&["--size", "10cm", "--base", "3mm"], [92.88, 100.0, 8.248]),
-];
-
-#[test]
-fn meshes_of_degrees_are_proved_in_any_units() {
-    for (options, _) in PRINTS.into_iter().filter(|(options, _)| !options.contains(&"--base")) {
-        for format in terrane::output::FORMATS {
-            let place = Place::new();
-            degrees(&place);
-            let mesh = format!("mesh.{}", format.extensions[0]);
-            let args = [&["tin", "dem.asc", &mesh, "--max-error", "4", "--json"], options].concat();
-            if !format.single_precision && !options.is_empty() {
-                place.fails(&args, 2, &[options[0], "is for STL and GLB"]);
-                continue;
-            }
-            let report: serde_json::Value = serde_json::from_str(&place.ok(&args).out).unwrap();
-            let notes = report["notes"].to_string();
-            let told = if report["placed"].is_null() { "needle" } else { "metre" };
-            assert!(notes.contains(told) || options == ["--keep-degrees"], "{args:?}: {notes}");
-            place.ok(&["verify", &mesh, "dem.asc", "--max-error", "4"]);
-            place.ok(&["view", &mesh, "-o", "mesh.png"]);
-            let info = place.ok(&["info", &mesh, "--json"]).out;
-            let info: serde_json::Value = serde_json::from_str(&info).unwrap();
-            let low = info["bounds"][0][0].as_f64().unwrap();
-            assert!((low - 7.0).abs() < 1e-6, "{args:?}: in the coordinates of the data, {info}");
-        }
-    }
-}
-
-#[test]
-fn prints_have_the_size_that_was_asked_for() {
-    for (options, expected) in PRINTS {
-        let place = Place::new();
-        degrees(&place);
-        place.ok(&[&["tin", "dem.asc", "a.stl", "--max-error", "0.5"], options].concat());
-        let triangles = stored(&std::fs::read(place.path("a.stl")).unwrap());
-        let (found, _) = sides(&triangles);
-        for (found, expected) in found.into_iter().zip(expected) {
-            assert!((found - expected).abs() <= expected * 1e-3, "{options:?}: {found} {expected}");
-        }
-        if options.contains(&"--size") {
-            assert!((found[1] - 100.0).abs() < 1e-4, "{options:?}: {found:?}");
-        }
-        let mut edges = std::collections::HashMap::<_, i32>::new();
-        for corners in &triangles {
-            let bits = corners.map(|p| p.map(f32::to_bits));
-            for i in 0..3 {
-                let (a, b) = (bits[i], bits[(i + 1) % 3]);
-                *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
-            }
-        }
-        let is_closed = edges.values().all(|&sum| sum == 0);
-        assert_eq!(is_closed, options.contains(&"--base"), "{options:?}");
-    }
-}
-
-#[test]
-fn options_of_prints_that_cannot_act_are_refused() {
-    let place = Place::new();
-    degrees(&place);
-    place.write("plain.asc", GRID).write("a.txt", points(0.001));
-    let tin = |more: &[&'static str]| [&["tin"], more, &["--max-error", "1"]].concat();
-    for (more, word) in [
-        (&["plain.asc", "a.glb", "--keep-degrees"][..], "--keep-degrees is for longitudes"),
-        (&["plain.asc", "a.glb", "--base", "3mm", "--size", "10"], "--base is for STL"),
-        (&["plain.asc", "a.stl", "--base", "3mm"], "add --size or --scale"),
-        (&["plain.asc", "a.ply", "--size", "100mm"], "--size is for STL and GLB"),
-        (&["plain.asc", "a.stl", "--size", "1", "--workdir", "w"], "--workdir"),
-        (
-            &["plain.asc", "a.stl", "--size", "1", "--base", "1", "--co", "SOLID_BASE=0"],
-            "--base and SOLID_BASE",
-        ),
-        (&["cloud:a.txt", "a.stl", "--size", "1", "--base", "1"], "--base is for grids"),
-        (&["plain.asc", "a.stl", "--size", "0mm"], "expected a length"),
-        (&["plain.asc", "a.stl", "--scale", "1:0"], "expected a scale"),
-    ] {
-        place.fails(&tin(more), 2, &[word]);
-    }
-    place.ok(&tin(&["cloud:a.txt", "a.stl", "--crs", "EPSG:4326"]));
-    place.ok(&["verify", "a.stl", "cloud:a.txt", "--crs", "EPSG:4326", "--max-error", "1"]);
-}
-
 /// Runs with `input` on stdin.
 fn piped(place: &Place, args: &[&str], input: &[u8]) -> cli_support::Ran {
     use std::io::Write;
@@ -530,7 +442,6 @@ fn grids_and_points_come_through_pipes() {
 #[test]
 fn what_cannot_go_through_a_pipe_is_refused_by_name() {
     let place = batch();
-    degrees(&place);
     for (args, word) in [
         (&["tin", "g/a.asc", "-", "-f", "PLY", "--max-error", "1"][..], "stdout is not written"),
         (&["convert", "g/a.asc", "-", "-f", "GTiff"], "stdout is not written"),

@@ -235,7 +235,9 @@ fn make(
     let progress = args.show.progress();
     let made = match &args.workdir {
         None => tin::run(&job, progress.as_ref(), cancel)?,
-        Some(folder) => tin::run_in(folder, &job, args.disk.check(), progress.as_ref(), cancel)?,
+        Some(folder) => {
+            tin::run_in(folder, &job, skipped, args.disk.check(), progress.as_ref(), cancel)?
+        }
     };
     let checked = match args.verify {
         true => Some(crate::pipeline::verify::run(&proof(&job, &made), progress.as_ref(), cancel)?),
