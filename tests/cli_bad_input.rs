@@ -100,6 +100,172 @@ fn outputs_that_cannot_be() {
     }
 }
 
+/// Two lines of features, in longitude and latitude.
+const LINES: &str = r#"{"type":"LineString","coordinates":[[0,0],[1,0.1],[2,0]]}"#;
+
+/// Verbs that take --report, each with what it makes: the name of a file without its ending, or of a
+/// folder.
+fn reporting() -> Vec<(Vec<String>, String)> {
+    let mut verbs = Vec::new();
+    let mut add = |args: &str, output: &str| {
+        let words = args.replace('@', output);
+        verbs.push((words.split(' ').map(str::to_owned).collect(), output.to_owned()));
+    };
+    let ending = |endings: &[&str]| format!("out.{}", endings[0]);
+    for format in terrane::output::FORMATS {
+        let output = ending(format.extensions);
+        add("tin dem.asc @ --max-error 1", &output);
+        add("tin cloud:cloud.txt @ --max-error 1 --crs EPSG:4326", &output);
+    }
+    add("tin dem.asc out.ply --max-error 1 --workdir work", "out.ply");
+    add("tin dem.asc @ --max-error 1 --split 1", "blocks");
+    for format in terrane::raster::write::FORMATS.iter().filter(|format| format.name != "PNG") {
+        let output = ending(format.extensions);
+        add(&format!("grid cloud.txt @ --cell 0.002 --crs EPSG:4326 -f {}", format.name), &output);
+    }
+    let written = |f: &&terrane::vector::VectorFormat| f.create.is_some();
+    for format in terrane::vector::FORMATS.iter().filter(written) {
+        let output = ending(format.extensions);
+        add("line in.geojson @ --tolerance 0.01", &output);
+        add("line in.geojson more.geojson out --tolerance 0.01", "out");
+        if format.holds.properties {
+            add("contour dem.asc -o @ --interval 2", &output);
+        }
+    }
+    verbs
+}
+
+/// Every file in a folder and those below, with its bytes.
+fn contents(folder: &std::path::Path) -> std::collections::BTreeMap<std::path::PathBuf, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().flatten() {
+        match entry.path() {
+            path if path.is_dir() => all.extend(contents(&path)),
+            path => drop(all.insert(path.clone(), std::fs::read(path).unwrap())),
+        }
+    }
+    all
+}
+
+#[test]
+fn a_report_never_takes_the_place_of_what_is_read_or_made() {
+    let place = Place::new();
+    let point = |i: u32| {
+        let (x, y) = (7.0 + f64::from(i % 10) * 1e-3, 46.0 + f64::from(i / 10) * 1e-3);
+        format!("{x} {y} {}\n", i % 7)
+    };
+    place.write("cloud.txt", (0..100).map(point).collect::<String>());
+    place.write("in.geojson", LINES).write("more.geojson", LINES);
+    place.ok(&["grid", "cloud.txt", "dem.asc", "--cell", "0.001", "--crs", "EPSG:4326"]);
+    let root = place.path("");
+    let before = contents(&root);
+    assert!(before.contains_key(&place.path("dem.prj")));
+    let verbs = reporting();
+    assert!(verbs.len() > 20);
+    for (args, output) in verbs {
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        place.ok(&args);
+        let made = contents(&root);
+        assert!(made.len() > before.len(), "{args:?}");
+        // Also what would be read with it if it were there.
+        let stem = output.split('.').next().unwrap();
+        let mut taken: Vec<_> = made.keys().cloned().collect();
+        if place.path(&output).is_file() {
+            taken.extend(["prj", "PRJ"].map(|ending| place.path(stem).with_extension(ending)));
+        }
+        if args[0] == "grid" {
+            taken.extend(["out.wld", "out.hdr"].map(|name| place.path(name)));
+            taken.extend([".aux.xml", ".msk"].map(|ending| place.path(&(output.clone() + ending))));
+        }
+        let is_foreign = |path: &std::path::Path| {
+            let names: &[&str] = match args[1] {
+                "dem.asc" => &["cloud.txt", "in.geojson", "more.geojson"],
+                "cloud.txt" | "cloud:cloud.txt" => {
+                    &["dem.asc", "dem.prj", "in.geojson", "more.geojson"]
+                }
+                _ => &["cloud.txt", "dem.asc", "dem.prj", "more.geojson"],
+            };
+            path.file_name().is_some_and(|name| names.iter().any(|other| name == *other))
+        };
+        for path in taken.into_iter().filter(|path| !is_foreign(path)) {
+            let report = path.to_str().unwrap();
+            let more = ["--overwrite", "--report", report];
+            place.fails(&[&args[..], &more].concat(), 2, &[report, "itself or a part of it"]);
+            assert!(contents(&root) == made, "{args:?} {report}");
+        }
+        for path in made.keys().filter(|path| !before.contains_key(*path)) {
+            std::fs::remove_file(path).unwrap();
+        }
+        for folder in ["work", "blocks", "out"].map(|name| place.path(name)) {
+            drop(std::fs::remove_dir_all(folder));
+        }
+    }
+}
+
+#[test]
+fn a_report_never_takes_the_place_of_what_is_proved() {
+    let place = Place::new();
+    place.write("dem.asc", GRID).write("a.txt", "0 0 1\n9 0 2\n0 9 3\n9 9 4\n4 5 6\n");
+    place.write("in.geojson", LINES);
+    place.ok(&["tin", "dem.asc", "a.ply", "--max-error", "1"]);
+    place.ok(&["tin", "dem.asc", "blocks", "--max-error", "1", "--split", "1"]);
+    place.ok(&["tin", "cloud:a.txt", "b.ply", "--max-error", "1"]);
+    place.ok(&["line", "in.geojson", "a.shp", "--tolerance", "0.01"]);
+    for (args, taken) in [
+        (
+            &["verify", "a.ply", "dem.asc"][..],
+            &["a.ply", "dem.asc", "a.prj", "dem.prj", "dem.wld"][..],
+        ),
+        (&["verify", "blocks", "dem.asc"], &["blocks/report.json", "dem.asc"]),
+        (&["verify", "b.ply", "cloud:a.txt"], &["b.ply", "a.txt", "b.prj"]),
+        (
+            &["verify", "a.shp", "in.geojson"],
+            &["a.shp", "a.dbf", "a.shx", "a.cpg", "a.prj", "in.geojson"],
+        ),
+    ] {
+        let made = contents(&place.path(""));
+        for report in taken {
+            let more = ["--overwrite", "--report", report];
+            place.fails(&[args, &more].concat(), 2, &[report, "itself or a part of it"]);
+            assert!(contents(&place.path("")) == made, "{args:?} {report}");
+        }
+    }
+}
+
+#[test]
+fn what_lies_beside_an_output_is_refused_before_the_work() {
+    let place = Place::new();
+    place.write("dem.asc", GRID).write("a.txt", "0 0 1\n9 0 2\n0 9 3\n9 9 4\n4 5 6\n");
+    place.ok(&["plan", "tin", "dem.asc", "-o", "mesh", "--max-error", "0"]);
+    place.ok(&["plan", "grid", "a.txt", "-o", "asc", "--cell", "1", "-f", "AAIGrid"]);
+    place.ok(&["plan", "grid", "a.txt", "-o", "flt", "--cell", "1", "-f", "GridFloat"]);
+    std::fs::create_dir(place.path("out")).unwrap();
+    let objects = |folder: &str| contents(&place.path(folder).join("objects")).len();
+    for (folder, output, beside) in [
+        ("mesh", "out/a.ply", &["out/a.prj"][..]),
+        ("asc", "out/a.asc", &["out/a.prj", "out/a.asc.msk"]),
+        ("flt", "out/a.flt", &["out/a.prj", "out/a.hdr", "out/a.flt.hdr", "out/a.flt.aux.xml"]),
+    ] {
+        for name in beside {
+            place.write(name, "of something else");
+            let run = ["run", folder, "-o", output];
+            for task in [&[][..], &["--task", "finish"]] {
+                let ran = place.run(&[&run[..], task].concat());
+                assert!(![0, 75].contains(&ran.code), "{name} {task:?}: {}", ran.err);
+                assert!(ran.err.contains(name) && ran.err.contains("; "), "{}", ran.err);
+                assert_eq!(objects(folder), 0, "{name}: {}", ran.err);
+            }
+            std::fs::remove_file(place.path(name)).unwrap();
+        }
+        place.ok(&["run", folder, "-o", output]);
+        assert!(objects(folder) > 0);
+    }
+    place.write("new.prj", "of something else");
+    let tin = ["tin", "dem.asc", "new.ply", "--max-error", "0", "--workdir", "new"];
+    place.fails(&tin, 2, &["new.prj", "--overwrite"]);
+    place.ok(&[&tin[..], &["--overwrite"]].concat());
+}
+
 #[test]
 fn options_out_of_range() {
     let place = place();

@@ -79,6 +79,39 @@ fn a_plan_keeps_to_the_files_it_was_made_with() {
 }
 
 #[test]
+fn what_a_plan_leaves_out_is_told_and_is_no_reason_to_plan_anew() {
+    let place = batch();
+    let tin = |more: &[&'static str]| {
+        [&["tin"], more, &["out.ply", "--max-error", "0", "--workdir", "w"]].concat()
+    };
+    let skipping = tin(&["g", "--skip-bad"]);
+    let names = |text: &str| {
+        let told: serde_json::Value = serde_json::from_str(text).unwrap();
+        let all = told["skipped"].as_array().cloned().unwrap_or_default();
+        all.iter().map(|one| one["file"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let bad = ["g/b.asc", "g/d.asc"];
+    assert_eq!(names(&place.ok(&[&skipping[..], &["--json"]].concat()).out), bad);
+    assert_eq!(names(&place.ok(&["status", "w", "--json"]).out), bad);
+    assert_eq!(names(&place.ok(&["run", "w", "-o", "out.ply", "--json"]).out), bad);
+    for told in [place.ok(&["status", "w"]).out, place.ok(&["run", "w", "-o", "out.ply"]).out] {
+        let rows = bad.iter().filter(|name| told.contains(&format!("{name}: ")));
+        assert_eq!(rows.count(), 2, "{told}");
+    }
+    let made = std::fs::read(place.path("out.ply")).unwrap();
+    // The same work, asked for by the names of what is left, and after another reason to skip.
+    place.write("g/b.asc", "neither a grid nor as it was");
+    place.ok(&tin(&["g/a.asc", "g/c.asc"]));
+    place.ok(&skipping);
+    place.ok(&["plan", "tin", "g", "-o", "w", "--max-error", "0", "--skip-bad"]);
+    assert!(std::fs::read(place.path("out.ply")).unwrap() == made);
+    place.ok(&["plan", "grid", "c", "-o", "v", "--cell", "5", "--skip-bad"]);
+    place.write("c/b.laz", "neither a cloud nor as it was");
+    place.ok(&["plan", "grid", "c", "-o", "v", "--cell", "5", "--skip-bad"]);
+    assert_eq!(names(&place.ok(&["run", "v", "--json"]).out), ["c/b.laz", "c/d.laz"]);
+}
+
+#[test]
 fn folders_recurse_when_asked() {
     let place = batch();
     for name in ["g/b.asc", "g/d.asc", "c/b.laz", "c/d.laz", "f/b.geojson", "f/d.geojson"] {

@@ -288,6 +288,28 @@ fn headers_that_say_two_things_are_refused() {
     }
 }
 
+#[test]
+fn headers_with_many_lines_take_no_longer_than_they_are_long() {
+    // With all keys compared to all others, or lists gone through again for each line: minutes.
+    let many = |line: &dyn Fn(u32) -> String| (0..80_000).map(line).collect::<String>();
+    let lists = "wavelength = {\n".to_owned() + &many(&|i| format!("{i},\n")) + "}\n";
+    let started = std::time::Instant::now();
+    for (sample, lines) in [
+        (flt(), many(&|i| format!("key{i} 1\n"))),
+        (envi(), many(&|i| format!("k{i} = 1\n"))),
+        (envi(), lists),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let (name, bytes) = &sample.files[0];
+        let (beside, header) = &sample.files[1];
+        write_anew(&folder.path().join(beside), &[header.as_slice(), lines.as_bytes()].concat());
+        let path = folder.path().join(name);
+        write_anew(&path, bytes);
+        open_band(&path, 1).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    assert!(started.elapsed().as_secs() < 10, "{:?}", started.elapsed());
+}
+
 /// What must not be in a line of "2 1 6": the line instead, and the line that is to be named.
 const BAD_LINES: [&str; 14] = [
     "2 1 6 7937 3",

@@ -255,7 +255,7 @@ fn an_input_that_changed_is_refused() {
     job.tile = 16;
     job.goal = Goal::MaxError(1.0);
     let folder = temp.path().join("work");
-    run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap();
+    run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     write(4);
     let refused = work(&folder, None, 1).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::BadInput);
@@ -279,7 +279,7 @@ fn done_from_file(temp: &Path) -> (PathBuf, TinJob) {
     let mut job = tin(grid.to_str().unwrap(), &temp.join("a.ply"));
     (job.tile, job.goal) = (16, Goal::MaxError(1.0));
     let folder = temp.join("work");
-    run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap();
+    run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     (folder, job)
 }
 
@@ -296,9 +296,9 @@ fn a_file_that_came_to_lie_beside_the_input_is_refused() {
         assert_eq!(refused.kind(), ErrorKind::BadInput);
         assert!(refused.to_string().contains("grid.asc.aux.xml: is read with"), "{refused}");
     }
-    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_err());
+    assert!(run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).is_err());
     std::fs::remove_file(sidecar).unwrap();
-    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_ok());
+    assert!(run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).is_ok());
 }
 
 #[test]
@@ -307,8 +307,25 @@ fn the_same_bytes_at_another_time_are_the_same_input() {
     let (folder, job) = done_from_file(temp.path());
     let grid = std::fs::File::options().append(true).open(temp.path().join("grid.asc")).unwrap();
     grid.set_modified(std::time::UNIX_EPOCH).unwrap();
-    assert!(run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).is_ok());
+    assert!(run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).is_ok());
     assert!(work(&folder, Some("strip-0"), 1).unwrap().made.is_empty());
+}
+
+#[test]
+fn the_tiles_told_are_those_used() {
+    let temp = tempfile::tempdir().unwrap();
+    for (side, used) in [(16, 16), (8192, 39)] {
+        let mut job = tin("synth:rough,size=40", &temp.path().join(format!("{side}.ply")));
+        job.tile = side;
+        let folder = temp.path().join(side.to_string());
+        let planned =
+            run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
+        job.overwrite = true;
+        let whole = run(&job, &Silent, &Cancel::default()).unwrap();
+        let status = status_of(&folder).unwrap();
+        let told = [planned.tile_cells, whole.tile_cells, status.tile_cells];
+        assert_eq!(told, [used; 3], "{side}");
+    }
 }
 
 #[test]
@@ -418,7 +435,7 @@ fn formats_of_single_precision_keep_their_bound_and_bytes() {
         let worked = temp.path().join(format!("by-{name}"));
         let job = TinJob { output: worked.clone(), ..job };
         let work = temp.path().join(format!("{name}-work"));
-        let report = run_in(&work, &job, DiskCheck::On, &Silent, &Cancel::default());
+        let report = run_in(&work, &job, &[], DiskCheck::On, &Silent, &Cancel::default());
         assert_eq!(report.unwrap().samples, 700 * 1100);
         assert!(std::fs::read(direct).unwrap() == std::fs::read(worked).unwrap(), "{name}");
     }
@@ -430,7 +447,8 @@ fn a_budget_of_vertices_cannot_be_planned() {
     let mut job = tin(TERRAIN, &temp.path().join("a.ply"));
     job.goal = Goal::MaxVertices(1000);
     let folder = temp.path().join("work");
-    let refused = run_in(&folder, &job, DiskCheck::On, &Silent, &Cancel::default()).unwrap_err();
+    let refused =
+        run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::Usage);
     assert!(!folder.exists());
 }

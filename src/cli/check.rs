@@ -1,12 +1,13 @@
 //! What can be known to be wrong before any work: inputs that are missing, outputs that are taken.
 
+use std::borrow::Cow;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::atomic;
 use crate::cli::pipes;
 use crate::error::{Error, ErrorKind, Result, all};
-use crate::files::path_of;
+use crate::files::{companions, path_of};
 use crate::pipeline::surface::is_synthetic;
 use crate::raster;
 
@@ -87,25 +88,51 @@ pub(super) fn distinct(files: &[&Path]) -> Result<()> {
     Ok(())
 }
 
+/// Fails when `report` cannot become a new file that is none of the files `read`, none of the `results`,
+/// and no part of either: a file that comes with one, or lies in one that is a folder.
+pub(super) fn report(
+    report: Option<&Path>,
+    read: &[String],
+    results: &[&Path],
+    overwrite: bool,
+) -> Result<()> {
+    let Some(report) = report else { return Ok(()) };
+    let report_place = place(report);
+    let is_part = |file: &Path| {
+        // To follow every name that might be there takes far longer.
+        let may_be =
+            |path: &PathBuf| path.file_name() == report_place.file_name() || path.is_symlink();
+        report_place.starts_with(place(file))
+            || companions(file).iter().filter(|path| may_be(path)).any(|path| is_same(path, report))
+    };
+    let read = read.iter().map(|name| path_of(raster::file_name(name)));
+    let mut files = results.iter().map(|&path| Cow::Borrowed(path)).chain(read);
+    if let Some(file) = files.find(|file| is_part(file)) {
+        return Err(Error::usage(format!("is {} itself or a part of it", file.display()))
+            .in_file(report)
+            .remedy("choose another name for the report"));
+    }
+    new_file(report, overwrite)
+}
+
 fn taken(file: &Path) -> Error {
     Error::usage("output is the input itself, or two outputs have this name")
         .in_file(file)
         .remedy("choose another name")
 }
 
-/// Compares files by where they really are, links followed, and those that are not there yet by
-/// their folder.
 fn is_same(a: &Path, b: &Path) -> bool {
-    let place = |path: &Path| {
-        std::fs::canonicalize(path).unwrap_or_else(|_| {
-            let path = atomic::resolve(path).unwrap_or_else(|_| path.to_path_buf());
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-            let folder =
-                std::fs::canonicalize(folder.unwrap_or(Path::new("."))).unwrap_or_default();
-            folder.join(path.file_name().unwrap_or_default())
-        })
-    };
     place(a) == place(b)
+}
+
+/// Where a file really is, links followed; one that is not there yet by its folder.
+fn place(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| {
+        let path = atomic::resolve(path).unwrap_or_else(|_| path.to_path_buf());
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        let folder = std::fs::canonicalize(folder.unwrap_or(Path::new("."))).unwrap_or_default();
+        folder.join(path.file_name().unwrap_or_default())
+    })
 }
 
 /// Fails when `path` does not end in one of `endings`.

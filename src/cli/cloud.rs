@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::cli::{parse, text};
 use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
-use crate::files::path_of;
+use crate::files::{name_of, path_of};
 use crate::geom::wkt;
 use crate::pipeline::Resources;
 
@@ -68,6 +68,11 @@ impl Points {
         let (salvage, threads) = (self.salvage, resources.threads);
         let crs = self.crs.as_deref().map(wkt::of_srs);
         Ok(OpenOptions { filter, salvage, crs, threads })
+    }
+
+    /// The files that the options name.
+    pub(super) fn files(&self) -> Result<Vec<String>> {
+        self.polygon.iter().map(|path| name_of(path.clone())).collect()
     }
 
     /// The first of these options that was given.

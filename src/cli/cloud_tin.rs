@@ -1,7 +1,5 @@
 //! `terrane tin` on point clouds.
 
-use std::path::Path;
-
 use serde::Serialize;
 
 use crate::cli::many::{Kind, Many};
@@ -85,12 +83,10 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
 fn job(args: &tin::Args) -> Result<CloudTinJob> {
     let files = clouds::files(&args.input)?;
     let format = output::by_path(&args.output, args.format.as_deref())?;
-    let prj = output::prj_path(&args.output);
-    let mut outputs: Vec<&Path> = vec![&args.output, &prj];
-    outputs.extend(args.report.as_deref());
-    check::not_among(&files, &outputs)?;
+    check::not_among(&files, &[&args.output])?;
     check::new_file(&args.output, args.overwrite)?;
-    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    let read = [files, args.points.files()?].concat();
+    check::report(args.report.as_deref(), &read, &[&args.output], args.overwrite)?;
     let resources = args.machine.resources();
     Ok(CloudTinJob {
         inputs: args.input.clone(),

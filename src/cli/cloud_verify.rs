@@ -39,11 +39,9 @@ fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
             .in_file(&args.mesh)
             .remedy("name a mesh, such as one made by `terrane tin`"));
     }
-    if let Some(report) = &args.report {
-        check::distinct(&[&args.mesh, report])?;
-        check::not_among(&clouds::files(&args.source)?, &[report])?;
-        check::new_file(report, args.overwrite)?;
-    }
+    let mesh = vec![name_of(args.mesh.clone())?];
+    let read = [clouds::files(&args.source)?, args.points.files()?, mesh].concat();
+    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let resources = args.machine.resources();
     Ok(CloudVerifyJob {
         mesh: args.mesh.clone(),

@@ -10,6 +10,7 @@ use crate::pipeline::Cancel;
 use crate::pipeline::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
 use crate::pipeline::line::Length;
 use crate::pipeline::sift::Sifted;
+use crate::raster;
 
 /// Make contour lines of a grid
 ///
@@ -134,10 +135,10 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<ContourJob> {
     args.grid.check_all(&args.input)?;
     let Output { format, attribute, with_z, report, overwrite } = args.out.clone();
-    let outputs: Vec<_> = [Some(&args.output), report.as_ref()].into_iter().flatten().collect();
-    let paths: Vec<_> = outputs.iter().map(|path| path.as_path()).collect();
-    check::not_inputs(&args.input, &paths)?;
-    paths.iter().try_for_each(|path| check::new_file(path, overwrite))?;
+    let files = raster::files(&args.input)?;
+    check::not_among(&files, &[&args.output])?;
+    check::new_file(&args.output, overwrite)?;
+    check::report(report.as_deref(), &files, &[&args.output], overwrite)?;
     let job = ContourJob {
         band: args.grid.band(),
         nodata: args.grid.nodata,

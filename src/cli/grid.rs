@@ -1,6 +1,6 @@
 //! `terrane grid`: clouds of points become grids.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 
@@ -317,14 +317,14 @@ impl Wanted {
 impl Args {
     /// Fails when an output is an input, or cannot be made.
     fn check_files(&self) -> Result<()> {
-        let report = self.out.report.as_deref();
-        let outputs: Vec<&Path> =
-            [Some(self.output.as_path()), report].into_iter().flatten().collect();
+        let (report, overwrite) = (self.out.report.as_deref(), self.out.overwrite);
         let files = crate::cloud::files(&self.input)?;
         self.wanted.cells.like.as_deref().map_or(Ok(()), check::input)?;
-        check::not_among(&files, &outputs)?;
-        let new = |path: &&Path| check::new_file(path, self.out.overwrite);
-        outputs.iter().try_for_each(new)
+        check::not_among(&files, &[&self.output])?;
+        check::new_file(&self.output, overwrite)?;
+        let like = self.wanted.cells.like.iter().cloned().collect();
+        let read = [files, self.wanted.points.files()?, like].concat();
+        check::report(report, &read, &[&self.output], overwrite)
     }
 }
 

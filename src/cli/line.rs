@@ -8,6 +8,7 @@ use crate::atomic;
 use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
+use crate::geom::metres_in;
 use crate::line::topology::{Collapse, Strategy};
 use crate::line::{METHODS, Method};
 use crate::pipeline::Cancel;
@@ -240,6 +241,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     stdin.gather(&mut args.input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(args.input, features, &resources)?;
     let job = LineJob { input: paths(&names), ..job };
+    check_report(&job, args.out.report.as_deref(), &names)?;
     let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
     let told = many::WithSkipped { report: &report, skipped: &skipped };
@@ -256,9 +258,8 @@ fn job(args: &Args) -> Result<LineJob> {
     if let Some(sides) = &neighbours.sides {
         check::input(&name_of(sides.clone())?)?;
     }
-    let beside = [out.report.as_deref(), method.hierarchy.as_deref()];
     let outputs: Vec<&Path> =
-        std::iter::once(output.as_path()).chain(beside.into_iter().flatten()).collect();
+        std::iter::once(output.as_path()).chain(method.hierarchy.as_deref()).collect();
     check::not_among(input, &outputs)?;
     if let Some(report) = &out.report {
         check::new_file(report, out.overwrite)?;
@@ -286,6 +287,14 @@ fn job(args: &Args) -> Result<LineJob> {
         overwrite: out.overwrite,
         resources: args.machine.resources(),
     })
+}
+
+/// Fails when the report would take the place of something that the job reads or makes.
+fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Result<()> {
+    let mut results = line::outputs(job)?;
+    results.extend(job.hierarchy.clone());
+    let results: Vec<&Path> = results.iter().map(PathBuf::as_path).collect();
+    check::report(report, names, &results, job.overwrite)
 }
 
 fn paths(names: &[String]) -> Vec<PathBuf> {
@@ -331,9 +340,9 @@ impl Neighbours {
 
 /// A length such as 0.01, 100m, 2km or 50ft.
 pub(super) fn parse_length(text: &str) -> std::result::Result<Length, String> {
-    let units = [("km", 1000.0), ("ft", 0.3048), ("m", 1.0)];
-    let unit =
-        units.into_iter().find_map(|(name, metres)| Some((text.strip_suffix(name)?, metres)));
+    let unit = ["km", "ft", "m"]
+        .into_iter()
+        .find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
     let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
     match number.trim().parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::cli::{Outcome, check, text, tin, verify};
 use crate::error::{Error, Result};
-use crate::files::path_of;
+use crate::files::{name_of, path_of};
 use crate::pipeline::Cancel;
 use crate::pipeline::line::Measure;
 use crate::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
@@ -51,11 +51,9 @@ fn job(args: &verify::Args) -> Result<LineVerifyJob> {
     }
     args.points.refuse(original)?;
     check::input(original)?;
+    let read = [name_of(args.mesh.clone())?, original.clone()];
+    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let original = path_of(original);
-    if let Some(report) = &args.report {
-        check::distinct(&[&args.mesh, &original, report])?;
-        check::new_file(report, args.overwrite)?;
-    }
     let lines = &args.lines;
     Ok(LineVerifyJob {
         lines: args.mesh.clone(),

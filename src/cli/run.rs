@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, grid, text, tin};
+use crate::cli::{Outcome, args, grid, status, text, tin};
 use crate::error::{Error, Result};
 use crate::pipeline::Cancel;
 use crate::pipeline::grid::plan::{GridRun, RunGridJob, run_grid};
 use crate::pipeline::plan::{Kind, kind};
+use crate::pipeline::sift::Skipped;
 use crate::pipeline::tin::{RunJob, RunReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
@@ -120,8 +121,12 @@ fn work_on_grid(
     Ok(Outcome::Kept)
 }
 
-/// What was there before a run.
-fn found(found: u64, tasks: u64, bytes: u64, damaged: &[String]) -> Vec<(&'static str, String)> {
+/// What was there before a run, and what never was.
+fn found(
+    [found, tasks, bytes]: [u64; 3],
+    damaged: &[String],
+    skipped: &[Skipped],
+) -> Vec<(&'static str, String)> {
     let (of, tasks, bytes) = (text::count(found), text::count(tasks), text::bytes(bytes));
     let all =
         if found == 0 { "none".to_owned() } else { format!("{of} of {tasks}, {bytes} checked") };
@@ -129,11 +134,12 @@ fn found(found: u64, tasks: u64, bytes: u64, damaged: &[String]) -> Vec<(&'stati
     if !damaged.is_empty() {
         rows.push(("damaged", format!("{}; made anew", damaged.join(", "))));
     }
+    rows.extend(status::skipped(skipped));
     rows
 }
 
 fn grid_summary(r: &GridRun) -> String {
-    let mut rows = found(r.found, r.tasks, r.found_bytes, &r.damaged);
+    let mut rows = found([r.found, r.tasks, r.found_bytes], &r.damaged, &r.skipped);
     if !r.made.is_empty() {
         let made = text::count(r.made.len() as u64);
         let (points, bytes) = (text::count(r.points), text::bytes(r.made_bytes));
@@ -151,7 +157,7 @@ fn grid_summary(r: &GridRun) -> String {
 }
 
 fn summary(r: &RunReport) -> String {
-    let mut rows = found(r.found, r.tasks, r.found_bytes, &r.damaged);
+    let mut rows = found([r.found, r.tasks, r.found_bytes], &r.damaged, &r.skipped);
     if !r.made.is_empty() {
         let made = text::count(r.made.len() as u64);
         let (samples, bytes) = (text::count(r.made_samples), text::bytes(r.made_bytes));

@@ -6,6 +6,7 @@ use crate::cli::{Outcome, say, text};
 use crate::error::Result;
 use crate::pipeline::grid::plan::{GridStatus, grid_status};
 use crate::pipeline::plan::{Forecast, Kind, TaskReport, Told, kind};
+use crate::pipeline::sift::Skipped;
 use crate::pipeline::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
@@ -58,6 +59,7 @@ pub(super) fn grid_summary(r: &GridStatus) -> String {
         object_bytes: r.object_bytes,
         forecast: &r.forecast,
         told: &r.grid,
+        skipped: &r.skipped,
     };
     format!("{} in {}\n{}", r.input, r.folder, plan.table())
 }
@@ -78,8 +80,14 @@ pub(super) fn summary(r: &StatusReport) -> String {
         object_bytes: r.object_bytes,
         forecast: &r.forecast,
         told: &r.mesh,
+        skipped: &r.skipped,
     };
     format!("{} in {}\n{}", r.input, r.folder, plan.table())
+}
+
+/// Files that were left out of the input of a plan, as rows of a table.
+pub(super) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str, String)> {
+    skipped.iter().map(|Skipped { file, reason }| ("skipped", format!("{file}: {reason}")))
 }
 
 /// What is told of any plan.
@@ -95,6 +103,7 @@ struct Summary<'a> {
     object_bytes: u64,
     forecast: &'a Forecast,
     told: &'a Told,
+    skipped: &'a [Skipped],
 }
 
 impl Summary<'_> {
@@ -114,6 +123,7 @@ impl Summary<'_> {
         if !self.damaged.is_empty() {
             rows.push(("damaged", self.damaged.join(", ")));
         }
+        rows.extend(skipped(self.skipped));
         if let Some(fault) = &self.told.output_fault {
             rows.push(("note", fault.clone()));
         }

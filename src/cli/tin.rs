@@ -15,7 +15,7 @@ use crate::pipeline::placing::Placing;
 use crate::pipeline::sift::{Sifted, Skipped};
 use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
 use crate::pipeline::verify::{VerifyJob, VerifyReport};
-use crate::raster::undeclared_nodata;
+use crate::raster::{self, undeclared_nodata};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -235,7 +235,9 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
     let progress = args.show.progress();
     let made = match &args.workdir {
         None => tin::run(job, progress.as_ref(), cancel)?,
-        Some(folder) => tin::run_in(folder, job, args.disk.check(), progress.as_ref(), cancel)?,
+        Some(folder) => {
+            tin::run_in(folder, job, skipped, args.disk.check(), progress.as_ref(), cancel)?
+        }
     };
     let checked = match args.verify {
         true => Some(crate::pipeline::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
@@ -261,15 +263,14 @@ fn job(args: &Args) -> Result<TinJob> {
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
     let format = output::by_path(&args.output, args.format.as_deref().or(usual))?;
-    let prj = output::prj_path(&args.output);
-    check::not_inputs(&args.input, &[&args.output])?;
-    if let Some(report) = &args.report {
-        check::not_inputs(&args.input, &[&args.output, &prj, report])?;
-    }
+    let files = raster::files(&args.input)?;
+    check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
     args.split.check_output(&args.output, args.overwrite || goes_on)?;
-    args.report.as_ref().map_or(Ok(()), |path| check::new_file(path, args.overwrite))?;
+    let results: Vec<&Path> =
+        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
+    check::report(args.report.as_deref(), &files, &results, args.overwrite)?;
     let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
     if solid_base.is_some() && format.name != "STL" {
         return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
@@ -350,7 +351,6 @@ pub(super) fn summary(r: &TinReport) -> String {
         ("time", time(r)),
     ];
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));
     }
@@ -400,6 +400,7 @@ pub(super) fn stages(stages: &[tin::StageReport]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::placing::Placed;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {
@@ -419,6 +420,11 @@ mod tests {
             kept: 0.016,
             threads: 2,
             samples_per_second: 12.3e6,
+            placed: Some(Placed::default()),
+            suspected_nodata: Some(-1.0),
+            suspected_samples: Some(7),
+            peak_memory: Some(1 << 20),
+            notes: vec!["first".into(), "second".into()],
             ..TinReport::default()
         };
         let text = summary(&report);
@@ -432,6 +438,9 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }
+        let lines: Vec<_> = text.lines().collect();
+        let is_new = |i: usize| !lines[..i].contains(&lines[i]);
+        assert!((0..lines.len()).all(is_new), "a line is there twice:\n{text}");
     }
 
     #[test]

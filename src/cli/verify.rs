@@ -13,6 +13,7 @@ use crate::pipeline::Cancel;
 use crate::pipeline::sift::Sifted;
 use crate::pipeline::surface::is_mesh;
 use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
+use crate::raster;
 
 /// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
 /// bound, coverage, topology; of lines also features, properties, heights and points. Exits with 1
@@ -76,11 +77,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let args = &Args { source: names, ..args.clone() };
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
-    if let Some(report) = &args.report {
-        check::distinct(&[&args.mesh, report])?;
-        check::not_inputs(&args.source, &[report])?;
-        check::new_file(report, args.overwrite)?;
-    }
+    let read = [raster::files(&args.source)?, vec![mesh]].concat();
+    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.source.clone().into(),

@@ -6,7 +6,7 @@ mod list;
 mod name;
 mod raw;
 
-pub(crate) use beside::prj;
+pub(crate) use beside::{beside_grid, companions, prj};
 pub(crate) use list::Seek;
 pub(crate) use name::{name_of, path_of, shown};
 pub(crate) use raw::{RawFile, Reader, RowRun, to_usize};

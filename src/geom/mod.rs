@@ -11,7 +11,7 @@ mod rounding;
 mod ruler;
 
 pub use affine::Affine;
-pub use crs::{Crs, GeoKeys, wkt};
+pub use crs::{Crs, GeoKeys, metres_in, wkt};
 pub use decimal::Decimal;
 pub use point::{Frame, Point, REACH, is_within};
 pub use rect::Rect;

@@ -161,6 +161,7 @@ fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo
         scale: scale.filter(is_scale).unwrap_or([1.0; 3]),
         single_precision: true,
         indexed,
+        solid: false,
         crs: extras["crs"].as_str().map(str::to_owned),
         details: generator.chain(comments).collect(),
     }

@@ -54,7 +54,8 @@ impl Local {
         let out = self.low.contains(&f32::NEG_INFINITY) || self.high.contains(&f32::INFINITY);
         if out {
             let message = "a position is beyond the range of f32";
-            return Err(Error::new(ErrorKind::CannotWrite, message).remedy("write PLY or OBJ"));
+            return Err(Error::new(ErrorKind::CannotWrite, message)
+                .remedy("write PLY or OBJ, or a smaller --size, --scale or --exaggerate"));
         }
         Ok(())
     }

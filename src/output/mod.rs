@@ -170,6 +170,8 @@ pub struct MeshInfo {
     pub single_precision: bool,
     /// True when vertices have an identity of their own (PLY, OBJ, GLB), false for STL.
     pub indexed: bool,
+    /// True when the surface is closed with walls and a flat bottom.
+    pub solid: bool,
     /// The `crs` comment, where the file has one.
     pub crs: Option<String>,
     /// Free facts for `terrane info`.

@@ -175,6 +175,7 @@ fn info(vertices: u64, triangles: u64, comments: Vec<String>) -> MeshInfo {
         scale: [1.0; 3],
         single_precision: false,
         indexed: true,
+        solid: false,
         crs,
         details: comments.into_iter().map(|text| ("comment".to_owned(), text)).collect(),
     }

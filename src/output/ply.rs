@@ -121,6 +121,7 @@ impl PlySource {
             scale: [1.0; 3],
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
             indexed: true,
+            solid: false,
             crs: header.crs.clone(),
             details: std::iter::once(encoding).chain(comments).collect(),
         };

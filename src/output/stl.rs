@@ -180,7 +180,7 @@ impl Solid {
     fn bottom(&self, top: Corners) -> Result<Corners> {
         let [a, b, c] = top;
         self.check(a[2].min(b[2]).min(c[2]))?;
-        Ok([c, b, a].map(|p| lowered(p, self.base)))
+        Ok(beneath(top, self.base))
     }
 
     /// Fails unless a stored height is above the base.
@@ -192,6 +192,11 @@ impl Solid {
         let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
         Err(Error::usage(message).remedy("choose a base below the lowest height"))
     }
+}
+
+/// The triangle of the bottom under one of the surface.
+fn beneath([a, b, c]: Corners, base: f32) -> Corners {
+    [c, b, a].map(|p| lowered(p, base))
 }
 
 fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
@@ -258,6 +263,7 @@ impl StlSource {
             scale,
             single_precision: true,
             indexed: false,
+            solid: known.is_some() && is_solid(&input, triangles)?,
             crs: None,
             details: Vec::new(),
         };
@@ -267,6 +273,23 @@ impl StlSource {
         let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
     }
+}
+
+/// True where the second of our triangles is the first one at the bottom: see [`Solid`]. No surface seen
+/// from above goes on like that.
+fn is_solid(input: &Input, triangles: u64) -> Result<bool> {
+    if triangles < 2 {
+        return Ok(false);
+    }
+    let mut first = [[[0.0; 3]; 3]; 2];
+    let bytes = HEADER_BYTES..HEADER_BYTES + 2 * TRIANGLE_BYTES as u64;
+    input.records(bytes, TRIANGLE_BYTES as u64, |place, record| {
+        first[place] = [0, 1, 2].map(|corner| corner_of(record, corner).unwrap_or_default());
+        Ok(())
+    })?;
+    let [top, bottom] = first;
+    let base = bottom[0][2];
+    Ok(top.iter().all(|p| p[2] > base) && bottom == beneath(top, base))
 }
 
 /// Why a file of the wrong length is not read.

@@ -87,11 +87,24 @@ impl Placing {
     }
 
     /// How a mesh of `crs` within `bounds` lies in a file of `format`, and what its user should know.
+    /// Vertices differ by `steps` at least.
     ///
     /// # Errors
     /// What cannot be done: options of formats that keep the coordinates, degrees kept where there are
-    /// none, units that are not known to be lengths, places too near to a pole.
+    /// none, units that are not known to be lengths, places too near to a pole, sizes that the format
+    /// does not hold.
     pub fn place(
+        &self,
+        crs: &Crs,
+        (bounds, steps): ([Point3; 2], Point3),
+        format: &MeshFormat,
+    ) -> Result<(Placed, Vec<String>)> {
+        let (placed, notes) = self.scaled(crs, bounds, format)?;
+        self.check_size(&placed, (bounds, steps), format)?;
+        Ok((placed, notes))
+    }
+
+    fn scaled(
         &self,
         crs: &Crs,
         bounds: [Point3; 2],
@@ -127,6 +140,42 @@ impl Placing {
         }
         let scale = rounded([x, y, z * rise]);
         Ok((Placed { scale, unit: Some(unit.to_owned()) }, notes))
+    }
+
+    /// Fails where the format, which holds f32, would not tell vertices apart, or not hold their
+    /// coordinates.
+    fn check_size(
+        &self,
+        placed: &Placed,
+        ([low, high], steps): ([Point3; 2], Point3),
+        format: &MeshFormat,
+    ) -> Result<()> {
+        if !format.single_precision {
+            return Ok(());
+        }
+        let is_held = |axis: usize, scale: f64| {
+            let (least, most) = (f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX));
+            let side = (high[axis] - low[axis]) * scale;
+            (least..most).contains(&(steps[axis] * scale)) && (side.is_nan() || side < most)
+        };
+        let Some(axis) = (0..3).find(|&axis| !is_held(axis, placed.scale[axis])) else {
+            return Ok(());
+        };
+        let rise = self.exaggerate.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
+        let options = [("--exaggerate", rise), ("--size", self.size), ("--scale", self.scale)];
+        let given = options.into_iter().find(|(_, given)| given.is_some());
+        let name = format.name;
+        Err(match given {
+            Some((option, _)) => {
+                let message =
+                    format!("{option} makes the mesh larger or smaller than {name} can hold");
+                Error::usage(message).remedy(format!("choose a {option} nearer to the usual"))
+            }
+            None => {
+                Error::unsupported(format!("the mesh is larger or smaller than {name} can hold"))
+                    .remedy("write PLY or OBJ, or pass --scale")
+            }
+        })
     }
 
     /// For formats that have the coordinates of the data.
@@ -175,23 +224,23 @@ fn notes_on_degrees(is_geographic: bool, format: &MeshFormat) -> Vec<String> {
 fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> {
     let mut notes = Vec::new();
     let across = crs.horizontal_unit();
-    let [x, y] = match (across, length(across)) {
-        ("degree", _) => degree(f64::midpoint(low[1], high[1]))?,
-        (_, Some(metres)) => [metres; 2],
-        _ => {
+    let [x, y] = match crs.horizontal_metres() {
+        _ if across == "degree" => degree(f64::midpoint(low[1], high[1]))?,
+        Some(metres) => [metres; 2],
+        None => {
             notes.push("the unit of x and y is not known, and taken for metres".to_owned());
             [1.0; 2]
         }
     };
-    let z = match vertical_unit(crs).map(|unit| (unit, length(unit))) {
-        Some((_, Some(metres))) => metres,
-        Some((unit, None)) => {
+    let z = match (crs.vertical_metres(), vertical_unit(crs)) {
+        (Some(metres), _) => metres,
+        (None, Some(unit)) => {
             return Err(Error::unsupported(format!(
                 "heights in {unit:?} are no lengths known here"
             ))
             .remedy("write PLY or OBJ, which keep the coordinates"));
         }
-        None => {
+        (None, None) => {
             let taken = if across == "degree" { 1.0 } else { x };
             let like = if taken == 1.0 { "metres" } else { "that of x and y" };
             notes.push(format!("the unit of the heights is not known, and taken for {like}"));
@@ -199,16 +248,6 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
         }
     };
     Ok(([x, y, z], notes))
-}
-
-/// Metres of a unit of length.
-fn length(unit: &str) -> Option<f64> {
-    match unit.to_lowercase().as_str() {
-        "metre" | "meter" | "m" => Some(1.0),
-        "foot" | "feet" | "ft" => Some(0.3048),
-        "us survey foot" | "us survey feet" => Some(1200.0 / 3937.0),
-        _ => None,
-    }
 }
 
 /// Metres of a degree of longitude and of one of latitude.
@@ -268,7 +307,7 @@ mod tests {
         let print = Placing { size: Some(0.1), ..Placing::default() };
         let at = |placing: Placing, crs: &Crs, bounds, name: &str| {
             placing
-                .place(crs, bounds, format(name))
+                .place(crs, (bounds, [1.0; 3]), format(name))
                 .map(|(placed, notes)| (placed.scale, placed.unit.unwrap_or_default(), notes.len()))
         };
         let (degrees, utm) = (crs(4326, "metre"), crs(32631, "metre"));
@@ -299,7 +338,7 @@ mod tests {
             (kept, &degrees, "OBJ", "--keep-degrees is for STL and GLB: OBJ"),
             (kept, &utm, "GLB", "--keep-degrees is for longitudes"),
             (Placing { base: Some(0.003), ..print }, &utm, "GLB", "--base is for STL"),
-            (print, &self::crs(32631, "fathom"), "STL", "fathom"),
+            (print, &self::crs(32631, "sazhen"), "STL", "sazhen"),
         ] {
             let refused = at(placing, crs, METRES, name).unwrap_err().to_string();
             assert!(refused.contains(part), "{refused}");

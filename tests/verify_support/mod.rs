@@ -102,6 +102,7 @@ impl Mesh {
             scale: [1.0; 3],
             single_precision: false,
             indexed: true,
+            solid: false,
             crs: None,
             details: Vec::new(),
         };

@@ -20,6 +20,17 @@ pub use geokeys::GeoKeys;
 /// GeoKey of what raster positions mean: maps account for it.
 const RASTER_TYPE: u16 = 1025;
 
+/// What x and y are counted in.
+enum Across {
+    Degrees,
+    Length(Unit),
+}
+
+/// Metres in the unit of length that people call `name`; `None` where it is not known.
+pub fn metres_in(name: &str) -> Option<f64> {
+    Unit::named(name).map(|unit| unit.size)
+}
+
 /// A coordinate reference system as found in a file. Equality is of what the file said; whether two
 /// are one system is for [`agrees`](Crs::agrees) to tell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -74,17 +85,40 @@ impl Crs {
 
     /// Unit of x and y: "degree", "metre", "foot", "US survey foot", or "unit" when unknown.
     pub fn horizontal_unit(&self) -> &'static str {
-        if self.geographic == Some(true) {
-            return "degree";
+        match self.across() {
+            Some(Across::Degrees) => "degree",
+            Some(Across::Length(unit)) => unit.common_name().unwrap_or("unit"),
+            None => "unit",
         }
-        let by_text = self.wkt.as_deref().and_then(wkt::horizontal_unit);
-        by_text.or_else(|| self.unit_of_keys_or_code()).unwrap_or("unit")
     }
 
-    fn unit_of_keys_or_code(&self) -> Option<&'static str> {
-        let by_keys = GeoKeys::of(self).linear_unit();
-        let by_code = || self.epsg.and_then(codes::text).and_then(wkt::horizontal_unit);
-        by_keys.and_then(|unit| unit.common_name()).or_else(by_code)
+    /// Metres in one unit of x and y; `None` for degrees, and where nothing is known of it.
+    pub fn horizontal_metres(&self) -> Option<f64> {
+        match self.across()? {
+            Across::Degrees => None,
+            Across::Length(unit) => Some(unit.size),
+        }
+    }
+
+    /// Metres in one unit of z; `None` where nothing is known of it.
+    pub fn vertical_metres(&self) -> Option<f64> {
+        let name = self.vertical_unit.as_deref().map(str::trim).filter(|name| !name.is_empty());
+        if let Some(known) = name.and_then(Unit::named) {
+            return Some(known.size);
+        }
+        let own = self.parts().1?.unit;
+        name.is_none_or(|name| name == own.name).then_some(own.size)
+    }
+
+    /// What x and y are counted in, by the text, or else by the keys, or else by the code.
+    fn across(&self) -> Option<Across> {
+        if self.geographic == Some(true) {
+            return Some(Across::Degrees);
+        }
+        let by_text = self.wkt.as_deref().and_then(wkt::across);
+        by_text
+            .or_else(|| GeoKeys::of(self).linear_unit().map(Across::Length))
+            .or_else(|| self.epsg.and_then(codes::text).and_then(wkt::across))
     }
 
     /// What it means: x and y, and z.
@@ -264,6 +298,59 @@ mod tests {
         assert_eq!(text.horizontal_unit(), "US survey foot");
         assert_eq!(Crs { epsg: Some(32611), ..Crs::default() }.horizontal_unit(), "metre");
         assert_eq!(Crs::default().horizontal_unit(), "unit");
+    }
+
+    #[test]
+    fn units_have_one_size_however_they_are_told() {
+        let survey = 1200.0 / 3937.0;
+        let text = |name: &str, size: &str| {
+            let base = r#"GEOGCS["y",UNIT["Degree",0.017]]"#;
+            wkt::from_text(&format!(r#"PROJCS["x",{base},UNIT["{name}",{size}]]"#))
+        };
+        let keys = |raw: &[u16], doubles: &[f64]| {
+            let raw = [&[1, 1, 0, raw.len() as u16 / 4][..], raw].concat();
+            Crs { geo_keys: raw, geo_doubles: doubles.to_vec(), ..Crs::default() }
+        };
+        let code = |code: &str| wkt::of_srs(&format!("EPSG:{code}"));
+        for (crs, across, up) in [
+            (Crs::default(), None, None),
+            (code("4326"), None, None),
+            (code("4326+5773"), None, Some(1.0)),
+            (code("32611"), Some(1.0), None),
+            (code("2263"), Some(survey), None),
+            (code("2222"), Some(0.3048), None),
+            (code("6339+6360"), Some(1.0), Some(survey)),
+            (code("2263+6360"), Some(survey), Some(survey)),
+            (code("7415"), Some(1.0), Some(1.0)),
+            (text("US survey foot", "0.304800609601219"), Some(survey), None),
+            (text("Foot_US", "0.3048006096012192"), Some(survey), None),
+            (text("foot", "0.3048"), Some(0.3048), None),
+            (text("a rod of my own", "5.0292"), Some(5.0292), None),
+            (keys(&[3076, 0, 1, 9003], &[]), Some(survey), None),
+            (keys(&[3076, 0, 1, 9002], &[]), Some(0.3048), None),
+            (keys(&[3076, 0, 1, 32767, 3077, 34736, 1, 0], &[5.0292]), Some(5.0292), None),
+        ] {
+            assert_eq!((crs.horizontal_metres(), crs.vertical_metres()), (across, up), "{crs:?}");
+        }
+        let own = r#"VERT_CS["c",VERT_DATUM["d",2005],UNIT["a rod of my own",5.0292]]"#;
+        let both =
+            r#"COMPD_CS["both",LOCAL_CS["a",UNIT["foot",0.3048]],VERT]"#.replace("VERT", own);
+        let both = wkt::from_text(&both);
+        assert_eq!(
+            (both.horizontal_metres(), both.vertical_metres()),
+            (Some(0.3048), Some(5.0292))
+        );
+        for (name, metres) in [
+            ("m", Some(1.0)),
+            ("Metres", Some(1.0)),
+            ("feet", Some(0.3048)),
+            ("US survey feet", Some(survey)),
+            ("fathom", Some(1.8288)),
+            ("sazhen", None),
+        ] {
+            let heights = Crs { vertical_unit: Some(name.to_owned()), ..code("32611+5703") };
+            assert_eq!((heights.vertical_metres(), metres_in(name)), (metres, metres), "{name}");
+        }
     }
 
     /// One system in the dialects of GDAL, of Esri, of the second kind, and of heights in feet.

@@ -12,9 +12,9 @@ pub(super) struct Unit {
 
 /// EPSG code, name, size in metres, and other spellings.
 const KNOWN: &[(u16, &str, f64, &[&str])] = &[
-    (9001, "metre", 1.0, &["meter", "m"]),
-    (9002, "foot", 0.3048, &["ft", "internationalfoot", "footinternational", "footintl"]),
-    (9003, "US survey foot", 0.304_800_609_601_219, &["footus", "ussurveyfoot", "usft", "ftus"]),
+    (9001, "metre", 1.0, &["meter", "metres", "meters", "m"]),
+    (9002, "foot", 0.3048, &["ft", "feet", "internationalfoot", "footinternational", "footintl"]),
+    (9003, "US survey foot", 1200.0 / 3937.0, &["footus", "ussurveyfeet", "usft", "ftus"]),
     (9014, "fathom", 1.8288, &[]),
     (9036, "kilometre", 1000.0, &["kilometer", "km"]),
     (9005, "Clarke's foot", 0.304_797_265_4, &["footclarke"]),

@@ -5,7 +5,7 @@ use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
 use super::method::{Method, Role};
 use super::node::Node;
 use super::unit::Unit;
-use super::{Crs, codes};
+use super::{Across, Crs, codes};
 
 /// Keywords of systems of longitude and latitude.
 const GEOGRAPHIC: [&str; 7] =
@@ -88,13 +88,13 @@ pub(super) fn is_first_kind(text: &str) -> bool {
     ["GEOGCS", "PROJCS", "LOCAL_CS", "COMPD_CS", "GEOCCS"].contains(&keyword.as_str())
 }
 
-/// The unit of x and y of a text by its common name.
-pub(super) fn horizontal_unit(text: &str) -> Option<&'static str> {
+/// What x and y of a text are counted in.
+pub(super) fn across(text: &str) -> Option<Across> {
     let nodes = Node::all(text)?;
     let node = find(&nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())?;
     match node.is(&GEOGRAPHIC) {
-        true => is_in_degrees(node).then_some("degree"),
-        false => length(node)?.common_name(),
+        true => is_in_degrees(node).then_some(Across::Degrees),
+        false => length(node).map(Across::Length),
     }
 }
 

@@ -34,7 +34,7 @@ struct Part {
 pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let index = Index::read(path)?;
     let mut parts = Vec::new();
-    let mut first = 0;
+    let (mut first, mut solid) = (0, false);
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
@@ -51,6 +51,7 @@ pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         }
         parts.push(Part { path, first, triangles: found.triangles });
         first += found.triangles;
+        solid |= found.solid;
         info.get_or_insert(found);
     }
     let info = info.ok_or_else(|| {
@@ -60,7 +61,8 @@ pub(in crate::output) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     details.push(("blocks".to_owned(), index.blocks.len().to_string()));
     let comments = index.comments.iter().map(|comment| ("comment".to_owned(), comment.clone()));
     details.extend(comments.filter(|comment| !info.details.contains(comment)));
-    let info = MeshInfo { vertices: 3 * first, triangles: first, indexed: false, details, ..info };
+    let info =
+        MeshInfo { vertices: 3 * first, triangles: first, indexed: false, solid, details, ..info };
     Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
 }
 

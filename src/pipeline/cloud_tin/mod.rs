@@ -178,7 +178,8 @@ pub(super) fn make(
     let info = source.info();
     let bounds = info.bounds.ok_or_else(no_surface)?;
     let mut header = header(job, info, bounds, format)?;
-    let (placed, notes) = job.placing.place(&info.crs, header.bounds, format)?;
+    let (placed, notes) =
+        job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
     header.scale = placed.scale;
     header.origin = placed.origin(header.origin, header.bounds);
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };

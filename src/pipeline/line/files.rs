@@ -29,15 +29,7 @@ pub(super) struct Files {
 impl Files {
     /// Pairs the inputs of a job with outputs, and looks at their headers.
     pub(super) fn of(job: &LineJob) -> Result<Self> {
-        let pairs = match job.input.as_slice() {
-            [] => return Err(Error::usage("no file is given")),
-            [input] if !job.is_into_folder() => vec![Pair {
-                input: input.clone(),
-                output: job.output.clone(),
-                format: vector::by_path(&job.output, job.format.as_deref())?,
-            }],
-            many => all(many.iter().map(|input| in_folder(job, input)).collect())?,
-        };
+        let pairs = pairs(job)?;
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
         names.sort();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -75,6 +67,26 @@ impl Files {
             _ => (plain, threshold),
         };
         Ok(Rule { method: job.method, measure, threshold, collapse: job.collapse })
+    }
+}
+
+/// The files that a job writes, without those that come with them.
+///
+/// # Errors
+/// No input, and a format that is unknown or not written.
+pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
+    Ok(pairs(job)?.into_iter().map(|pair| pair.output).collect())
+}
+
+fn pairs(job: &LineJob) -> Result<Vec<Pair>> {
+    match job.input.as_slice() {
+        [] => Err(Error::usage("no file is given")),
+        [input] if !job.is_into_folder() => Ok(vec![Pair {
+            input: input.clone(),
+            output: job.output.clone(),
+            format: vector::by_path(&job.output, job.format.as_deref())?,
+        }]),
+        many => all(many.iter().map(|input| in_folder(job, input)).collect()),
     }
 }
 

@@ -78,11 +78,10 @@ pub(in crate::pipeline) fn measured(
 ) -> Result<(Measure, f64)> {
     let plain = if is_space { Measure::Space } else { Measure::Plane };
     let Some(metres) = length.unit else { return Ok((plain, length.value)) };
-    let by = |unit: f64| Ok((plain, length.value * metres / unit));
+    if let Some(unit) = crs.horizontal_metres() {
+        return Ok((plain, length.value * metres / unit));
+    }
     match crs.horizontal_unit() {
-        "metre" => by(1.0),
-        "foot" => by(0.3048),
-        "US survey foot" => by(1200.0 / 3937.0),
         "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
             .remedy("leave out --metric 3d, or bring the data into a projected system")),
         "degree" => Ok((Measure::Geographic, length.value * metres)),

@@ -15,6 +15,7 @@ mod whole;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+pub use files::outputs;
 pub(in crate::pipeline) use goal::measured as goal_of;
 pub use goal::{Goal, Length, Threshold};
 pub use report::{HierarchyReport, LineReport};

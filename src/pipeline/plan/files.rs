@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::digest::Digest;
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Pieces of a large file that are hashed, evenly spread from its first byte to its last, and
 const PIECES: u64 = 16;
@@ -118,24 +119,15 @@ fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
     Ok(Digest::of(&pieces))
 }
 
-/// Endings of files that lie beside a grid and are read with it. A `.prj` is not among them: runs
-/// write one beside their meshes, and all it can say is a CRS, which is told from the grid.
-const BESIDE: [&str; 16] = [
-    "hdr", "stx", "tfw", "tifw", "tiffw", "pgw", "pngw", "wld", "npyw", "blw", "bpw", "bqw",
-    "bilw", "bipw", "bsqw", "flw",
-];
-/// Endings that are put after the grid's whole name.
-const BEHIND: [&str; 5] = [".aux.xml", ".msk", ".MSK", ".hdr", ".HDR"];
-/// Endings of packed grids: what lies beside the grid that is in one is read, too.
-const PACKED: [&str; 2] = ["gz", "zip"];
-
-/// The `paths` and what lies beside them, each once.
+/// The `paths` and what lies beside them, each once. A `.prj` is not among them: runs write one beside
+/// their meshes, and all it can say is a CRS, which is told from the grid.
 pub(in crate::pipeline) fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     // Folders are listed: to ask for every name that might be there takes far longer.
     let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
     let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
     let is_there = |path: &PathBuf| there.contains(path) && path.is_file();
-    let beside = |path: &PathBuf| companions(path).into_iter().filter(is_there).collect::<Vec<_>>();
+    let beside =
+        |path: &PathBuf| files::beside_grid(path).into_iter().filter(is_there).collect::<Vec<_>>();
     let beside: Vec<PathBuf> = paths.par_iter().flat_map_iter(beside).collect();
     paths.extend(beside);
     paths.sort();
@@ -147,24 +139,6 @@ fn listed(folder: &Path) -> Vec<PathBuf> {
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
     entries.map(|entry| folder.join(entry.file_name())).collect()
-}
-
-/// The names that files beside `path` may have.
-fn companions(path: &Path) -> Vec<PathBuf> {
-    let behind = BEHIND.iter().map(|ending| {
-        let mut name = path.as_os_str().to_owned();
-        name.push(ending);
-        PathBuf::from(name)
-    });
-    let upper = BESIDE.map(str::to_uppercase);
-    let endings = BESIDE.into_iter().chain(upper.iter().map(String::as_str));
-    let mut all: Vec<PathBuf> = endings.map(|ending| path.with_extension(ending)).collect();
-    all.extend(behind);
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if PACKED.contains(&&*ending) {
-        all.extend(companions(&path.with_extension("")));
-    }
-    all
 }
 
 #[cfg(test)]

@@ -26,12 +26,14 @@ use serde_json::Value;
 pub use digest::Digest;
 pub(in crate::pipeline) use files::{InputFile, check, look_at, with_companions};
 pub(in crate::pipeline) use output::{Output, State, last_output};
+pub(in crate::pipeline) use report::shared;
 pub use report::{DiskCheck, Forecast, TaskReport, Told};
 
 use crate::atomic::{AtomicFile, is_temporary, refuse_stdout};
 use crate::error::{Error, ErrorKind, Result};
 use crate::limits;
 use crate::pipeline::Cancel;
+use crate::pipeline::sift::Skipped;
 
 pub(in crate::pipeline) const PLAN: &str = "plan.json";
 pub(in crate::pipeline) const OBJECTS: &str = "objects";
@@ -62,6 +64,12 @@ pub(in crate::pipeline) trait Planned:
 
     /// The same, to be changed.
     fn files_mut(&mut self) -> &mut [InputFile];
+
+    /// Files that are left out of the input because they are bad.
+    fn skipped(&self) -> &[Skipped];
+
+    /// The same, to be changed.
+    fn skipped_mut(&mut self) -> &mut Vec<Skipped>;
 }
 
 /// A plan with its digest, as it is on disk.
@@ -211,11 +219,14 @@ fn no_folder(path: &Path, error: io::Error) -> Error {
         .remedy(format!("make {} first, or correct the name", parent(path).display()))
 }
 
-/// The first thing in which `here` asks for something else than `there`, as a line for people.
+/// The first thing in which `here` asks for something else than `there`, as a line for people. What was
+/// left out is no such thing: the work is of what is left.
 fn changes<P: Planned>(there: &P, here: &P) -> Option<String> {
     let mut here = here.clone();
     let files = there.files().iter().zip(here.files_mut());
     files.for_each(|(there, here)| here.forgive_time(there));
+    here.skipped_mut().clear();
+    here.skipped_mut().extend_from_slice(there.skipped());
     difference(there, &here)
 }
 

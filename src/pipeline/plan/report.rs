@@ -34,6 +34,14 @@ pub struct Forecast {
     pub output_bytes: u64,
 }
 
+/// How much faster each further thread makes it, as measured on one machine; see benches/RESULTS.md.
+const SPEED_UP: f64 = 0.85;
+
+/// Seconds that so many threads take, about, for what takes one of them `seconds`.
+pub(in crate::pipeline) fn shared(seconds: f64, threads: usize) -> f64 {
+    seconds / (1.0 + SPEED_UP * (threads.max(1) - 1) as f64)
+}
+
 /// What a plan wrote.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Told {

@@ -14,7 +14,7 @@ use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
 use crate::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geom::{Point3, Rounding};
+use crate::geom::{Affine, Point3, Rounding};
 use crate::output::split::{self, Blocks};
 use crate::output::{
     self, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
@@ -68,7 +68,7 @@ impl Opened {
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
-        let (placed, notes) = job.placing.place(&info.crs, bounds(info), format)?;
+        let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
         Ok(Self { source, format, height_origin, placed, notes, shares })
     }
 }
@@ -359,7 +359,7 @@ impl Maker<'_> {
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
             notes: self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt()).collect(),
             tiles: layout.tiles(),
-            tile_cells: job.tile,
+            tile_cells: layout.side(),
             threads: self.opened.shares.threads,
             memory_budget: job.resources.memory,
             peak_memory: peak_memory(),
@@ -409,6 +409,12 @@ fn bounds(info: &GridInfo) -> [Point3; 2] {
         }
     }
     [[low[0], low[1], f64::NAN], [high[0], high[1], f64::NAN]]
+}
+
+/// The least that samples differ by along x and y; heights by any part of their unit.
+fn steps(info: &GridInfo) -> Point3 {
+    let Affine { a, b, d, e, .. } = info.transform;
+    [a.abs().max(b.abs()), d.abs().max(e.abs()), 1.0]
 }
 
 /// The centre, rounded to a multiple of a power of two that is small against the extent: few

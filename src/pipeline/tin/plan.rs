@@ -6,6 +6,7 @@ use super::layout::Layout;
 use super::worker::worker_bytes;
 use crate::pipeline::Resources;
 use crate::pipeline::memory;
+use crate::pipeline::plan;
 use crate::raster::GridSource;
 use crate::tin::{Local, Triangle};
 
@@ -16,8 +17,6 @@ const KEPT: [f64; 2] = [0.002, 0.05];
 const RATES: [f64; 2] = [8.0, 100.0];
 /// Bytes of a vertex in a file of the usual format, PLY, with its two triangles.
 const FILE_BYTES: f64 = 50.0;
-/// How much faster each further thread makes it, for the same figures.
-const SPEED_UP: f64 = 0.85;
 /// Cells along a tile's side, unless another size is asked for.
 const TILE: u32 = 512;
 /// Rows of tiles in flight at any time.
@@ -75,7 +74,7 @@ pub(super) fn nanoseconds(kept: f64) -> f64 {
 
 /// Seconds for so many samples at a rate.
 pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
-    samples as f64 * rate * 1e-9 / (1.0 + SPEED_UP * (threads.max(1) - 1) as f64)
+    plan::shared(samples as f64 * rate * 1e-9, threads)
 }
 
 /// Bytes of the mesh of so many samples: two triangles to a vertex, which has a height.

@@ -49,7 +49,7 @@ pub struct VerifyJob {
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
-    let mesh = output::open(&job.mesh)?;
+    let mesh = open_mesh(&job.mesh)?;
     let cache = beside_program(job.resources.memory) / 4;
     let cache_bytes = usize::try_from(cache).unwrap_or(usize::MAX);
     let Resources { threads, ref temp_dir, .. } = job.resources;
@@ -69,6 +69,19 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     })?;
     let mesh = job.mesh.display().to_string();
     Ok(VerifyReport { mesh, raster: job.raster.to_string(), ..report })
+}
+
+/// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
+/// tells for sure which triangles they are.
+fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let mesh = output::open(path)?;
+    if mesh.info().solid {
+        let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
+        return Err(Error::unsupported(message)
+            .in_file(path)
+            .remedy("verify the mesh that is made without --base and --co SOLID_BASE"));
+    }
+    Ok(mesh)
 }
 
 /// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is
@@ -219,6 +232,7 @@ mod tests {
             scale: [1.0; 3],
             single_precision: false,
             indexed: true,
+            solid: false,
             crs: None,
             details: details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect(),
         }

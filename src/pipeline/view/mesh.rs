@@ -159,6 +159,7 @@ mod tests {
                 scale: [1.0; 3],
                 single_precision: false,
                 indexed: true,
+                solid: false,
                 crs: None,
                 details: Vec::new(),
             })

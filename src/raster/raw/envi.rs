@@ -1,5 +1,7 @@
 //! ENVI headers: `key = value`, with lists in braces that may go over lines.
 
+use std::collections::HashMap;
+
 use super::{Header, Interleave, count, number, once, whole};
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs, wkt};
@@ -7,7 +9,7 @@ use crate::limits;
 use crate::raster::SampleType;
 
 /// Values by key, keys in lower case, braces removed.
-struct Values(Vec<(String, String)>);
+struct Values(HashMap<String, String>);
 
 impl Values {
     fn of(text: &str) -> Result<Self> {
@@ -16,9 +18,11 @@ impl Values {
         while let Some(line) = lines.next() {
             let Some((key, value)) = line.split_once('=') else { continue };
             let mut value = value.trim().to_owned();
-            while value.starts_with('{') && !value.contains('}') {
+            let mut is_open = value.starts_with('{') && !value.contains('}');
+            while is_open {
                 let Some(more) = lines.next() else { break };
                 value = value + " " + more.trim();
+                is_open = !more.contains('}');
             }
             let value = value.trim_start_matches('{').split('}').next().unwrap_or_default().trim();
             values.push((key.trim().to_lowercase(), value.to_owned()));
@@ -27,7 +31,7 @@ impl Values {
     }
 
     fn get(&self, key: &str) -> Option<&str> {
-        self.0.iter().find(|(k, _)| k == key).map(|(_, value)| value.as_str())
+        self.0.get(key).map(String::as_str)
     }
 
     fn count(&self, key: &str, most: u64) -> Result<u32> {

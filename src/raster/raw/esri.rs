@@ -1,5 +1,7 @@
 //! ESRI headers: one key and value per line, in any case and order.
 
+use std::collections::HashMap;
+
 use super::{Header, Interleave, count, number, once, whole};
 use crate::error::{Error, Result};
 use crate::geom::{Affine, Crs};
@@ -7,7 +9,7 @@ use crate::limits;
 use crate::raster::SampleType;
 
 /// Values by key, keys in lower case.
-struct Values<'a>(Vec<(String, &'a str)>);
+struct Values<'a>(HashMap<String, &'a str>);
 
 impl<'a> Values<'a> {
     fn of(text: &'a str) -> Result<Self> {
@@ -20,10 +22,7 @@ impl<'a> Values<'a> {
 
     /// The value of the first of `keys` that is there, with the key.
     fn get(&self, keys: &[&'static str]) -> Option<(&'static str, &'a str)> {
-        keys.iter().find_map(|key| {
-            let pair = self.0.iter().find(|(k, _)| k == key)?;
-            Some((*key, pair.1))
-        })
+        keys.iter().find_map(|key| Some((*key, *self.0.get(*key)?)))
     }
 
     fn number(&self, keys: &[&'static str]) -> Result<Option<f64>> {

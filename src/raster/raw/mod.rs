@@ -4,6 +4,8 @@
 mod envi;
 mod esri;
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -268,16 +270,17 @@ fn whole(key: &str, value: &str) -> Result<u64> {
 }
 
 /// Values by key; a key that has two is refused, as programs disagree on which counts.
-fn once<V: PartialEq>(pairs: impl Iterator<Item = (String, V)>) -> Result<Vec<(String, V)>> {
-    let mut values: Vec<(String, V)> = Vec::new();
+fn once<V: PartialEq>(pairs: impl Iterator<Item = (String, V)>) -> Result<HashMap<String, V>> {
+    let mut values = HashMap::new();
     for (key, value) in pairs {
-        match values.iter().find(|(known, _)| *known == key) {
-            Some((_, known)) if *known != value => {
+        match values.entry(key) {
+            Entry::Occupied(known) if *known.get() != value => {
+                let key = known.key();
                 return Err(Error::bad_input(format!("header says two things of {key}"))
                     .remedy("take out the wrong line"));
             }
-            Some(_) => {}
-            None => values.push((key, value)),
+            Entry::Occupied(_) => {}
+            Entry::Vacant(new) => drop(new.insert(value)),
         }
     }
     Ok(values)

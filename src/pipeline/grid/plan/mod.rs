@@ -97,6 +97,9 @@ pub struct GridRun {
     /// The grid, if this run wrote it. Its points are those that the tiles are made of, which count
     /// for each tile they are near.
     pub grid: Option<GridReport>,
+    /// Files that were left out of the input when it was planned.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skipped: Vec<Skipped>,
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. A few small tiles are
@@ -172,7 +175,7 @@ fn forecast(plan: &Manifest, left: &[TaskId]) -> Forecast {
     let tiles = left.iter().filter(|task| **task != TaskId::Finish);
     let cells: f64 = tiles.map(|task| plan.grid.cells(*task).len() as f64).sum();
     let writing = if left.contains(&TaskId::Finish) { all } else { 0.0 };
-    let threads = Resources::default().threads;
+    let threads = plan.needs.threads(&Resources::default());
     let points = plan.grid.points as f64 * cells / all;
     Forecast {
         seconds: plan.needs.seconds(points, cells + writing, threads),

@@ -14,7 +14,7 @@ use crate::pipeline::grid::GridJob;
 use crate::pipeline::grid::budget::Budget;
 use crate::pipeline::grid::extent::Extent;
 use crate::pipeline::points::parts_in;
-use crate::pipeline::{Cancel, Progress, Silent};
+use crate::pipeline::{Cancel, Progress, Resources, Silent, plan};
 
 /// Small tiles along each side of the grid.
 const ALONG: u32 = 4;
@@ -28,14 +28,17 @@ const POINT: [f64; 2] = [130.0, 400.0];
 const CELL: f64 = 60.0;
 /// What a small tile says less of a grid: its ends, and tables of larger files.
 const MARGIN: f64 = 1.06;
-/// How much faster each further thread makes it.
-const SPEED_UP: f64 = 0.85;
 
 impl Needs {
     /// Seconds for so many points and cells, about.
     pub(super) fn seconds(&self, points: f64, cells: f64, threads: usize) -> f64 {
-        let thread = (points * self.point_nanoseconds + cells * CELL) * 1e-9;
-        thread / (1.0 + SPEED_UP * (threads.max(1) - 1) as f64)
+        plan::shared((points * self.point_nanoseconds + cells * CELL) * 1e-9, threads)
+    }
+
+    /// Threads that find room: what one cannot do without is more than a further one takes.
+    pub(super) fn threads(&self, resources: &Resources) -> usize {
+        let fitting = resources.memory / self.memory.max(1);
+        resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1))
     }
 }
 
@@ -190,6 +193,13 @@ impl Least {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn threads_find_room_in_memory() {
+        let needs = Needs { memory: 100 << 20, ..Needs::default() };
+        let of = |threads, memory| needs.threads(&Resources { threads, memory, temp_dir: None });
+        assert_eq!([of(8, 1 << 30), of(16, 1 << 30), of(16, 1)], [8, 10, 1]);
+    }
 
     #[test]
     fn places_lie_within_and_are_few() {

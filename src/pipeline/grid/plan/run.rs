@@ -19,7 +19,8 @@ use crate::pipeline::grid::make::{Bands, report};
 use crate::pipeline::grid::{GridJob, GridReport, GridStage};
 use crate::pipeline::plan::{self, Digest, DiskCheck, Look, Output, Planned, State};
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::{self, write};
+use crate::raster;
+use crate::raster::write::{self, GridSink};
 
 /// Work on the plan of a grid.
 #[derive(Clone, Debug)]
@@ -107,6 +108,7 @@ impl<'a> Run<'a> {
             folder: folder.display().to_string(),
             plan_id: id.to_string(),
             tasks: plan.grid.count() + 1,
+            skipped: plan.skipped.clone(),
             ..GridRun::default()
         };
         let (opened, disk) = (Opened { job: grid, points, extent }, job.disk);
@@ -237,11 +239,18 @@ impl<'a> Run<'a> {
         let job = &mut self.opened.job;
         job.overwrite = self.output.claim(&state, job.overwrite)?;
         plan::refuse_own(self.folder, &self.plan, &job.output)?;
+        self.opened.sink(&self.opened.job, &self.opened.extent).map(drop)?;
         Ok(false)
     }
 }
 
 impl Opened {
+    /// What receives the grid of `job`, whose cells are those of `extent`; fails where it cannot be
+    /// written.
+    fn sink(&self, job: &GridJob, extent: &Extent) -> Result<Box<dyn GridSink>> {
+        job.format()?.create(&job.output, &extent.written(job), &job.write_options())
+    }
+
     /// Puts the tiles in `files` together to the output of `job`, whose cells are those of `extent`.
     pub(super) fn write(
         &self,
@@ -253,7 +262,7 @@ impl Opened {
         let started = Instant::now();
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
-        let mut sink = format.create(&job.output, &info, &job.write_options())?;
+        let mut sink = self.sink(job, extent)?;
         let budget = Budget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
         let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
         let options = |band: u32| raster::OpenOptions {

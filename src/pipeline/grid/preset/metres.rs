@@ -18,24 +18,16 @@ impl Metres {
     /// # Errors
     /// Degrees, or a unit of heights that is not known.
     pub(super) fn of(crs: &Crs, frame: &Frame) -> Result<Self> {
-        let across = crs.horizontal_unit();
-        let Some(side) = metres(across) else { return Err(no_length(across)) };
-        let up = crs.vertical_unit.as_deref().unwrap_or(across);
-        let rise = metres(up).ok_or_else(|| no_length(up))?;
-        let [x, y, z] = frame.scale;
-        Ok(Self { step: [x * side, y * side, z * rise], is_guess: across == UNKNOWN })
-    }
-}
-
-/// The unit of x and y that nothing is known of.
-const UNKNOWN: &str = "unit";
-
-fn metres(unit: &str) -> Option<f64> {
-    match unit {
-        "metre" | "meter" | "m" | UNKNOWN => Some(1.0),
-        "foot" | "ft" => Some(0.3048),
-        "US survey foot" => Some(1200.0 / 3937.0),
-        _ => None,
+        let side = crs.horizontal_metres();
+        if crs.horizontal_unit() == "degree" {
+            return Err(no_length("degree"));
+        }
+        let rise = match (crs.vertical_metres(), &crs.vertical_unit) {
+            (None, Some(unit)) => return Err(no_length(unit)),
+            (rise, _) => rise.or(side).unwrap_or(1.0),
+        };
+        let ([x, y, z], across) = (frame.scale, side.unwrap_or(1.0));
+        Ok(Self { step: [x * across, y * across, z * rise], is_guess: side.is_none() })
     }
 }
 
@@ -71,7 +63,7 @@ mod tests {
         let degrees = Crs { geographic: Some(true), ..Crs::default() };
         assert!(steps(&degrees).unwrap_err().to_string().contains("degree"));
         assert!(
-            steps(&crs(Some(32631), Some("fathom"))).unwrap_err().to_string().contains("fathom")
+            steps(&crs(Some(32631), Some("sazhen"))).unwrap_err().to_string().contains("sazhen")
         );
     }
 }

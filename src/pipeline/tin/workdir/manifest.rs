@@ -232,6 +232,14 @@ impl Planned for Manifest {
     fn files_mut(&mut self) -> &mut [InputFile] {
         &mut self.files
     }
+
+    fn skipped(&self) -> &[Skipped] {
+        &self.skipped
+    }
+
+    fn skipped_mut(&mut self) -> &mut Vec<Skipped> {
+        &mut self.skipped
+    }
 }
 
 impl Grid {

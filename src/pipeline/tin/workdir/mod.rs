@@ -23,7 +23,7 @@ use super::plan::{nanoseconds, seconds};
 use super::report::TinReport;
 use super::worker::worker_bytes;
 use crate::error::{Error, ErrorKind, Result};
-use crate::pipeline::plan::{DiskCheck, Forecast, Look, TaskReport, last_output};
+use crate::pipeline::plan::{DiskCheck, Forecast, Look, PLAN, TaskReport, last_output};
 use crate::pipeline::sift::Skipped;
 use crate::pipeline::{Cancel, Progress, Resources, Silent, memory};
 use crate::tin::Spec;
@@ -54,10 +54,21 @@ pub struct PlanJob {
 /// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
 /// another plan or other files.
 pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
+    plan_checked(job, |_| Ok(()), progress, cancel)
+}
+
+/// As [`plan_work`]; `check` may fail before the work.
+fn plan_checked(
+    job: &PlanJob,
+    check: impl FnOnce(&Maker<'_>) -> Result<()>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<StatusReport> {
     job.tin.goal.check()?;
     let tin = TinJob { input: job.tin.input.resolve()?, ..job.tin.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
+    check(&maker)?;
     let in_input = |error| in_input(error, &tin.input);
     let (tolerance, _) = maker.tolerance().map_err(in_input)?;
     let spec = Spec { measure: false, ..maker.spec(tolerance) };
@@ -99,7 +110,7 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
         max_error: method.max_error,
         samples: folder.plan.samples(),
         work: folder.plan.samples(),
-        tile_cells: method.tile,
+        tile_cells: folder.strips.layout().side(),
         to_do: tasks().filter(left).map(report).collect(),
         done: tasks().filter(|task| !left(task)).count() as u64,
         damaged: survey.damaged.iter().map(TaskId::to_string).collect(),
@@ -114,7 +125,7 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
 fn forecast(folder: &Folder, left: &[(TaskId, &manifest::Needs)]) -> Forecast {
     let plan = &folder.plan;
     let (Resources { memory, threads, .. }, worker) =
-        (Resources::default(), worker_bytes(plan.method.tile));
+        (Resources::default(), worker_bytes(folder.strips.layout().side()));
     let threads = memory::divide(memory, threads, worker).map_or(1, |shares| shares.threads);
     let is_object = |(task, _): &&(TaskId, &manifest::Needs)| *task != TaskId::Finish;
     let is_strip = |(task, _): &&(TaskId, &manifest::Needs)| matches!(task, TaskId::Strip(_));
@@ -133,13 +144,14 @@ fn forecast(folder: &Folder, left: &[(TaskId, &manifest::Needs)]) -> Forecast {
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
-/// started again.
+/// started again. `skipped` are files that are left out of the input, to be noted in the plan.
 ///
 /// # Errors
 /// Those of [`plan_work`] and [`run_plan`].
 pub fn run_in(
     folder: &Path,
     job: &TinJob,
+    skipped: &[Skipped],
     disk: DiskCheck,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -148,9 +160,12 @@ pub fn run_in(
         tin: job.clone(),
         folder: folder.to_path_buf(),
         strip_rows: None,
-        skipped: Vec::new(),
+        skipped: skipped.to_vec(),
     };
-    plan_work(&plan, progress, cancel)?;
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    let is_new = !folder.join(PLAN).exists();
+    let check = |maker: &Maker<'_>| if is_new { maker.check_output() } else { Ok(()) };
+    plan_checked(&plan, check, progress, cancel)?;
     let run = RunJob {
         folder: folder.to_path_buf(),
         task: None,

@@ -63,4 +63,7 @@ pub struct RunReport {
     pub stages: Vec<StageReport>,
     /// The mesh, if this run came to it; its time is that of writing it.
     pub mesh: Option<TinReport>,
+    /// Files that were left out of the input when it was planned.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skipped: Vec<Skipped>,
 }

@@ -116,6 +116,7 @@ impl<'a> Run<'a> {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
             tasks: folder.plan.tasks.len() as u64,
+            skipped: folder.plan.skipped.clone(),
             ..RunReport::default()
         };
         let (clock, disk) = (Clock::default(), job.disk);
@@ -276,6 +277,7 @@ impl<'a> Run<'a> {
     fn write_mesh(&self, survey: &Survey) -> Result<TinReport> {
         let started = Instant::now();
         let maker = self.maker();
+        // Once more: the tasks may have taken days.
         maker.check_output()?;
         self.output.begin()?;
         let mut tally = Tally::default();
@@ -305,6 +307,7 @@ impl<'a> Run<'a> {
         }
         self.tin.overwrite = self.output.claim(&state, self.tin.overwrite)?;
         self.folder.refuse_own(&self.tin.output)?;
+        self.maker().check_output()?;
         Ok(None)
     }
 

@@ -64,6 +64,11 @@ impl Strips {
         Self { layout, rows: rows.unwrap_or_else(fair).max(LEAST_ROWS) }
     }
 
+    /// The tiling that is cut.
+    pub(super) fn layout(&self) -> Layout {
+        self.layout
+    }
+
     /// Rows of tiles in all strips but the last.
     pub(super) fn rows(&self) -> u32 {
         self.rows

@@ -12,11 +12,11 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{Work, stated_tolerance};
+use super::{Work, open_mesh, stated_tolerance};
 use crate::cloud::{self, OpenOptions, PointSource};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point;
-use crate::output::{self, MeshSource};
+use crate::output::MeshSource;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::verify::cloud::{Bound, Placer};
 
@@ -47,7 +47,7 @@ pub fn verify_cloud(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
-    let mesh = output::open(&job.mesh)?;
+    let mesh = open_mesh(&job.mesh)?;
     let source = cloud::synth::source(&job.inputs, &job.options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::geom::{Frame, Point3};
-use crate::output::MeshInfo;
+use crate::output::{self, MeshInfo};
 use crate::pipeline::Silent;
 use crate::pipeline::cloud_tin::{self, CloudTinJob};
 use crate::pipeline::few::Few;
@@ -237,6 +237,7 @@ fn the_tolerance_is_closed_to_the_step() {
         scale: [1.0; 3],
         single_precision: false,
         indexed: true,
+        solid: false,
         crs: None,
         details: vec![("max error".to_owned(), tolerance().to_string())],
     };
