@@ -189,7 +189,7 @@ fn nothing_is_invented_from_damaged_points() {
         let (sound, whole) = (made.bytes(), made.world());
         // What is not under the points of the first chunk: their first one is stored as it is.
         let from = first_chunk(&sound) + 80;
-        for number in 0..mutations(60) {
+        for number in 0..mutations(150) {
             let mut bytes = sound.clone();
             damage(&mut bytes, from, &mut Random::of(number));
             let file = place.write(name, &bytes);

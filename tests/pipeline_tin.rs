@@ -274,7 +274,8 @@ const LANDS: [(&str, Land); 8] = [
 fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
     let rounds = std::env::var("TERRANE_MESHES").map_or(60, |n| n.parse().unwrap());
     let (mut wrong, mut void) = (Vec::new(), 0);
-    for seed in 0..rounds {
+    // Tiles without posts inside go wrong at these two.
+    for seed in [141, 349].into_iter().chain(0..rounds) {
         let draw = |k: u32| dice(seed, k, 4242);
         let (name, land) = LANDS[seed as usize % LANDS.len()];
         let tiles = [16, 17, 23, 32, 40, 64];

@@ -246,6 +246,17 @@ mod tests {
     }
 
     #[test]
+    fn what_has_come_there_meanwhile_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.bin");
+        let file = AtomicFile::create(&path, false).unwrap();
+        std::fs::write(&path, b"another's").unwrap();
+        assert!(file.commit().is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"another's");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left over");
+    }
+
+    #[test]
     fn nothing_gets_the_name_of_stdout() {
         let path = Path::new(STDOUT);
         let refused = [

@@ -136,6 +136,12 @@ pub struct TileMesh {
 }
 
 impl TileMesh {
+    /// Bytes of the mesh of so many samples that keeps all of them.
+    pub fn most_bytes(samples: u64) -> u64 {
+        let each = 2 * size_of::<Triangle>() + size_of::<Local>() + size_of::<f64>();
+        samples * each as u64
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let triangles = self.triangles.capacity() * size_of::<Triangle>();

@@ -19,6 +19,11 @@ pub enum Goal {
 }
 
 impl Goal {
+    /// Whether all samples are vertices, but for those in planes.
+    pub(super) fn keeps_all(self) -> bool {
+        self == Self::MaxError(0.0)
+    }
+
     /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
     pub(super) fn check(self) -> Result<()> {
         match self {

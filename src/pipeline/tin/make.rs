@@ -89,7 +89,8 @@ fn open(job: &TinJob) -> Result<memory::Opened> {
         temp_dir: job.resources.temp_dir.clone(),
         ..OpenOptions::default()
     };
-    let open = |tile| memory::open(&job.input, &options, &job.resources, worker_bytes(tile));
+    let worker = |tile| worker_bytes(tile, job.goal.keeps_all());
+    let open = |tile| memory::open(&job.input, &options, &job.resources, worker(tile));
     let tile = checked_tile(job.tile)?;
     open(tile).or_else(|error| {
         let too_large = |_: &Error| {

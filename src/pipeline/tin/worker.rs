@@ -385,10 +385,12 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
     }
 }
 
-/// Most bytes a worker holds for tiles of `cells` x `cells`.
-pub(super) fn worker_bytes(cells: u32) -> u64 {
+/// Most bytes a worker holds for tiles of `cells` x `cells`; a mesh that `keeps_all` samples is as large as
+/// what it is made in, others are far smaller.
+pub(super) fn worker_bytes(cells: u32, keeps_all: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
-    tin::Scratch::bytes(cells + 2)
+    let mesh = if keeps_all { TileMesh::most_bytes(samples) } else { 0 };
+    mesh + tin::Scratch::bytes(cells + 2)
         + Window::bytes(samples)
         + Marks::bytes(cells)
         + 4 * Ranks::bytes(cells)

@@ -17,7 +17,7 @@ pub use report::{RunReport, StatusReport};
 pub use run::{RunJob, run_plan};
 
 use super::estimate::Estimator;
-use super::job::TinJob;
+use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
 use super::plan::{nanoseconds, seconds};
 use super::report::TinReport;
@@ -76,7 +76,8 @@ fn plan_checked(
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
-    let least = memory::least(worker_bytes(layout.side()), opened.source.block_bytes());
+    let worker = worker_bytes(layout.side(), tin.goal.keeps_all());
+    let least = memory::least(worker, opened.source.block_bytes());
     let mut manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
     manifest.skipped.clone_from(&job.skipped);
     Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
@@ -124,8 +125,9 @@ fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
 /// What the tasks that are `left` take.
 fn forecast(folder: &Folder, left: &[(TaskId, &manifest::Needs)]) -> Forecast {
     let plan = &folder.plan;
-    let (Resources { memory, threads, .. }, worker) =
-        (Resources::default(), worker_bytes(folder.strips.layout().side()));
+    let Resources { memory, threads, .. } = Resources::default();
+    let goal = Goal::MaxError(plan.method.max_error);
+    let worker = worker_bytes(folder.strips.layout().side(), goal.keeps_all());
     let threads = memory::divide(memory, threads, worker).map_or(1, |shares| shares.threads);
     let is_object = |(task, _): &&(TaskId, &manifest::Needs)| *task != TaskId::Finish;
     let is_strip = |(task, _): &&(TaskId, &manifest::Needs)| matches!(task, TaskId::Strip(_));
