@@ -134,6 +134,7 @@ fn make_inputs(place: &Place) {
 const JOBS: &[&str] = &[
     "tin dem.tif o.ply --max-error 1 --tile 256",
     "tin dem.tif o.ply --max-error 0 --tile 256",
+    "tin dem.tif o.stl --max-error 0 --tile 256",
     "tin dem.tif o.glb --max-error 0.2 --tile 256",
     "tin dem.tif o --max-error 1 --tile 256 --split 256",
     "grid dense.laz o.tif --cell 1 --stat mean,max",

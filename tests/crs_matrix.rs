@@ -52,30 +52,6 @@ const KINDS: &[Kind] = &[
         words: &["Transverse_Mercator", "\"central_meridian\",-147.06", "WGS_1984"],
     },
     Kind {
-        name: "custom transverse Mercator with heights of a code",
-        keys: (
-            &[
-                [1024, 0, 1, 1],
-                [1026, 34737, 6, 0],
-                [2048, 0, 1, 4326],
-                [3072, 0, 1, 32767],
-                [3074, 0, 1, 32767],
-                [3075, 0, 1, 1],
-                [3076, 0, 1, 9001],
-                [3080, 34736, 1, 1],
-                [3081, 34736, 1, 0],
-                [3082, 34736, 1, 3],
-                [3083, 34736, 1, 4],
-                [3092, 34736, 1, 2],
-                [4096, 0, 1, 6360],
-            ],
-            &[0.0, -147.06, 0.9996, 500_000.0, 0.0],
-            "Local|",
-        ),
-        units: ["metre", "US survey foot"],
-        words: &["COMPD_CS", "\"central_meridian\",-147.06", "\"EPSG\",\"6360\""],
-    },
-    Kind {
         name: "custom equal area in feet, without a datum",
         keys: (
             &[
@@ -99,6 +75,30 @@ const KINDS: &[Kind] = &[
         ),
         units: ["US survey foot", ""],
         words: &["Lambert_Azimuthal_Equal_Area", "\"latitude_of_center\",52.5", "298.257222101"],
+    },
+    Kind {
+        name: "custom transverse Mercator with heights of a code",
+        keys: (
+            &[
+                [1024, 0, 1, 1],
+                [1026, 34737, 6, 0],
+                [2048, 0, 1, 4326],
+                [3072, 0, 1, 32767],
+                [3074, 0, 1, 32767],
+                [3075, 0, 1, 1],
+                [3076, 0, 1, 9001],
+                [3080, 34736, 1, 1],
+                [3081, 34736, 1, 0],
+                [3082, 34736, 1, 3],
+                [3083, 34736, 1, 4],
+                [3092, 34736, 1, 2],
+                [4096, 0, 1, 6360],
+            ],
+            &[0.0, -147.06, 0.9996, 500_000.0, 0.0],
+            "Local|",
+        ),
+        units: ["metre", "US survey foot"],
+        words: &["COMPD_CS", "\"central_meridian\",-147.06", "\"EPSG\",\"6360\""],
     },
     Kind {
         name: "ESRI:102003",

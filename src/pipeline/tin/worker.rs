@@ -21,7 +21,7 @@ use super::writer::{Collect, Part};
 use super::zone::{Frontier, Zone, rect_around};
 use crate::error::{Error, ErrorKind, Result};
 use crate::fault::{self, Point};
-use crate::geom::Rect;
+use crate::geom::{Point3, Rect};
 use crate::raster::GridSource;
 use crate::tin::{
     self, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
@@ -385,11 +385,13 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
     }
 }
 
-/// Most bytes a worker holds for tiles of `cells` x `cells`; a mesh that `keeps_all` samples is as large as
-/// what it is made in, others are far smaller.
+/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
+/// what it is made in, and so is what is written of it; others are far smaller.
 pub(super) fn worker_bytes(cells: u32, keeps_all: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
-    let mesh = if keeps_all { TileMesh::most_bytes(samples) } else { 0 };
+    let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
+    let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
+    let mesh = if keeps_all { whole } else { 0 };
     mesh + tin::Scratch::bytes(cells + 2)
         + Window::bytes(samples)
         + Marks::bytes(cells)
