@@ -38,6 +38,28 @@ fn a_cloud_becomes_bands_and_a_report() {
 }
 
 #[test]
+fn what_refuses_a_height_for_want_of_rounding_takes_it_rounded() {
+    let place = Place::new();
+    place.write("a.xyz", "0.5 0.5 1.4999999999\n1.5 0.5 2.26\n");
+    let mut advised = 0;
+    for format in terrane::raster::write::FORMATS {
+        let name = format!("{}.{}", format.name, format.extensions[0]);
+        for to_type in ["int16", "float32", "float64"] {
+            let args = ["grid", "a.xyz", &name, "-f", format.name, "--cell", "1", "--stat", "mean"];
+            let args = [&args[..], &["--type", to_type, "--overwrite", "-q"]].concat();
+            let ran = place.run(&args);
+            if ran.code != 0 && ran.err.contains("pass --round") {
+                place.ok(&[&args[..], &["--round"]].concat());
+                advised += 1;
+            } else {
+                assert!(ran.code == 0 || !ran.err.contains("--round"), "{args:?}: {}", ran.err);
+            }
+        }
+    }
+    assert!(advised > 2, "{advised}");
+}
+
+#[test]
 fn what_cannot_act_is_refused() {
     let place = Place::new();
     place.write("a.xyz", CLOUD);

@@ -212,22 +212,25 @@ fn progress_for_programs_is_one_object_per_line() {
     }
 }
 
-/// Whether this process ignores SIGINT, and so do those it starts.
+/// A command that does not ignore a signal though the tests may, and with them all that they start: those
+/// that a shell without job control put into the background ignore INT, those under nohup HUP.
 #[cfg(unix)]
-fn interrupts_are_ignored() -> bool {
+fn heeding(signal: &str, command: &Command) -> Command {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    ignored.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).is_ok_and(|m| m & 2 != 0))
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
+    let none = ignored.trim().chars().all(|digit| digit == '0');
+    let mut heeding = Command::new(if none { command.get_program() } else { "env".as_ref() });
+    if !none {
+        heeding.arg(format!("--default-signal={signal}")).arg(command.get_program());
+    }
+    heeding.args(command.get_args()).current_dir(command.get_current_dir().unwrap());
+    heeding
 }
 
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_nothing_half_written() {
-    for signal in ["-INT", "-TERM", "-HUP"] {
-        // As it is for jobs that a shell without job control put into the background.
-        if signal == "-INT" && interrupts_are_ignored() {
-            continue;
-        }
+    for signal in ["INT", "TERM", "HUP"] {
         let place = Place::new();
         let args = [
             "tin",
@@ -238,13 +241,13 @@ fn a_signal_leaves_nothing_half_written() {
             "--progress",
             "json",
         ];
-        let mut command = place.command(&args);
+        let mut command = heeding(signal, &place.command(&args));
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut messages = BufReader::new(child.stderr.take().unwrap());
         messages.read_line(&mut String::new()).unwrap();
         let id = child.id().to_string();
-        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
         let mut rest = String::new();
         messages.read_to_string(&mut rest).unwrap();
         let ran = Ran::from(child.wait_with_output().unwrap());

@@ -13,6 +13,7 @@ use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Place
 use crate::pipeline::sift::Sifted;
 use crate::pipeline::{Cancel, Resources};
 use crate::raster::SampleType;
+use crate::raster::write::GridFormat;
 
 /// Make a grid of a cloud of points: statistics of the points in each cell
 ///
@@ -55,7 +56,7 @@ pub(super) struct Wanted {
     #[command(flatten)]
     points: cloud::Points,
     #[command(flatten)]
-    file: Written,
+    pub(super) file: Written,
 }
 
 /// The statistics of one list.
@@ -157,17 +158,17 @@ struct Method {
 /// How it is written.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Output")]
-struct Written {
+pub(super) struct Written {
     /// Format to write [default: by the output's ending; GTiff in tiles for a .tif]
     #[arg(short, long, value_name = "NAME")]
-    format: Option<String>,
+    pub(super) format: Option<String>,
     /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
     #[arg(long, value_name = "KEY=VAL", value_parser = parse::key_value)]
     co: Vec<(String, String)>,
     /// Type of the written samples; floats hold the nearest value
     #[arg(long = "type", value_name = "NAME", value_parser = parse::sample_type, default_value = "float32")]
     sample_type: SampleType,
-    /// Write the nearest value where a type of whole numbers does not hold one exactly
+    /// Write the nearest value where a type of whole numbers, or the format, does not hold one exactly
     #[arg(long)]
     round: bool,
     /// Written value for voids
@@ -211,7 +212,6 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<GridJob> {
     atomic::refuse_stdout(&args.output)?;
     let preset = args.model.preset();
-    args.wanted.check(preset)?;
     if args.model.ground.is_some() && preset.is_none() {
         return Err(idle("--ground", "for --dtm, --dsm and --chm"));
     }
@@ -224,6 +224,7 @@ fn job(args: &Args) -> Result<GridJob> {
         overwrite: args.out.overwrite,
         ..job
     };
+    args.wanted.check(preset, job.format()?)?;
     job.check()?;
     args.check_files()?;
     Ok(job)
@@ -275,8 +276,9 @@ impl Wanted {
         })
     }
 
-    /// Fails when an option was given that cannot act, on statistics or on the preset in their place.
-    pub(super) fn check(&self, preset: Option<Preset>) -> Result<()> {
+    /// Fails when an option was given that cannot act, on statistics or on the preset in their place,
+    /// in a format.
+    pub(super) fn check(&self, preset: Option<Preset>, format: &GridFormat) -> Result<()> {
         let stats = preset.map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()]);
         let any = |is_it: fn(&Statistic) -> bool| stats.iter().any(|a| is_it(&a.statistic));
         let around = self.cells.compat == CompatName::Pdal
@@ -305,7 +307,7 @@ impl Wanted {
             ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
             (
                 "--round",
-                self.file.round && floats.contains(&self.file.sample_type),
+                self.file.round && format.holds_types && floats.contains(&self.file.sample_type),
                 "for whole numbers: floats hold the nearest value anyway",
             ),
         ];

@@ -96,13 +96,13 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
-    args.wanted.check(None)?;
+    let format = write::by_name(args.wanted.file.format.as_deref().unwrap_or("GTiff"))?;
+    args.wanted.check(None, format)?;
     let resources = Resources::default();
     let options = args.wanted.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let mut job = args.wanted.job(&names, resources)?;
-    let format = write::by_name(job.format.as_deref().unwrap_or("GTiff"))?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
     let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile, skipped };
     let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;

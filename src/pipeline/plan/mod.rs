@@ -32,8 +32,8 @@ pub use report::{DiskCheck, Forecast, TaskReport, Told};
 use crate::atomic::{AtomicFile, is_temporary, refuse_stdout};
 use crate::error::{Error, ErrorKind, Result};
 use crate::limits;
-use crate::pipeline::Cancel;
 use crate::pipeline::sift::Skipped;
+use crate::pipeline::{Cancel, REVISION};
 
 pub(in crate::pipeline) const PLAN: &str = "plan.json";
 pub(in crate::pipeline) const OBJECTS: &str = "objects";
@@ -50,8 +50,6 @@ pub(in crate::pipeline) trait Planned:
 {
     /// Of what: "tin" or "grid".
     const KIND: &'static str;
-    /// The revision of the format, and of all code that the result of a task depends on.
-    const REVISION: u32;
 
     /// The version and revision of the program that made it.
     fn made_by(&self) -> (&str, u32);
@@ -151,7 +149,7 @@ pub(in crate::pipeline) fn to_text<P: Planned>(plan: &P) -> Result<Vec<u8>> {
 }
 
 fn check_version<P: Planned>(plan: &P, path: &Path) -> Result<()> {
-    let (theirs, ours) = (plan.made_by(), (env!("CARGO_PKG_VERSION"), P::REVISION));
+    let (theirs, ours) = (plan.made_by(), (env!("CARGO_PKG_VERSION"), REVISION));
     if theirs == ours {
         return Ok(());
     }

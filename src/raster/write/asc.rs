@@ -22,6 +22,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     about: "ESRI ASCII text with .prj; scale and offset are applied",
     options: &[],
     several_bands: false,
+    holds_types: false,
     bytes_per_sample: 48,
     create: |order| Ok(Box::new(AscSink::new(order)?)),
 };

@@ -55,6 +55,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         tiff::BIGTIFF,
     ],
     several_bands: true,
+    holds_types: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(CogSink::new(order)?)),
 };

@@ -20,6 +20,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     about: "ESRI .flt of float32 with .hdr and .prj; scale and offset are applied",
     options: &[],
     several_bands: false,
+    holds_types: false,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(FltSink::new(order)?)),
 };

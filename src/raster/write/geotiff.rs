@@ -46,6 +46,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         tiff::BIGTIFF,
     ],
     several_bands: true,
+    holds_types: true,
     bytes_per_sample: 40,
     create: |order| Ok(Box::new(GeoTiffSink::new(order)?)),
 };

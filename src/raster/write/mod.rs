@@ -49,6 +49,8 @@ pub struct GridFormat {
     pub options: &'static [CreationOption],
     /// Whether a file may hold several bands.
     pub several_bands: bool,
+    /// Whether samples are held as the type that is asked for; else as the format has them.
+    pub holds_types: bool,
     /// Bytes that a thread holds for each sample of a block, heights included, at most.
     pub bytes_per_sample: u64,
     /// Starts a file.

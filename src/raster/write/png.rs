@@ -39,6 +39,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         },
     ],
     several_bands: false,
+    holds_types: false,
     bytes_per_sample: 24,
     create: |order| Ok(Box::new(PngSink::new(order)?)),
 };

@@ -18,6 +18,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         about: "side of a tile [512]",
     }],
     several_bands: false,
+    holds_types: true,
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(StoreSink::new(order)?)),
 };

@@ -12,15 +12,13 @@ use crate::files::{name_of, path_of, shown};
 use crate::geom::{Crs, Rect};
 use crate::gridding::Asked;
 use crate::limits;
-use crate::pipeline::Resources;
 use crate::pipeline::grid::extent::Extent;
 use crate::pipeline::grid::{Compat, GridJob, GroundFrom, Placement};
 use crate::pipeline::plan::{self, InputFile, Planned};
 use crate::pipeline::sift::Skipped;
+use crate::pipeline::{REVISION, Resources};
 use crate::raster::SampleType;
 
-/// Changed whenever the same plan would give other bytes.
-const REVISION: u32 = 2;
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
 pub(super) const BLOCK: u32 = 256;
 /// Most cells along a tile.
@@ -234,7 +232,6 @@ fn absolute(path: String) -> Result<String> {
 
 impl Planned for Manifest {
     const KIND: &'static str = "grid";
-    const REVISION: u32 = REVISION;
 
     fn made_by(&self) -> (&str, u32) {
         (&self.terrane, self.revision)

@@ -12,7 +12,6 @@ use crate::files::{name_of, path_of};
 use crate::geom::Affine;
 use crate::limits;
 use crate::output::MeshFormat;
-use crate::pipeline::Resources;
 use crate::pipeline::placing::Placing;
 use crate::pipeline::plan::{self, InputFile, Planned};
 use crate::pipeline::sift::Skipped;
@@ -20,11 +19,9 @@ use crate::pipeline::tin::estimate::Size;
 use crate::pipeline::tin::job::{Goal, TinJob};
 use crate::pipeline::tin::layout::Layout;
 use crate::pipeline::tin::make::Opened;
+use crate::pipeline::{REVISION, Resources};
 use crate::raster::{self, GridInfo, GridSource, Inputs, SYNTH_PREFIX};
 use crate::tin::{Local, Triangle};
-
-/// Changed whenever the same plan would give other bytes.
-const REVISION: u32 = 2;
 
 /// A plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -215,7 +212,6 @@ impl Manifest {
 
 impl Planned for Manifest {
     const KIND: &'static str = "tin";
-    const REVISION: u32 = REVISION;
 
     fn made_by(&self) -> (&str, u32) {
         (&self.terrane, self.revision)
