@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -22,6 +23,10 @@ HIDE = "import sys; sys.modules['terrane_dask'] = None"
 TERRANE = os.environ.get("TERRANE") or next(
     (str(path) for path in BUILDS if path.exists()), shutil.which("terrane")
 )
+
+# A shell without job control lets what it puts into the background ignore interrupts, and with it all
+# that is started from there. A handler, unlike that, is not inherited.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def terrane(*arguments: object) -> str:
