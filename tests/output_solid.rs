@@ -3,9 +3,7 @@
 #[path = "common/mesh.rs"]
 mod mesh;
 
-use std::collections::HashMap;
-
-use mesh::Mesh;
+use mesh::{Mesh, edges, six_volumes};
 use terrane::ErrorKind;
 use terrane::geom::Point3;
 use terrane::output::{self, MeshFormat, SinkOptions};
@@ -27,33 +25,6 @@ fn solid(mesh: &Mesh, base: f64) -> terrane::Result<Vec<[Point3; 3]>> {
     written?;
     let found = mesh::read(&*output::open(&path).unwrap(), 1000).unwrap();
     Ok(mesh::corners(&found))
-}
-
-type Edge = [[u64; 3]; 2];
-
-/// How many triangles have each directed edge.
-fn edges(triangles: &[[Point3; 3]]) -> HashMap<Edge, u64> {
-    let mut edges = HashMap::new();
-    for corners in triangles {
-        let [a, b, c] = corners.map(|p| p.map(f64::to_bits));
-        for edge in [[a, b], [b, c], [c, a]] {
-            *edges.entry(edge).or_default() += 1;
-        }
-    }
-    edges
-}
-
-/// Six times the volume that the triangles enclose, seen from the first corner.
-fn six_volumes(triangles: &[[Point3; 3]]) -> f64 {
-    let o = triangles[0][0];
-    let from = |p: &Point3| [p[0] - o[0], p[1] - o[1], p[2] - o[2]];
-    let volume = |corners: &[Point3; 3]| {
-        let [a, b, c] = corners.each_ref().map(from);
-        a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
-    };
-    triangles.iter().map(volume).sum()
 }
 
 #[test]

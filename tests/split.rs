@@ -1,6 +1,8 @@
 //! A mesh in many files is the mesh in one file: the same triangles, and a promise that can be proved.
 
 mod cli_support;
+#[path = "common/mesh.rs"]
+mod mesh;
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -133,6 +135,19 @@ fn blocks_of_a_solid_are_solids() {
     tin(&place, "out", &["--split", "4", "-f", "STL", "--co", "SOLID_BASE=-500"]);
     place.ok(&["info", "out"]);
     place.ok(&["view", "out", "-o", "out.png", "-q"]);
+    let names = read(&place, "out").into_iter().map(|(name, _)| name);
+    let blocks: Vec<_> = names.filter(|name| name.to_string_lossy().ends_with(".stl")).collect();
+    assert!(blocks.len() > 8);
+    for name in blocks {
+        let block = output::open(&place.path("out").join(&name)).unwrap();
+        let solid = mesh::corners(&mesh::read(&*block, 1000).unwrap());
+        let sides = mesh::edges(&solid);
+        let is_closed = |([a, b], times): (&mesh::Edge, &u64)| sides.get(&[*b, *a]) == Some(times);
+        assert!(sides.iter().all(is_closed), "{name:?}");
+        assert!(mesh::six_volumes(&solid) > 0.0, "{name:?}");
+        let heights = solid.iter().flatten().map(|p| p[2]);
+        assert_eq!(heights.fold(f64::INFINITY, f64::min), -500.0, "{name:?}");
+    }
 }
 
 #[test]

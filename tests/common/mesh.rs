@@ -2,6 +2,7 @@
 
 #![allow(dead_code)]
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use terrane::geom::{Crs, Point3};
@@ -93,4 +94,31 @@ pub(crate) fn read(source: &dyn MeshSource, batch: u64) -> Result<Mesh> {
 pub(crate) fn corners(mesh: &Mesh) -> Vec<[Point3; 3]> {
     let position = |id: u64| mesh.vertices[id as usize];
     mesh.triangles.iter().map(|ids| ids.map(position)).collect()
+}
+
+pub(crate) type Edge = [[u64; 3]; 2];
+
+/// How many triangles have each directed edge.
+pub(crate) fn edges(triangles: &[[Point3; 3]]) -> HashMap<Edge, u64> {
+    let mut edges = HashMap::new();
+    for corners in triangles {
+        let [a, b, c] = corners.map(|p| p.map(f64::to_bits));
+        for edge in [[a, b], [b, c], [c, a]] {
+            *edges.entry(edge).or_default() += 1;
+        }
+    }
+    edges
+}
+
+/// Six times the volume that the triangles enclose, seen from the first corner.
+pub(crate) fn six_volumes(triangles: &[[Point3; 3]]) -> f64 {
+    let o = triangles[0][0];
+    let from = |p: &Point3| [p[0] - o[0], p[1] - o[1], p[2] - o[2]];
+    let volume = |corners: &[Point3; 3]| {
+        let [a, b, c] = corners.each_ref().map(from);
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    };
+    triangles.iter().map(volume).sum()
 }
