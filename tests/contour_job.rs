@@ -16,7 +16,7 @@ use terrane::pipeline::contour::{ContourJob, Heights, trace};
 use terrane::pipeline::line::Length;
 use terrane::pipeline::{Cancel, Silent};
 use terrane::vector;
-use terrane::verify::lines::{self, Distance, Question};
+use terrane::proof::lines::{self, Distance, Question};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 

@@ -4,9 +4,9 @@
 #![allow(dead_code)]
 
 mod line_support;
-#[path = "../src/line/topology/tests/twin.rs"]
+#[path = "../crates/line/src/topology/tests/twin.rs"]
 mod twin;
-#[path = "../src/line/topology/tests/worlds.rs"]
+#[path = "../crates/line/src/topology/tests/worlds.rs"]
 mod worlds;
 
 use std::path::{Path, PathBuf};

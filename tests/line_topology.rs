@@ -8,7 +8,7 @@ use terrane::line::metric::Plane;
 use terrane::line::registry::Bounds;
 use terrane::line::topology::{Collapse, Kept, Options, Strategy, refining, untangle};
 use terrane::line::{METHODS, Method, Scratch, Xy};
-use terrane::verify::lines::{Distance, Lines, Question, Report, check};
+use terrane::proof::lines::{Distance, Lines, Question, Report, check};
 
 fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<'_>) -> Report {
     let mut scratch = Scratch::default();

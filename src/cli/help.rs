@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn exit_codes_are_the_same_everywhere() {
-        let code = include_str!("../error.rs");
+        let code = include_str!("../../crates/base/src/error.rs");
         let arms = code.split("fn exit_code").nth(1).unwrap().split("\n    }\n").next().unwrap();
         let first_number = |text: &str| {
             let digits: String = text.trim().chars().take_while(char::is_ascii_digit).collect();

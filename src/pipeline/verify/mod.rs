@@ -1,7 +1,7 @@
 //! Proves a written mesh against its source grid, or the cloud it was made from, out of core.
 //!
 //! Three passes: vertices and triangles (and the points of a cloud) are spread over rectangles of
-//! the plane through temporary files; then each rectangle is checked by itself ([`crate::verify`]). Nothing in the report but
+//! the plane through temporary files; then each rectangle is checked by itself ([`crate::proof`]). Nothing in the report but
 //! times and memory depends on threads, memory budget, or the order of work.
 
 mod cloud;
@@ -20,7 +20,7 @@ use crate::output::{self, MeshInfo, MeshSource};
 use crate::pipeline::memory::beside_program;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
 use crate::raster::{self, GridSource, Inputs, OpenOptions};
-use crate::verify::{Precision, Snapper};
+use crate::proof::{Precision, Snapper};
 
 pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
@@ -175,7 +175,7 @@ struct Context<'a> {
     tolerance: Option<f64>,
     snapper: Snapper,
     precision: Precision,
-    /// See [`crate::verify::Part::orientation`].
+    /// See [`crate::proof::Part::orientation`].
     orientation: i128,
 }
 

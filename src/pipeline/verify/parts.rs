@@ -10,7 +10,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::pipeline::workers::{self, lock};
 use crate::raster::GridInfo;
-use crate::verify::{
+use crate::proof::{
     self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
 };
 
@@ -31,7 +31,7 @@ pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usiz
     let in_strips = info.block.0 >= info.width;
     let most = if in_strips { MOST_SAMPLES.max(across * STRIP_ROWS) } else { MOST_SAMPLES };
     let density = (1 << 10) * triangles.min(2 * samples) / samples;
-    let need = verify::bytes_needed(1 << 10, density + density / 2, density);
+    let need = proof::bytes_needed(1 << 10, density + density / 2, density);
     let area = (memory / 2 * (1 << 10) / need)
         .min(most)
         .min(samples / (SHARES * threads as u64))
@@ -104,7 +104,7 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn check(&self, domain: Domain, bucket: u64, tally: &mut Tally) -> Result<()> {
         let (triangles, positions) = self.count(domain, bucket)?;
-        let need = verify::bytes_needed(domain.apron().len() as u64, triangles, positions);
+        let need = proof::bytes_needed(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
             return self.check_whole(domain, bucket, [triangles, positions], tally);
         }
@@ -176,7 +176,7 @@ impl Checker<'_> {
             tolerance: self.context.tolerance,
             orientation: self.context.orientation,
         };
-        let open = verify::check(&part, tally);
+        let open = proof::check(&part, tally);
         open.into_iter().try_for_each(|open| self.follow(open, tally))
     }
 

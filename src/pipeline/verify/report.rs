@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Context;
 use super::vertices::VertexCounts;
 use crate::geom::Affine;
-use crate::verify::{Fault, Position, Spot, Tally};
+use crate::proof::{Fault, Position, Spot, Tally};
 
 /// A place on the grid, in samples and in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -9,7 +9,7 @@ use super::vertices::{VertexCache, VertexCounts};
 use crate::error::{Error, Result};
 use crate::geom::Point3;
 use crate::pipeline::workers::{self, lock};
-use crate::verify::{Layout, Position, Snap, Triangle};
+use crate::proof::{Layout, Position, Snap, Triangle};
 
 /// Triangles a worker takes at a time.
 const BATCH: u64 = 2048;

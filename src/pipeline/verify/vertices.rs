@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::geom::Point3;
 use crate::output::MeshSource;
-use crate::verify::{Position, Snap, Snapped, Vertex};
+use crate::proof::{Position, Snap, Snapped, Vertex};
 
 /// Vertices of a page.
 const PAGE: usize = 1024;

@@ -1,7 +1,7 @@
 //! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
 
 use crate::error::{Error, Result};
-use crate::geom::Point3;
+use crate::geom::{Point3, is_geographic};
 use crate::output::MeshSource;
 use crate::pipeline::surface::{mesh_bounds, vertex_count};
 use crate::pipeline::view::{Drawn, FINENESS, ViewJob, frame};
@@ -28,7 +28,7 @@ pub(super) fn draw(
     let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
     // Only degrees are stored in a unit of their own along each axis.
     let [x, y, _] = mesh.info().scale;
-    let geographic = x != y || mesh.info().crs.as_deref().is_some_and(is_geographic);
+    let geographic = x != y || mesh.info().crs.as_deref().is_some_and(names_geographic);
     let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
     let mut canvas = Canvas::new(frame, job.edges);
     let triangles = mesh.info().triangles;
@@ -49,11 +49,10 @@ pub(super) fn draw(
 }
 
 /// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
-fn is_geographic(label: &str) -> bool {
+fn names_geographic(label: &str) -> bool {
     let digits = label.split("EPSG:").nth(1).unwrap_or_default();
     let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
-    let known = code.parse().ok().and_then(crs_definitions::from_code);
-    known.is_some_and(|system| system.wkt.starts_with("GEOG"))
+    code.parse().ok().and_then(is_geographic).unwrap_or(false)
 }
 
 struct Canvas {
@@ -201,8 +200,8 @@ mod tests {
 
     #[test]
     fn latitude_and_longitude_are_told_by_code() {
-        assert!(is_geographic("EPSG:4326 (WGS 84)"));
-        assert!(!is_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
-        assert!(!is_geographic("unknown") && !is_geographic("EPSG:99999999999"));
+        assert!(names_geographic("EPSG:4326 (WGS 84)"));
+        assert!(!names_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
+        assert!(!names_geographic("unknown") && !names_geographic("EPSG:99999999999"));
     }
 }

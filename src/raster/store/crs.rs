@@ -2,7 +2,7 @@
 
 use super::header::tag;
 use super::tags::Values;
-use crate::geom::Crs;
+use crate::geom::{Crs, is_geographic};
 
 /// Key numbers and values of the OGC GeoTIFF standard 1.1 (19-008r4).
 mod key {
@@ -64,7 +64,7 @@ impl GeoKeys {
     }
 
     fn by_code(code: u16, crs: &Crs, raster_type: u16) -> Self {
-        let geographic = crs.geographic.unwrap_or_else(|| is_geographic(code));
+        let geographic = crs.geographic.unwrap_or_else(|| may_be_geographic(code));
         let (model, system) = match geographic {
             true => (key::GEOGRAPHIC, key::GEODETIC_CRS),
             false => (key::PROJECTED, key::PROJECTED_CRS),
@@ -142,9 +142,6 @@ fn directory(entries: &[[u16; 4]]) -> Vec<u16> {
 }
 
 /// Codes from 4000 to 4999 are geographic where nothing better is known.
-fn is_geographic(code: u16) -> bool {
-    match crs_definitions::from_code(code) {
-        Some(definition) => definition.wkt.starts_with("GEOG"),
-        None => (4000..5000).contains(&code),
-    }
+fn may_be_geographic(code: u16) -> bool {
+    is_geographic(code.into()).unwrap_or((4000..5000).contains(&code))
 }

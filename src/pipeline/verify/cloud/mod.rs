@@ -1,7 +1,7 @@
 //! Proves a written mesh against the cloud it was made from.
 //!
 //! Four passes: points, vertices and triangles are spread over rectangles of the plane; then each
-//! rectangle is checked by itself ([`crate::verify::cloud`]).
+//! rectangle is checked by itself ([`crate::proof::cloud`]).
 
 mod parts;
 mod points;
@@ -18,7 +18,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point;
 use crate::output::MeshSource;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::verify::cloud::{Bound, Placer};
+use crate::proof::cloud::{Bound, Placer};
 
 pub use report::{CloudFault, CloudVerifyReport};
 

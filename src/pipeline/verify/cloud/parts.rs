@@ -10,8 +10,8 @@ use crate::geom::{Point, Rect};
 use crate::pipeline::verify::spill::Spill;
 use crate::pipeline::verify::spread::Spread;
 use crate::pipeline::workers::{self, lock};
-use crate::verify::cloud::{self, Hull, Part};
-use crate::verify::{Domain, Layout, Position, Tally, Triangle};
+use crate::proof::cloud::{self, Hull, Part};
+use crate::proof::{Domain, Layout, Position, Tally, Triangle};
 
 /// Points or triangles that a domain should hold: with what is known of them they should stay near
 /// the processor.

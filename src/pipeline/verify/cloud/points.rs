@@ -8,8 +8,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point;
 use crate::pipeline::verify::spill::{Spill, Writer};
 use crate::pipeline::workers::{self, lock};
-use crate::verify::cloud::{Hull, Wrap};
-use crate::verify::{Layout, Position};
+use crate::proof::cloud::{Hull, Wrap};
+use crate::proof::{Layout, Position};
 
 /// All points, by the domain that owns them, and what is known of them together.
 pub(super) struct SpreadPoints {

@@ -7,8 +7,8 @@ use super::points::SpreadPoints;
 use crate::cloud::Census;
 use crate::pipeline::tin::{horizontal_unit, vertical_unit};
 use crate::pipeline::verify::spread::Spread;
-use crate::verify::cloud::Hull;
-use crate::verify::{Fault, Position, Tally};
+use crate::proof::cloud::Hull;
+use crate::proof::{Fault, Position, Tally};
 
 /// How often a fault was found, and the first place: the southernmost, of these the westernmost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

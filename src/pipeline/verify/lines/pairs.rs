@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::{Cancel, Progress};
 use crate::vector::{self, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat};
-use crate::verify::lines::Vertices;
+use crate::proof::lines::Vertices;
 
 /// Bytes for each vertex of either file where all features have to be held.
 const VERTEX: u64 = 200;

@@ -1,0 +1,348 @@
+//! The one error type: what kind of failure, in which file, at which place, and what to do about it.
+
+use std::fmt::{self, Write};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Result of every fallible call in this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, coarse enough to choose an exit code by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// A check ran to its end and found a broken promise (exit 1).
+    CheckFailed,
+    /// The caller asked for something that makes no sense (exit 2).
+    Usage,
+    /// The input is missing, damaged, or not what it claims to be (exit 65).
+    BadInput,
+    /// The input is sound but uses a feature that is not supported; it is named (exit 65).
+    Unsupported,
+    /// A value in a file is beyond a limit of [`crate::limits`] (exit 65).
+    Limit,
+    /// Others are at work, or what is needed first is not done: try again later (exit 69).
+    NotYet,
+    /// The output cannot be created, or cannot hold the result (exit 73).
+    CannotWrite,
+    /// Reading or writing failed part-way: disk full, device error (exit 74).
+    Io,
+    /// The machine lacks a resource, for example memory below the least needed (exit 75).
+    Resource,
+    /// A fault of this program, caught (exit 70).
+    Internal,
+    /// The user stopped the job (exit 130).
+    Interrupted,
+}
+
+impl ErrorKind {
+    /// The process exit code for this kind, after `sysexits.h`.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::CheckFailed => 1,
+            Self::Usage => 2,
+            Self::BadInput | Self::Unsupported | Self::Limit => 65,
+            Self::NotYet => 69,
+            Self::Internal => 70,
+            Self::CannotWrite => 73,
+            Self::Io => 74,
+            Self::Resource => 75,
+            Self::Interrupted => 130,
+        }
+    }
+}
+
+/// An error with its file, place and remedy. Displays as one line.
+#[derive(Debug, thiserror::Error)]
+pub struct Error {
+    kind: ErrorKind,
+    message: String,
+    path: Option<PathBuf>,
+    place: Option<String>,
+    remedy: Option<String>,
+    #[source]
+    source: Option<io::Error>,
+    several: Option<Box<Several>>,
+}
+
+/// What an error stands for that stands for several.
+#[derive(Debug)]
+struct Several {
+    failures: Vec<Error>,
+    /// Among so many files.
+    of: usize,
+}
+
+impl Error {
+    /// A new error of `kind`; `message` says what is wrong, without file or remedy.
+    pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
+        let (message, several) = (message.into(), None);
+        Self { kind, message, path: None, place: None, remedy: None, source: None, several }
+    }
+
+    /// One for all `failures` among `of` files. Only what is about files can be put together: of other
+    /// failures, and of a single one, comes the first.
+    ///
+    /// # Panics
+    /// When there is no failure.
+    pub fn several(mut failures: Vec<Self>, of: usize) -> Self {
+        let first = failures.iter().position(|failure| !failure.is_about_a_file()).unwrap_or(0);
+        if failures.len() < 2 || !failures[first].is_about_a_file() {
+            return failures.swap_remove(first);
+        }
+        let message = format!("{} of {of} files cannot be used", failures.len());
+        let mut error = Self::new(failures[0].kind, message).remedy("mend them, or leave them out");
+        error.several = Some(Box::new(Several { failures, of }));
+        error
+    }
+
+    /// True for what is wrong with a file, not with the request, the machine or the program.
+    pub fn is_about_a_file(&self) -> bool {
+        use ErrorKind::{BadInput, Io, Limit, Unsupported};
+        matches!(self.kind, BadInput | Unsupported | Limit | Io)
+    }
+
+    /// As it displays, without the failures that it stands for.
+    pub fn summary(&self) -> String {
+        let Self { kind, message, remedy, .. } = self;
+        match (&self.several, remedy) {
+            (Some(_), Some(remedy)) => Self::new(*kind, message).remedy(remedy).to_string(),
+            _ => self.to_string(),
+        }
+    }
+
+    /// The failures that it stands for, where it stands for several.
+    pub fn each(&self) -> &[Self] {
+        match &self.several {
+            Some(several) => &several.failures,
+            None => &[],
+        }
+    }
+
+    /// True where it stands for some of the inputs and not for all: the others could do without them.
+    pub fn spares_some(&self) -> bool {
+        // What one file is made of is named with it.
+        let is_of_inputs = self.path.is_none();
+        is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
+    }
+
+    /// Shorthand for [`ErrorKind::Usage`].
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Usage, message)
+    }
+
+    /// Shorthand for [`ErrorKind::BadInput`].
+    pub fn bad_input(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::BadInput, message)
+    }
+
+    /// Shorthand for [`ErrorKind::Unsupported`].
+    pub fn unsupported(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Unsupported, message)
+    }
+
+    /// Shorthand for [`ErrorKind::Limit`]: names the limit, its value and the value found.
+    pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
+        Self::new(ErrorKind::Limit, format!("{name} is {found}, more than the limit of {most}"))
+    }
+
+    /// An input/output failure while doing `action` ("read", "write", "create", ...).
+    pub fn io(kind: ErrorKind, action: &str, source: io::Error) -> Self {
+        let mut error = Self::new(kind, format!("cannot {action}: {source}"));
+        error.source = Some(source);
+        error
+    }
+
+    /// Failure to open or read an input file.
+    pub fn read(path: &Path, source: io::Error) -> Self {
+        let kind = match source.kind() {
+            io::ErrorKind::NotFound
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::UnexpectedEof
+            | io::ErrorKind::IsADirectory => ErrorKind::BadInput,
+            _ => ErrorKind::Io,
+        };
+        let is_denied = source.kind() == io::ErrorKind::PermissionDenied;
+        let error = Self::io(kind, "read", source).in_file(path);
+        match is_denied {
+            true => error.remedy("change its permissions, or copy it to where you may read it"),
+            false => error,
+        }
+    }
+
+    /// Failure to create or write an output file.
+    pub fn write(path: &Path, source: io::Error) -> Self {
+        let kind = match source.kind() {
+            io::ErrorKind::NotFound
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::AlreadyExists
+            | io::ErrorKind::ReadOnlyFilesystem => ErrorKind::CannotWrite,
+            _ => ErrorKind::Io,
+        };
+        let remedy = match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                Some("free some space, or choose another place")
+            }
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                Some("choose a folder that you may write to")
+            }
+            _ => None,
+        };
+        let error = Self::io(kind, "write", source).in_file(path);
+        match remedy {
+            Some(remedy) => error.remedy(remedy),
+            None => error,
+        }
+    }
+
+    /// Attaches the file, unless one is attached already.
+    #[must_use]
+    pub fn in_file(mut self, path: &Path) -> Self {
+        self.path.get_or_insert_with(|| path.to_path_buf());
+        self
+    }
+
+    /// Attaches the file in place of one that may be attached already: the user's name of a file
+    /// that was read through a copy.
+    #[must_use]
+    pub fn renamed(mut self, path: &Path) -> Self {
+        self.path = Some(path.to_path_buf());
+        self
+    }
+
+    /// Puts the file that named the one concerned in its place, which becomes a place in it: the user
+    /// knows the first and may never have heard of the second.
+    #[must_use]
+    pub fn named_by(mut self, path: &Path) -> Self {
+        let within = self.place.take().map(|place| format!(": {place}")).unwrap_or_default();
+        let inner = self.path.replace(path.to_path_buf());
+        self.place = inner.map(|inner| format!("source {}{within}", inner.display()));
+        self
+    }
+
+    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already.
+    #[must_use]
+    pub fn at(mut self, place: impl fmt::Display) -> Self {
+        self.place.get_or_insert_with(|| place.to_string());
+        self
+    }
+
+    /// Attaches what the user can do about it.
+    #[must_use]
+    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
+        self.remedy = Some(remedy.into());
+        self
+    }
+
+    /// The kind of failure.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+
+    /// The file concerned, where there is one.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut line = OneLine(f);
+        if let Some(path) = &self.path {
+            write!(line, "{}: ", path.display())?;
+        }
+        if let Some(place) = &self.place {
+            write!(line, "{place}: ")?;
+        }
+        write!(line, "{}", self.message)?;
+        for (i, inner) in self.each().iter().enumerate() {
+            write!(line, "{}{inner}", if i == 0 { ": " } else { " | " })?;
+        }
+        if let Some(remedy) = &self.remedy {
+            write!(line, "; {remedy}")?;
+        }
+        Ok(())
+    }
+}
+
+/// All values, or all failures in one: which is found first must not hide the others.
+///
+/// # Errors
+/// All of them, as [`Error::several`] puts them together.
+pub fn all<T>(found: Vec<Result<T>>) -> Result<Vec<T>> {
+    let (of, mut failures) = (found.len(), Vec::new());
+    let values = found.into_iter().filter_map(|one| one.map_err(|e| failures.push(e)).ok());
+    let values: Vec<T> = values.collect();
+    if failures.is_empty() { Ok(values) } else { Err(Error::several(failures, of)) }
+}
+
+/// Passes text on with line breaks and other control characters escaped: words out of files, and
+/// names of files, may hold any.
+struct OneLine<'a, 'b>(&'a mut fmt::Formatter<'b>);
+
+impl fmt::Write for OneLine<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars().try_for_each(|c| match c.is_control() {
+            true => write!(self.0, "{}", c.escape_default()),
+            false => self.0.write_char(c),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn displays_file_place_message_and_remedy_on_one_line() {
+        let error = Error::bad_input("block is truncated")
+            .in_file(Path::new("a.tif"))
+            .at("block 3")
+            .remedy("copy the file again");
+        assert_eq!(error.to_string(), "a.tif: block 3: block is truncated; copy the file again");
+    }
+
+    #[test]
+    fn whatever_a_file_says_stays_on_one_line() {
+        let error = Error::unsupported("type \"\u{1b}[31m\n\"").in_file(Path::new("a\r\nb.npy"));
+        assert_eq!(error.to_string(), r#"a\r\nb.npy: type "\u{1b}[31m\n""#);
+    }
+
+    #[test]
+    fn refusals_of_the_system_come_with_a_remedy() {
+        use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem, StorageFull};
+        for (kind, code) in [(PermissionDenied, 73), (ReadOnlyFilesystem, 73), (StorageFull, 74)] {
+            let error = Error::write(Path::new("a"), kind.into());
+            assert!(
+                error.kind().exit_code() == code && error.to_string().contains("; "),
+                "{error}"
+            );
+        }
+        let error = Error::read(Path::new("a"), PermissionDenied.into());
+        assert!(error.kind().exit_code() == 65 && error.to_string().contains("; "), "{error}");
+    }
+
+    #[test]
+    fn failures_of_files_are_told_together_and_others_first() {
+        let bad = |name: &str| Error::bad_input("is bad").in_file(Path::new(name));
+        let found = || vec![Ok(1), Err(bad("a")), Ok(2), Err(bad("b"))];
+        let together = all(found()).unwrap_err();
+        assert_eq!(together.each().len(), 2);
+        let told = together.to_string();
+        assert!(told.starts_with("2 of 4 files cannot be used: a: is bad | b: is bad; "), "{told}");
+        assert!(together.spares_some() && !together.in_file(Path::new("a.vrt")).spares_some());
+        assert!(!Error::several(vec![bad("a"), bad("b")], 2).spares_some());
+        assert_eq!(all(vec![Ok(1), Err(bad("a"))]).unwrap_err().to_string(), "a: is bad");
+        let mut stopped = found();
+        stopped.push(Err(Error::new(ErrorKind::Interrupted, "stopped")));
+        let first = all(stopped).unwrap_err();
+        assert_eq!((first.kind(), first.each().len()), (ErrorKind::Interrupted, 0));
+        assert_eq!(all(vec![Ok(1), Ok(2)]).unwrap(), [1, 2]);
+    }
+
+    #[test]
+    fn the_first_file_attached_stays() {
+        let error = Error::usage("x").in_file(Path::new("a")).in_file(Path::new("b"));
+        assert_eq!(error.path(), Some(Path::new("a")));
+    }
+}

@@ -1,0 +1,22 @@
+//! Ids, lattice windows, the affine map from lattice to world, and exact predicates. Pure.
+
+mod affine;
+mod crs;
+mod decimal;
+pub mod plane;
+mod point;
+pub mod predicates;
+mod rect;
+mod rounding;
+mod ruler;
+
+pub use affine::Affine;
+pub use crs::{Crs, GeoKeys, is_geographic, metres_in, wkt};
+pub use decimal::Decimal;
+pub use point::{Frame, Point, REACH, is_within};
+pub use rect::Rect;
+pub use rounding::Rounding;
+pub use ruler::Ruler;
+
+/// A point in world coordinates: x, y in units of the CRS, z in the vertical unit of the data.
+pub type Point3 = [f64; 3];

@@ -1,0 +1,153 @@
+//! Contour lines of a rectangle of samples: marching squares for all levels in one pass.
+//!
+//! **Rules.** The surface is linear along the edges of the lattice. A sample is *above* a level when
+//! its height is equal to it or higher; a line crosses an edge where one end is above and the other is
+//! not, at the place where the straight line between the two heights has the level, but never nearer
+//! to a sample than [`NEAREST`] of the edge. So a line passes close by a sample that is exactly on the
+//! level, on its lower side, instead of through it: lines do not branch, no two crossings of a level
+//! are at one place, and no segment has length 0. Within a cell the crossings are joined by straight
+//! segments; where all four edges are crossed, the mean of the four samples, summed row by row, says
+//! whether the middle is above, and with it which crossings belong together. A cell with a void has no
+//! segments: lines end at voids and at the border of the grid, and are closed otherwise.
+//!
+//! **Direction.** Higher ground is on the right where the first row is in the north: a line goes
+//! clockwise around a top (as those of `gdal_contour` do). Each crossing has one segment that ends
+//! there and one that begins there, whatever the level.
+//!
+//! **No crossings.** Within a cell, the ends of the segments of all levels are ordered along its border
+//! as the levels are, so no two segments interleave; as all crossings of a level are at different
+//! places, neither do they touch. On an edge that rises through more than 1 / [`NEAREST`] levels,
+//! lines of neighbouring levels may touch.
+//!
+//! **Tiles.** Where an edge is crossed depends on its two samples alone, first to second, so rectangles
+//! that share a rim agree on it to the last bit.
+//!
+//! Marching squares: W. Lorensen and H. Cline, "Marching cubes" (1987), in the plane; saddles as in
+//! P. Bourke's CONREC (1987), decided by the mean.
+
+mod levels;
+mod link;
+#[cfg(test)]
+mod oracle;
+mod sweep;
+#[cfg(test)]
+mod tests;
+
+pub use levels::Levels;
+pub use link::{Line, Lines};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use sweep::{Node, Sweep};
+
+/// How near to a sample an edge is crossed, in parts of the edge.
+pub const NEAREST: f64 = 1.0 / 65_536.0;
+
+/// Bytes that [`trace`] takes for each crossing, besides those of [`Lines`].
+pub const CROSSING_BYTES: u64 = size_of::<Node>() as u64;
+
+/// Most samples along a side of a rectangle.
+pub const MOST_SIDE: u32 = 1 << 14;
+
+/// An edge of the lattice of a grid: twice the linear index of its first sample, plus one where it
+/// goes down to the next row instead of along its own.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
+)]
+#[repr(transparent)]
+pub struct Edge(u64);
+
+impl Edge {
+    /// The edge from sample (`col`, `row`) of a grid of `width` columns, along the row or down.
+    pub fn new(col: u32, row: u32, is_down: bool, width: u32) -> Self {
+        Self(2 * (u64::from(row) * u64::from(width) + u64::from(col)) + u64::from(is_down))
+    }
+
+    /// True when it goes down.
+    pub fn is_down(self) -> bool {
+        self.0 & 1 == 1
+    }
+
+    /// Column and row of its first sample, in a grid of `width` columns.
+    pub fn first(self, width: u32) -> (u32, u32) {
+        let index = self.0 / 2;
+        ((index % u64::from(width)) as u32, (index / u64::from(width)) as u32)
+    }
+}
+
+/// Where a line crosses an edge.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Vertex {
+    /// The edge.
+    pub edge: Edge,
+    /// How far along it, from its first sample (0) to its second (1).
+    pub at: f64,
+}
+
+impl Vertex {
+    /// Column and row, with fractions, in a grid of `width` columns.
+    pub fn place(&self, width: u32) -> [f64; 2] {
+        let (col, row) = self.edge.first(width);
+        let (col, row) = (f64::from(col), f64::from(row));
+        if self.edge.is_down() { [col, row + self.at] } else { [col + self.at, row] }
+    }
+
+    /// Column and row of the nearer sample of its edge.
+    pub fn nearer(&self, width: u32) -> (u32, u32) {
+        let (col, row) = self.edge.first(width);
+        match (self.at < 0.5, self.edge.is_down()) {
+            (true, _) => (col, row),
+            (false, true) => (col, row + 1),
+            (false, false) => (col + 1, row),
+        }
+    }
+}
+
+/// Samples to trace: a rectangle of a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a, H> {
+    /// Where they are in the grid.
+    pub rect: Rect,
+    /// Columns of the grid.
+    pub grid_width: u32,
+    /// Row by row; NaN where there is no height.
+    pub heights: &'a [H],
+}
+
+/// Memory that [`trace`] keeps between calls.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    sweep: Sweep,
+}
+
+/// Fills `lines` with the contour lines of a window at all `levels`, in an order that depends on the
+/// window alone.
+///
+/// O(samples + crossings). Takes [`CROSSING_BYTES`] for each crossing.
+///
+/// # Errors
+/// `Usage` for a window whose heights do not fit its size, or of more than [`MOST_SIDE`] samples along
+/// a side; `BadInput` for a height beyond 1e30, or one that is more than 2^30 intervals from the base;
+/// `Resource` for more than `most` crossings.
+pub fn trace<H: Copy + Into<f64>>(
+    window: &Window<'_, H>,
+    levels: &Levels,
+    most: u64,
+    scratch: &mut Scratch,
+    lines: &mut Lines,
+) -> Result<()> {
+    lines.clear();
+    let Rect { width, height, .. } = window.rect;
+    if window.rect.len() != window.heights.len() || width.max(height) > MOST_SIDE {
+        return Err(Error::usage(format!(
+            "a window of {width} x {height} samples with {} heights",
+            window.heights.len()
+        )));
+    }
+    // Nodes are numbered in 32 bits.
+    let most = most.min(u64::from(u32::MAX - 1));
+    scratch.sweep.run(window, levels, most)?;
+    lines.link(&mut scratch.sweep.nodes, window.rect, window.grid_width);
+    Ok(())
+}

@@ -1,0 +1,258 @@
+//! Convex hulls of points: exact, with every point of the boundary, and mergeable.
+
+use super::position::Position;
+use super::predicates::orient;
+use terrane_base::geom::Point;
+
+/// The boundary of the convex hull of points: *all* points on it, those between corners too, of each
+/// position the lowest. Hulls of parts merge into that of the whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hull {
+    /// From the lowest point (x, then y) to the highest along the south.
+    lower: Vec<Point>,
+    /// From the lowest to the highest along the north; both ends are in `lower` as well.
+    upper: Vec<Point>,
+    /// Once around, counter-clockwise.
+    ring: Vec<Point>,
+}
+
+/// So many points are not worth thinning out.
+const FEW: usize = 64;
+
+/// Where a position lies with respect to a hull.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Strictly inside.
+    Inside,
+    /// On the boundary.
+    Boundary,
+    /// Beyond it.
+    Outside,
+}
+
+impl Hull {
+    /// The hull of any points: Andrew's monotone chain on those that are not well inside. Linear where
+    /// most are, n log n at worst.
+    pub fn of(mut points: Vec<Point>) -> Self {
+        if points.len() > FEW {
+            let inner = Self::chains(extremes(&points));
+            points.retain(|p| !inner.surrounds(p));
+        }
+        Self::chains(points)
+    }
+
+    fn chains(mut points: Vec<Point>) -> Self {
+        points.sort_unstable();
+        points.dedup_by_key(|p| [p.x, p.y]);
+        let lower = chain(&points, 1);
+        let upper = chain(&points, -1);
+        let inner = upper.get(1..upper.len().saturating_sub(1)).unwrap_or(&[]);
+        let ring = lower.iter().chain(inner.iter().rev()).copied().collect();
+        Self { lower, upper, ring }
+    }
+
+    /// True when the point lies strictly inside; linear in the corners.
+    fn surrounds(&self, p: &Point) -> bool {
+        let Some(&last) = self.ring.last() else { return false };
+        let mut before = last;
+        self.ring.iter().all(|&corner| {
+            let side = orient([before.x, before.y], [corner.x, corner.y], [p.x, p.y]);
+            before = corner;
+            side > 0
+        })
+    }
+
+    /// The hull of the points of both.
+    #[must_use]
+    pub fn merge(&self, other: &Self) -> Self {
+        Self::of(self.points().chain(other.points()).copied().collect())
+    }
+
+    /// Every point of the boundary (those of a degenerate hull may come twice).
+    fn points(&self) -> impl Iterator<Item = &Point> {
+        self.lower.iter().chain(&self.upper)
+    }
+
+    /// The boundary once around, counter-clockwise from the lowest point. Where all points are
+    /// collinear: there and back, without the ends a second time.
+    pub fn ring(&self) -> &[Point] {
+        &self.ring
+    }
+
+    /// The corners of the boundary, counter-clockwise from the lowest point, without the points that
+    /// lie on its edges; none where all points are collinear.
+    pub fn corners(&self) -> Vec<Point> {
+        let (ring, count) = (&self.ring, self.ring.len());
+        let at = |i: usize| [ring[i % count].x, ring[i % count].y];
+        let turns = |i: &usize| orient(at(i + count - 1), at(*i), at(i + 1)) > 0;
+        (0..count).filter(turns).map(|i| ring[i]).collect()
+    }
+
+    /// The points of the boundary, in order, once each.
+    pub fn sorted(&self) -> Vec<Point> {
+        let mut all: Vec<_> = self.points().copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// True when it has no area: fewer than three points, or all collinear.
+    pub fn is_flat(&self) -> bool {
+        self.lower == self.upper
+    }
+
+    /// Where a position lies; logarithmic. Nothing lies inside a flat hull.
+    pub fn place(&self, q: Position) -> Place {
+        let below = side(&self.lower, q);
+        let above = side(&self.upper, q);
+        match (below, above) {
+            (Some(below), Some(above)) if below > 0 && above < 0 => Place::Inside,
+            (Some(below), Some(above)) if below >= 0 && above <= 0 => Place::Boundary,
+            _ => Place::Outside,
+        }
+    }
+
+    /// Corners of a triangle of boundary points that contains a position of the hull, moved by an
+    /// infinitesimal (see [`Position`]'s arms); `None` when the moved position is outside.
+    pub(super) fn start(&self, q: Position, back: bool) -> Option<[Point; 3]> {
+        let (apex, others) = self.ring.split_first()?;
+        let arm = |p: &Point| q.to([p.x, p.y]);
+        let left = others.partition_point(|p| arm(apex).sees_left(arm(p), back));
+        let [u, v] = [others.get(left.checked_sub(1)?)?, others.get(left)?];
+        arm(u).sees_left(arm(v), back).then_some([*apex, *u, *v])
+    }
+}
+
+/// The points furthest in eight directions: what lies strictly within them is not on the hull.
+fn extremes(points: &[Point]) -> Vec<Point> {
+    let axes: [fn(&Point) -> i32; 4] = [|p| p.x, |p| p.y, |p| p.x + p.y, |p| p.x - p.y];
+    let ends = axes.iter().flat_map(|axis| {
+        [points.iter().min_by_key(|p| axis(p)), points.iter().max_by_key(|p| axis(p))]
+    });
+    ends.flatten().copied().collect()
+}
+
+/// The chain of sorted points along which all others lie to the left (`turn` 1) or right (-1).
+fn chain(points: &[Point], turn: i64) -> Vec<Point> {
+    let mut chain: Vec<Point> = Vec::new();
+    for &p in points {
+        while let [.., a, b] = chain[..] {
+            if orient([a.x, a.y], [b.x, b.y], [p.x, p.y]) * turn >= 0 {
+                break;
+            }
+            chain.pop();
+        }
+        chain.push(p);
+    }
+    chain
+}
+
+/// On which side of a chain a position lies: positive for left; `None` before its begin or after its
+/// end (in order of x, then y). Comparing by y where x is equal makes vertical edges like others.
+fn side(chain: &[Point], q: Position) -> Option<i128> {
+    let at = |p: &Point| Position::of([p.x, p.y]);
+    let after = chain.partition_point(|p| at(p) <= q);
+    let before = &chain[after.checked_sub(1)?];
+    let Some(after) = chain.get(after) else { return (at(before) == q).then_some(0) };
+    Some(q.to([before.x, before.y]).cross(q.to([after.x, after.y])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn points(most: i32) -> impl Strategy<Value = Vec<Point>> {
+        let point = (-most..=most, -most..=most, 0..3);
+        prop::collection::vec(point.prop_map(|(x, y, z)| Point::new(x, y, z)), 0..30)
+    }
+
+    /// A point is on the boundary when some line through it has all others on one side.
+    fn brute(points: &[Point]) -> Vec<Point> {
+        let mut sorted = points.to_vec();
+        sorted.sort();
+        sorted.dedup_by_key(|p| [p.x, p.y]);
+        let site = |p: &Point| [p.x, p.y];
+        let on = |p: &&Point| {
+            let edge = |q: &Point| {
+                let bounds = |r: &Point| orient(site(p), site(q), site(r)) >= 0;
+                q != *p && sorted.iter().all(bounds)
+            };
+            sorted.len() == 1 || sorted.iter().any(edge) || {
+                let edge =
+                    |q: &Point| sorted.iter().all(|r| orient(site(q), site(p), site(r)) >= 0);
+                sorted.iter().any(|q| q != *p && edge(q))
+            }
+        };
+        sorted.iter().filter(on).copied().collect()
+    }
+
+    fn brute_place(sorted: &[Point], hull: &Hull, q: Position) -> Place {
+        if hull.is_flat() {
+            return hull.place(q);
+        }
+        let ring = hull.ring();
+        let sides = (0..ring.len()).map(|i| {
+            let (a, b) = (ring[i], ring[(i + 1) % ring.len()]);
+            q.to([a.x, a.y]).cross(q.to([b.x, b.y]))
+        });
+        let worst = sides.min().unwrap();
+        assert!(sorted.len() >= 3);
+        match worst.signum() {
+            1 => Place::Inside,
+            0 => Place::Boundary,
+            _ => Place::Outside,
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn holds_every_point_of_the_boundary(points in points(6)) {
+            let hull = Hull::of(points.clone());
+            prop_assert_eq!(hull.sorted(), brute(&points));
+        }
+
+        #[test]
+        fn points_well_inside_make_no_difference(points in prop::collection::vec(
+            (-40i32..40, -40i32..40, 0..3).prop_map(|(x, y, z)| Point::new(x + y, x - y / 2, z)),
+            65..300,
+        )) {
+            prop_assert_eq!(Hull::of(points.clone()), Hull::chains(points));
+        }
+
+        #[test]
+        fn hulls_of_parts_merge(points in points(8), cut in 0usize..30) {
+            let (a, b) = points.split_at(cut.min(points.len()));
+            let merged = Hull::of(a.to_vec()).merge(&Hull::of(b.to_vec()));
+            prop_assert_eq!(merged, Hull::of(points));
+        }
+
+        #[test]
+        fn places_positions(points in points(6), x in -2_000i64..2_000, y in -2_000i64..2_000) {
+            let hull = Hull::of(points);
+            for q in [Position { x, y }, Position { x: x & !127, y: y & !127 }] {
+                prop_assert_eq!(hull.place(q), brute_place(&hull.sorted(), &hull, q));
+                let start = hull.start(q, false);
+                prop_assert!(start.is_some() || hull.place(q) != Place::Inside);
+                for corners in start.into_iter() {
+                    let [a, b, c] = corners.map(|p| q.to([p.x, p.y]));
+                    prop_assert!(a.cross(b) >= 0 && b.cross(c) >= 0 && c.cross(a) >= 0);
+                    prop_assert!(hull.place(q) != Place::Outside);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn flat_hulls_have_no_inside() {
+        let line = Hull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
+        assert!(line.is_flat() && line.sorted().len() == 5 && line.ring().len() == 8);
+        assert_eq!(line.place(Position::of([1, 2])), Place::Boundary);
+        assert_eq!(line.place(Position::of([1, 3])), Place::Outside);
+        assert_eq!(Hull::of(vec![]).place(Position::of([0, 0])), Place::Outside);
+        let vertical = Hull::of((0..5).map(|i| Point::new(0, i, 0)).collect());
+        assert_eq!(vertical.place(Position::of([0, 3])), Place::Boundary);
+        assert_eq!(vertical.place(Position::of([0, 5])), Place::Outside);
+    }
+}

@@ -1,0 +1,454 @@
+//! Natural neighbour interpolation (Sibson 1981), final or not at all.
+//!
+//! A position q, were it a site, would take area from the Voronoi cells of its natural neighbours; the
+//! areas are their weights. The triangles whose circles hold q make a cavity (Bowyer, Watson 1981);
+//! its border are the neighbours, and the areas taken lie between the centres of its circles and
+//! those of q with each edge of the border. A disc of q with such an edge lies in the union of the
+//! discs of the two triangles beside the edge, so the result is final when the triangles of the
+//! cavity and those around it are.
+
+use super::disc::Disc;
+use super::hull::{Hull, Place};
+use super::interpolate::{float, interpolate};
+use super::knit::{GHOST, next, prev};
+use super::position::{Arm, Position};
+use super::query::{deepest, from_lowest, site};
+use super::space::{Needs, Space, Window};
+use super::stars::within;
+use super::triangulation::Triangulation;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+
+/// Pitches of margin around the window at first.
+const MARGIN: i32 = 8;
+
+/// Natural neighbour heights in a window. Positions in it may be asked for in any order; near ones
+/// after each other are found fast.
+#[derive(Debug)]
+pub struct Natural<'a, S> {
+    space: &'a S,
+    hull: &'a Hull,
+    /// All known points in here are triangulated.
+    window: Window,
+    points: Vec<Point>,
+    triangulation: Triangulation,
+    /// By triangle, whether it is known to be final.
+    finals: Vec<bool>,
+    /// A side of the triangle found last.
+    last: u32,
+}
+
+/// Why there is no value.
+enum Stop {
+    /// A known point lies in a disc but not in the window.
+    Grow,
+    Needs(Needs),
+}
+
+impl<'a, S: Space> Natural<'a, S> {
+    /// Prepares a window: triangulates the known points in it and around it. `hull` is that of all
+    /// points of the cloud.
+    ///
+    /// # Errors
+    /// More points than [`Triangulation::new`] takes.
+    pub fn new(space: &'a S, hull: &'a Hull, window: &Window) -> Result<Self> {
+        let window = window.grown(space.pitch().saturating_mul(MARGIN));
+        let mut points = within(space, &window);
+        points.extend_from_slice(hull.ring());
+        let triangulation = Triangulation::new(&points)?;
+        let finals = vec![false; triangulation.numbers() as usize];
+        let mut triangles = 0..triangulation.numbers();
+        let last = 3 * triangles.find(|&t| triangulation.corners(t).is_some()).unwrap_or(0);
+        Ok(Self { space, hull, window, points, triangulation, finals, last })
+    }
+
+    /// The height at `q` in steps; at a point its z, and `None` outside the hull. A plane is
+    /// reproduced. On the boundary of the hull the height is linear along the edge.
+    ///
+    /// The inner error is what has to be known in addition.
+    ///
+    /// # Errors
+    /// More points than [`Triangulation::new`] takes.
+    pub fn height(&mut self, q: Position) -> Result<std::result::Result<Option<f64>, Needs>> {
+        loop {
+            match self.try_height(q) {
+                Ok(height) => return Ok(Ok(height)),
+                Err(Stop::Needs(needs)) => return Ok(Err(needs)),
+                Err(Stop::Grow) => {
+                    let longest = (0..2).map(|i| self.window.high[i] / 2 - self.window.low[i] / 2);
+                    let margin = longest.max().unwrap_or(1).max(self.space.pitch());
+                    let window = self.window.grown(margin);
+                    // Gone before the larger one is made.
+                    self.points = Vec::new();
+                    self.triangulation = Triangulation::new(&[])?;
+                    *self = Self::new(self.space, self.hull, &window)?;
+                }
+            }
+        }
+    }
+
+    fn try_height(&mut self, q: Position) -> std::result::Result<Option<f64>, Stop> {
+        if self.triangulation.is_flat() || self.hull.place(q) == Place::Outside {
+            return Ok(self.point_at(q).map(|p| p.z.into()));
+        }
+        let s = self.locate(q);
+        let corners = from_lowest(self.corners(s));
+        let arms = corners.map(|p| q.to(site(&p)));
+        if let Some(corner) = arms.iter().position(|arm| arm.is_zero()) {
+            return Ok(Some(corners[corner].z.into()));
+        }
+        let cavity = Cavity::around(self, q, s)?;
+        Ok(Some(cavity.height(&corners)))
+    }
+
+    fn point_at(&self, q: Position) -> Option<Point> {
+        let mut found = None;
+        let window = Window { low: q.floor(), high: q.floor() };
+        self.space.visit(&window, |run| {
+            found = found.or(run.iter().find(|p| Position::of(site(p)) == q).copied());
+        });
+        found
+    }
+
+    fn point(&self, s: u32) -> Option<Point> {
+        match self.triangulation.from(s) {
+            GHOST => None,
+            v => Some(self.points[self.triangulation.id(v) as usize]),
+        }
+    }
+
+    /// Corners of a triangle that is no ghost, from the beginning of side `s` on.
+    fn corners(&self, s: u32) -> [Point; 3] {
+        [s, next(s), prev(s)].map(|s| self.point(s).unwrap_or_default())
+    }
+
+    fn is_ghost(&self, s: u32) -> bool {
+        [s, next(s), prev(s)].iter().any(|s| self.triangulation.from(*s) == GHOST)
+    }
+
+    /// The side from the lowest corner of the triangle that contains `q`, which is not outside the
+    /// hull: a walk towards it.
+    fn locate(&mut self, q: Position) -> u32 {
+        // On the boundary the moved position may be outside; it is inside when moved the other way.
+        for back in [false, true] {
+            if let Some(s) = self.walk(q, back) {
+                self.last = s;
+                break;
+            }
+        }
+        let lowest = [self.last, next(self.last), prev(self.last)];
+        lowest.into_iter().min_by_key(|s| self.point(*s)).unwrap_or(self.last)
+    }
+
+    fn walk(&self, q: Position, back: bool) -> Option<u32> {
+        let mut s = self.last;
+        loop {
+            let sides = [s, next(s), prev(s)];
+            let arms = self.corners(s).map(|p| q.to(site(&p)));
+            let beyond = (0..3).find(|&i| !arms[i].sees_left(arms[(i + 1) % 3], back));
+            let Some(beyond) = beyond else { return Some(s) };
+            s = self.triangulation.twin(sides[beyond]);
+            if self.is_ghost(s) {
+                return None;
+            }
+        }
+    }
+
+    /// Whether the triangle of a side is part of the whole triangulation.
+    fn check_final(&mut self, s: u32, disc: &Disc) -> std::result::Result<(), Stop> {
+        let triangle = (s / 3) as usize;
+        if self.finals[triangle] {
+            return Ok(());
+        }
+        if !disc.lies_in(&self.window) && deepest(self.space, disc, &Window::ALL).is_some() {
+            return Err(Stop::Grow);
+        }
+        self.space.certify(disc).map_err(Stop::Needs)?;
+        self.finals[triangle] = true;
+        Ok(())
+    }
+}
+
+/// What a position takes from its neighbours. Lengths in steps, relative to the position.
+struct Cavity {
+    q: Position,
+    /// The neighbours counter-clockwise, and twice the area taken from each.
+    border: Vec<(Point, f64)>,
+    /// Centres of the circles of the position and each edge of the border, from each neighbour on.
+    centres: Vec<[f64; 2]>,
+    /// Voronoi edges inside: from one centre to the other, with the neighbour on the left, and that
+    /// on the right.
+    edges: Vec<([f64; 2], [f64; 2], Point, Point)>,
+    /// An edge of the hull that the position lies on.
+    on: Option<[Point; 2]>,
+}
+
+impl Cavity {
+    /// The cavity around the triangle of side `s`.
+    fn around<S: Space>(
+        of: &mut Natural<'_, S>,
+        q: Position,
+        s: u32,
+    ) -> std::result::Result<Self, Stop> {
+        let (border, centres, edges) = (vec![], vec![], vec![]);
+        let mut cavity = Self { q, border, centres, edges, on: None };
+        let disc = Disc::around(of.corners(s).map(|p| site(&p)));
+        of.check_final(s, &disc)?;
+        let centre = disc.centre_from(q);
+        // Sides to cross, each with the centre on this side of it.
+        let mut open = vec![(prev(s), centre), (next(s), centre), (s, centre)];
+        while let Some((s, centre)) = open.pop() {
+            let [u, v] = [s, next(s)].map(|s| of.point(s).unwrap_or_default());
+            let twin = of.triangulation.twin(s);
+            let mut beyond = None;
+            if !of.is_ghost(twin) {
+                let corners = of.corners(twin).map(|p| site(&p));
+                let disc = Disc::around(corners);
+                of.check_final(twin, &disc)?;
+                beyond = disc.holds_position(q).then(|| disc.centre_from(q));
+            }
+            match beyond {
+                Some(other) => {
+                    cavity.edges.push((centre, other, v, u));
+                    open.push((prev(twin), other));
+                    open.push((next(twin), other));
+                }
+                None => cavity.close(centre, u, v),
+            }
+        }
+        Ok(cavity)
+    }
+
+    /// Takes an edge into the border.
+    fn close(&mut self, centre: [f64; 2], u: Point, v: Point) {
+        let arms = [u, v].map(|p| self.q.to(site(&p)));
+        match centre_with(arms) {
+            Some(other) => {
+                self.edges.push((centre, other, v, u));
+                self.centres.push(other);
+            }
+            None => self.on = Some([u, v]),
+        }
+        self.border.push((u, 0.0));
+    }
+
+    /// The height: that of the plane of the triangle around the position, plus the weighted deviation
+    /// of the neighbours from it. That is the weighted height, but rounding of the weights does not
+    /// touch what is plane.
+    fn height(mut self, corners: &[Point; 3]) -> f64 {
+        if let Some([u, v]) = self.on {
+            return along_edge(u, v, self.q);
+        }
+        self.weigh();
+        let deviation = |p: &Point| f64::from(p.z) - interpolate(corners, Position::of(site(p)));
+        let sum: f64 = self.border.iter().map(|(p, weight)| weight * deviation(p)).sum();
+        let total: f64 = self.border.iter().map(|(_, weight)| weight).sum();
+        let change = sum / total;
+        interpolate(corners, self.q) + if change.is_finite() { change } else { 0.0 }
+    }
+
+    /// The areas: each cell's share is a polygon, whose edges are summed up by the shoelace formula.
+    fn weigh(&mut self) {
+        let count = self.border.len();
+        for i in 0..count {
+            let (before, after) = (self.centres[(i + count - 1) % count], self.centres[i]);
+            self.border[i].1 += cross(before, after);
+        }
+        for (from, to, left, right) in &self.edges {
+            let area = cross(*from, *to);
+            for (point, taken) in &mut self.border {
+                if point == left {
+                    *taken += area;
+                } else if point == right {
+                    *taken -= area;
+                }
+            }
+        }
+    }
+}
+
+fn cross(u: [f64; 2], v: [f64; 2]) -> f64 {
+    u[0] * v[1] - u[1] * v[0]
+}
+
+/// Centre of the circle through a position and two sites seen from it, in steps from the position;
+/// `None` where they are collinear.
+fn centre_with([u, v]: [Arm; 2]) -> Option<[f64; 2]> {
+    let area = u.cross(v);
+    let [a, b] = [u, v].map(Arm::steps);
+    let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
+    let double = 2.0 * float(area) / f64::from(1u32 << (2 * super::position::FRACTION));
+    (area != 0).then(|| [(b[1] * aa - a[1] * bb) / double, (a[0] * bb - b[0] * aa) / double])
+}
+
+/// The height on the edge between two points, at a position on it; the same from either end.
+fn along_edge(u: Point, v: Point, q: Position) -> f64 {
+    let (low, high) = (u.min(v), u.max(v));
+    let from = q.to(site(&low)).steps();
+    let length = f64::from(high.x - low.x).hypot(f64::from(high.y - low.y));
+    let rise = f64::from(high.z) - f64::from(low.z);
+    f64::from(low.z) + rise * (from[0].hypot(from[1]) / length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bins::Bins;
+    use super::super::oracle::{self, Dice};
+    use super::super::space::Loaded;
+    use super::*;
+
+    /// Area of the cell of `centre` among `others`, cut out of a large square by half planes.
+    fn cell(centre: [f64; 2], others: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut cell = vec![[-1e7, -1e7], [1e7, -1e7], [1e7, 1e7], [-1e7, 1e7]];
+        for other in others {
+            cell = clip(&cell, centre, *other);
+        }
+        cell
+    }
+
+    /// The part of a polygon nearer to `a` than to `b`.
+    fn clip(polygon: &[[f64; 2]], a: [f64; 2], b: [f64; 2]) -> Vec<[f64; 2]> {
+        let normal = [b[0] - a[0], b[1] - a[1]];
+        let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+        let side = |p: [f64; 2]| (p[0] - middle[0]) * normal[0] + (p[1] - middle[1]) * normal[1];
+        let mut kept = vec![];
+        for (i, p) in polygon.iter().enumerate() {
+            let q = polygon[(i + 1) % polygon.len()];
+            let (s, t) = (side(*p), side(q));
+            if s <= 0.0 {
+                kept.push(*p);
+            }
+            if (s < 0.0 && t > 0.0) || (s > 0.0 && t < 0.0) {
+                let at = s / (s - t);
+                kept.push([p[0] + (q[0] - p[0]) * at, p[1] + (q[1] - p[1]) * at]);
+            }
+        }
+        kept
+    }
+
+    fn area(polygon: &[[f64; 2]]) -> f64 {
+        let next = |i: usize| polygon[(i + 1) % polygon.len()];
+        (0..polygon.len()).map(|i| cross(polygon[i], next(i))).sum::<f64>() / 2.0
+    }
+
+    /// Sibson's definition, word for word: what the cell of q takes from each old cell.
+    fn brute(points: &[Point], q: Position) -> f64 {
+        let at = |p: &Point| q.to(site(p)).steps();
+        let all: Vec<_> = points.iter().map(at).collect();
+        let new = cell([0.0, 0.0], &all);
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (i, p) in points.iter().enumerate() {
+            let mut taken = new.clone();
+            for (j, other) in all.iter().enumerate() {
+                if i != j && !taken.is_empty() {
+                    taken = clip(&taken, all[i], *other);
+                }
+            }
+            let weight = if taken.is_empty() { 0.0 } else { area(&taken) };
+            sum += weight * f64::from(p.z);
+            total += weight;
+        }
+        sum / total
+    }
+
+    fn positions(n: usize, most: i32) -> Vec<Position> {
+        let mut dice = Dice(5);
+        let mut any = || f64::from(dice.below(most * 16)) / 16.0;
+        (0..n).map(|_| Position::from_steps(any(), any())).collect()
+    }
+
+    #[test]
+    fn areas_are_those_of_voronoi_cells() {
+        let mut dice = Dice(1);
+        for most in [12, 2_000] {
+            let mut any = |most: i32| dice.below(most);
+            let mut points: Vec<_> =
+                (0..60).map(|_| Point::new(any(most), any(most), any(100))).collect();
+            points.sort();
+            points.dedup_by_key(|p| site(p));
+            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let space = Loaded::whole(&bins);
+            let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
+            for q in positions(200, most) {
+                // Near the hull the cells are cut off by the square.
+                let reach = 64 * i64::from(most);
+                let inner = [[-1, -1], [-1, 1], [1, -1], [1, 1]].iter().all(|[x, y]| {
+                    hull.place(Position { x: q.x + x * reach, y: q.y + y * reach }) == Place::Inside
+                });
+                if inner {
+                    let (found, expected) =
+                        (natural.height(q).unwrap().unwrap().unwrap(), brute(&points, q));
+                    let at_point = points.iter().any(|p| Position::of(site(p)) == q);
+                    assert!(
+                        (found - expected).abs() < 1e-6 || at_point,
+                        "{q:?} {found} {expected}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn planes_are_reproduced_up_to_the_hull() {
+        let plane = |x: f64, y: f64| 3.0 * x - 2.0 * y + 11.0;
+        for (name, mut points) in oracle::awkward(300) {
+            if name == "all of the reach" || name == "clusters" || name == "parabola" {
+                continue;
+            }
+            for p in &mut points {
+                p.z = plane(p.x.into(), p.y.into()) as i32;
+            }
+            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let space = Loaded::whole(&bins);
+            let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
+            let middles = points.windows(2).map(|p| Position {
+                x: i64::from(p[0].x + p[1].x) * 128,
+                y: i64::from(p[0].y + p[1].y) * 128,
+            });
+            for q in middles.chain(positions(300, 20_000)) {
+                let Some(found) = natural.height(q).unwrap().unwrap() else {
+                    assert!(hull.place(q) != Place::Inside);
+                    continue;
+                };
+                let [x, y] = q.steps();
+                let expected = plane(x, y);
+                let error = (found - expected).abs();
+                assert!(error <= 1e-9 * expected.abs().max(1e3), "{name} {q:?} {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_final_is_the_same_to_the_last_bit() {
+        let mut asked = 0;
+        for (name, points) in oracle::awkward(400) {
+            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let whole = Loaded::whole(&bins);
+            let mut natural = Natural::new(&whole, &hull, &bins.window()).unwrap();
+            for q in positions(40, 20_000).into_iter().chain(positions(40, 300)) {
+                let expected = natural.height(q).unwrap().unwrap();
+                let mut known = Window { low: q.floor(), high: q.floor() }.grown(50);
+                loop {
+                    let inside = points.iter().filter(|p| known.contains(site(p))).copied();
+                    let bins = Bins::new(&inside.collect::<Vec<_>>());
+                    let bounds = Window::of(points.iter().map(site)).unwrap();
+                    let space = Loaded { bins: &bins, known, bounds, coverage: None };
+                    let here = Window { low: q.floor(), high: q.floor() };
+                    match Natural::new(&space, &hull, &here).unwrap().height(q).unwrap() {
+                        Ok(found) => {
+                            let bits = |v: Option<f64>| v.map(f64::to_bits);
+                            assert_eq!(bits(found), bits(expected), "{name} {q:?}");
+                            break;
+                        }
+                        Err(Needs(more)) => {
+                            asked += 1;
+                            assert!(!known.covers(&more));
+                            known = known.union(&more);
+                        }
+                    }
+                }
+            }
+        }
+        assert!(asked > 100, "{asked}");
+    }
+}

@@ -1,0 +1,218 @@
+//! What is known of the points of a cloud: where they are, where none can be, and where more must be
+//! loaded before anything can be said.
+
+use super::bins::Bins;
+use super::disc::Disc;
+use super::predicates::Site;
+use terrane_base::geom::{Point, REACH};
+
+/// A rectangle of positions, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Lowest x and y.
+    pub low: Site,
+    /// Highest x and y.
+    pub high: Site,
+}
+
+impl Window {
+    /// Everything within [`REACH`].
+    pub const ALL: Self = Self { low: [-REACH; 2], high: [REACH; 2] };
+
+    /// True when the whole of `other` lies in it.
+    #[inline]
+    pub fn covers(&self, other: &Self) -> bool {
+        (0..2).all(|i| self.low[i] <= other.low[i] && other.high[i] <= self.high[i])
+    }
+
+    /// True when the position lies in it.
+    #[inline]
+    pub fn contains(&self, p: Site) -> bool {
+        (0..2).all(|i| (self.low[i]..=self.high[i]).contains(&p[i]))
+    }
+
+    /// The smallest window that covers both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            low: std::array::from_fn(|i| self.low[i].min(other.low[i])),
+            high: std::array::from_fn(|i| self.high[i].max(other.high[i])),
+        }
+    }
+
+    /// What lies in both, if anything does.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let low: Site = std::array::from_fn(|i| self.low[i].max(other.low[i]));
+        let high: Site = std::array::from_fn(|i| self.high[i].min(other.high[i]));
+        (low[0] <= high[0] && low[1] <= high[1]).then_some(Self { low, high })
+    }
+
+    /// The window with `margin` (>= 0) more on each side, within [`REACH`].
+    #[must_use]
+    pub fn grown(&self, margin: i32) -> Self {
+        Self {
+            low: self.low.map(|v| v.saturating_sub(margin).max(-REACH)),
+            high: self.high.map(|v| v.saturating_add(margin).min(REACH)),
+        }
+    }
+
+    /// The smallest window that holds all points; `None` without points.
+    pub fn of(points: impl IntoIterator<Item = Site>) -> Option<Self> {
+        let each = points.into_iter().map(|p| Self { low: p, high: p });
+        each.reduce(|all, one| all.union(&one))
+    }
+}
+
+/// Points of this window must be known before the answer is final. It may be much larger than what
+/// turns out to be needed (the circle shrinks with every point found), so load what lies in it *and*
+/// in a window somewhat larger than the one known, and ask again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs(pub Window);
+
+/// What is known of a cloud. Every method hands out points in runs; a run may hold points that were
+/// not asked for.
+pub trait Space {
+    /// A length that holds a few points where the cloud is dense; at least 1.
+    fn pitch(&self) -> i32;
+
+    /// Hands out all known points in the window.
+    fn visit(&self, window: &Window, each: impl FnMut(&[Point]));
+
+    /// Hands out all known points in both the window and the disc.
+    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point]));
+
+    /// Where known points are; nothing is handed out beyond.
+    fn extent(&self) -> Window;
+
+    /// Whether every point of the cloud in the disc is known.
+    ///
+    /// # Errors
+    /// What has to be known in addition.
+    fn certify(&self, disc: &Disc) -> Result<(), Needs>;
+}
+
+/// Where a cloud has points at all, coarsely: squares that hold at least one.
+#[derive(Clone, Debug)]
+pub struct Coverage {
+    window: Window,
+    size: i32,
+    columns: usize,
+    holds: Vec<bool>,
+}
+
+/// Most squares of a [`Coverage`].
+const MOST_SQUARES: usize = 1 << 24;
+
+impl Coverage {
+    /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
+    /// than 2^24.
+    pub fn new(window: Window, size: i32) -> Self {
+        let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
+        let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
+        let mut size = size.max(1);
+        while count(0, size) * count(1, size) > MOST_SQUARES {
+            size = size.saturating_mul(2);
+        }
+        let (columns, rows) = (count(0, size), count(1, size));
+        Self { window, size, columns, holds: vec![false; columns * rows] }
+    }
+
+    /// Notes that there is a point at `p`, which lies in the window.
+    pub fn add(&mut self, p: Site) {
+        let [column, row] = self.square(p);
+        self.holds[row * self.columns + column] = true;
+    }
+
+    /// Notes the points of a map of the same window and size.
+    pub fn merge(&mut self, other: &Self) {
+        self.holds.iter_mut().zip(&other.holds).for_each(|(here, there)| *here |= there);
+    }
+
+    fn square(&self, p: Site) -> [usize; 2] {
+        [0, 1].map(|i| ((p[i] - self.window.low[i]) / self.size) as usize)
+    }
+
+    /// The smallest window of squares that hold points, touch the disc and do not lie in `known`.
+    fn unknown(&self, disc: &Disc, known: &Window) -> Option<Window> {
+        let part = disc.clip(&self.window)?;
+        let rows = self.square(part.low)[1]..=self.square(part.high)[1];
+        let mut found: Option<Window> = None;
+        for row in rows {
+            for square in self.row_squares(disc, row).filter(|square| !known.covers(square)) {
+                found = Some(found.map_or(square, |all| all.union(&square)));
+            }
+        }
+        found
+    }
+
+    /// The squares of a row that hold points and touch the disc.
+    fn row_squares(&self, disc: &Disc, row: usize) -> impl Iterator<Item = Window> {
+        let low = self.window.low[1] + row as i32 * self.size;
+        let strip = Window {
+            low: [self.window.low[0], low],
+            high: [self.window.high[0], low.saturating_add(self.size - 1).min(self.window.high[1])],
+        };
+        let part = disc.clip(&strip);
+        let columns = part.map(|part| self.square(part.low)[0]..=self.square(part.high)[0]);
+        let columns = columns.into_iter().flatten();
+        columns.filter(move |column| self.holds[row * self.columns + column]).map(move |column| {
+            let left = strip.low[0] + column as i32 * self.size;
+            let right = left.saturating_add(self.size - 1).min(strip.high[0]);
+            Window { low: [left, strip.low[1]], high: [right, strip.high[1]] }
+        })
+    }
+}
+
+/// The usual space: every point of the cloud in one window is in the bins, and where the others can
+/// be is known coarsely.
+#[derive(Clone, Copy, Debug)]
+pub struct Loaded<'a> {
+    /// The points, and maybe others.
+    pub bins: &'a Bins,
+    /// All points in here are in the bins.
+    pub known: Window,
+    /// No point lies outside.
+    pub bounds: Window,
+    /// Where within the bounds points are, when that is known; it covers the bounds.
+    pub coverage: Option<&'a Coverage>,
+}
+
+impl<'a> Loaded<'a> {
+    /// A cloud all of whose points are in the bins.
+    pub fn whole(bins: &'a Bins) -> Self {
+        Self { bins, known: Window::ALL, bounds: Window::ALL, coverage: None }
+    }
+}
+
+impl Space for Loaded<'_> {
+    fn pitch(&self) -> i32 {
+        self.bins.size()
+    }
+
+    fn visit(&self, window: &Window, each: impl FnMut(&[Point])) {
+        self.bins.visit(window, each);
+    }
+
+    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point])) {
+        self.bins.visit_disc(disc, window, each);
+    }
+
+    fn extent(&self) -> Window {
+        self.bins.window()
+    }
+
+    fn certify(&self, disc: &Disc) -> Result<(), Needs> {
+        if disc.lies_in(&self.known) {
+            return Ok(());
+        }
+        let Some(part) = disc.clip(&self.bounds) else { return Ok(()) };
+        if self.known.covers(&part) {
+            return Ok(());
+        }
+        match self.coverage {
+            None => Err(Needs(part)),
+            Some(coverage) => coverage.unknown(disc, &self.known).map_or(Ok(()), |w| Err(Needs(w))),
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! The Delaunay triangulation of a set of points, with its adjacency.
+
+use super::fork::{Fork, Serial};
+use super::knit::{self, GHOST, Part, Side, next, prev};
+use super::order::{Ordered, order};
+use super::predicates::{Site, in_circle, orient};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+
+/// Most points: their sides are numbered in 32 bits.
+pub const MOST_POINTS: usize = (u32::MAX / 6) as usize;
+
+/// The Delaunay triangulation of points: unique for a set of positions (see
+/// [`in_circle`](super::in_circle)), whatever order they come in and however the work is forked.
+///
+/// Of several points at one (x, y) the lowest stands for all. Fewer than three positions, or only
+/// collinear ones, have no triangles but still a hull. Triangles are numbered, some of the numbers
+/// being *ghosts*: the outside beyond an edge of the hull. About 60 bytes a point.
+#[derive(Debug)]
+pub struct Triangulation {
+    sides: Vec<Side>,
+    ordered: Ordered,
+}
+
+impl Triangulation {
+    /// Triangulates points; n log n, on one thread.
+    ///
+    /// # Errors
+    /// More than [`MOST_POINTS`] points.
+    pub fn new(points: &[Point]) -> Result<Self> {
+        Self::forked(points, &Serial)
+    }
+
+    /// Triangulates points with the threads of the caller.
+    ///
+    /// # Errors
+    /// More than [`MOST_POINTS`] points.
+    pub fn forked(points: &[Point], fork: &impl Fork) -> Result<Self> {
+        if points.len() > MOST_POINTS {
+            return Err(Error::limit(
+                "the number of points to triangulate",
+                points.len(),
+                MOST_POINTS,
+            ));
+        }
+        let mut ordered = order(points, fork);
+        let mut sides = vec![];
+        if ordered.sites.len() >= 2 {
+            sides = vec![Side::default(); knit::sides_of(ordered.sites.len())];
+            let (sites, ids) = (&mut ordered.sites[..], &mut ordered.ids[..]);
+            knit::triangulate(&mut Part { first: 0, sites, ids, sides: &mut sides }, fork);
+        }
+        Ok(Self { sides, ordered })
+    }
+
+    /// Numbers of triangles, ghosts among them, are below this.
+    pub fn numbers(&self) -> u32 {
+        (self.sides.len() / 3) as u32
+    }
+
+    /// Corners of a triangle, counter-clockwise, as indices of the points it was made from; `None` for
+    /// a ghost.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> Option<[u32; 3]> {
+        let sides = &self.sides[3 * triangle as usize..][..3];
+        let corners = [sides[0].from, sides[1].from, sides[2].from];
+        (!corners.contains(&GHOST)).then(|| corners.map(|v| self.ordered.ids[v as usize]))
+    }
+
+    /// The numbers of the triangles beyond the sides of a triangle: that beyond the side from the
+    /// first to the second corner comes first. They may be ghosts.
+    pub fn neighbours(&self, triangle: u32) -> [u32; 3] {
+        [0, 1, 2].map(|i| self.sides[3 * triangle as usize + i].twin / 3)
+    }
+
+    /// All triangles.
+    pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        (0..self.numbers()).filter_map(|triangle| self.corners(triangle))
+    }
+
+    /// The boundary of the hull, counter-clockwise, every point on it, from the lowest on; collinear
+    /// points there and back.
+    pub fn hull(&self) -> Vec<u32> {
+        let on_hull = |s: &u32| self.from(prev(*s)) == GHOST;
+        let ghosts = (0..self.sides.len() as u32).filter(on_hull);
+        let Some(first) = ghosts.min_by_key(|&s| self.site(self.from(s))) else {
+            return self.ordered.ids.clone();
+        };
+        let (mut hull, mut s) = (vec![], first);
+        loop {
+            hull.push(self.ordered.ids[self.from(s) as usize]);
+            s = prev(self.twin(prev(s)));
+            if s == first {
+                return hull;
+            }
+        }
+    }
+
+    /// Points left out because another, lower one has the same (x, y): pairs of the index left out and
+    /// the one that stands for it, sorted.
+    pub fn duplicates(&self) -> &[[u32; 2]] {
+        &self.ordered.duplicates
+    }
+
+    /// Number of different positions.
+    pub fn positions(&self) -> usize {
+        self.ordered.sites.len()
+    }
+
+    #[inline(always)]
+    pub(super) fn from(&self, s: u32) -> u32 {
+        self.sides[s as usize].from
+    }
+
+    #[inline(always)]
+    pub(super) fn twin(&self, s: u32) -> u32 {
+        self.sides[s as usize].twin
+    }
+
+    /// The index that a corner, which is not that at infinity, has in the points.
+    #[inline(always)]
+    pub(super) fn id(&self, v: u32) -> u32 {
+        self.ordered.ids[v as usize]
+    }
+
+    /// Position of a corner, which is not that at infinity, relative to the lowest x and y.
+    #[inline(always)]
+    pub(super) fn site(&self, v: u32) -> Site {
+        self.ordered.sites[v as usize]
+    }
+
+    /// Checks everything that makes this the Delaunay triangulation of its positions: that sides meet
+    /// their twins, triangles turn left, the hull is convex, the outside and the triangles make a
+    /// sphere, and each edge is Delaunay, from which it follows that all triangles are. Linear.
+    ///
+    /// # Errors
+    /// The first thing found wrong.
+    pub fn validate(&self) -> std::result::Result<(), String> {
+        let positions = self.positions();
+        if positions < 2 {
+            return check(self.sides.is_empty(), || "triangles without sites".to_owned());
+        }
+        check(self.sides.len() == knit::sides_of(positions), || {
+            "wrong number of sides".to_owned()
+        })?;
+        let mut used = vec![false; positions];
+        for s in 0..self.sides.len() as u32 {
+            self.validate_side(s)?;
+            if let Some(used) = used.get_mut(self.from(s) as usize) {
+                *used = true;
+            }
+        }
+        check(used.iter().all(|&used| used), || "a site is in no triangle".to_owned())
+    }
+
+    fn validate_side(&self, s: u32) -> std::result::Result<(), String> {
+        let twin = self.twin(s);
+        let meet = self.twin(twin) == s && self.from(twin) == self.from(next(s));
+        check(meet && self.from(next(twin)) == self.from(s), || {
+            format!("side {s} has a wrong twin")
+        })?;
+        let (corners, beyond) = (self.sites([s, next(s), prev(s)]), self.from(prev(twin)));
+        match corners {
+            Some([a, b, c]) => {
+                check(orient(a, b, c) > 0, || {
+                    format!("the triangle of side {s} does not turn left")
+                })?;
+                let is_far = beyond == GHOST || !in_circle(a, b, c, self.site(beyond));
+                check(is_far, || format!("side {s} is not Delaunay"))
+            }
+            None if self.from(prev(s)) == GHOST => self.validate_hull(s),
+            None => Ok(()),
+        }
+    }
+
+    /// At the end of a ghost's side on the hull, the hull turns right (as seen clockwise) or goes
+    /// straight on; it goes back only where all sites are collinear.
+    fn validate_hull(&self, s: u32) -> std::result::Result<(), String> {
+        let after = next(self.twin(next(s)));
+        let Some([a, b, c]) = self.sites([s, next(s), next(after)]) else {
+            return Err(format!("side {s} is not on the hull"));
+        };
+        let turn = orient(a, b, c);
+        let ahead = |axis: usize| i64::from(b[axis] - a[axis]) * i64::from(c[axis] - b[axis]);
+        let goes_on = turn < 0 || (turn == 0 && (ahead(0) + ahead(1) > 0 || self.is_flat()));
+        check(goes_on, || format!("the hull is not convex at the end of side {s}"))
+    }
+
+    /// True when there is no triangle.
+    pub fn is_flat(&self) -> bool {
+        self.triangles().next().is_none()
+    }
+
+    fn sites(&self, sides: [u32; 3]) -> Option<[Site; 3]> {
+        let corners = sides.map(|s| self.from(s));
+        (!corners.contains(&GHOST)).then(|| corners.map(|v| self.site(v)))
+    }
+}
+
+fn check(holds: bool, or: impl FnOnce() -> String) -> std::result::Result<(), String> {
+    if holds { Ok(()) } else { Err(or()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::hull::Hull;
+    use super::super::oracle::{self, Dice};
+    use super::super::query::from_lowest;
+    use super::*;
+    use spade::Triangulation as _;
+
+    fn triangles(points: &[Point]) -> Vec<[Point; 3]> {
+        let triangulation = Triangulation::new(points).unwrap();
+        triangulation.validate().unwrap();
+        let corners = triangulation.triangles().map(|t| t.map(|i| points[i as usize]));
+        let mut all: Vec<_> = corners.map(from_lowest).collect();
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn small_sets_match_brute_force() {
+        for n in (0..=16).chain([25, 36, 60]) {
+            for (name, points) in oracle::awkward(n) {
+                assert_eq!(triangles(&points), oracle::triangles(&points), "{name} {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_order_of_a_lattice_gives_the_same_triangles() {
+        let lattice = |i: i32| Point::new(i % 3, i / 3, i);
+        let mut points: Vec<_> = (0..6).map(lattice).collect();
+        let expected = oracle::triangles(&points);
+        let mut state = vec![0; points.len()];
+        let mut i = 0;
+        // Heap's method, once through all 720 permutations.
+        while i < points.len() {
+            if state[i] < i {
+                points.swap(if i % 2 == 0 { 0 } else { state[i] }, i);
+                assert_eq!(triangles(&points), expected);
+                state[i] += 1;
+                i = 0;
+            } else {
+                state[i] = 0;
+                i += 1;
+            }
+        }
+    }
+
+    #[test]
+    fn every_subset_of_a_small_lattice_matches_brute_force() {
+        for mask in 0u32..1 << 12 {
+            let chosen = (0..12).filter(|i| mask >> i & 1 == 1);
+            let points: Vec<_> = chosen.map(|i| Point::new(i % 4, i / 4, 0)).collect();
+            assert_eq!(triangles(&points), oracle::triangles(&points), "{mask:b}");
+        }
+    }
+
+    #[test]
+    fn larger_sets_are_valid_in_any_order_and_have_the_right_hull() {
+        for n in [1_000, 9_000] {
+            for (name, mut points) in oracle::awkward(n) {
+                let all = triangles(&points);
+                let triangulation = Triangulation::new(&points).unwrap();
+                let hull: Vec<_> =
+                    triangulation.hull().iter().map(|&i| points[i as usize]).collect();
+                assert_eq!(hull, Hull::of(points.clone()).ring(), "{name}");
+                let mut dice = Dice(5);
+                (1..points.len())
+                    .rev()
+                    .for_each(|i| points.swap(i, dice.below(i as i32 + 1) as usize));
+                assert_eq!(triangles(&points), all, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn agrees_with_another_implementation() {
+        let mut dice = Dice(11);
+        let points: Vec<_> =
+            (0..20_000).map(|i| Point::new(dice.below(1 << 29), dice.below(1 << 29), i)).collect();
+        let sites = points.iter().map(|p| spade::Point2::new(f64::from(p.x), f64::from(p.y)));
+        let other: spade::DelaunayTriangulation<_> =
+            spade::DelaunayTriangulation::bulk_load_stable(sites.collect()).unwrap();
+        let corners = other.inner_faces().map(|face| face.vertices().map(|v| points[v.index()]));
+        let mut expected: Vec<_> = corners.map(from_lowest).collect();
+        expected.sort();
+        assert_eq!(triangles(&points), expected);
+    }
+
+    #[test]
+    fn duplicates_are_reported_with_the_lowest() {
+        let points = [[0, 0, 5], [9, 0, 1], [0, 0, 3], [4, 7, 1], [0, 0, 3], [9, 0, 1]];
+        let points = points.map(|[x, y, z]| Point::new(x, y, z));
+        let triangulation = Triangulation::new(&points).unwrap();
+        assert_eq!(triangulation.duplicates(), [[0, 2], [4, 2], [5, 1]]);
+        assert_eq!(triangulation.triangles().count(), 1);
+        assert_eq!(triangulation.hull(), [2, 1, 3]);
+    }
+
+    #[test]
+    fn validation_sees_damage() {
+        let points: Vec<_> =
+            (0..30).map(|i| Point::new(i % 6 * 10, i / 6 * 11 + i % 4, 0)).collect();
+        let mut triangulation = Triangulation::new(&points).unwrap();
+        for s in 0..triangulation.sides.len() {
+            let sound = triangulation.sides[s];
+            triangulation.sides[s].twin = (sound.twin + 3) % triangulation.sides.len() as u32;
+            assert!(triangulation.validate().is_err());
+            triangulation.sides[s] = Side { from: sound.from.wrapping_add(1) % 30, ..sound };
+            assert!(triangulation.validate().is_err());
+            triangulation.sides[s] = sound;
+        }
+        let middle = points.len() / 2;
+        let site = triangulation.ordered.sites[middle];
+        triangulation.ordered.sites[middle] = [site[0] + 9, site[1] - 9];
+        assert!(triangulation.validate().is_err());
+    }
+}

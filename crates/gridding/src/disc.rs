@@ -1,0 +1,119 @@
+//! From points to the cells whose centres are near them.
+
+use super::block::Block;
+use super::lattice::{Lattice, Unit};
+use super::plane::Hits;
+use terrane_base::error::Result;
+use terrane_base::geom::{Point, Rect};
+
+/// Hands points to the cells whose centres they are nearer to than a radius.
+#[derive(Debug)]
+pub struct Scatter {
+    unit: Unit,
+    /// Least squared distance that is not within the radius.
+    limit: u128,
+    /// Most columns and rows that a cell reached is away from the point's own.
+    across: i64,
+    down: i64,
+    cells: Vec<u32>,
+    points: Vec<Point>,
+    squares: Vec<u128>,
+    filled: usize,
+    /// Squared distances of a point from the columns and rows around it.
+    columns: Vec<u128>,
+    rows: Vec<u128>,
+}
+
+/// Hits that are handed over at once.
+const ROOM: usize = 4096;
+
+impl Scatter {
+    /// For cells of `lattice`.
+    pub fn new(lattice: &Lattice, radius: f64) -> Self {
+        let reach = |cell: f64| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64;
+        let unit = lattice.unit(radius);
+        Self {
+            unit,
+            limit: unit.square(radius),
+            across: reach(lattice.x.world_cell()),
+            down: reach(lattice.y.world_cell()),
+            cells: vec![0; ROOM],
+            points: vec![Point::default(); ROOM],
+            squares: vec![0; ROOM],
+            filled: 0,
+            columns: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Columns and rows around a point's own that it may reach.
+    pub fn reach(&self) -> (i64, i64) {
+        (self.across, self.down)
+    }
+
+    /// Hands `points`, which lie in the cells (column, row) of `places`, to the cells of a block: those
+    /// of `window`, one row every `stride` places.
+    ///
+    /// # Errors
+    /// As for [`Block::add`].
+    pub fn add(
+        &mut self,
+        (lattice, window, stride): (&Lattice, Rect, u32),
+        points: &[Point],
+        places: &[(i32, i32)],
+        (block, region): (&mut Block, usize),
+    ) -> Result<()> {
+        for (point, (col, row)) in points.iter().zip(places) {
+            let cols = clip(i64::from(*col), self.across, window.col, window.width);
+            let rows = clip(i64::from(*row), self.down, window.row, window.height);
+            let first = (cols.start - i64::from(window.col)) as u32;
+            let down = (rows.start - i64::from(window.row)) as u32;
+            lattice.x.squares(point.x, cols, self.unit, &mut self.columns);
+            lattice.y.squares(point.y, rows, self.unit, &mut self.rows);
+            for i in 0..self.rows.len() {
+                let first = (down + i as u32) * stride + first;
+                self.row(*point, first, self.rows[i], block, region)?;
+            }
+        }
+        self.flush(block, region)
+    }
+
+    /// The cells of one row, from place `first` on.
+    fn row(
+        &mut self,
+        point: Point,
+        first: u32,
+        down: u128,
+        block: &mut Block,
+        region: usize,
+    ) -> Result<()> {
+        // Blocks are narrower than the room.
+        if self.filled + self.columns.len() > ROOM {
+            self.flush(block, region)?;
+        }
+        let mut at = self.filled;
+        for (cell, across) in (first..).zip(&self.columns) {
+            let square = across + down;
+            self.cells[at] = cell;
+            self.points[at] = point;
+            self.squares[at] = square;
+            at += usize::from(square < self.limit);
+        }
+        self.filled = at;
+        Ok(())
+    }
+
+    fn flush(&mut self, block: &mut Block, region: usize) -> Result<()> {
+        let filled = std::mem::take(&mut self.filled);
+        let (cells, points) = (&self.cells[..filled], &self.points[..filled]);
+        let (squares, unit) = (&self.squares[..filled], self.unit.size);
+        block.add(region, Hits { cells, points, squares, unit })
+    }
+}
+
+/// The numbers within `reach` of `at` that lie in `count` from `first`.
+fn clip(at: i64, reach: i64, first: u32, count: u32) -> std::ops::Range<i64> {
+    let (first, end) = (i64::from(first), i64::from(first) + i64::from(count));
+    let start = (at - reach).clamp(first, end);
+    start..(at + reach + 1).clamp(start, end)
+}

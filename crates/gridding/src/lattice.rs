@@ -1,0 +1,490 @@
+//! Where the cells of a grid lie among the points: which cell a point is in, and how far it is from
+//! the centre of another, decided alike wherever the grid begins.
+
+use std::ops::Range;
+
+use terrane_base::geom::{Affine, Decimal, Frame, Point};
+
+/// Which two borders belong to a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Edges {
+    /// The lower ones: [W, E) x [S, N).
+    #[default]
+    LowerClosed,
+    /// The western and the northern one: [W, E) x (S, N].
+    NorthClosed,
+}
+
+/// A lattice of cells: all cells of one size that share their corners with a given one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// From west to east.
+    pub x: Axis,
+    /// From north to south; its lattice indices count to the north all the same.
+    pub y: Axis,
+}
+
+impl Lattice {
+    /// Cells of `cell` (x, y) world units with a corner at `anchor`, over points of `frame`.
+    pub fn new(frame: &Frame, anchor: [f64; 2], cell: [f64; 2], edges: Edges) -> Self {
+        let x = Axis::new(frame, 0, anchor[0], cell[0]);
+        let y = Axis::new(frame, 1, anchor[1], cell[1]).down();
+        let y = if edges == Edges::NorthClosed { y.upper_closed() } else { y };
+        let a = x.decimals(frame.scale[0], frame.offset[0]);
+        let b = y.decimals(frame.scale[1], frame.offset[1]);
+        let Some((a, b)) = a.zip(b) else { return Self { x, y } };
+        let digits = a.digits().max(b.digits());
+        Self { x: Axis { units: a.units(digits), ..x }, y: Axis { units: b.units(digits), ..y } }
+    }
+
+    /// What distances up to `reach` are measured in.
+    pub fn unit(&self, reach: f64) -> Unit {
+        let exact = self.x.units.zip(self.y.units).map(|(x, _)| Unit::exact(x.digits));
+        let fits = |unit: &Unit| reach / unit.size < MOST_UNITS;
+        exact.filter(fits).unwrap_or(Unit { size: reach / COARSE_UNITS, digits: None })
+    }
+
+    /// The lattice indices of the cells (x, y) that hold the lowest and highest of two points.
+    pub fn span(&self, [low, high]: [Point; 2]) -> [[i64; 2]; 2] {
+        [[self.x.index(low.x), self.x.index(high.x)], [self.y.index(low.y), self.y.index(high.y)]]
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.x.count, self.y.count)
+    }
+
+    /// World position of the centres of cells.
+    pub fn transform(&self) -> Affine {
+        let [x0, y0] = [self.x.world_centre(0), self.y.world_centre(0)];
+        Affine { x0, a: self.x.world_cell, b: 0.0, y0, d: 0.0, e: -self.y.world_cell }
+    }
+
+    /// World area of a cell.
+    pub fn area(&self) -> f64 {
+        self.x.world_cell * self.y.world_cell
+    }
+}
+
+/// What distances from points to the centres of cells are counted in, so that they are whole numbers
+/// and compared exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// World units.
+    pub size: f64,
+    /// It is half of the last of so many decimals, which all points, borders and centres are in;
+    /// `None` where there are too many to count, and distances are rounded to units.
+    digits: Option<u32>,
+}
+
+/// Squares of so many units, twice, are within `u128`.
+const MOST_UNITS: f64 = (1_u64 << 61) as f64;
+/// Units that a radius is divided into where decimals do not serve.
+const COARSE_UNITS: f64 = (1_u64 << 48) as f64;
+
+impl Unit {
+    fn exact(digits: u32) -> Self {
+        Self { size: Decimal::new(1, digits).value() / 2.0, digits: Some(digits) }
+    }
+
+    /// The least square that is not below that of `radius`, which `MOST_UNITS` hold.
+    pub fn square(&self, radius: f64) -> u128 {
+        let exact = self.digits.zip(Decimal::of(radius));
+        exact.and_then(|(digits, radius)| square(radius, digits)).unwrap_or_else(|| {
+            let units = (radius / self.size).ceil();
+            (units * units) as u128
+        })
+    }
+}
+
+/// The square of twice a number in units of 10^-`digits`, rounded up.
+fn square(number: Decimal, digits: u32) -> Option<u128> {
+    let finest = number.digits().max(digits);
+    let units = number.units(finest)?.checked_mul(2)?.unsigned_abs();
+    let ten = 10_u128.checked_pow(2 * (finest - digits))?;
+    Some(units.checked_mul(units)?.div_ceil(ten))
+}
+
+/// One axis of a lattice, and the stretch of it that a grid covers.
+///
+/// Where the cell size is a whole number of steps, points are put into cells in whole numbers.
+/// Elsewhere the cell of a point with world coordinate w is the one of lattice index
+/// floor((w - anchor) / cell), or ceil(...) - 1 where the upper border belongs to a cell: a rule that
+/// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it. It
+/// is decided in `f64`, and near borders in whole numbers of the last decimal of all that is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    rule: Rule,
+    /// The same in whole numbers, where all decimals can be counted.
+    units: Option<Units>,
+    world_anchor: f64,
+    world_cell: f64,
+    upper_closed: bool,
+    down: bool,
+    /// Lattice index of the lowest cell of the grid.
+    first: i64,
+    /// Cells of the grid.
+    count: u32,
+}
+
+/// How a coordinate in steps is compared with cell borders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Rule {
+    /// In steps: the anchor is at `anchor`, which need not be whole, and `cell` is.
+    Steps { anchor: f64, cell: i64, scale: f64 },
+    /// In world coordinates: steps * scale + offset.
+    World { scale: f64, offset: f64 },
+}
+
+/// An axis in decimals.
+struct Decimals {
+    scale: Decimal,
+    offset: Decimal,
+    anchor: Decimal,
+    cell: Decimal,
+}
+
+impl Decimals {
+    fn digits(&self) -> u32 {
+        let all = [self.scale, self.offset, self.anchor, self.cell];
+        all.into_iter().map(Decimal::digits).max().unwrap_or(0)
+    }
+
+    fn units(&self, digits: u32) -> Option<Units> {
+        let twice = |number: Decimal| number.units(digits)?.checked_mul(2);
+        let shift = twice(self.offset)?.checked_sub(twice(self.anchor)?)?;
+        let (scale, cell) = (twice(self.scale)?, twice(self.cell)?);
+        let fits = scale < MOST_SCALE && cell < MOST_SCALE && shift.abs() < MOST_SHIFT;
+        fits.then_some(Units { digits, scale, shift, cell })
+    }
+}
+
+/// An axis in halves of the last of so many decimals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Units {
+    digits: u32,
+    /// From a step to the next.
+    scale: i128,
+    /// From the anchor to step 0.
+    shift: i128,
+    /// From a cell to the next; even.
+    cell: i128,
+}
+
+/// Bounds of units below which no product with a step or the index of a cell overflows.
+const MOST_SCALE: i128 = 1 << 84;
+const MOST_SHIFT: i128 = 1 << 125;
+/// Part of a cell beside a border in which floats do not decide.
+const DOUBT: f64 = 1e-6;
+
+impl Units {
+    /// From the anchor to a step.
+    fn at(&self, steps: i32) -> i128 {
+        i128::from(steps) * self.scale + self.shift
+    }
+
+    fn index(&self, steps: i32, upper_closed: bool) -> i64 {
+        let at = self.at(steps) - i128::from(upper_closed);
+        at.div_euclid(self.cell).clamp(-i128::from(FAR), i128::from(FAR)) as i64
+    }
+
+    /// From the centre of a cell to a step.
+    fn apart(&self, steps: i32, index: i64) -> i64 {
+        let apart = self.at(steps) - i128::from(index) * self.cell - self.cell / 2;
+        apart.clamp(i64::MIN.into(), i64::MAX.into()) as i64
+    }
+}
+
+/// Largest relative difference from a whole number that is rounding: over the 2^30 steps that
+/// points can lie apart it grows to a thousandth of a step.
+const WHOLE: f64 = 1e-12;
+/// An anchor this near to a step (in steps) lies on it.
+const NEAR_STEP: f64 = 1e-4;
+/// Cells of more steps than this are measured in world coordinates.
+const MOST_STEPS: f64 = (1_u64 << 31) as f64;
+/// Lattice indices beyond this are cut off: no grid reaches so far.
+const FAR: i64 = 1 << 40;
+
+impl Axis {
+    fn new(frame: &Frame, axis: usize, anchor: f64, cell: f64) -> Self {
+        let (scale, offset) = (frame.scale[axis], frame.offset[axis]);
+        let steps = (cell / scale).round();
+        let is_whole =
+            (1.0..MOST_STEPS).contains(&steps) && (cell / scale / steps - 1.0).abs() < WHOLE;
+        let at = (anchor - offset) / scale;
+        let at = if (at - at.round()).abs() < NEAR_STEP { at.round() } else { at };
+        let rule = match is_whole && at.abs() < 1e15 {
+            true => Rule::Steps { anchor: at, cell: steps as i64, scale },
+            false => Rule::World { scale, offset },
+        };
+        let (upper_closed, down) = (false, false);
+        Self {
+            rule,
+            units: None,
+            world_anchor: anchor,
+            world_cell: cell,
+            upper_closed,
+            down,
+            first: 0,
+            count: 0,
+        }
+    }
+
+    /// What is in whole steps is so many of them, however it is written.
+    fn decimals(&self, scale: f64, offset: f64) -> Option<Decimals> {
+        let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
+        let world = |steps: i64, from: Decimal| {
+            let digits = scale.digits().max(from.digits());
+            let steps = scale.units(digits)?.checked_mul(steps.into())?;
+            Some(Decimal::new(steps.checked_add(from.units(digits)?)?, digits))
+        };
+        let (anchor, cell) = match self.rule {
+            Rule::Steps { anchor, cell, .. } if anchor.fract() == 0.0 => {
+                (world(anchor as i64, offset)?, world(cell, Decimal::new(0, 0))?)
+            }
+            Rule::Steps { cell, .. } => {
+                (Decimal::of(self.world_anchor)?, world(cell, Decimal::new(0, 0))?)
+            }
+            Rule::World { .. } => (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?),
+        };
+        Some(Decimals { scale, offset, anchor, cell })
+    }
+
+    /// The upper border belongs to a cell, not the lower one.
+    fn upper_closed(self) -> Self {
+        Self { upper_closed: true, ..self }
+    }
+
+    /// Cells are numbered from the upper end of the grid.
+    fn down(self) -> Self {
+        Self { down: true, ..self }
+    }
+
+    /// The same lattice, for a grid of the `count` cells from lattice index `first` upwards.
+    pub fn covering(self, first: i64, count: u32) -> Self {
+        Self { first, count, ..self }
+    }
+
+    /// Lattice index of the grid's lowest cell.
+    pub fn first(&self) -> i64 {
+        self.first
+    }
+
+    /// World size of a cell.
+    pub fn world_cell(&self) -> f64 {
+        self.world_cell
+    }
+
+    /// True when points are put into cells in whole numbers.
+    pub fn is_exact(&self) -> bool {
+        matches!(self.rule, Rule::Steps { .. })
+    }
+
+    /// Lattice index of the cell that a coordinate in steps lies in.
+    pub fn index(&self, steps: i32) -> i64 {
+        match self.rule {
+            Rule::Steps { cell, .. } => (i64::from(steps) - self.border()).div_euclid(cell),
+            Rule::World { scale, offset } => {
+                let cells =
+                    (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
+                if let Some(units) = &self.units
+                    && (cells - cells.round()).abs() < DOUBT
+                {
+                    return units.index(steps, self.upper_closed);
+                }
+                let index = if self.upper_closed { cells.ceil() - 1.0 } else { cells.floor() };
+                (index as i64).clamp(-FAR, FAR)
+            }
+        }
+    }
+
+    /// First whole step of the cell of lattice index 0.
+    fn border(&self) -> i64 {
+        match self.rule {
+            Rule::Steps { anchor, .. } if self.upper_closed => anchor.floor() as i64 + 1,
+            Rule::Steps { anchor, .. } => anchor.ceil() as i64,
+            Rule::World { .. } => 0,
+        }
+    }
+
+    /// The number of a cell of the grid, or beyond it, from its lattice index; and back.
+    fn turned(&self, number: i64) -> i64 {
+        if self.down { i64::from(self.count) - 1 - number } else { number }
+    }
+
+    /// Numbers of the grid's cells (columns, or rows from the north) that coordinates lie in;
+    /// negative, or not less than the number of cells, for those outside.
+    pub fn numbers(&self, steps: impl Iterator<Item = i32>, out: &mut Vec<i32>) {
+        out.clear();
+        match self.rule {
+            Rule::Steps { cell, .. } => {
+                let low = self.border() + self.first * cell;
+                let within = u64::from(self.count) * cell as u64;
+                let divide = Divide::by(cell as u64);
+                out.extend(steps.map(|steps| {
+                    let from = (i64::from(steps) - low) as u64;
+                    match from < within.min(1 << 32) {
+                        true => self.turned(divide.quotient(from) as i64) as i32,
+                        false => self.number(steps),
+                    }
+                }));
+            }
+            Rule::World { .. } => out.extend(steps.map(|steps| self.number(steps))),
+        }
+    }
+
+    fn number(&self, steps: i32) -> i32 {
+        let number = self.turned(self.index(steps) - self.first);
+        number.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+    }
+
+    /// Squared distances along the axis from a coordinate to the centres of cells, in `unit`, into `out`
+    /// (emptied first). Each is computed by itself, so that it is the same for any grid on this
+    /// lattice.
+    pub fn squares(&self, steps: i32, numbers: Range<i64>, unit: Unit, out: &mut Vec<u128>) {
+        out.clear();
+        let index = |number: i64| self.turned(number) + self.first;
+        let square =
+            |apart: i64| u128::from(apart.unsigned_abs()) * u128::from(apart.unsigned_abs());
+        match self.units.filter(|_| unit.digits.is_some()) {
+            Some(units) => {
+                out.extend(numbers.map(|number| square(units.apart(steps, index(number)))))
+            }
+            None => out.extend(numbers.map(|number| {
+                square((self.apart(steps, index(number)) / unit.size).round() as i64)
+            })),
+        }
+    }
+
+    /// From the centre of a cell to a coordinate in steps, in world units, rounded.
+    fn apart(&self, steps: i32, index: i64) -> f64 {
+        let (steps, index) = (f64::from(steps), index as f64 + 0.5);
+        match self.rule {
+            Rule::Steps { anchor, cell, scale } => (steps - (anchor + index * cell as f64)) * scale,
+            Rule::World { scale, offset } => {
+                steps * scale + offset - (self.world_anchor + index * self.world_cell)
+            }
+        }
+    }
+
+    /// World coordinate of the centre of cell `number`.
+    pub fn world_centre(&self, number: i64) -> f64 {
+        let index = (self.turned(number) + self.first) as f64 + 0.5;
+        self.world_anchor + index * self.world_cell
+    }
+}
+
+/// Division of numbers below 2^32 by one and the same number, by multiplying.
+#[derive(Clone, Copy)]
+struct Divide {
+    by: u64,
+    inverse: u64,
+}
+
+impl Divide {
+    fn by(by: u64) -> Self {
+        Self { by, inverse: (u64::MAX / by).wrapping_add(1) }
+    }
+
+    /// Exact: the inverse is too large by less than 2^-64 of a unit, and the dividend below 2^32.
+    #[inline(always)]
+    fn quotient(self, value: u64) -> u64 {
+        match self.by {
+            1 => value,
+            _ => ((u128::from(value) * u128::from(self.inverse)) >> 64) as u64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(scale: f64, offset: f64) -> Frame {
+        Frame { scale: [scale; 3], offset: [offset; 3] }
+    }
+
+    #[test]
+    fn quotients_are_exact() {
+        for by in [1_u64, 2, 3, 7, 100, 1000, 65_537, (1 << 31) - 1] {
+            let divide = Divide::by(by);
+            for value in [0, 1, by - 1, by, by + 1, 3 * by - 1, 3 * by, u64::from(u32::MAX)] {
+                assert_eq!(divide.quotient(value), value / by, "{value} / {by}");
+            }
+        }
+    }
+
+    #[test]
+    fn borders_belong_to_one_cell() {
+        // Cells of 1 in steps of 0.01, from -3 to 4.
+        let lattice = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);
+        let north = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::NorthClosed);
+        let [x, y, z] = [lattice.x, lattice.y, north.y].map(|axis| axis.covering(-3, 7));
+        assert!(x.is_exact());
+        let numbers = |axis: Axis, steps: &[i32]| {
+            let mut out = Vec::new();
+            axis.numbers(steps.iter().copied(), &mut out);
+            out
+        };
+        let steps = [-301, -300, -201, -200, 0, 99, 100, 399, 400];
+        assert_eq!(numbers(x, &steps), [-1, 0, 0, 1, 3, 3, 4, 6, 7]);
+        assert_eq!(numbers(y, &steps), [7, 6, 6, 5, 3, 3, 2, 0, -1]);
+        assert_eq!(numbers(z, &steps), [7, 7, 6, 6, 4, 3, 3, 0, 0]);
+        assert_eq!(north.x, lattice.x);
+    }
+
+    #[test]
+    fn anchors_between_steps_leave_membership_whole() {
+        let lattice = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::LowerClosed);
+        let x = lattice.x.covering(0, 2);
+        assert!(x.is_exact());
+        assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| x.number(steps)), [-1, 0, 0, 1, 1, 2]);
+        let (unit, mut squares) = (lattice.unit(10.0), Vec::new());
+        x.squares(2, 0..2, unit, &mut squares);
+        // In tenths, halved.
+        assert_eq!((unit.size, squares), (0.05, vec![0, 3600]));
+        let north = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::NorthClosed);
+        let y = north.y.covering(0, 2);
+        assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| y.number(steps)), [2, 1, 1, 0, 0, -1]);
+    }
+
+    #[test]
+    fn borders_on_steps_belong_to_one_cell_where_cells_are_no_whole_steps() {
+        // Cells of one and a half steps: every second border lies on a step.
+        let new = |edges| Lattice::new(&frame(0.5, 0.0), [0.0; 2], [0.75; 2], edges).y;
+        let [south, north] = [Edges::LowerClosed, Edges::NorthClosed].map(new);
+        assert!(!south.is_exact() && !north.is_exact());
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| south.index(steps)), [-2, 0, 0, 1, 2, 4]);
+        assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| north.index(steps)), [-3, -1, 0, 1, 1, 3]);
+    }
+
+    #[test]
+    fn a_part_sees_what_the_whole_sees() {
+        for (scale, cell) in [(0.01, 1.0), (0.01, 0.333), (0.3, 0.7), (1e-7, 1.0 / 3600.0)] {
+            for edges in [Edges::LowerClosed, Edges::NorthClosed] {
+                let lattice = Lattice::new(&frame(scale, 12.34), [0.1; 2], [cell; 2], edges);
+                let unit = lattice.unit(1000.0 * cell);
+                let [whole, part] = [(-500, 1000), (-20, 100)]
+                    .map(|(first, count)| lattice.y.covering(first, count));
+                for steps in (-70_000..70_000).step_by(7) {
+                    let number = whole.number(steps);
+                    assert_eq!(part.number(steps), number - 420, "{scale} {cell}");
+                    let [mut a, mut b] = [Vec::new(), Vec::new()];
+                    whole.squares(steps, 400..403, unit, &mut a);
+                    part.squares(steps, 400 - 420..403 - 420, unit, &mut b);
+                    assert_eq!(a, b);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn both_rules_agree_between_borders() {
+        let exact = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25; 2], Edges::LowerClosed);
+        let near = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25 + 1e-9; 2], Edges::LowerClosed);
+        assert!(exact.x.is_exact() && !near.x.is_exact());
+        for steps in (1..100_000).filter(|steps| steps % 25 != 0) {
+            assert_eq!(exact.x.index(steps), near.x.index(steps), "{steps}");
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Positions binned by place: which of them are the same.
+
+use terrane_base::geom::plane::Xy;
+
+/// Positions to a cell, at the mean.
+const LOAD: usize = 4;
+
+/// Positions by the cells of a uniform grid over all of them.
+#[derive(Debug)]
+pub(super) struct Bins {
+    low: Xy,
+    /// Cells by unit of x and of y.
+    scale: Xy,
+    /// Cells along x and along y.
+    size: [usize; 2],
+    /// Where each cell begins in `order`.
+    starts: Vec<u32>,
+    /// Numbers of positions, cell by cell, ascending in each.
+    order: Vec<u32>,
+}
+
+impl Bins {
+    /// Of fewer than 2^32 finite positions, with cells at least `side` wide and high. O(n).
+    pub(super) fn new(points: &[Xy], side: f64) -> Self {
+        let mut low = [f64::INFINITY; 2];
+        let mut high = [f64::NEG_INFINITY; 2];
+        for p in points {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(p[axis]);
+                high[axis] = high[axis].max(p[axis]);
+            }
+        }
+        let wide = [0, 1].map(|axis| if points.is_empty() { 0.0 } else { high[axis] - low[axis] });
+        let (size, scale) = shape(wide, points.len() / LOAD, side);
+        let mut bins = Self { low, scale, size, starts: vec![], order: vec![0; points.len()] };
+        bins.starts = vec![0; size[0] * size[1] + 1];
+        for &p in points {
+            let cell = bins.cell(p);
+            bins.starts[cell] += 1;
+        }
+        let mut sum = 0;
+        for start in &mut bins.starts {
+            sum += *start;
+            *start = sum;
+        }
+        for (i, &p) in points.iter().enumerate().rev() {
+            let cell = bins.cell(p);
+            bins.starts[cell] -= 1;
+            bins.order[bins.starts[cell] as usize] = i as u32;
+        }
+        bins
+    }
+
+    #[inline(always)]
+    fn column_row(&self, p: Xy) -> [usize; 2] {
+        [0, 1].map(|axis| {
+            let at = ((p[axis] - self.low[axis]) * self.scale[axis]) as usize;
+            at.min(self.size[axis] - 1)
+        })
+    }
+
+    #[inline(always)]
+    fn cell(&self, p: Xy) -> usize {
+        let [column, row] = self.column_row(p);
+        row * self.size[0] + column
+    }
+
+    /// For each position, the lowest number of those that are the same. O(n log n) at worst.
+    pub(super) fn same(mut self, points: &[Xy]) -> Vec<u32> {
+        let mut lowest = vec![0; points.len()];
+        let mut order = std::mem::take(&mut self.order);
+        for pair in self.starts.windows(2) {
+            let cell = &mut order[pair[0] as usize..pair[1] as usize];
+            let at = |v: u32| points[v as usize].map(|c| c + 0.0);
+            cell.sort_unstable_by(|&a, &b| {
+                let (p, q) = (at(a), at(b));
+                p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])).then(a.cmp(&b))
+            });
+            for run in cell.chunk_by(|&a, &b| at(a) == at(b)) {
+                run.iter().for_each(|&v| lowest[v as usize] = run[0]);
+            }
+        }
+        lowest
+    }
+
+    /// The numbers of the positions that have a different one within `reach`, which is no more than
+    /// the `side` of the cells; ascending.
+    pub(super) fn close(&self, points: &[Xy], reach: f64) -> Vec<u32> {
+        let near = |p: Xy, q: Xy| p != q && within(p, q, reach);
+        let has_near = |&v: &u32| {
+            let p = points[v as usize];
+            let [low, high] = [-reach, reach].map(|by| self.column_row([p[0] + by, p[1] + by]));
+            (low[1]..=high[1]).any(|row| {
+                let first = self.starts[row * self.size[0] + low[0]] as usize;
+                let end = self.starts[row * self.size[0] + high[0] + 1] as usize;
+                self.order[first..end].iter().any(|&o| near(p, points[o as usize]))
+            })
+        };
+        (0..points.len() as u32).filter(has_near).collect()
+    }
+}
+
+/// Whether two positions are no farther apart than `reach`.
+#[inline(always)]
+pub(super) fn within(p: Xy, q: Xy, reach: f64) -> bool {
+    let (x, y) = (p[0] - q[0], p[1] - q[1]);
+    x * x + y * y <= reach * reach
+}
+
+/// How many cells, and how many by unit, for so many in all; none narrower than `side`.
+fn shape(wide: Xy, count: usize, side: f64) -> ([usize; 2], Xy) {
+    let count = count.max(1) as f64;
+    let [w, h] = wide;
+    let share = match (w > 0.0, h > 0.0) {
+        (true, true) => {
+            let columns = (count.sqrt() * (w.sqrt() / h.sqrt())).clamp(1.0, count);
+            [columns, count / columns]
+        }
+        (true, false) => [count, 1.0],
+        (false, true) => [1.0, count],
+        (false, false) => [1.0, 1.0],
+    };
+    let size = [0, 1].map(|axis| {
+        let most = if side > 0.0 { (wide[axis] / side).floor() } else { f64::INFINITY };
+        share[axis].floor().min(most).max(1.0) as usize
+    });
+    let scale = [0, 1].map(|axis| match wide[axis] > 0.0 {
+        true => size[axis] as f64 / wide[axis],
+        false => 0.0,
+    });
+    (size, scale)
+}

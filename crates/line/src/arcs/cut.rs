@@ -1,0 +1,157 @@
+//! Junctions, and the arcs between them.
+
+use std::collections::HashMap;
+
+use super::{Arcs, Passage};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::plane::Xy;
+use crate::topology::Chains;
+
+/// No neighbour is known yet; or no arc.
+const NONE: u32 = u32::MAX;
+
+/// What a line has before its first vertex and after its last one: never a neighbour.
+const END: u32 = u32::MAX - 1;
+
+/// Parts in the course of being cut. Positions are known by the lowest vertex there.
+#[derive(Debug)]
+pub(super) struct Cutter<'a> {
+    parts: &'a Chains<'a>,
+    /// The position of each vertex.
+    position: &'a [u32],
+    /// The neighbours of each position, the lower first; once all parts are seen, the first is the
+    /// arc that has the position next to one of its ends.
+    near: Vec<[u32; 2]>,
+    junction: Vec<bool>,
+    /// Arcs of two vertices, the lower first.
+    short: HashMap<[u32; 2], u32>,
+    arcs: Arcs,
+    /// The positions of the part at hand; a ring's first is not repeated.
+    part: Vec<u32>,
+}
+
+impl<'a> Cutter<'a> {
+    pub(super) fn new(parts: &'a Chains<'a>, position: &'a [u32]) -> Self {
+        let n = parts.points.len();
+        let mut arcs = Arcs::default();
+        arcs.starts.push(0);
+        arcs.parts.push(0);
+        let (near, junction) = (vec![[NONE; 2]; n], vec![false; n]);
+        Self { parts, position, near, junction, short: HashMap::new(), arcs, part: Vec::new() }
+    }
+
+    /// Fills `part` with the positions of a part; returns whether it is a ring.
+    fn take(&mut self, part: usize) -> bool {
+        self.part.clear();
+        self.part.extend_from_slice(&self.position[self.parts.range(part)]);
+        self.part.dedup();
+        let is_ring = self.parts.closed[part] && self.part.len() > 1;
+        if is_ring {
+            self.part.pop();
+        }
+        is_ring
+    }
+
+    /// Learns the junctions of a part.
+    pub(super) fn look(&mut self, part: usize) {
+        let is_ring = self.take(part);
+        let Some(last) = self.part.len().checked_sub(1) else { return };
+        let beyond = |v: u32| if is_ring { v } else { END };
+        let (mut before, first) = (beyond(self.part[last]), beyond(self.part[0]));
+        for i in 0..=last {
+            let at = self.part[i];
+            let after = if i < last { self.part[i + 1] } else { first };
+            let pair = [before.min(after), before.max(after)];
+            let known = &mut self.near[at as usize];
+            if known[0] == NONE {
+                *known = pair;
+            }
+            if *known != pair || pair[0] == pair[1] || pair[1] == END {
+                self.junction[at as usize] = true;
+            }
+            before = at;
+        }
+    }
+
+    /// Cuts a part into arcs; all parts have been seen.
+    pub(super) fn cut(&mut self, part: usize) -> Result<()> {
+        if part == 0 {
+            self.near.fill([NONE; 2]);
+        }
+        let is_ring = self.take(part);
+        let mut whole = std::mem::take(&mut self.part);
+        if is_ring {
+            self.close(&mut whole);
+        }
+        let mut first = 0;
+        for i in 1..whole.len() {
+            // A ring without a junction that comes back to its first goes around once more.
+            let is_end = whole[i] == whole[0] || i + 1 == whole.len();
+            if self.junction[whole[i] as usize] || is_end {
+                self.pass(&whole[first..=i])?;
+                first = i;
+            }
+        }
+        if whole.len() == 1 {
+            self.pass(&whole)?;
+        }
+        self.part = whole;
+        self.arcs.parts.push(self.arcs.passages.len());
+        Ok(())
+    }
+
+    /// Lets a ring begin at its first junction, or else at its lowest position, and end there.
+    fn close(&self, ring: &mut Vec<u32>) {
+        let at = |i: usize| self.parts.points[ring[i] as usize];
+        let below = |p: Xy, q: Xy| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
+        let junction = ring.iter().position(|&v| self.junction[v as usize]);
+        let start = junction.unwrap_or_else(|| {
+            (1..ring.len()).fold(0, |low, i| if below(at(i), at(low)) { i } else { low })
+        });
+        ring.rotate_left(start);
+        ring.push(ring[0]);
+    }
+
+    /// Adds the arc of these positions to the part at hand: a new one, or one that is there.
+    fn pass(&mut self, arc: &[u32]) -> Result<()> {
+        let known = match *arc {
+            [v] => self.near[v as usize][0],
+            [a, b] => *self.short.get(&[a.min(b), a.max(b)]).unwrap_or(&NONE),
+            [_, second, ..] => self.near[second as usize][0],
+            [] => return Ok(()),
+        };
+        let id = if known == NONE { self.add(arc)? } else { known };
+        let there = &self.arcs.sources[self.arcs.starts[id as usize]..];
+        let forward = there[0] == arc[0] && (arc.len() == 1 || there[1] == arc[1]);
+        self.arcs.passages.push(Passage::new(id, !forward));
+        Ok(())
+    }
+
+    /// Adds a new arc. What lies next to its ends is no junction, so it is in no other arc.
+    fn add(&mut self, arc: &[u32]) -> Result<u32> {
+        let id = u32::try_from(self.arcs.closed.len())
+            .ok()
+            .filter(|&id| id < NONE / 2)
+            .ok_or_else(|| Error::limit("the number of arcs", NONE / 2, NONE / 2 - 1))?;
+        match *arc {
+            [v] => self.near[v as usize][0] = id,
+            [a, b] => {
+                self.short.insert([a.min(b), a.max(b)], id);
+            }
+            _ => [1, arc.len() - 2].iter().for_each(|&i| self.near[arc[i] as usize][0] = id),
+        }
+        self.arcs.sources.extend_from_slice(arc);
+        self.arcs.starts.push(self.arcs.sources.len());
+        let closed = arc.len() > 2 && arc[0] == arc[arc.len() - 1];
+        self.arcs.closed.push(closed);
+        self.arcs.free.push(closed && !self.junction[arc[0] as usize]);
+        Ok(id)
+    }
+
+    pub(super) fn finish(self) -> Arcs {
+        let (mut arcs, points) = (self.arcs, self.parts.points);
+        drop((self.near, self.junction, self.short));
+        arcs.points = arcs.sources.iter().map(|&v| points[v as usize]).collect();
+        arcs
+    }
+}

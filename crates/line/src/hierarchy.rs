@@ -1,0 +1,216 @@
+//! Ramer-Douglas-Peucker for every tolerance at once.
+//!
+//! One run down to zero gives a binary tree of splits. The distance at which a vertex appears is the
+//! smaller of its own and its parent's, so the vertices kept at a tolerance are those with a larger
+//! distance; that is what a direct run keeps, as it reaches a vertex only through its parents. So the tree
+//! need not be stored: a squared distance for each vertex is enough, and its largest for each block of
+//! vertices, so that blocks of which nothing is kept are passed over. 8 bytes a vertex.
+
+use super::metric::Metric;
+use super::rdp::Splits;
+use terrane_base::error::{Error, Result};
+
+/// What a stored hierarchy begins with.
+const MAGIC: [u8; 8] = *b"TRNLINH2";
+
+/// Bytes before the squared distances: magic, number of vertices, checksum.
+const HEADER: usize = 8 + 8 + 8;
+
+/// Vertices of a block.
+const BLOCK: usize = 64;
+
+/// The splits of a line by the distances at which they are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hierarchy {
+    /// Vertices of the line.
+    count: u32,
+    /// Squared distances of all vertices but the two ends; 0 for those that lie on their segments.
+    squares: Vec<f64>,
+    /// The largest of each block.
+    largest: Vec<f64>,
+}
+
+/// A part of the line to be split.
+struct Part {
+    start: u32,
+    end: u32,
+    /// The squared distance at which it came to be.
+    square: f64,
+}
+
+impl Hierarchy {
+    /// The hierarchy of a line. O(n log n) as [`super::rdp::rdp`].
+    pub fn new<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Self {
+        Self::of(points.len() as u32, squares(metric, points))
+    }
+
+    fn of(count: u32, squares: Vec<f64>) -> Self {
+        let largest = |block: &[f64]| block.iter().copied().fold(0.0, f64::max);
+        let largest = squares.chunks(BLOCK).map(largest).collect();
+        Self { count, squares, largest }
+    }
+
+    /// Vertices of the line.
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Appends the vertices that [`super::rdp::rdp`] keeps at `tolerance`. Linear in the blocks that
+    /// hold one of them, but for a look at the largest distance of each other block.
+    pub fn filter(&self, tolerance: f64, kept: &mut Vec<u32>) {
+        let square = tolerance * tolerance;
+        kept.extend((self.count > 0).then_some(0));
+        for (first, block) in self.above(square) {
+            let (mut found, mut count) = ([0; BLOCK], 0);
+            for (vertex, own) in (first..).zip(block) {
+                // No branch: which vertices are kept cannot be foreseen.
+                found[count % BLOCK] = vertex;
+                count += usize::from(*own > square);
+            }
+            kept.extend_from_slice(&found[..count]);
+        }
+        kept.extend((self.count > 1).then(|| self.count - 1));
+    }
+
+    /// How many vertices [`filter`](Self::filter) appends, in no more time.
+    pub fn kept(&self, tolerance: f64) -> usize {
+        let square = tolerance * tolerance;
+        let above = |block: &[f64]| block.iter().filter(|own| **own > square).count();
+        let inner: usize = self.above(square).map(|(_, block)| above(block)).sum();
+        inner + self.count().min(2)
+    }
+
+    /// Squared distances at which the inner vertices appear; 0 for those that lie on their segments.
+    pub fn squares(&self) -> &[f64] {
+        &self.squares
+    }
+
+    /// Blocks of which something is kept, each with its first vertex.
+    fn above(&self, square: f64) -> impl Iterator<Item = (u32, &[f64])> {
+        let blocks = (1..).step_by(BLOCK).zip(self.squares.chunks(BLOCK)).zip(&self.largest);
+        blocks.filter(move |(_, largest)| **largest > square).map(|(block, _)| block)
+    }
+
+    /// Appends the `count` vertices that appear first, at least the two ends; fewer where the others lie
+    /// on their segments. Of those that appear at one distance the first ones. Linear in the line, but for
+    /// sorting what is kept.
+    pub fn keep_count(&self, count: usize, kept: &mut Vec<u32>) {
+        let mut order: Vec<u32> = (0..self.squares.len() as u32).collect();
+        order.retain(|i| self.squares[*i as usize] > 0.0);
+        let most = count.saturating_sub(2);
+        if most < order.len() {
+            let square = |i: &u32| self.squares[*i as usize];
+            order.select_nth_unstable_by(most, |a, b| {
+                square(b).total_cmp(&square(a)).then(a.cmp(b))
+            });
+            order.truncate(most);
+            order.sort_unstable();
+        }
+        kept.extend((self.count > 0).then_some(0));
+        kept.extend(order.iter().map(|i| i + 1));
+        kept.extend((self.count > 1).then(|| self.count - 1));
+    }
+
+    /// A tolerance at which no more than `count` vertices are kept (or the two ends, if `count` is less):
+    /// the smallest, but for rounding. Linear in the line.
+    pub fn tolerance_for(&self, count: usize) -> f64 {
+        let mut squares: Vec<f64> = self.squares.iter().copied().filter(|own| *own > 0.0).collect();
+        let most = count.saturating_sub(2);
+        if most >= squares.len() {
+            return 0.0;
+        }
+        let (_, square, _) = squares.select_nth_unstable_by(most, |a, b| b.total_cmp(a));
+        square.sqrt().next_up()
+    }
+
+    /// Distances at which the inner vertices appear, falling: as many as there are vertices off their
+    /// segments. O(n log n).
+    pub fn distances(&self) -> impl ExactSizeIterator<Item = f64> + use<> {
+        let mut squares: Vec<f64> = self.squares.iter().copied().filter(|own| *own > 0.0).collect();
+        squares.sort_unstable_by(|a, b| b.total_cmp(a));
+        squares.into_iter().map(f64::sqrt)
+    }
+
+    /// The hierarchy as bytes, little-endian: a header with a checksum, squared distances.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(HEADER + 8 * self.squares.len());
+        bytes.extend(MAGIC);
+        bytes.extend(u64::from(self.count).to_le_bytes());
+        bytes.extend([0; 8]);
+        self.squares.iter().for_each(|square| bytes.extend(square.to_le_bytes()));
+        let sum = checksum(&bytes);
+        bytes[HEADER - 8..HEADER].copy_from_slice(&sum.to_le_bytes());
+        bytes
+    }
+
+    /// A hierarchy from its bytes.
+    ///
+    /// # Errors
+    /// When they are not those of a hierarchy: another beginning or length, another checksum, or numbers
+    /// that are no squares. Nothing is allocated before the length is known to be right.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let count = header(bytes)?;
+        let eight = |at: &[u8]| at.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
+        let squares: Vec<f64> = bytes[HEADER..].chunks_exact(8).map(eight).collect();
+        match squares.iter().all(|square| *square >= 0.0) {
+            true => Ok(Self::of(count, squares)),
+            false => Err(damaged("its distances are none")),
+        }
+    }
+}
+
+/// The squared distance at which each inner vertex of a line appears; 0 for those that never do.
+fn squares<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Vec<f64> {
+    let mut squares = vec![0.0; points.len().saturating_sub(2)];
+    if squares.is_empty() {
+        return squares;
+    }
+    let mut finder = Splits::new(metric, points);
+    let mut parts = vec![Part { start: 0, end: points.len() as u32 - 1, square: f64::INFINITY }];
+    while let Some(part) = parts.pop() {
+        let (start, end) = (part.start as usize, part.end as usize);
+        let Some((vertex, own)) = finder.split(start, end, 0.0) else {
+            continue;
+        };
+        let square = own.min(part.square);
+        squares[vertex - 1] = square;
+        let vertex = vertex as u32;
+        parts.push(Part { start: vertex, square, ..part });
+        parts.push(Part { end: vertex, square, ..part });
+    }
+    squares
+}
+
+/// Number of vertices, once magic, length and checksum are right.
+fn header(bytes: &[u8]) -> Result<u32> {
+    if bytes.len() < HEADER || bytes[..8] != MAGIC {
+        return Err(damaged("it does not begin like one"));
+    }
+    let word = |at: usize| u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]));
+    let inner = (bytes.len() - HEADER) as u64;
+    let count = u32::try_from(word(8)).ok();
+    let count = count.filter(|count| u64::from(count.saturating_sub(2)) * 8 == inner);
+    let count = count.ok_or_else(|| damaged("its length is not the one it states"))?;
+    match checksum(bytes) == word(HEADER - 8) {
+        true => Ok(count),
+        false => Err(damaged("its checksum differs")),
+    }
+}
+
+fn damaged(why: &str) -> Error {
+    Error::bad_input(format!("not a hierarchy of a line: {why}"))
+        .remedy("make the hierarchy again from the line")
+}
+
+/// FNV-1a, by words of eight bytes, of all but the checksum itself.
+fn checksum(bytes: &[u8]) -> u64 {
+    let mut sum = 0xCBF2_9CE4_8422_2325_u64;
+    let mut add = |word: &[u8]| {
+        let word = word.try_into().map_or(0, u64::from_le_bytes);
+        sum = (sum ^ word).wrapping_mul(0x0000_0100_0000_01B3);
+        sum ^= sum >> 32;
+    };
+    bytes[..HEADER - 8].chunks_exact(8).for_each(&mut add);
+    bytes[HEADER..].chunks_exact(8).for_each(&mut add);
+    sum
+}

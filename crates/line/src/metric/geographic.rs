@@ -1,0 +1,152 @@
+//! Metres on the ellipsoid, for longitudes and latitudes in degrees.
+
+use super::{Metric, Range, cosine, larger};
+use crate::Xy;
+use crate::wedge::EllipseWedge;
+
+/// Metres in the plane that touches the WGS 84 ellipsoid at the vertex.
+///
+/// A vertex at latitude phi has the local scale `k = [N(phi) cos(phi), M(phi)] * pi / 180` metres a
+/// degree, with N and M the radii of curvature in the prime vertical and in the meridian. Its distance
+/// from a segment is the formula of [the plane](super) with `q` and `d` multiplied by `k`, component by
+/// component. It depends on the vertex and the segment alone, and a segment is straight in longitude
+/// and latitude, as it is drawn; it is exact in the limit of short distances. Longitudes are plain
+/// numbers: a line across the antimeridian must go on beyond 180.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Geographic;
+
+/// A vertex with its local scale.
+#[derive(Clone, Copy, Debug)]
+pub struct Located {
+    /// Longitude and latitude, in degrees.
+    pub at: Xy,
+    /// Metres for a degree of longitude and of latitude.
+    pub scale: Xy,
+}
+
+/// Semi-major axis of WGS 84, in metres.
+const SEMI_MAJOR: f64 = 6_378_137.0;
+
+/// Squared eccentricity of WGS 84, f (2 - f) with f = 1 / 298.257223563.
+const ECCENTRICITY_SQUARED: f64 = 0.006_694_379_990_141_317;
+
+impl Located {
+    /// A vertex at `at`: longitude, and latitude between -90 and 90, in degrees.
+    pub fn new(at: Xy) -> Self {
+        let (sin, cos) = at[1].to_radians().sin_cos();
+        let w2 = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
+        let normal = SEMI_MAJOR / w2.sqrt();
+        let meridian = normal * (1.0 - ECCENTRICITY_SQUARED) / w2;
+        Self { at, scale: [(normal * cos.abs()).to_radians(), meridian.to_radians()] }
+    }
+
+    /// The difference to `other`, in metres at this vertex.
+    #[inline(always)]
+    fn to(&self, other: &Self) -> Xy {
+        [(other.at[0] - self.at[0]) * self.scale[0], (other.at[1] - self.at[1]) * self.scale[1]]
+    }
+}
+
+/// A segment in longitude and latitude; see [`super::PlaneSegment`].
+#[derive(Clone, Copy, Debug)]
+pub struct Course {
+    from: Xy,
+    along: Xy,
+    /// 1, or 0 for a segment without length.
+    length: f64,
+}
+
+/// A box with the range of local scales in it.
+#[derive(Clone, Copy, Debug)]
+pub struct Zone {
+    at: [Range; 2],
+    scale: [Range; 2],
+}
+
+impl Metric<Located> for Geographic {
+    type Segment = Course;
+    type Region = Zone;
+    type Wedge = EllipseWedge;
+
+    #[inline(always)]
+    fn segment(&self, a: &Located, b: &Located) -> Course {
+        let along = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
+        match along == [0.0; 2] {
+            true => Course { from: a.at, along: [1.0, 1.0], length: 0.0 },
+            false => Course { from: a.at, along, length: 1.0 },
+        }
+    }
+
+    #[inline(always)]
+    fn reach(course: &Course, p: &Located) -> f64 {
+        let [kx, ky] = p.scale;
+        let q = [(p.at[0] - course.from[0]) * kx, (p.at[1] - course.from[1]) * ky];
+        let d = [course.along[0] * kx, course.along[1] * ky];
+        let cross = q[0] * d[1] - q[1] * d[0];
+        let along = q[0] * d[0] + q[1] * d[1];
+        let length = d[0] * d[0] + d[1] * d[1];
+        let over = larger(larger(-along, along - length * course.length), 0.0);
+        // At a pole, an eastward segment has no length.
+        match length > 0.0 {
+            true => (cross * cross + over * over) / length,
+            false => q[0] * q[0] + q[1] * q[1],
+        }
+    }
+
+    #[inline(always)]
+    fn squared(_: &Course, reach: f64) -> f64 {
+        reach
+    }
+
+    #[inline(always)]
+    fn within(_: &Course, tolerance2: f64) -> f64 {
+        tolerance2
+    }
+
+    #[inline(always)]
+    fn region(p: &Located) -> Zone {
+        Zone { at: p.at.map(Range::of), scale: p.scale.map(Range::of) }
+    }
+
+    #[inline(always)]
+    fn join(a: &Zone, b: &Zone) -> Zone {
+        Zone {
+            at: [a.at[0].join(b.at[0]), a.at[1].join(b.at[1])],
+            scale: [a.scale[0].join(b.scale[0]), a.scale[1].join(b.scale[1])],
+        }
+    }
+
+    #[inline(always)]
+    fn reach_most(course: &Course, zone: &Zone) -> f64 {
+        let q = [0, 1].map(|i| zone.at[i].minus(course.from[i]).times_range(zone.scale[i]));
+        let d = [0, 1].map(|i| zone.scale[i].times(course.along[i]));
+        let least = |r: Range| larger(larger(r.low, -r.high), 0.0);
+        let length = least(d[0]) * least(d[0]) + least(d[1]) * least(d[1]);
+        if length <= 0.0 {
+            // No farther than from the beginning, rounding included.
+            return (q[0].most_squared() + q[1].most_squared()) * (1.0 + 1e-9);
+        }
+        let product = |a: Range, b: Range| {
+            let (u, v) = (a.times(b.low), a.times(b.high));
+            u.join(v)
+        };
+        let cross = product(q[0], d[1]).minus_range(product(q[1], d[0]));
+        let along = product(q[0], d[0]).plus_range(product(q[1], d[1]));
+        let over = larger(larger(-along.low, along.high - length * course.length), 0.0);
+        (cross.most_squared() + over * over) / length
+    }
+
+    fn area(&self, a: &Located, b: &Located, c: &Located) -> f64 {
+        let (u, v) = (b.to(a), b.to(c));
+        (u[0] * v[1] - u[1] * v[0]).abs() * 0.5
+    }
+
+    fn cosine(&self, a: &Located, b: &Located, c: &Located) -> f64 {
+        cosine(b.to(a), b.to(c))
+    }
+
+    #[inline(always)]
+    fn coordinates(p: &Located) -> [f64; 3] {
+        [p.at[0], p.at[1], 0.0]
+    }
+}

@@ -1,0 +1,64 @@
+//! Bounds of distances by the extremes of vertices across and along a segment.
+
+use super::{PlaneBox, PlaneSegment, Range, larger};
+use crate::Xy;
+
+impl PlaneSegment {
+    /// From its begin to its end.
+    #[inline(always)]
+    pub(crate) fn direction(&self) -> Xy {
+        self.along
+    }
+
+    /// How far the positions of vertices in a box, across and along the segment, may be off for
+    /// rounding: what is computed for one of them, and for the extreme that a search by computed
+    /// products finds, are off by 12 units of 2^-53 of the product at most.
+    #[inline(always)]
+    pub(crate) fn rounding(&self, around: &PlaneBox) -> f64 {
+        let (x, y) = (around.x.minus(self.from[0]), around.y.minus(self.from[1]));
+        let reach = larger(-x.low, x.high) + larger(-y.low, y.high);
+        (self.along[0].abs() + self.along[1].abs()) * reach * (8.0 * f64::EPSILON)
+    }
+
+    /// The part of [`super::Metric::reach_most`] that is due to lying beyond an end.
+    #[inline(always)]
+    pub(crate) fn most_over(&self, around: &PlaneBox) -> f64 {
+        let (x, y) = (around.x.minus(self.from[0]), around.y.minus(self.from[1]));
+        let along = x.times(self.along[0]).plus_range(y.times(self.along[1]));
+        along.most_over(self.limit)
+    }
+
+    /// The part of a reach that is due to lying beside the segment, at most, of vertices no farther
+    /// to either side than two are, and `slack`.
+    #[inline(always)]
+    pub(crate) fn most_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
+        let across = |p: &Xy| {
+            let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
+            Range::of(q[0] * d[1] - q[1] * d[0])
+        };
+        wider(across(&extremes[0]).join(across(&extremes[1])), slack).most_squared()
+    }
+
+    /// The part of a reach that is due to lying beyond an end, at most, of vertices no farther to
+    /// either end than two are, and `slack`.
+    #[inline(always)]
+    pub(crate) fn most_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
+        let along = |p: &Xy| {
+            let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
+            Range::of(q[0] * d[0] + q[1] * d[1])
+        };
+        wider(along(&extremes[0]).join(along(&extremes[1])), slack).most_over(self.limit)
+    }
+
+    /// The largest reach of vertices in a convex hull of which no corner reaches more than `reach`:
+    /// distances are convex, so nothing inside is farther but for rounding, and `slack`.
+    #[inline(always)]
+    pub(crate) fn most_around(&self, reach: f64, slack: f64) -> f64 {
+        let distance = reach.sqrt() + 2.0 * slack;
+        distance * distance * (1.0 + 4.0 * f64::EPSILON)
+    }
+}
+
+fn wider(range: Range, slack: f64) -> Range {
+    Range { low: range.low - slack, high: range.high + slack }
+}

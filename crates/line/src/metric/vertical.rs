@@ -1,0 +1,92 @@
+//! The vertical distance of a profile.
+
+use super::{Metric, Range, SURELY, cosine};
+use crate::Xy;
+use crate::wedge::SlopeWedge;
+
+/// The vertical distance of a profile: x, strictly monotone, is where, y the height.
+///
+/// `distance = |q.y * d.x - q.x * d.y| / |d.x|`, compared as squares. See [`is_monotone`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Vertical;
+
+/// True when x grows, or falls, from each vertex to the next.
+pub fn is_monotone(points: &[Xy]) -> bool {
+    points.windows(2).all(|pair| pair[0][0] < pair[1][0])
+        || points.windows(2).all(|pair| pair[0][0] > pair[1][0])
+}
+
+/// A segment of a profile.
+#[derive(Clone, Copy, Debug)]
+pub struct Chord {
+    from: Xy,
+    along: Xy,
+}
+
+/// A box around a part of a profile.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    x: Range,
+    y: Range,
+}
+
+impl Metric<Xy> for Vertical {
+    type Segment = Chord;
+    type Region = Extent;
+    type Wedge = SlopeWedge;
+
+    #[inline(always)]
+    fn segment(&self, a: &Xy, b: &Xy) -> Chord {
+        let along = [b[0] - a[0], b[1] - a[1]];
+        match along[0] == 0.0 {
+            true => Chord { from: *a, along: [1.0, 0.0] },
+            false => Chord { from: *a, along },
+        }
+    }
+
+    #[inline(always)]
+    fn reach(chord: &Chord, p: &Xy) -> f64 {
+        let (q, d) = ([p[0] - chord.from[0], p[1] - chord.from[1]], chord.along);
+        let cross = q[0] * d[1] - q[1] * d[0];
+        cross * cross
+    }
+
+    #[inline(always)]
+    fn squared(chord: &Chord, reach: f64) -> f64 {
+        reach / (chord.along[0] * chord.along[0])
+    }
+
+    #[inline(always)]
+    fn within(chord: &Chord, tolerance2: f64) -> f64 {
+        tolerance2 * (chord.along[0] * chord.along[0]) * SURELY
+    }
+
+    #[inline(always)]
+    fn region(p: &Xy) -> Extent {
+        Extent { x: Range::of(p[0]), y: Range::of(p[1]) }
+    }
+
+    #[inline(always)]
+    fn join(a: &Extent, b: &Extent) -> Extent {
+        Extent { x: a.x.join(b.x), y: a.y.join(b.y) }
+    }
+
+    #[inline(always)]
+    fn reach_most(chord: &Chord, region: &Extent) -> f64 {
+        let (x, y) = (region.x.minus(chord.from[0]), region.y.minus(chord.from[1]));
+        x.times(chord.along[1]).minus_range(y.times(chord.along[0])).most_squared()
+    }
+
+    fn area(&self, a: &Xy, b: &Xy, c: &Xy) -> f64 {
+        super::Plane.area(a, b, c)
+    }
+
+    fn cosine(&self, a: &Xy, b: &Xy, c: &Xy) -> f64 {
+        cosine([a[0] - b[0], a[1] - b[1]], [c[0] - b[0], c[1] - b[1]])
+    }
+
+    #[inline(always)]
+    fn coordinates(p: &Xy) -> [f64; 3] {
+        [p[0], p[1], 0.0]
+    }
+}

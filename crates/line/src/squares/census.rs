@@ -1,0 +1,196 @@
+//! How many vertices there are where.
+
+use super::tree::Squares;
+use super::{cell, lowest_level};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::plane::{MOST, Xy};
+
+/// Most cells along x and along y.
+const SIDE: i64 = 1024;
+
+/// Levels between a cell that has too many vertices and the cells of its finer count.
+const FINER: i32 = 6;
+
+/// Vertices counted by the cells of a grid over all of them, as fine as 1024 x 1024 allow.
+///
+/// The grid grows with what is added, by making two by two cells one: what comes out does not depend
+/// on the order. 8 MiB.
+#[derive(Clone, Debug)]
+pub struct Census {
+    /// The lowest and highest coordinates.
+    bounds: [Xy; 2],
+    level: i32,
+    /// Counts, row by row; a cell's column and row are the last ten bits of its numbers.
+    counts: Vec<u64>,
+    total: u64,
+}
+
+impl Default for Census {
+    fn default() -> Self {
+        let bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        Self { bounds, level: i32::MIN, counts: vec![0; (SIDE * SIDE) as usize], total: 0 }
+    }
+}
+
+impl Census {
+    /// Counts vertices. O(n), and O(cells) when the grid grows.
+    ///
+    /// # Errors
+    /// `BadInput` for a coordinate that is not finite or beyond [`MOST`].
+    pub fn add(&mut self, points: &[Xy]) -> Result<()> {
+        let mut bounds = self.bounds;
+        for p in points {
+            for axis in 0..2 {
+                // False for NaN, too.
+                let is_sound = p[axis].abs() <= MOST;
+                if !is_sound {
+                    let message = format!("position {p:?} is not finite, or too large");
+                    return Err(Error::bad_input(message).remedy("remove or repair the vertex"));
+                }
+                bounds[0][axis] = bounds[0][axis].min(p[axis]);
+                bounds[1][axis] = bounds[1][axis].max(p[axis]);
+            }
+        }
+        if bounds != self.bounds {
+            self.grow(bounds);
+        }
+        for &p in points {
+            let at = place(cell(p, self.level));
+            self.counts[at] += 1;
+        }
+        self.total += points.len() as u64;
+        Ok(())
+    }
+
+    /// How many vertices were counted.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Makes room for positions within `bounds`.
+    fn grow(&mut self, bounds: [Xy; 2]) {
+        let mut level = self.level.max(lowest_level(magnitude(bounds)));
+        while !fits(bounds.map(|p| cell(p, level))) {
+            level += 1;
+        }
+        if level > self.level && self.total > 0 {
+            let up = (level - self.level).min(63);
+            let mut counts = vec![0; self.counts.len()];
+            for at in cells(self.bounds.map(|p| cell(p, self.level))) {
+                counts[place(at.map(|c| c >> up))] += self.counts[place(at)];
+            }
+            self.counts = counts;
+        }
+        (self.level, self.bounds) = (level, bounds);
+    }
+
+    /// The counts, for sums over many cells, and the level of the smallest cells there may be.
+    pub(super) fn counts(&self) -> (Counts, i32) {
+        let lowest = lowest_level(magnitude(self.bounds));
+        if self.total == 0 {
+            return (Counts::new(lowest, [[0; 2]; 2], |_| 0), lowest);
+        }
+        let range = self.bounds.map(|p| cell(p, self.level));
+        (Counts::new(self.level, range, |at| self.counts[place(at)]), lowest)
+    }
+}
+
+fn magnitude(bounds: [Xy; 2]) -> f64 {
+    bounds.as_flattened().iter().fold(0.0, |most, c| c.abs().max(most))
+}
+
+fn fits([low, high]: [[i64; 2]; 2]) -> bool {
+    high[0] - low[0] < SIDE && high[1] - low[1] < SIDE
+}
+
+fn place(cell: [i64; 2]) -> usize {
+    ((cell[1] & (SIDE - 1)) * SIDE + (cell[0] & (SIDE - 1))) as usize
+}
+
+/// All cells from one to another, row by row.
+fn cells([low, high]: [[i64; 2]; 2]) -> impl Iterator<Item = [i64; 2]> {
+    (low[1]..=high[1]).flat_map(move |y| (low[0]..=high[0]).map(move |x| [x, y]))
+}
+
+/// Counts by cells, as sums over all cells before one in x and y.
+#[derive(Clone, Debug)]
+pub(super) struct Counts {
+    pub(super) level: i32,
+    low: [i64; 2],
+    size: [i64; 2],
+    sums: Vec<u64>,
+}
+
+impl Counts {
+    /// Of the cells in a range, both ends included.
+    pub(super) fn new(level: i32, range: [[i64; 2]; 2], count: impl Fn([i64; 2]) -> u64) -> Self {
+        let low = range[0];
+        let size = [0, 1].map(|axis| range[1][axis] - low[axis] + 1);
+        let mut sums = vec![0; ((size[0] + 1) * (size[1] + 1)) as usize];
+        let at = |x: i64, y: i64| (y * (size[0] + 1) + x) as usize;
+        for [x, y] in cells([[1, 1], size]) {
+            let before = sums[at(x - 1, y)] + sums[at(x, y - 1)] - sums[at(x - 1, y - 1)];
+            sums[at(x, y)] = before + count([low[0] + x - 1, low[1] + y - 1]);
+        }
+        Self { level, low, size, sums }
+    }
+
+    /// The cells that are counted.
+    pub(super) fn range(&self) -> [[i64; 2]; 2] {
+        [self.low, [0, 1].map(|axis| self.low[axis] + self.size[axis] - 1)]
+    }
+
+    /// How many there are in a cell of this level or a higher one.
+    pub(super) fn of(&self, cell: [i64; 2], level: i32) -> u64 {
+        let up = level - self.level;
+        let clamp = |c: i64, axis: usize| (c - self.low[axis]).clamp(0, self.size[axis]);
+        let [low, high] = [0, 1].map(|by| [0, 1].map(|axis| clamp((cell[axis] + by) << up, axis)));
+        let sum = |x: i64, y: i64| self.sums[(y * (self.size[0] + 1) + x) as usize];
+        sum(high[0], high[1]) + sum(low[0], low[1]) - sum(low[0], high[1]) - sum(high[0], low[1])
+    }
+}
+
+/// Counts by finer cells, where squares would have too many vertices and cannot be divided by the
+/// counts that are known. 32 KiB for each.
+#[derive(Clone, Debug)]
+pub struct Finer<'a> {
+    squares: &'a Squares,
+    /// For each square that is to be divided: the level of its finer cells, and their counts.
+    counts: Vec<(i32, Vec<u64>)>,
+}
+
+impl<'a> Finer<'a> {
+    /// For the crowded cells of `squares`, of these levels.
+    pub(super) fn new(squares: &'a Squares, levels: impl Iterator<Item = i32>) -> Self {
+        let room = |level: i32| {
+            let finer = (level - FINER).max(squares.lowest);
+            (finer, vec![0; 1 << (2 * (level - finer))])
+        };
+        Self { squares, counts: levels.map(room).collect() }
+    }
+
+    /// Counts vertices; those that lie elsewhere are left out.
+    pub fn add(&mut self, points: &[Xy]) {
+        for &p in points {
+            if let Some((crowded, level)) = self.squares.crowded_at(p) {
+                let (finer, counts) = &mut self.counts[crowded];
+                let side = 1 << (level - *finer);
+                let at = cell(p, *finer).map(|c| c & (side - 1));
+                counts[(at[1] * side + at[0]) as usize] += 1;
+            }
+        }
+    }
+
+    /// The counts of each crowded cell, given with its level.
+    pub(super) fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<Counts> {
+        let counts = self.counts.into_iter().zip(cells);
+        let made = counts.map(|((finer, counts), (cell, level))| {
+            let up = level - finer;
+            let low = cell.map(|c| c << up);
+            let high = low.map(|c| c + (1 << up) - 1);
+            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
+            Counts::new(finer, [low, high], count)
+        });
+        made.collect()
+    }
+}

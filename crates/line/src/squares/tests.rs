@@ -1,0 +1,171 @@
+//! Squares against slow twins.
+
+use super::*;
+use proptest::prelude::*;
+
+/// Positions of a few magnitudes, most of them crowded together.
+fn positions() -> impl Strategy<Value = Vec<Xy>> {
+    let one = (-20i32..20, -20i32..20, 0i32..4, -30i32..30).prop_map(|(x, y, far, fine)| {
+        let scale = [1.0, 1.0, 300.0, 1e-3][far as usize];
+        [f64::from(x) * scale + f64::from(fine) * 1e-6, f64::from(y) * scale]
+    });
+    proptest::collection::vec(one, 1..300)
+}
+
+fn divided(points: &[Xy], most: u64) -> Result<Squares, terrane_base::error::Error> {
+    let mut census = Census::default();
+    // As features come, a few at a time.
+    for some in points.chunks(7) {
+        census.add(some).unwrap();
+    }
+    let mut squares = Squares::new(&census, most)?;
+    while let Some(mut finer) = squares.finer() {
+        points.chunks(11).for_each(|some| finer.add(some));
+        squares = Squares::refined(finer, &squares)?;
+    }
+    Ok(squares)
+}
+
+fn all_of(points: &[Xy], squares: &Squares) -> Vec<u32> {
+    let mut place = Place::default();
+    points.iter().map(|p| squares.of(*p, &mut place).unwrap()).collect()
+}
+
+/// The most positions that are the same.
+fn crowd(points: &[Xy]) -> u64 {
+    let same = |p: &&Xy| points.iter().filter(|q| p == q).count() as u64;
+    points.iter().map(|p| same(&p)).max().unwrap()
+}
+
+proptest! {
+    #[test]
+    fn every_vertex_has_a_square_and_no_square_too_many(points in positions(), most in 2u64..40) {
+        let most = most.max(crowd(&points));
+        let squares = divided(&points, most).unwrap();
+        let of = all_of(&points, &squares);
+        let mut counts = vec![0; squares.count()];
+        of.iter().for_each(|square| counts[*square as usize] += 1);
+        for (square, count) in counts.into_iter().enumerate() {
+            prop_assert_eq!(squares.vertices(square), count);
+            prop_assert!(count <= most);
+        }
+        prop_assert_eq!(squares.count() == 1, points.len() as u64 <= most);
+        // Squares are apart: boxes around their vertices do not meet.
+        let around = |square: u32| {
+            let own = points.iter().zip(&of).filter(|(_, s)| **s == square).map(|(p, _)| *p);
+            own.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
+                [[0, 1].map(|i| low[i].min(p[i])), [0, 1].map(|i| high[i].max(p[i]))]
+            })
+        };
+        let boxes: Vec<_> = (0..squares.count() as u32).map(around).collect();
+        for (i, [low, high]) in boxes.iter().enumerate() {
+            let meets = |other: &[Xy; 2]| (0..2).all(|k| low[k] <= other[1][k] && other[0][k] <= high[k]);
+            prop_assert!(!boxes[..i].iter().any(meets));
+        }
+    }
+
+    #[test]
+    fn the_order_of_vertices_leaves_no_trace(points in positions(), most in 8u64..40) {
+        let most = most.max(crowd(&points));
+        let mut backward = points.clone();
+        backward.reverse();
+        let (one, other) = (divided(&points, most).unwrap(), divided(&backward, most).unwrap());
+        prop_assert_eq!(all_of(&points, &one), all_of(&points, &other));
+    }
+
+    /// Positions along a segment, exact on this lattice, are in squares that it is known to meet.
+    #[test]
+    fn segments_meet_the_squares_that_they_go_through(
+        cells in proptest::collection::vec((-40i32..40, -40i32..40), 2..200),
+        ends in (0usize..200, 0usize..200),
+    ) {
+        let at = |(x, y): &(i32, i32)| [x, y].map(|c| f64::from(*c) * 256.0);
+        let points: Vec<Xy> = cells.iter().map(at).collect();
+        let squares = divided(&points, crowd(&points)).unwrap();
+        prop_assume!(squares.count() > 1);
+        let [a, b] = [ends.0, ends.1].map(|i| points[i % points.len()]);
+        let mut found = Vec::new();
+        squares.meeting([a, b], &mut found);
+        prop_assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
+        for k in 0..=256 {
+            let p = [0, 1].map(|i| a[i] + (b[i] - a[i]) / 256.0 * f64::from(k));
+            let square = squares.of(p, &mut Place::default()).unwrap();
+            prop_assert!(found.contains(&square), "{p:?} in {square}, not in {found:?}");
+        }
+    }
+
+    #[test]
+    fn runs_have_every_vertex_once(points in positions(), is_ring: bool) {
+        let mut part = points.clone();
+        if is_ring {
+            part.push(part[0]);
+        }
+        let squares = divided(&part, 6u64.max(crowd(&part))).unwrap();
+        let of = all_of(&part, &squares);
+        let mut runs = Vec::new();
+        cut(&part, is_ring, &squares, &mut Place::default(), &mut runs);
+        if runs.len() == 1 {
+            prop_assert_eq!(runs[0], Run { square: of[0], first: 0, count: part.len() });
+            return Ok(());
+        }
+        let count = points.len();
+        let inside = |run: &Run| (run.first..run.first + run.count).map(move |v| v % count);
+        let mut seen: Vec<usize> = runs.iter().flat_map(inside).collect();
+        prop_assert!(runs.iter().all(|run| inside(run).all(|v| of[v] == run.square)));
+        let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
+        prop_assert!(runs.iter().zip(next).all(|(run, next)| run.square != next.square));
+        seen.sort_unstable();
+        prop_assert_eq!(seen, (0..count).collect::<Vec<_>>());
+        let mut found: Vec<[Xy; 2]> = cross_overs(&part, is_ring, &runs).collect();
+        let pairs = part.windows(2).zip(of.windows(2)).filter(|(_, of)| of[0] != of[1]);
+        let mut want: Vec<[Xy; 2]> = pairs.map(|(pair, _)| [pair[0], pair[1]]).collect();
+        let order = |p: &[Xy; 2], q: &[Xy; 2]| p.partial_cmp(q).unwrap();
+        found.sort_by(order);
+        want.sort_by(order);
+        prop_assert_eq!(found, want);
+    }
+}
+
+#[test]
+fn few_vertices_are_one_square_wherever_they_are() {
+    let squares = divided(&[[1.0, 2.0], [-5.0, 1e9]], 2).unwrap();
+    assert_eq!((squares.count(), squares.vertices(0)), (1, 2));
+    assert_eq!(squares.of([7.0, 7.0], &mut Place::default()), Some(0));
+    assert_eq!(divided(&[], 1).unwrap().count(), 1);
+}
+
+#[test]
+fn a_segment_meets_no_square_beside_it() {
+    let corners = [[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]];
+    let squares = divided(&corners, 1).unwrap();
+    let of = |p: Xy| squares.of(p, &mut Place::default()).unwrap();
+    let [low, east, north, high] = corners.map(of);
+    let meets = |a: Xy, b: Xy| {
+        let mut found = Vec::new();
+        squares.meeting([a, b], &mut found);
+        found
+    };
+    assert_eq!(meets([10.0, 10.0], [90.0, 10.0]), [low, east]);
+    assert_eq!(meets([10.0, 10.0], [90.0, 89.0]), [low, east, high]);
+    assert_eq!(meets([10.0, 90.0], [20.0, 90.0]), [north]);
+    // A corner is a point in common with all four.
+    assert_eq!(meets([0.0, 0.0], [100.0, 100.0]), [low, east, north, high]);
+}
+
+#[test]
+fn a_crowd_far_from_the_rest_is_divided_by_finer_counts() {
+    let mut points = vec![[-1e7, 0.0], [1e7, 3.0]];
+    points.extend((0..500).map(|i| [f64::from(i % 25) * 0.01, f64::from(i / 25) * 0.01]));
+    let squares = divided(&points, 20).unwrap();
+    assert!((50..200).contains(&squares.count()), "{}", squares.count());
+}
+
+#[test]
+fn too_many_in_one_place_are_told() {
+    let points = [&[[3.5, 4.5]; 9][..], &[[0.0, 0.0], [-1e5, 1e5]]].concat();
+    let error = divided(&points, 8).unwrap_err();
+    assert!(error.to_string().contains("in one place"), "{error}");
+    assert!(divided(&points, 9).is_ok());
+    assert!(Census::default().add(&[[f64::NAN, 0.0]]).is_err());
+    assert!(Census::default().add(&[[0.0, 1e141]]).is_err());
+}

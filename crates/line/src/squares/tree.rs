@@ -1,0 +1,253 @@
+//! The quadtree of squares: which square a position is in, and through which ones a segment goes.
+
+use std::cmp::Ordering;
+
+use super::census::{Census, Counts, Finer};
+use super::power;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::plane::{Xy, orient};
+
+/// What a node of the tree is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Not known yet.
+    Open,
+    /// The square of this number.
+    Square(u32),
+    /// Divided: its first of four children, which follow each other.
+    Divided(u32),
+    /// It has too many vertices, and will be divided once they are counted: which of those it is.
+    Crowded(u32),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    /// The cell of side 2^level that it is.
+    cell: [i64; 2],
+    level: i32,
+    kind: Kind,
+}
+
+impl Node {
+    /// Its lowest position. All corners and centres are exact.
+    fn low(&self) -> Xy {
+        self.cell.map(|c| c as f64 * power(self.level))
+    }
+
+    fn high(&self) -> Xy {
+        self.cell.map(|c| (c + 1) as f64 * power(self.level))
+    }
+
+    fn holds(&self, p: Xy) -> bool {
+        let (low, high) = (self.low(), self.high());
+        (0..2).all(|axis| low[axis] <= p[axis] && p[axis] < high[axis])
+    }
+
+    /// Whether a segment has a point in common with the closed square. Exact.
+    fn meets(&self, [a, b]: [Xy; 2]) -> bool {
+        let (low, high) = (self.low(), self.high());
+        let apart = |axis: usize| {
+            (a[axis] < low[axis] && b[axis] < low[axis])
+                || (a[axis] > high[axis] && b[axis] > high[axis])
+        };
+        if apart(0) || apart(1) {
+            return false;
+        }
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let first = orient(a, b, corners[0]);
+        first == Ordering::Equal || corners.iter().any(|&corner| orient(a, b, corner) != first)
+    }
+}
+
+/// Squares with at most so many vertices each, known by number. Some have none: segments may meet there.
+#[derive(Clone, Debug)]
+pub struct Squares {
+    /// Up to four roots, then children.
+    nodes: Vec<Node>,
+    roots: usize,
+    /// The cells that have too many vertices, and their levels.
+    crowded: Vec<([i64; 2], i32)>,
+    /// Vertices of each square.
+    counts: Vec<u64>,
+    /// Most vertices of a square.
+    most: u64,
+    /// The lowest level that cells may have.
+    pub(super) lowest: i32,
+}
+
+/// The square that was found last, which is the next one's, too, more often than not.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Place {
+    square: u32,
+    low: Xy,
+    high: Xy,
+}
+
+impl Squares {
+    /// Squares with up to `most` vertices each: one, if there are no more in all. Some may have
+    /// more as long as there are [`finer`](Self::finer) counts to be made.
+    ///
+    /// # Errors
+    /// `Limit` where more than `most` vertices are nearly in one place.
+    pub fn new(census: &Census, most: u64) -> Result<Self> {
+        let (counts, lowest) = census.counts();
+        let mut all = Self {
+            nodes: Vec::new(),
+            roots: 0,
+            crowded: Vec::new(),
+            counts: Vec::new(),
+            most,
+            lowest,
+        };
+        if census.total() <= most {
+            all.counts.push(census.total());
+            return Ok(all);
+        }
+        let [low, high] = counts.range();
+        let up = (0..).find(|up| (0..2).all(|axis| (high[axis] >> up) - (low[axis] >> up) <= 1));
+        let level = counts.level + up.unwrap_or_default();
+        let [low, high] = [low, high].map(|at| at.map(|c| c >> (level - counts.level)));
+        for (y, x) in (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| (y, x))) {
+            all.nodes.push(Node { cell: [x, y], level, kind: Kind::Open });
+        }
+        all.roots = all.nodes.len();
+        all.divide((0..all.roots).collect(), &counts)?;
+        Ok(all)
+    }
+
+    /// What has to be counted before all squares are known, if anything.
+    pub fn finer(&self) -> Option<Finer<'_>> {
+        let levels = self.crowded.iter().map(|(_, level)| *level);
+        (!self.crowded.is_empty()).then(|| Finer::new(self, levels))
+    }
+
+    /// These squares with those divided that had too many vertices, as far as the counts tell.
+    ///
+    /// # Errors
+    /// `Limit` where too many vertices are nearly in one place.
+    pub fn refined(finer: Finer<'_>, squares: &Self) -> Result<Self> {
+        let counts = finer.into_counts(&squares.crowded);
+        let mut all = squares.clone();
+        all.crowded.clear();
+        for (at, node) in squares.nodes.iter().enumerate() {
+            if let Kind::Crowded(crowded) = node.kind {
+                all.divide(vec![at], &counts[crowded as usize])?;
+            }
+        }
+        Ok(all)
+    }
+
+    /// Divides nodes as far as counts tell.
+    fn divide(&mut self, mut open: Vec<usize>, counts: &Counts) -> Result<()> {
+        open.reverse();
+        while let Some(at) = open.pop() {
+            let Node { cell, level, .. } = self.nodes[at];
+            let count = counts.of(cell, level);
+            self.nodes[at].kind = if count <= self.most {
+                self.counts.push(count);
+                Kind::Square(self.counts.len() as u32 - 1)
+            } else if level > counts.level {
+                let first = self.nodes.len();
+                for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
+                    let cell = [2 * cell[0] + x, 2 * cell[1] + y];
+                    self.nodes.push(Node { cell, level: level - 1, kind: Kind::Open });
+                }
+                open.extend((first..first + 4).rev());
+                Kind::Divided(first as u32)
+            } else if level > self.lowest {
+                self.crowded.push((cell, level));
+                Kind::Crowded(self.crowded.len() as u32 - 1)
+            } else {
+                let at = self.nodes[at].low();
+                return Err(Error::limit("the number of vertices in one place", count, self.most)
+                    .at(format!("near {}, {}", at[0], at[1]))
+                    .remedy("remove vertices that repeat others"));
+            };
+        }
+        Ok(())
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// The vertices of a square.
+    pub fn vertices(&self, square: usize) -> u64 {
+        self.counts[square]
+    }
+
+    /// The node without children that a position is in.
+    fn leaf(&self, p: Xy) -> Option<&Node> {
+        let mut node = self.nodes[..self.roots].iter().find(|node| node.holds(p))?;
+        while let Kind::Divided(first) = node.kind {
+            // The low corner of the last child is the centre.
+            let centre = self.nodes[first as usize + 3].low();
+            let child = usize::from(p[0] >= centre[0]) + 2 * usize::from(p[1] >= centre[1]);
+            node = &self.nodes[first as usize + child];
+        }
+        Some(node)
+    }
+
+    /// Which crowded cell a position is in, and its level.
+    pub(super) fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
+        let node = self.leaf(p)?;
+        match node.kind {
+            Kind::Crowded(crowded) => Some((crowded as usize, node.level)),
+            _ => None,
+        }
+    }
+
+    /// The square that a position is in; `None` beyond all vertices. O(depth) where it is not that
+    /// of `place`.
+    #[inline]
+    pub fn of(&self, p: Xy, place: &mut Place) -> Option<u32> {
+        let (low, high) = (place.low, place.high);
+        if low[0] <= p[0] && p[0] < high[0] && low[1] <= p[1] && p[1] < high[1] {
+            return Some(place.square);
+        }
+        self.find(p, place)
+    }
+
+    fn find(&self, p: Xy, place: &mut Place) -> Option<u32> {
+        if self.roots == 0 {
+            return Some(0);
+        }
+        let node = self.leaf(p)?;
+        let Kind::Square(square) = node.kind else { return None };
+        *place = Place { square, low: node.low(), high: node.high() };
+        Some(square)
+    }
+
+    /// Fills `found` with the squares that a position within `reach` of `p` may be in, ascending.
+    pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
+        found.clear();
+        let is_near = |node: &Node| {
+            let (low, high) = (node.low(), node.high());
+            (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
+        };
+        self.find_all(is_near, found);
+    }
+
+    /// Fills `found` with the squares that a segment has a point in common with, their borders
+    /// included, ascending. Exact; O(squares found and their parents).
+    pub fn meeting(&self, segment: [Xy; 2], found: &mut Vec<u32>) {
+        found.clear();
+        self.find_all(|node| node.meets(segment), found);
+    }
+
+    /// Appends the squares for which, and for whose parents, something holds; ascending.
+    fn find_all(&self, holds: impl Fn(&Node) -> bool, found: &mut Vec<u32>) {
+        let mut open: Vec<usize> = (0..self.roots).collect();
+        while let Some(at) = open.pop() {
+            let node = &self.nodes[at];
+            match node.kind {
+                Kind::Open | Kind::Crowded(_) => {}
+                _ if !holds(node) => {}
+                Kind::Square(square) => found.push(square),
+                Kind::Divided(first) => open.extend(first as usize..first as usize + 4),
+            }
+        }
+        found.sort_unstable();
+    }
+}

@@ -1,0 +1,96 @@
+//! The hulls against plain scans.
+
+use super::methods::plain_rdp;
+use super::*;
+use crate::path_hull::Hulls;
+use crate::rdp::rdp;
+use crate::regions::{Farthest, scan};
+
+/// Zigzags between two slanted lines, parallel or not: boxes tell nothing of them.
+fn zigzag(count: u32, slant: Xy, growth: f64) -> Vec<Xy> {
+    let vertex = |i: u32| {
+        let width = 1.0 + growth * f64::from(i);
+        let (x, y) = (f64::from(i), if i.is_multiple_of(2) { width } else { -width });
+        [slant[0] * x - slant[1] * y, slant[1] * x + slant[0] * y]
+    };
+    (0..count).map(vertex).collect()
+}
+
+/// Around and around towards the middle, so that what is farthest lies beyond an end.
+fn whirl(count: u32, turn: f64) -> Vec<Xy> {
+    let vertex = |i: u32| {
+        let (sine, cosine) = (f64::from(i) * turn).sin_cos();
+        let radius = f64::from(count - i);
+        [radius * cosine, radius * sine]
+    };
+    (0..count).map(vertex).collect()
+}
+
+/// Lines of a few hundred vertices: walks, zigzags, whirls, few positions taken again and again, and
+/// the same far away from the origin, where differences are rounded.
+fn line() -> impl Strategy<Value = Vec<Xy>> {
+    let slants = prop_oneof![Just([4.0, 3.0]), Just([0.6, 0.8]), Just([1.0, 0.0])];
+    let growth = prop_oneof![Just(0.0), Just(1.0), Just(-0.001)];
+    let positions = (1..5_i32, any::<u64>()).prop_map(|(side, seed)| {
+        let mut dice = Dice(seed);
+        let most = side as u64;
+        (0..700).map(|_| [dice.below(most) as f64 * 0.3, dice.below(most) as f64 * 0.7]).collect()
+    });
+    let lines = prop_oneof![
+        (any::<u64>(), 200..900_usize, any::<bool>()).prop_map(|(seed, n, l)| walk(seed, n, l)),
+        (200..900_u32, slants, growth).prop_map(|(n, slant, growth)| zigzag(n, slant, growth)),
+        (200..900_u32, prop_oneof![Just(std::f64::consts::FRAC_PI_2), Just(2.4), Just(0.01)])
+            .prop_map(|(n, turn)| whirl(n, turn)),
+        positions,
+    ];
+    let away = prop_oneof![Just(0.0), Just(1e9 + 0.1)];
+    (lines, away).prop_map(|(line, away)| line.iter().map(|p| [p[0] + away, p[1]]).collect())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn what_hulls_find_is_what_scans_find(line in line(), ends: [prop::sample::Index; 2]) {
+        let hulls = Hulls::new(&line);
+        let ends = ends.map(|end| end.index(line.len()));
+        let (start, end) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        for (from, to) in [(start, end), (0, end), (start, line.len() - 1), (0, line.len() - 1)] {
+            let segment = Plane.segment(&line[from], &line[to]);
+            for within in [0.0, 1.0, 1e6] {
+                let mut found = Farthest { index: from, reach: within };
+                let mut plain = found;
+                let within = (from + 1).min(to)..to;
+                scan::<Xy, Plane>(&segment, &line, within.start, to, &mut plain);
+                hulls.farthest(&segment, &line, within, &mut Vec::new(), &mut found);
+                prop_assert_eq!((found.index, found.reach), (plain.index, plain.reach));
+            }
+        }
+    }
+}
+
+#[test]
+fn lines_on_which_boxes_are_quadratic() {
+    let lines = [
+        zigzag(100_000, [4.0, 3.0], 0.0),
+        zigzag(100_000, [0.6, 0.8], 1e-5),
+        whirl(100_000, std::f64::consts::FRAC_PI_2),
+        whirl(100_000, 2.4),
+    ];
+    for line in &lines {
+        assert_holds(&Plane, line, 0.5, &run(rdp, &Plane, line, 0.5));
+    }
+}
+
+#[test]
+fn hulls_take_over_from_boxes_without_a_trace() {
+    for line in [zigzag(5000, [4.0, 3.0], 0.0), zigzag(5000, [0.6, 0.8], 1e-3), whirl(5000, 2.4)] {
+        for tolerance in [0.0, 0.5, 2.5] {
+            let kept = run(rdp, &Plane, &line, tolerance);
+            assert_eq!(kept, plain_rdp(&Plane, &line, tolerance));
+            let mut filtered = Vec::new();
+            crate::Hierarchy::new(&Plane, &line).filter(tolerance, &mut filtered);
+            assert_eq!(filtered, kept);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Closed rings.
+
+use super::*;
+use crate::cone::cone;
+use crate::imai_iri::imai_iri;
+use crate::rdp::rdp;
+use crate::ring::{Fate, simplify, visvalingam};
+use crate::visvalingam::Weight;
+
+/// The line, closed.
+fn closed(mut line: Vec<Xy>) -> Vec<Xy> {
+    line.extend(line.first().copied());
+    line
+}
+
+/// What is kept of a ring by a method.
+fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (Fate, Vec<u32>) {
+    let method = match name {
+        "rdp" => rdp,
+        "cone" => cone,
+        _ => imai_iri,
+    };
+    let mut kept = Vec::new();
+    let run = |line: &[Xy], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+        method(&Plane, line, tolerance, scratch, kept);
+    };
+    let can_move = name != "rdp";
+    let mut scratch = Scratch::default();
+    let fate = simplify(&Plane, ring, tolerance, can_move, run, &mut scratch, &mut kept);
+    (fate, kept)
+}
+
+/// All vertices, those around the closing one too, are within the tolerance.
+fn assert_ring_holds(ring: &[Xy], tolerance: f64, kept: &[u32]) {
+    let count = ring.len() - 1;
+    assert!(kept.is_sorted_by(|a, b| a < b) && kept.iter().all(|i| (*i as usize) < count));
+    let Some(first) = kept.first().map(|i| *i as usize) else { return };
+    let line: Vec<Xy> = (0..=count).map(|i| ring[(first + i) % count]).collect();
+    let mut turned: Vec<u32> = kept.iter().map(|i| i - first as u32).collect();
+    turned.push(count as u32);
+    assert_holds(&Plane, &line, tolerance, &turned);
+}
+
+/// A star-shaped ring whose vertices all differ.
+fn star(seed: u64, count: usize) -> Vec<Xy> {
+    let mut dice = Dice(seed);
+    let turn = |i: usize| i as f64 * std::f64::consts::TAU / count as f64;
+    let at = |(radius, turn): (f64, f64)| [radius * turn.cos(), radius * turn.sin()];
+    (0..count).map(|i| at((10.0 + dice.swing(), turn(i)))).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn rings_hold(line in short_line(), tolerance in tolerance()) {
+        let ring = closed(line);
+        prop_assume!(ring.len() > 3);
+        for name in ["rdp", "cone", "imai-iri"] {
+            let (fate, kept) = kept_of(name, &ring, tolerance);
+            assert_ring_holds(&ring, tolerance, &kept);
+            prop_assert!(fate == Fate::Collapsed || kept.len() >= 3);
+        }
+    }
+
+    #[test]
+    fn rdp_does_not_care_where_a_ring_is_cut(seed: u64, turn in 0..90_usize, tolerance in 0.0..2.0) {
+        let ring = star(seed, 90);
+        let mut turned = ring.clone();
+        turned.rotate_left(turn);
+        let place = |i: &u32| (*i as usize + turn) % 90;
+        let (_, kept) = kept_of("rdp", &closed(ring), tolerance);
+        let (_, again) = kept_of("rdp", &closed(turned), tolerance);
+        let mut again: Vec<u32> = again.iter().map(|i| place(i) as u32).collect();
+        again.sort_unstable();
+        prop_assert_eq!(kept, again);
+    }
+
+    #[test]
+    fn rings_have_at_most_one_vertex_more_than_from_the_best_start(
+        seed: u64, tolerance in 0.2..1.5
+    ) {
+        let ring = star(seed, 90);
+        let through = |start: usize| {
+            let mut turned = ring.clone();
+            turned.rotate_left(start);
+            run(imai_iri, &Plane, &closed(turned), tolerance).len() - 1
+        };
+        let best = (0..90).map(through).min();
+        let (_, kept) = kept_of("imai-iri", &closed(ring), tolerance);
+        prop_assert!(best.is_some_and(|best| kept.len() <= best.max(3) + 1));
+    }
+}
+
+#[test]
+fn a_vertex_on_the_side_of_a_square_is_dropped_wherever_the_ring_is_cut() {
+    let square = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 1.0], [0.0, 0.0]];
+    for turn in 0..6 {
+        let mut ring = square.to_vec();
+        ring.rotate_left(turn);
+        for name in ["rdp", "cone", "imai-iri"] {
+            let (fate, kept) = kept_of(name, &closed(ring.clone()), 0.0);
+            assert_eq!((fate, kept.len()), (Fate::Kept, 4), "{name} from {turn}");
+        }
+    }
+}
+
+#[test]
+fn a_ring_smaller_than_the_tolerance_collapses_to_a_triangle() {
+    let ring = closed(star(8, 30));
+    for name in ["rdp", "cone", "imai-iri"] {
+        let (fate, kept) = kept_of(name, &ring, 100.0);
+        assert_eq!((fate, kept.len()), (Fate::Collapsed, 3), "{name}");
+    }
+    let (fate, kept) = kept_of("cone", &[[1.0, 1.0]; 6], 1.0);
+    assert_eq!((fate, kept.len()), (Fate::Collapsed, 1));
+}
+
+#[test]
+fn triangles_on_rings() {
+    let ring = closed(star(9, 30));
+    let fate = |area: f64| {
+        let mut kept = Vec::new();
+        let fate = visvalingam(&Plane, &ring, area, Weight::Plain, &mut kept);
+        (fate, kept.len())
+    };
+    assert_eq!(fate(1e9), (Fate::Collapsed, 3));
+    assert_eq!(fate(0.0), (Fate::Kept, 30));
+    assert_eq!(fate(1e-3).0, Fate::Kept);
+}

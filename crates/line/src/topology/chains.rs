@@ -1,0 +1,238 @@
+//! Chains of vertices, and which of their vertices are kept.
+
+use super::Refine;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::plane::{MOST, Xy};
+
+/// Lines, rings or arcs: all vertices in one slice, chain after chain.
+///
+/// A vertex is known by its number, its place in `points`, everywhere in this module.
+#[derive(Clone, Copy, Debug)]
+pub struct Chains<'a> {
+    /// The vertices of all chains. A closed chain has its first vertex again as its last.
+    pub points: &'a [Xy],
+    /// The number of each chain's first vertex, and at the end the number of all vertices.
+    pub starts: &'a [usize],
+    /// Which chains are closed.
+    pub closed: &'a [bool],
+}
+
+impl Chains<'_> {
+    /// How many chains there are.
+    pub fn count(&self) -> usize {
+        self.closed.len()
+    }
+
+    /// The vertices of a chain.
+    pub fn range(&self, chain: usize) -> std::ops::Range<usize> {
+        self.starts[chain]..self.starts[chain + 1]
+    }
+
+    /// The chain that has a segment from vertex `from` on.
+    pub(super) fn chain_of(&self, from: u32) -> usize {
+        self.starts.partition_point(|&start| start <= from as usize) - 1
+    }
+
+    /// The vertices from one to another, both included.
+    pub(super) fn piece(&self, from: u32, to: u32) -> &[Xy] {
+        &self.points[from as usize..=to as usize]
+    }
+
+    /// Turns away what the rest of the module relies on not to be.
+    ///
+    /// # Errors
+    /// `Usage` for starts that are none; `BadInput` for a coordinate that is not finite or beyond
+    /// [`MOST`], and for a closed chain whose ends differ; `Limit` for 2^32 vertices and more.
+    pub fn check(&self) -> Result<()> {
+        let n = self.points.len();
+        if u32::try_from(n).is_err() {
+            return Err(Error::limit("the number of vertices", n, u32::MAX)
+                .remedy("split the input and simplify its parts"));
+        }
+        let ordered = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
+        let whole = self.starts.first() == Some(&0) && self.starts.last() == Some(&n);
+        if !ordered || !whole || self.starts.len() != self.closed.len() + 1 {
+            return Err(Error::usage("chains do not begin where the ones before them end"));
+        }
+        let sound = |v: f64| v.abs() <= MOST;
+        if let Some(at) = self.points.iter().position(|p| !(sound(p[0]) && sound(p[1]))) {
+            return Err(Error::bad_input(format!(
+                "position {:?} is not finite, or too large",
+                self.points[at]
+            ))
+            .at(format!("vertex {at}"))
+            .remedy("remove or repair the vertex"));
+        }
+        let open = |&chain: &usize| {
+            let all = &self.points[self.range(chain)];
+            self.closed[chain] && all.first() != all.last()
+        };
+        match (0..self.count()).find(open) {
+            Some(chain) => Err(Error::bad_input("a ring does not end where it begins")
+                .at(format!("ring {chain}"))
+                .remedy("repeat its first vertex at its end")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The vertices that are kept of each chain.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// Numbers of vertices, ascending, chain after chain: none of a chain, or at least its first
+    /// and its last vertex.
+    pub vertices: Vec<u32>,
+    /// Where each chain's begin in `vertices`, and at the end how many there are.
+    pub starts: Vec<usize>,
+}
+
+impl Kept {
+    /// Of no chain yet, for [`Kept::close`] to add to.
+    pub fn new() -> Self {
+        Self { vertices: Vec::new(), starts: vec![0] }
+    }
+
+    /// Ends a chain: what was pushed to `vertices` since the last call are its vertices.
+    pub fn close(&mut self) {
+        self.starts.push(self.vertices.len());
+    }
+
+    /// What a method keeps of every chain, as [`super::Refine`] has it.
+    pub fn simplified(chains: &Chains<'_>, method: &mut Refine<'_>) -> Self {
+        let mut kept = Self::new();
+        for chain in 0..chains.count() {
+            let range = chains.range(chain);
+            let (first, last) = (range.start as u32, range.end.saturating_sub(1) as u32);
+            if !range.is_empty() {
+                kept.vertices.push(first);
+            }
+            if first < last {
+                method(chain, first, last, &mut kept.vertices);
+                kept.vertices.push(last);
+            }
+            kept.close();
+        }
+        kept
+    }
+
+    /// Every vertex of every chain.
+    pub fn all(chains: &Chains<'_>) -> Self {
+        let count = u32::try_from(chains.points.len()).unwrap_or(u32::MAX);
+        Self { vertices: (0..count).collect(), starts: chains.starts.to_vec() }
+    }
+
+    /// What is kept of a chain.
+    pub fn of(&self, chain: usize) -> &[u32] {
+        &self.vertices[self.starts[chain]..self.starts[chain + 1]]
+    }
+
+    /// Turns away what is no selection from `chains`.
+    pub(super) fn check(&self, chains: &Chains<'_>) -> Result<()> {
+        let fits = |chain: usize| {
+            let (kept, range) = (self.of(chain), chains.range(chain));
+            let ends = (kept.first(), kept.last());
+            kept.windows(2).all(|pair| pair[0] < pair[1])
+                && ends.0.is_none_or(|&v| v as usize == range.start)
+                && ends.1.is_none_or(|&v| v as usize + 1 == range.end)
+        };
+        let whole = self.starts.len() == chains.starts.len()
+            && self.starts.last() == Some(&self.vertices.len())
+            && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
+        match whole && (0..chains.count()).all(fits) {
+            true => Ok(()),
+            false => Err(Error::usage("the kept vertices are not a selection from the chains")),
+        }
+    }
+}
+
+/// Lets a closed chain begin, and end, at another of its vertices: one that a method for rings keeps,
+/// where it drops the first.
+pub fn open_at<T: Clone>(ring: &mut [T], at: usize) {
+    if let Some(last) = ring.len().checked_sub(1) {
+        ring[..last].rotate_left(at);
+        ring[last] = ring[0].clone();
+    }
+}
+
+/// A set of vertices.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Bits(Vec<u64>);
+
+impl Bits {
+    pub(super) fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    #[inline(always)]
+    pub(super) fn has(&self, v: usize) -> bool {
+        self.0[v / 64] >> (v % 64) & 1 == 1
+    }
+
+    #[inline(always)]
+    pub(super) fn insert(&mut self, v: usize) {
+        self.0[v / 64] |= 1 << (v % 64);
+    }
+
+    #[inline(always)]
+    pub(super) fn remove(&mut self, v: usize) {
+        self.0[v / 64] &= !(1 << (v % 64));
+    }
+
+    /// The members within a range, ascending.
+    pub(super) fn within(
+        &self,
+        range: std::ops::Range<usize>,
+    ) -> impl Iterator<Item = usize> + Clone {
+        let (first, end) = (range.start / 64, range.end.div_ceil(64));
+        (first..end).flat_map(move |word| ones(self.0[word], word * 64)).filter({
+            let range = range.clone();
+            move |v| range.contains(v)
+        })
+    }
+}
+
+/// The places of the ones of a word, counted from `base`.
+fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
+    std::iter::successors(Some(word), |w| Some(w & w.wrapping_sub(1)))
+        .take_while(|&w| w != 0)
+        .map(move |w| base + w.trailing_zeros() as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_within() {
+        let mut bits = Bits::new(200);
+        for v in [0, 63, 64, 100, 199] {
+            bits.insert(v);
+        }
+        bits.remove(100);
+        assert_eq!(bits.within(0..200).collect::<Vec<_>>(), [0, 63, 64, 199]);
+        assert_eq!(bits.within(63..199).collect::<Vec<_>>(), [63, 64]);
+        assert_eq!(bits.within(5..5).count(), 0);
+    }
+
+    #[test]
+    fn rings_open_anywhere() {
+        let mut ring = [1, 2, 3, 4, 1];
+        open_at(&mut ring, 2);
+        assert_eq!(ring, [3, 4, 1, 2, 3]);
+        open_at(&mut ring, 0);
+        assert_eq!(ring, [3, 4, 1, 2, 3]);
+        open_at::<i32>(&mut [], 0);
+    }
+
+    #[test]
+    fn bad_chains_are_named() {
+        let points = [[0.0, 0.0], [1.0, f64::NAN], [0.0, 1.0]];
+        let chains = Chains { points: &points, starts: &[0, 3], closed: &[false] };
+        assert!(chains.check().unwrap_err().to_string().contains("vertex 1"));
+        let points = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let chains = Chains { points: &points, starts: &[0, 3], closed: &[true] };
+        assert!(chains.check().unwrap_err().to_string().contains("ring 0"));
+        let chains = Chains { points: &points, starts: &[0, 4], closed: &[true] };
+        assert!(chains.check().is_err());
+    }
+}

@@ -1,0 +1,197 @@
+//! Simplified chains made free of crossings that the originals did not have.
+//!
+//! What a method of simplification keeps of one chain says nothing about other chains. [`untangle`]
+//! takes chains and their kept vertices, and keeps more of them until
+//!
+//! 1. no two segments cross, touch or overlap, but for common end vertices;
+//! 2. no ring has collapsed or turned over;
+//! 3. every kept vertex, and every given point, is on the side of every chain that it was on.
+//!
+//! A *piece* is a chain's part C from one kept vertex a to the next, b. The closed curve of C and
+//! the segment ba must not wind around a kept vertex of any chain or a given point, and none of them
+//! may lie on the segment. This is the consistency of M. de Berg, M. van Kreveld and S. Schirra,
+//! "Topologically correct subdivision simplification using the bandwidth criterion" (1998). A piece
+//! that breaks a rule is split at its vertex farthest from the segment, and the caller's method is
+//! asked for both halves again, so that its tolerance holds for what comes out. Vertices are never
+//! taken away, and a chain with all of its vertices breaks no rule that the input kept: the end is
+//! always reached.
+//!
+//! **Why this is enough.** The winding number of a ring around a point is that of the simplified ring
+//! plus those of its pieces' curves; as the latter are 0, points stay inside or outside each ring. For
+//! a connected part K of the input without crossings it is enough that one of its points stays: K
+//! crosses neither ring, before or after, so all of it is where that point is. Testing each kept
+//! vertex, and not one for each K, settles in addition which arc is where around a common vertex: if
+//! arc D came to lie on the other side of arc C between common ends, without a crossing, a kept
+//! vertex of one would lie in a region of the other; and were neither to keep one, their segments
+//! would overlap. Vertices that are left out need no test: what is left of their chain is.
+//!
+//! **What the input had.** Where the original segments themselves cross, touch or overlap, pieces are
+//! refined down to them; then the pair is counted and left. Vertices at one position count as one:
+//! chains that touch in common vertices should be cut there first ([`super::arcs`]), so that these are
+//! kept.
+
+mod chains;
+mod cross;
+mod proactive;
+mod region;
+mod rings;
+mod scan;
+mod settle;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub use chains::{Chains, Kept, open_at};
+pub use cross::conflict;
+
+use terrane_base::error::Result;
+use terrane_base::geom::plane::Xy;
+use tree::{Bounds, Tree};
+
+/// What to do with rings that collapse: of which fewer than three vertices would be kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Collapse {
+    /// Keep a ring of three vertices, or as many more as the rules ask for.
+    #[default]
+    Minimal,
+    /// Keep nothing of the ring, if it is one as a whole.
+    Drop,
+    /// Keep all of its vertices.
+    Keep,
+}
+
+/// When a segment is tested.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// All chains are simplified, then what is wrong is refined, until nothing is.
+    #[default]
+    Retroactive,
+    /// A segment is accepted only when all vertices that are there at the time are on the right side
+    /// of it: those accepted so far, and all vertices of chains to come. Slower, and keeps more where
+    /// chains are close, as a chain has to leave room for details that the next one loses.
+    Proactive,
+}
+
+/// How to untangle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// When segments are tested.
+    pub strategy: Strategy,
+    /// What becomes of rings that collapse.
+    pub collapse: Collapse,
+    /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
+    pub loops: &'a [bool],
+}
+
+/// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
+/// vertices of a chain: `(chain, from, to, kept)`.
+pub type Refine<'a> = dyn FnMut(usize, u32, u32, &mut Vec<u32>) + 'a;
+
+/// A method of [`super::METHODS`] as [`Refine`]: `method` appends the indices of what it keeps of a
+/// slice of `vertices`, first and last included.
+pub fn refining<'a, V>(
+    vertices: &'a [V],
+    mut method: impl FnMut(&[V], &mut Vec<u32>) + 'a,
+) -> impl FnMut(usize, u32, u32, &mut Vec<u32>) + 'a {
+    let mut indices = Vec::new();
+    move |_, from, to, kept| {
+        indices.clear();
+        method(&vertices[from as usize..=to as usize], &mut indices);
+        let last = indices.len().saturating_sub(1);
+        kept.extend(indices.iter().take(last).skip(1).map(|i| i + from));
+    }
+}
+
+/// Simplified chains that cross nothing, and how they came to be.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// What is kept.
+    pub kept: Kept,
+    /// Pairs of original segments among the result that cross, touch or overlap off a common vertex,
+    /// each known by its first vertex.
+    pub crossings: Vec<[u32; 2]>,
+    /// Pieces that were split.
+    pub refined: u64,
+    /// Rings that had collapsed when they came, and were dealt with as the option says.
+    pub collapsed: u64,
+    /// Rings without area in the input.
+    pub flat: u64,
+    /// How often what was new was tested.
+    pub rounds: u64,
+}
+
+/// Keeps more of `chains` than `kept`, until the rules of this module hold; `points` stay on their
+/// side. `refine` is the method and tolerance that made `kept`.
+///
+/// O(n log n) for n vertices, plus the pairs of pieces whose boxes meet, plus what `refine` takes.
+/// Memory is linear: about 60 bytes a kept vertex and a quarter of a byte a vertex, besides the
+/// arguments. The result depends on the arguments only.
+///
+/// # Errors
+/// Those of [`Chains::check`]; `Usage` for `kept` that is no selection from `chains`; `BadInput` for
+/// a point that is not finite.
+pub fn untangle(
+    chains: &Chains<'_>,
+    kept: &Kept,
+    points: &[Xy],
+    options: &Options<'_>,
+    refine: &mut Refine<'_>,
+) -> Result<Outcome> {
+    untangle_within(chains, kept, points, options, usize::MAX, refine)
+}
+
+/// Bytes that [`untangle`] takes for each piece that it makes, at most, and most pieces for each vertex.
+pub const PIECE_BYTES: u64 = 170;
+/// As each is made of one that goes.
+pub const PIECES: u64 = 2;
+
+/// As [`untangle`], with no more than so many pieces.
+///
+/// # Errors
+/// `Resource` where there are more; besides those of [`untangle`].
+pub fn untangle_within(
+    chains: &Chains<'_>,
+    kept: &Kept,
+    points: &[Xy],
+    options: &Options,
+    most: usize,
+    refine: &mut Refine<'_>,
+) -> Result<Outcome> {
+    chains.check()?;
+    kept.check(chains)?;
+    let points = Points::new(points)?;
+    let (mut kept, mended) = rings::mend(chains, kept, options, refine);
+    let mut refined = 0;
+    if options.strategy == Strategy::Proactive {
+        (kept, refined) = proactive::accept(chains, &kept, &points, refine);
+    }
+    let mut settling = settle::Settling::new(chains, &kept);
+    if refined > 0 {
+        settling.unturned = 0;
+    }
+    settling.run(&points, most, refine)?;
+    Ok(Outcome {
+        crossings: std::mem::take(&mut settling.crossings),
+        refined: refined + settling.refined,
+        collapsed: mended.collapsed,
+        flat: mended.flat,
+        rounds: settling.rounds,
+        kept: settling.into_kept(&kept),
+    })
+}
+
+/// Given points, and who is near whom.
+#[derive(Debug)]
+struct Points<'a> {
+    at: &'a [Xy],
+    tree: Tree,
+}
+
+impl<'a> Points<'a> {
+    fn new(at: &'a [Xy]) -> Result<Self> {
+        let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
+        alone.check().map_err(|e| e.at("points that keep their side"))?;
+        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| Bounds { low: p, high: p })).collect();
+        Ok(Self { at, tree: Tree::new(&boxes) })
+    }
+}

@@ -1,0 +1,121 @@
+//! Segments tested before they are accepted.
+
+use super::chains::{Bits, Chains, Kept};
+use super::region::farthest;
+use super::scan::any_held;
+use super::tree::{Bounds, Tree};
+use super::{Points, Refine};
+use terrane_base::geom::plane::Xy;
+
+/// Vertices of a chain that share a box.
+const RUN: usize = 16;
+
+/// Chains in the course of being simplified: which vertices are there at the time.
+///
+/// As long as the chains cross nothing, and a shortcut's region has no vertex that is there, nothing
+/// crosses the shortcut either: a segment that did would enter the region through it and would have to
+/// leave it through the chain, or through the shortcut a second time. So vertices are all that has
+/// to be looked at. (De Berg, van Kreveld & Schirra 1998, section 3.)
+#[derive(Debug)]
+pub(super) struct Living<'a> {
+    chains: Chains<'a>,
+    there: Bits,
+    /// Boxes of runs of vertices, known by their first vertex.
+    tree: Tree,
+    points: &'a Points<'a>,
+    groups: Vec<usize>,
+    near: Vec<Xy>,
+}
+
+impl<'a> Living<'a> {
+    /// All vertices of the chains of which `kept` has any.
+    fn new(chains: &Chains<'a>, kept: &Kept, points: &'a Points<'a>) -> Self {
+        let mut there = Bits::new(chains.points.len());
+        let mut runs = Vec::new();
+        for chain in (0..chains.count()).filter(|&chain| !kept.of(chain).is_empty()) {
+            let range = chains.range(chain);
+            for first in range.clone().step_by(RUN) {
+                let end = (first + RUN).min(range.end);
+                (first..end).for_each(|v| there.insert(v));
+                runs.push((first as u32, Bounds::of(&chains.points[first..end])));
+            }
+        }
+        let (groups, near) = (Vec::new(), Vec::new());
+        Self { chains: *chains, there, tree: Tree::new(&runs), points, groups, near }
+    }
+
+    /// Whether nothing that is there lies between a chain's part and the segment of its ends.
+    fn is_free(&mut self, from: u32, to: u32) -> bool {
+        let chain = self.chains.piece(from, to);
+        let bounds = Bounds::of(chain);
+        let ends = [chain[0], chain[chain.len() - 1]];
+        self.near.clear();
+        self.tree.groups_meeting(&bounds, 0, &mut self.groups);
+        for at in self.groups.iter().flat_map(|&g| self.tree.group(g)) {
+            if self.tree.bounds(at).meets(&bounds) {
+                let run = self.run(self.tree.ids[at] as usize);
+                let others = run.filter(|&v| v < from as usize || v > to as usize);
+                let there = others.filter(|&v| self.there.has(v)).map(|v| self.chains.points[v]);
+                self.near.extend(there.filter(|&p| bounds.holds(p) && !ends.contains(&p)));
+            }
+        }
+        self.points.tree.groups_meeting(&bounds, 0, &mut self.groups);
+        for at in self.groups.iter().flat_map(|&g| self.points.tree.group(g)) {
+            let p = self.points.at[self.points.tree.ids[at] as usize];
+            self.near.extend(Some(p).filter(|&p| bounds.holds(p) && !ends.contains(&p)));
+        }
+        !any_held(chain, self.near.iter().copied())
+    }
+
+    /// The vertices of the run that begins with `first`.
+    fn run(&self, first: usize) -> std::ops::Range<usize> {
+        let chain = self.chains.chain_of(first as u32);
+        first..(first + RUN).min(self.chains.starts[chain + 1])
+    }
+
+    /// Takes out the vertices strictly between two.
+    fn remove(&mut self, from: u32, to: u32) {
+        (from as usize + 1..to as usize).for_each(|v| self.there.remove(v));
+    }
+}
+
+/// Simplifies one chain after the other; `kept` is what the method would keep. Returns what is kept
+/// and how many pieces were split.
+pub(super) fn accept(
+    chains: &Chains<'_>,
+    kept: &Kept,
+    points: &Points<'_>,
+    refine: &mut Refine<'_>,
+) -> (Kept, u64) {
+    let mut living = Living::new(chains, kept, points);
+    let (mut accepted, mut refined) = (Kept::new(), 0);
+    let mut halves = Vec::new();
+    for chain in 0..chains.count() {
+        // Pieces to be tested are between neighbours on the stack; the next one is on its top.
+        let mut open: Vec<u32> = kept.of(chain).iter().rev().copied().collect();
+        while let [.., to, from] = open[..] {
+            if to - from == 1 || living.is_free(from, to) {
+                living.remove(from, to);
+                accepted.vertices.push(from);
+                open.pop();
+                continue;
+            }
+            let middle = from + farthest(chains.piece(from, to)) as u32;
+            halves.clear();
+            for (a, b) in [(from, middle), (middle, to)] {
+                if b - a > 1 {
+                    refine(chain, a, b, &mut halves);
+                }
+                halves.push(b);
+            }
+            halves.pop();
+            open.pop();
+            open.extend(halves.iter().rev());
+            open.push(from);
+            refined += 1;
+        }
+        accepted.vertices.extend(open);
+        accepted.close();
+    }
+    (accepted, refined)
+}

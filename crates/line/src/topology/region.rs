@@ -1,0 +1,178 @@
+//! The region between a chain and the segment that replaces it, and what lies in it.
+
+use std::cmp::Ordering;
+
+use super::tree::Bounds;
+use terrane_base::geom::plane::{Xy, orient};
+
+/// Whether `v` lies between `chain` and the segment from its last vertex to its first: the closed
+/// curve of both winds around it, or it lies on the segment. A position on the chain does not: it
+/// had no side. O(n), exact.
+#[inline]
+pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
+    let mut turns = 0;
+    for pair in chain.windows(2) {
+        match turn(pair[0], pair[1], v) {
+            Some(turn) => turns += turn,
+            None => return false,
+        }
+    }
+    // On the closing segment only: it was beside the chain, and is not beside the segment.
+    turn(chain[chain.len() - 1], chain[0], v).is_none_or(|turn| turns + turn != 0)
+}
+
+/// What edge (p, q) adds to the winding number of a curve around `v`, from the crossings of the
+/// ray to the right; `None` when `v` lies on the edge.
+#[inline(always)]
+fn turn(p: Xy, q: Xy, v: Xy) -> Option<i32> {
+    let (below_p, below_q) = (p[1] <= v[1], q[1] <= v[1]);
+    if below_p == below_q {
+        // Only an edge that ends at the height of `v`, or lies in it, can have it.
+        let on = (p == v) | (q == v) | (p[1] == v[1] && q[1] == v[1] && between(p[0], q[0], v[0]));
+        return if on { None } else { Some(0) };
+    }
+    if p[0] < v[0] && q[0] < v[0] {
+        return Some(0);
+    }
+    match (orient(p, q, v), below_p) {
+        (Ordering::Equal, _) => None,
+        (Ordering::Greater, true) => Some(1),
+        (Ordering::Less, false) => Some(-1),
+        _ => Some(0),
+    }
+}
+
+fn between(a: f64, b: f64, v: f64) -> bool {
+    (a <= v && v <= b) || (b <= v && v <= a)
+}
+
+/// The same question for many positions: edges by the bands of y they reach into.
+///
+/// O(n) to make, and a question costs as many edges as its band has.
+#[derive(Debug, Default)]
+pub(super) struct Bands {
+    low: f64,
+    /// Bands by unit of y.
+    scale: f64,
+    starts: Vec<u32>,
+    /// First vertices of edges, band by band; the closing segment is the last vertex's.
+    edges: Vec<u32>,
+}
+
+impl Bands {
+    /// Of a chain with box `bounds`.
+    pub(super) fn new(chain: &[Xy], bounds: &Bounds) -> Self {
+        let height = bounds.high[1] - bounds.low[1];
+        let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
+        let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
+        // So many that an edge reaches into 4 bands at the mean.
+        let wished = (3.0 * chain.len() as f64 * height / climb).min(chain.len() as f64);
+        let count = if wished >= 1.0 { wished as usize } else { 1 };
+        let scale = count as f64 / height;
+        let mut bands =
+            Self { low: bounds.low[1], scale, starts: vec![0; count + 1], edges: vec![] };
+        for (p, q) in edges() {
+            for band in bands.reach(p, q) {
+                bands.starts[band] += 1;
+            }
+        }
+        let mut sum = 0;
+        for start in &mut bands.starts {
+            sum += *start;
+            *start = sum;
+        }
+        bands.edges = vec![0; sum as usize];
+        for (i, (p, q)) in (0..).zip(edges()) {
+            for band in bands.reach(p, q) {
+                bands.starts[band] -= 1;
+                let at = bands.starts[band] as usize;
+                bands.edges[at] = i;
+            }
+        }
+        bands
+    }
+
+    /// [`holds`], for a position within the chain's box.
+    pub(super) fn holds(&self, chain: &[Xy], v: Xy) -> bool {
+        let band = self.band(v[1]);
+        let (mut turns, mut on_segment) = (0, false);
+        for &i in &self.edges[self.starts[band] as usize..self.starts[band + 1] as usize] {
+            let i = i as usize;
+            let last = i + 1 == chain.len();
+            match turn(chain[i], chain[if last { 0 } else { i + 1 }], v) {
+                Some(turn) => turns += turn,
+                None if last => on_segment = true,
+                None => return false,
+            }
+        }
+        turns != 0 || on_segment
+    }
+
+    fn reach(&self, p: &Xy, q: &Xy) -> std::ops::RangeInclusive<usize> {
+        self.band(p[1].min(q[1]))..=self.band(p[1].max(q[1]))
+    }
+
+    fn band(&self, y: f64) -> usize {
+        (((y - self.low) * self.scale) as usize).min(self.starts.len() - 2)
+    }
+}
+
+/// The vertex of `chain` between its ends that is farthest from the segment of its ends, the first
+/// of several; the middle one when all lie on it. For chains of three vertices and more.
+pub(super) fn farthest(chain: &[Xy]) -> usize {
+    let last = chain.len() - 1;
+    let (a, b) = (chain[0], chain[last]);
+    let along = [b[0] - a[0], b[1] - a[1]];
+    let square = along[0] * along[0] + along[1] * along[1];
+    let (mut most, mut at) = (0.0, last / 2);
+    for (i, p) in chain.iter().enumerate().take(last).skip(1) {
+        let out = [p[0] - a[0], p[1] - a[1]];
+        let part = ((out[0] * along[0] + out[1] * along[1]) / square).clamp(0.0, 1.0);
+        let part = if part.is_nan() { 0.0 } else { part };
+        let off = [out[0] - part * along[0], out[1] - part * along[1]];
+        let distance = off[0] * off[0] + off[1] * off[1];
+        if distance > most {
+            (most, at) = (distance, i);
+        }
+    }
+    at
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn inside_outside_and_on_it() {
+        let bump = [[0.0, 0.0], [1.0, 2.0], [2.0, 2.0], [3.0, 0.0]];
+        assert!(holds(&bump, [1.5, 1.0]));
+        assert!(holds(&bump, [1.5, 0.0]), "on the segment");
+        assert!(!holds(&bump, [1.5, 2.0]), "on the chain");
+        assert!(!holds(&bump, [1.0, 2.0]), "a vertex");
+        assert!(!holds(&bump, [1.5, -1.0]));
+        assert!(!holds(&bump, [0.2, 1.0]));
+    }
+
+    #[test]
+    fn farthest_vertex() {
+        assert_eq!(farthest(&[[0.0, 0.0], [1.0, 1.0], [2.0, 3.0], [3.0, 3.0], [4.0, 0.0]]), 2);
+        assert_eq!(farthest(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [4.0, 0.0]]), 2);
+        assert_eq!(farthest(&[[0.0, 0.0], [1.0, 0.0], [9.0, 0.0], [0.0, 0.0]]), 2);
+    }
+
+    proptest! {
+        #[test]
+        fn bands_say_the_same(
+            chain in proptest::collection::vec((0i32..9, 0i32..9), 2..60),
+            v in (0i32..9, 0i32..9),
+        ) {
+            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1)];
+            let chain: Vec<Xy> = chain.into_iter().map(at).collect();
+            let bounds = Bounds::of(&chain);
+            prop_assume!(bounds.holds(at(v)));
+            let bands = Bands::new(&chain, &bounds);
+            prop_assert_eq!(bands.holds(&chain, at(v)), holds(&chain, at(v)));
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Rings that collapse or turn over.
+
+use std::cmp::Ordering;
+
+use super::chains::{Chains, Kept};
+use super::region::farthest;
+use super::{Collapse, Options, Refine};
+use terrane_base::geom::plane::{Xy, area_sign, orient};
+
+/// What became of the rings.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Mended {
+    /// Rings that had collapsed.
+    pub(super) collapsed: u64,
+    /// Rings without area in the input.
+    pub(super) flat: u64,
+}
+
+/// Gives every ring an area of the sign it had, or takes it away where it has collapsed, as the options
+/// say.
+///
+/// O(vertices) besides the calls of `refine`.
+pub(super) fn mend(
+    chains: &Chains<'_>,
+    kept: &Kept,
+    options: &Options<'_>,
+    refine: &mut Refine<'_>,
+) -> (Kept, Mended) {
+    let mut result = Kept::new();
+    result.vertices.reserve(kept.vertices.len() + 2 * chains.count());
+    let mut mended = Mended::default();
+    for chain in 0..chains.count() {
+        let old = kept.of(chain);
+        match chains.closed[chain] && !old.is_empty() {
+            true => {
+                let mut ring = Ring { chains, chain, refine, out: &mut result.vertices };
+                let is_loop = options.loops.get(chain) == Some(&true);
+                let collapse = match options.collapse {
+                    Collapse::Drop if is_loop => Collapse::Minimal,
+                    other => other,
+                };
+                ring.mend(old, collapse, &mut mended);
+            }
+            false => result.vertices.extend_from_slice(old),
+        }
+        result.close();
+    }
+    (result, mended)
+}
+
+/// One ring, and where its kept vertices go.
+struct Ring<'a, 'b> {
+    chains: &'a Chains<'a>,
+    chain: usize,
+    refine: &'a mut Refine<'b>,
+    out: &'a mut Vec<u32>,
+}
+
+impl Ring<'_, '_> {
+    fn mend(&mut self, kept: &[u32], collapse: Collapse, mended: &mut Mended) {
+        let sign = area_sign(self.chains.points[self.chains.range(self.chain)].iter().copied());
+        let (has_collapsed, is_flat) = (kept.len() < 4, sign == Ordering::Equal);
+        match (has_collapsed, collapse) {
+            (false, _) if is_flat => self.out.extend_from_slice(kept),
+            (false, _) => self.turn(kept.to_vec(), sign),
+            (true, Collapse::Drop) => {}
+            (true, Collapse::Minimal) if !is_flat => self.least(kept, sign),
+            (true, _) => self.all(),
+        }
+        mended.collapsed += u64::from(has_collapsed);
+        mended.flat += u64::from(is_flat);
+    }
+
+    /// The sign of the area of vertices that begin and end with the ring's first.
+    fn sign(&self, kept: &[u32]) -> Ordering {
+        area_sign(kept.iter().map(|&v| self.at(v)))
+    }
+
+    fn at(&self, v: u32) -> Xy {
+        self.chains.points[v as usize]
+    }
+
+    fn all(&mut self) {
+        let range = self.chains.range(self.chain);
+        self.out.extend(range.start as u32..range.end as u32);
+    }
+
+    /// Keeps the ring's first vertex, the kept one or the one farthest from it, and the one that
+    /// gives them the largest triangle of the right sign; and what the method keeps between them.
+    fn least(&mut self, kept: &[u32], sign: Ordering) {
+        let (first, last) = (kept[0], kept[kept.len() - 1]);
+        if last - first == 3 {
+            return self.all();
+        }
+        let far = match kept {
+            [_, far, _] => *far,
+            _ => first + farthest(self.chains.piece(first, last)) as u32,
+        };
+        let apex = self.apex([first, far, last], sign);
+        let mut corners = vec![first, far, last];
+        corners.extend(apex);
+        corners.sort_unstable();
+        let kept = self.refined(&corners);
+        self.turn(kept, sign)
+    }
+
+    /// The vertex besides `far` that makes the largest triangle of the given sign, if one does.
+    fn apex(&self, [first, far, last]: [u32; 3], sign: Ordering) -> Option<u32> {
+        let (a, b) = (self.at(first), self.at(far));
+        let way = if sign == Ordering::Less { -1.0 } else { 1.0 };
+        let (mut most, mut best) = (0.0, None);
+        for v in (first + 1..last).filter(|&v| v != far) {
+            let p = self.at(v);
+            let area = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+            let area = if v > far { area * way } else { -area * way };
+            if area > most {
+                (most, best) = (area, Some(v));
+            }
+        }
+        best.filter(|&v| {
+            let p = self.at(v);
+            sign == if v > far { orient(a, b, p) } else { orient(a, p, b) }
+        })
+    }
+
+    /// `corners` and what the method keeps between them.
+    fn refined(&mut self, corners: &[u32]) -> Vec<u32> {
+        let mut all = vec![corners[0]];
+        for pair in corners.windows(2) {
+            if pair[1] - pair[0] > 1 {
+                (self.refine)(self.chain, pair[0], pair[1], &mut all);
+            }
+            all.push(pair[1]);
+        }
+        all
+    }
+
+    /// Refines every piece until the area has the sign; the whole ring has it.
+    fn turn(&mut self, mut kept: Vec<u32>, sign: Ordering) {
+        while kept.len() < 4 || self.sign(&kept) != sign {
+            let mut corners = vec![kept[0]];
+            for pair in kept.windows(2) {
+                if pair[1] - pair[0] > 1 {
+                    let middle = farthest(self.chains.piece(pair[0], pair[1]));
+                    corners.push(pair[0] + middle as u32);
+                }
+                corners.push(pair[1]);
+            }
+            kept = self.refined(&corners);
+        }
+        self.out.append(&mut kept);
+    }
+}

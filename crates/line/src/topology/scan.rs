@@ -1,0 +1,212 @@
+//! Looking for what is wrong among pieces: crossings, and vertices on another side.
+
+use std::ops::Range;
+
+use super::chains::{Bits, Chains};
+use super::cross::conflict;
+use super::region::{Bands, holds};
+use super::tree::{Bounds, Tree};
+use terrane_base::geom::plane::Xy;
+
+/// A chain's part from one kept vertex to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    pub(super) from: u32,
+    pub(super) to: u32,
+}
+
+impl Piece {
+    /// True when the piece is a segment of the chain, with nothing left out.
+    pub(super) fn is_original(self) -> bool {
+        self.to - self.from <= 1
+    }
+}
+
+/// Pieces with more vertices than this have their candidates tested together.
+const LONG: u32 = 48;
+
+/// Candidates of long pieces that are held before they are tested.
+const MOST_HELD: usize = 1 << 20;
+
+/// What a scan found.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// Pairs of pieces whose segments meet off a common end.
+    pub(super) crossings: Vec<(u32, u32)>,
+    /// Pieces with a kept vertex or a point between chain and segment; may hold one repeatedly.
+    pub(super) wrong: Vec<u32>,
+    /// Candidates of long pieces, not tested yet.
+    held: Vec<(u32, Xy)>,
+}
+
+/// Pieces of one round: boxes of their chains' parts, and beside them what else a test looks at.
+#[derive(Debug)]
+pub(super) struct Layer {
+    pub(super) tree: Tree,
+    /// In the order of the tree.
+    spans: Vec<Span>,
+}
+
+/// A piece and its segment.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    piece: Piece,
+    ends: [Xy; 2],
+}
+
+impl Layer {
+    /// Of `(number, box)`.
+    pub(super) fn new(items: &[(u32, Bounds)], pieces: &[Piece], points: &[Xy]) -> Self {
+        let tree = Tree::new(items);
+        let span = |&id: &u32| {
+            let piece = pieces[id as usize];
+            Span { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
+        };
+        Self { spans: tree.ids.iter().map(span).collect(), tree }
+    }
+
+    #[inline(always)]
+    fn item(&self, at: usize) -> Item<'_> {
+        Item { id: self.tree.ids[at], bounds: self.tree.bounds(at), span: &self.spans[at] }
+    }
+}
+
+/// A piece in a layer.
+#[derive(Clone, Copy, Debug)]
+struct Item<'a> {
+    id: u32,
+    bounds: &'a Bounds,
+    span: &'a Span,
+}
+
+/// All pieces, dead or alive, for reading only: scans of different groups can go on at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View<'a> {
+    pub(super) chains: Chains<'a>,
+    pub(super) pieces: &'a [Piece],
+    /// Which pieces have not been replaced by finer ones.
+    pub(super) alive: &'a [bool],
+    /// The last vertices of open chains: those that no piece begins with.
+    pub(super) ends: &'a Bits,
+}
+
+impl View<'_> {
+    /// Tests every pair of pieces of a layer, all of them alive, once.
+    pub(super) fn within(&self, layer: &Layer, found: &mut Found) {
+        let tree = &layer.tree;
+        let mut groups = Vec::new();
+        for group in 0..tree.groups() {
+            let around = tree.around(group);
+            tree.groups_meeting(&around, group + 1, &mut groups);
+            for q in tree.group(group) {
+                let rest = q + 1..tree.group(group).end;
+                self.one_to_many(layer.item(q), (layer, rest), found);
+            }
+            for q in groups.iter().flat_map(|&g| tree.group(g)) {
+                if tree.bounds(q).meets(&around) {
+                    self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
+                }
+            }
+            self.test_held(found, MOST_HELD);
+        }
+    }
+
+    /// Tests every piece of `fresh` against every living one of `old`. Fresh pieces are few and lie
+    /// here and there, so each looks for itself.
+    pub(super) fn between(&self, fresh: &Layer, old: &Layer, found: &mut Found) {
+        let mut groups = Vec::new();
+        for item in (0..fresh.spans.len()).map(|at| fresh.item(at)) {
+            old.tree.groups_meeting(item.bounds, 0, &mut groups);
+            for q in groups.iter().flat_map(|&g| old.tree.group(g)) {
+                if old.tree.bounds(q).meets(item.bounds) && self.alive[old.tree.ids[q] as usize] {
+                    self.pair(item, old.item(q), found);
+                }
+            }
+            self.test_held(found, MOST_HELD);
+        }
+    }
+
+    /// Tests every piece of `fresh` against given points; the ids of `tree` are their numbers.
+    pub(super) fn points(&self, fresh: &Layer, tree: &Tree, points: &[Xy], found: &mut Found) {
+        let mut groups = Vec::new();
+        for group in 0..fresh.tree.groups() {
+            tree.groups_meeting(&fresh.tree.around(group), 0, &mut groups);
+            for other in groups.iter().flat_map(|&g| tree.group(g)) {
+                for at in fresh.tree.group(group) {
+                    self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
+                }
+            }
+            self.test_held(found, MOST_HELD);
+        }
+    }
+
+    #[inline(always)]
+    fn one_to_many(&self, one: Item<'_>, (layer, many): (&Layer, Range<usize>), found: &mut Found) {
+        for p in many {
+            if layer.tree.bounds(p).meets(one.bounds) {
+                self.pair(layer.item(p), one, found);
+            }
+        }
+    }
+
+    #[inline]
+    fn pair(&self, p: Item<'_>, q: Item<'_>, found: &mut Found) {
+        let (s, t) = (p.span.ends, q.span.ends);
+        if conflict(s, t) && s[0] != s[1] && t[0] != t[1] {
+            found.crossings.push((p.id, q.id));
+        }
+        self.side(p, q.span, found);
+        self.side(q, p.span, found);
+    }
+
+    /// Tests the kept vertices that `other` stands for against a piece.
+    #[inline]
+    fn side(&self, item: Item<'_>, other: &Span, found: &mut Found) {
+        self.candidate(item, other.ends[0], found);
+        if self.ends.has(other.piece.to as usize) {
+            self.candidate(item, other.ends[1], found);
+        }
+    }
+
+    /// Tests a position that must not lie between chain and segment of a piece.
+    #[inline]
+    fn candidate(&self, item: Item<'_>, v: Xy, found: &mut Found) {
+        let Span { piece, ends } = *item.span;
+        if piece.is_original()
+            || !item.bounds.holds(v)
+            || ends.contains(&v)
+            || found.wrong.last() == Some(&item.id)
+        {
+            return;
+        }
+        if piece.to - piece.from > LONG {
+            found.held.push((item.id, v));
+        } else if holds(self.chains.piece(piece.from, piece.to), v) {
+            found.wrong.push(item.id);
+        }
+    }
+
+    /// Tests the candidates of long pieces, once there are more than `most` of them.
+    pub(super) fn test_held(&self, found: &mut Found, most: usize) {
+        if found.held.len() <= most {
+            return;
+        }
+        let mut held = std::mem::take(&mut found.held);
+        held.sort_by_key(|&(i, _)| i);
+        for run in held.chunk_by(|p, q| p.0 == q.0) {
+            let piece = self.pieces[run[0].0 as usize];
+            if any_held(self.chains.piece(piece.from, piece.to), run.iter().map(|c| c.1)) {
+                found.wrong.push(run[0].0);
+            }
+        }
+    }
+}
+
+/// Whether any of several positions lies between a chain and its segment, as [`holds`] has it.
+pub(super) fn any_held(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item = Xy>) -> bool {
+    if candidates.len() < 4 {
+        return candidates.any(|v| holds(chain, v));
+    }
+    let bands = Bands::new(chain, &Bounds::of(chain));
+    candidates.any(|v| bands.holds(chain, v))
+}

@@ -1,0 +1,229 @@
+//! Round by round: test what is new, split what is wrong.
+
+use std::cmp::Ordering;
+
+use super::chains::{Bits, Chains, Kept};
+use super::region::farthest;
+use super::scan::{Found, Layer, Piece, View};
+use super::tree::Bounds;
+use super::{Points, Refine};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::plane::area_sign;
+
+/// Rounds after which pieces are split in the middle: from there on, the number of rounds is
+/// logarithmic, whatever the chains look like.
+const ROUNDS_AT_FARTHEST: u64 = 40;
+
+/// Layers that are kept apart; more are made one.
+const MOST_LAYERS: usize = 6;
+
+/// The state of the chains between rounds.
+#[derive(Debug)]
+pub(super) struct Settling<'a> {
+    chains: Chains<'a>,
+    /// All kept vertices.
+    kept: Bits,
+    /// The last vertices of open chains.
+    ends: Bits,
+    pieces: Vec<Piece>,
+    alive: Vec<bool>,
+    /// Pieces of earlier rounds.
+    layers: Vec<Layer>,
+    /// The first piece made since rings were last looked at whether they turned over.
+    pub(super) unturned: usize,
+    pub(super) crossings: Vec<[u32; 2]>,
+    pub(super) refined: u64,
+    pub(super) rounds: u64,
+}
+
+impl<'a> Settling<'a> {
+    /// `kept` has rings of the sign they had.
+    pub(super) fn new(chains: &Chains<'a>, kept: &Kept) -> Self {
+        let n = chains.points.len();
+        let mut settling = Self {
+            chains: *chains,
+            kept: Bits::new(n),
+            ends: Bits::new(n),
+            pieces: Vec::with_capacity(kept.vertices.len()),
+            alive: Vec::new(),
+            layers: Vec::new(),
+            unturned: 0,
+            crossings: Vec::new(),
+            refined: 0,
+            rounds: 0,
+        };
+        for chain in 0..chains.count() {
+            settling.add(kept.of(chain));
+            if let (false, Some(&last)) = (chains.closed[chain], kept.of(chain).last()) {
+                settling.ends.insert(last as usize);
+            }
+        }
+        settling.unturned = settling.pieces.len();
+        settling
+    }
+
+    /// Adds the pieces between kept vertices; a chain that is one vertex is a piece, too.
+    fn add(&mut self, kept: &[u32]) {
+        for &v in kept {
+            self.kept.insert(v as usize);
+        }
+        let pieces = kept.windows(2).map(|pair| Piece { from: pair[0], to: pair[1] });
+        self.pieces.extend(pieces);
+        if let &[v] = kept {
+            self.pieces.push(Piece { from: v, to: v });
+        }
+        self.alive.resize(self.pieces.len(), true);
+    }
+
+    /// Goes on until nothing is wrong, or there are more than `most` pieces.
+    pub(super) fn run(
+        &mut self,
+        points: &Points<'_>,
+        most: usize,
+        refine: &mut Refine<'_>,
+    ) -> Result<()> {
+        let mut first = 0;
+        while first < self.pieces.len() {
+            if self.pieces.len() > most {
+                let message = format!("more than {most} pieces of lines are looked at together");
+                return Err(Error::new(ErrorKind::Resource, message));
+            }
+            let fresh = self.layer_from(first);
+            let found = self.scan(&fresh, points);
+            self.layers.push(fresh);
+            self.rounds += 1;
+            let mut wrong = self.judge(found);
+            if wrong.is_empty() {
+                wrong = self.turned();
+            }
+            first = self.pieces.len();
+            for i in wrong {
+                self.split(i, refine);
+            }
+            if self.layers.len() > MOST_LAYERS {
+                self.merge_layers();
+            }
+        }
+        Ok(())
+    }
+
+    fn layer_from(&self, first: usize) -> Layer {
+        let bounds = |piece: &Piece| Bounds::of(self.chains.piece(piece.from, piece.to));
+        let fresh = self.pieces[first..].iter().map(bounds);
+        let items: Vec<_> = (first as u32..).zip(fresh).collect();
+        Layer::new(&items, &self.pieces, self.chains.points)
+    }
+
+    /// Makes all layers but the first one layer.
+    fn merge_layers(&mut self) {
+        let mut items = Vec::new();
+        for Layer { tree, .. } in self.layers.drain(1..) {
+            let all = tree.ids.iter().enumerate();
+            items.extend(
+                all.filter(|(_, id)| self.alive[**id as usize])
+                    .map(|(at, &id)| (id, *tree.bounds(at))),
+            );
+        }
+        items.sort_by_key(|&(id, _)| id);
+        let merged = Layer::new(&items, &self.pieces, self.chains.points);
+        self.layers.push(merged);
+    }
+
+    fn scan(&self, fresh: &Layer, points: &Points<'_>) -> Found {
+        let view = View {
+            chains: self.chains,
+            pieces: &self.pieces,
+            alive: &self.alive,
+            ends: &self.ends,
+        };
+        let mut found = Found::default();
+        view.within(fresh, &mut found);
+        for old in &self.layers {
+            view.between(fresh, old, &mut found);
+        }
+        view.points(fresh, &points.tree, points.at, &mut found);
+        view.test_held(&mut found, 0);
+        found
+    }
+
+    /// The pieces to split, ascending, once each. A crossing is blamed on vertices that are on the
+    /// wrong side, where there are some; else on both pieces.
+    fn judge(&mut self, found: Found) -> Vec<u32> {
+        let mut wrong = found.wrong;
+        wrong.sort_unstable();
+        wrong.dedup();
+        let known = wrong.len();
+        for (i, j) in found.crossings {
+            let original = [i, j].map(|i| self.pieces[i as usize].is_original());
+            if original == [true, true] {
+                self.crossings.push([i, j].map(|i| self.pieces[i as usize].from));
+            } else if ![i, j].iter().any(|i| wrong[..known].binary_search(i).is_ok()) {
+                let blamed = [i, j].into_iter().zip(original).filter(|(_, whole)| !whole);
+                wrong.extend(blamed.map(|(i, _)| i));
+            }
+        }
+        wrong.sort_unstable();
+        wrong.dedup();
+        wrong
+    }
+
+    /// The pieces to split of rings that have turned over, of those with new pieces.
+    fn turned(&mut self) -> Vec<u32> {
+        let first = std::mem::replace(&mut self.unturned, self.pieces.len());
+        let fresh = self.pieces[first..].iter();
+        let mut rings: Vec<usize> = fresh.map(|piece| self.chains.chain_of(piece.from)).collect();
+        rings.dedup();
+        rings.sort_unstable();
+        rings.dedup();
+        rings.retain(|&ring| self.chains.closed[ring] && self.has_turned(ring));
+        if rings.is_empty() {
+            return Vec::new();
+        }
+        let of_turned = |piece: &Piece| {
+            !piece.is_original() && rings.binary_search(&self.chains.chain_of(piece.from)).is_ok()
+        };
+        let all = self.pieces.iter().enumerate();
+        all.filter(|(i, piece)| self.alive[*i] && of_turned(piece)).map(|(i, _)| i as u32).collect()
+    }
+
+    fn has_turned(&self, ring: usize) -> bool {
+        let range = self.chains.range(ring);
+        let at = |v: usize| self.chains.points[v];
+        let now = area_sign(self.kept.within(range.clone()).map(at));
+        let then = area_sign(range.map(at));
+        now != then && then != Ordering::Equal
+    }
+
+    /// Replaces a piece by finer ones.
+    fn split(&mut self, i: u32, refine: &mut Refine<'_>) {
+        let Piece { from, to } = self.pieces[i as usize];
+        let chain = self.chains.chain_of(from);
+        let middle = match self.rounds <= ROUNDS_AT_FARTHEST {
+            true => from + farthest(self.chains.piece(from, to)) as u32,
+            false => from + (to - from) / 2,
+        };
+        let mut kept = vec![from];
+        for (a, b) in [(from, middle), (middle, to)] {
+            if b - a > 1 {
+                refine(chain, a, b, &mut kept);
+            }
+            kept.push(b);
+        }
+        self.alive[i as usize] = false;
+        self.add(&kept);
+        self.refined += 1;
+    }
+
+    /// All that is kept; `before` tells the chains of which nothing is.
+    pub(super) fn into_kept(self, before: &Kept) -> Kept {
+        let mut kept = Kept::new();
+        for chain in 0..self.chains.count() {
+            if !before.of(chain).is_empty() {
+                let vertices = self.kept.within(self.chains.range(chain));
+                kept.vertices.extend(vertices.map(|v| v as u32));
+            }
+            kept.close();
+        }
+        kept
+    }
+}

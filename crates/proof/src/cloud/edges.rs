@@ -1,0 +1,91 @@
+//! How triangles meet, where the mesh ends, and whether its vertices are points.
+
+use std::mem::size_of;
+
+use super::Part;
+use super::plumb::position;
+use super::strips::Strips;
+use terrane_base::geom::Point;
+use crate::edges::{Corners, Meeting, compare_vertices};
+use crate::exact::double_area;
+use crate::{Position, Tally, Triangle, Vertex};
+
+/// Bytes of the tables below for one triangle, beyond those of [`Corners`]: vertices in strips and
+/// open edges.
+pub(super) const MORE_BYTES_PER_TRIANGLE: usize = 4 * size_of::<Position>();
+
+/// Judges the edges and vertices that `part` owns.
+pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
+    let corners = Corners::new(part.triangles, |at, heights| {
+        if part.domain.owns(at) {
+            check_vertex(part, at, heights, tally);
+        }
+    });
+    compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
+    let mut open = Vec::new();
+    corners.each_edge(|ends, meeting| {
+        let is_owned = part.domain.owns(ends[0]);
+        if is_owned {
+            tally.edge(ends, meeting);
+        }
+        if let Meeting::Open(apex) = meeting {
+            if is_owned && !part.hull.has_edge(ends, apex) {
+                tally.cracks.add(ends[0]);
+            }
+            open.push(ends);
+        }
+    });
+    t_junctions(part, corners.positions, &open, tally);
+}
+
+/// Counts a position with several heights, one that is not a point's, and one beyond the hull.
+fn check_vertex(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tally) {
+    if heights.iter().any(|&z| z != heights[0]) {
+        tally.split_heights.add(at);
+    }
+    if !heights.iter().all(|&z| is_point(part.points, at, z)) {
+        tally.off_samples.add(at);
+    }
+    if !part.hull.contains(at) {
+        tally.outside.add(at);
+    }
+}
+
+/// True when one of `points` is exactly there.
+fn is_point(points: &[Point], at: Position, z: f64) -> bool {
+    let found = points.partition_point(|point| position(*point) < at);
+    let here = points[found..].iter().take_while(|point| position(**point) == at);
+    here.into_iter().any(|point| f64::from(point.z) == z)
+}
+
+/// Counts the owned vertices strictly inside an edge of one triangle.
+fn t_junctions(
+    part: &Part<'_>,
+    mut vertices: Vec<Position>,
+    open: &[[Position; 2]],
+    tally: &mut Tally,
+) {
+    vertices.retain(|&at| part.domain.owns(at));
+    let strips = Strips::new(vertices);
+    let mut hit = Vec::new();
+    for ends in open.iter().filter(|ends| touches(part, ends)) {
+        strips.visit(ends, |range| {
+            let near = strips.things()[range].iter().copied();
+            hit.extend(near.filter(|&at| is_between(ends, at)));
+        });
+    }
+    hit.sort_unstable();
+    hit.dedup();
+    hit.into_iter().for_each(|at| tally.t_junctions.add(at));
+}
+
+/// False for edges that the part only has because their triangles reach into it.
+fn touches(part: &Part<'_>, &[p, q]: &[Position; 2]) -> bool {
+    let corner = |at| Vertex { at, z: 0.0 };
+    part.domain.may_touch(&Triangle { corners: [p, q, q].map(corner) })
+}
+
+/// True strictly inside the edge; the lower of its ends comes first.
+fn is_between(&[p, q]: &[Position; 2], at: Position) -> bool {
+    p < at && at < q && double_area(p, q, at) == 0
+}

@@ -1,0 +1,289 @@
+//! The convex hull of a stream of points, and what lies on its sides.
+
+use crate::Position;
+use crate::exact::double_area;
+
+/// Positions after which a pool is worth reducing, at least.
+const LEAST_POOL: usize = 4096;
+/// Directions whose outermost positions guard a pool, counter-clockwise.
+const COMPASS: [[i64; 2]; 8] =
+    [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
+
+/// A position in whole steps: column, row.
+type Spot = [i32; 2];
+
+/// Twice the area of (a, b, c); exact for coordinates from 0 to below 2^30.
+fn turn(a: Spot, b: Spot, c: Spot) -> i64 {
+    let d = |p: i32, q: i32| i64::from(p) - i64::from(q);
+    d(b[0], a[0]) * d(c[1], a[1]) - d(b[1], a[1]) * d(c[0], a[0])
+}
+
+/// Gathers the convex hull of positions as they come. Memory: in proportion to the hull. Any order
+/// and any grouping give the same hull.
+#[derive(Clone, Debug, Default)]
+pub struct Wrap {
+    pool: Vec<Spot>,
+    /// A convex polygon, counter-clockwise; what is strictly inside is no corner of the hull.
+    guard: Vec<Spot>,
+    reduced: usize,
+}
+
+impl Wrap {
+    /// Adds a position, whose coordinates are from 0 to below 2^30.
+    pub fn add(&mut self, at: [i32; 2]) {
+        if self.is_inside(at) {
+            return;
+        }
+        self.pool.push(at);
+        if self.pool.len() >= LEAST_POOL.max(2 * self.reduced) {
+            self.reduce();
+        }
+    }
+
+    /// Adds what another one gathered.
+    pub fn merge(&mut self, other: Self) {
+        other.pool.into_iter().for_each(|at| self.add(at));
+    }
+
+    /// The hull of everything added; `None` when that has no area.
+    pub fn finish(mut self) -> Option<Hull> {
+        self.reduce();
+        (self.pool.len() > 2).then(|| Hull::new(&self.pool))
+    }
+
+    fn is_inside(&self, at: Spot) -> bool {
+        let next = self.guard.iter().cycle().skip(1);
+        self.guard.len() > 2 && self.guard.iter().zip(next).all(|(&a, &b)| turn(a, b, at) > 0)
+    }
+
+    fn reduce(&mut self) {
+        self.pool = ring(std::mem::take(&mut self.pool));
+        self.reduced = self.pool.len();
+        let along = |at: &Spot, [x, y]: [i64; 2]| i64::from(at[0]) * x + i64::from(at[1]) * y;
+        let pool = self.pool.iter().copied();
+        let far = |way| pool.clone().max_by_key(|at| (along(at, way), *at));
+        self.guard = COMPASS.into_iter().filter_map(far).collect();
+        self.guard.dedup();
+        if self.guard.first() == self.guard.last() {
+            self.guard.pop();
+        }
+    }
+}
+
+/// The corners of the convex hull, counter-clockwise from the lowest row, then column; without those
+/// inside a side. A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions"
+/// (1979), with rows in place of columns.
+fn ring(mut spots: Vec<Spot>) -> Vec<Spot> {
+    spots.sort_unstable_by_key(|&[col, row]| (row, col));
+    spots.dedup();
+    if spots.len() < 3 {
+        return spots;
+    }
+    let mut ring = chain(spots.iter().copied());
+    ring.pop();
+    let mut back = chain(spots.iter().rev().copied());
+    back.pop();
+    ring.append(&mut back);
+    ring
+}
+
+/// Half of a hull: turns left at every position that it keeps.
+fn chain(spots: impl Iterator<Item = Spot>) -> Vec<Spot> {
+    let mut chain: Vec<Spot> = Vec::new();
+    for spot in spots {
+        while let [.., a, b] = chain[..]
+            && turn(a, b, spot) <= 0
+        {
+            chain.pop();
+        }
+        chain.push(spot);
+    }
+    chain
+}
+
+/// A side of a hull, the hull on its left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Side {
+    from: Position,
+    to: Position,
+}
+
+impl Side {
+    /// True when this side runs back: by its angle it comes in the second half of a turn that begins
+    /// eastward.
+    fn runs_back(&self) -> bool {
+        let (rows, cols) = (self.to.row - self.from.row, self.to.col - self.from.col);
+        rows < 0 || rows == 0 && cols < 0
+    }
+
+    /// True when it comes before `other` by its angle.
+    fn is_before(&self, other: &Self) -> bool {
+        match (self.runs_back(), other.runs_back()) {
+            (false, true) => true,
+            (true, false) => false,
+            _ => self.cross(other) > 0,
+        }
+    }
+
+    fn cross(&self, other: &Self) -> i128 {
+        let d = |p: i64, q: i64| i128::from(p - q);
+        d(self.to.col, self.from.col) * d(other.to.row, other.from.row)
+            - d(self.to.row, self.from.row) * d(other.to.col, other.from.col)
+    }
+
+    /// True for positions on the side, its ends included.
+    fn holds(&self, at: Position) -> bool {
+        let within = |v: i64, a: i64, b: i64| a.min(b) <= v && v <= a.max(b);
+        double_area(self.from, self.to, at) == 0
+            && within(at.col, self.from.col, self.to.col)
+            && within(at.row, self.from.row, self.to.row)
+    }
+}
+
+/// A convex polygon with an area.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Hull {
+    /// By angle, from eastward round; the first begins at the lowest corner.
+    sides: Vec<Side>,
+}
+
+impl Hull {
+    fn new(ring: &[Spot]) -> Self {
+        let at = |&[col, row]: &Spot| Position::sample(i64::from(col), i64::from(row));
+        let next = ring.iter().cycle().skip(1);
+        let sides = ring.iter().zip(next).map(|(a, b)| Side { from: at(a), to: at(b) });
+        Self { sides: sides.collect() }
+    }
+
+    /// Its corners, counter-clockwise from the lowest row, then column.
+    pub fn corners(&self) -> impl Iterator<Item = Position> {
+        self.sides.iter().map(|side| side.from)
+    }
+
+    /// Twice its area, in the unit of [`Tally::double_area`](crate::Tally::double_area).
+    pub fn double_area(&self) -> i128 {
+        let first = self.sides[0].from;
+        self.sides.iter().map(|side| double_area(first, side.from, side.to)).sum()
+    }
+
+    /// True when the edge between `ends` is (part of) a side, with `apex` on the inner side of it.
+    /// O(log corners).
+    pub(super) fn has_edge(&self, [p, q]: [Position; 2], apex: Position) -> bool {
+        let edge = match double_area(p, q, apex).signum() {
+            0 => return false,
+            1 => Side { from: p, to: q },
+            _ => Side { from: q, to: p },
+        };
+        let same = self.sides.partition_point(|side| side.is_before(&edge));
+        self.sides.get(same).is_some_and(|side| side.holds(p) && side.holds(q))
+    }
+
+    /// True inside and on the outline. O(log corners).
+    pub(super) fn contains(&self, at: Position) -> bool {
+        let (right, left) = self.sides.split_at(self.sides.partition_point(|s| !s.runs_back()));
+        let rising = right.partition_point(|side| side.to.row <= at.row);
+        let falling = left.partition_point(|side| side.to.row >= at.row);
+        let last = |sides: &[Side], i: usize| sides.get(i.min(sides.len() - 1)).copied();
+        let [Some(east), Some(west)] = [last(right, rising), last(left, falling)] else {
+            return false;
+        };
+        let rows = self.sides[0].from.row..=west_top(left).row;
+        let is_left = |side: Side| double_area(side.from, side.to, at) >= 0;
+        rows.contains(&at.row) && is_left(east) && is_left(west)
+    }
+}
+
+/// Where the sides that run back begin: the top of the hull.
+fn west_top(left: &[Side]) -> Position {
+    left[0].from
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn hull(spots: &[Spot]) -> Option<Hull> {
+        let mut wrap = Wrap::default();
+        spots.iter().for_each(|&at| wrap.add(at));
+        wrap.finish()
+    }
+
+    /// Positions with every other on one side of some line through them.
+    fn slow_corners(spots: &[Spot]) -> Vec<Spot> {
+        let is_corner = |&p: &Spot| {
+            let others = || spots.iter().copied().filter(move |&q| q != p);
+            // A corner sees all others within less than half a turn.
+            let first = others().find(|&a| others().all(|b| turn(p, a, b) >= 0));
+            first.is_some_and(|a| {
+                let ahead = |b: Spot| {
+                    let d = |i: usize| i64::from(a[i] - p[i]) * i64::from(b[i] - p[i]);
+                    d(0) + d(1) > 0
+                };
+                others().all(|b| turn(p, a, b) > 0 || ahead(b))
+            })
+        };
+        let mut corners: Vec<Spot> = spots.iter().copied().filter(is_corner).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        corners
+    }
+
+    fn at([col, row]: Spot) -> Position {
+        Position::sample(i64::from(col), i64::from(row))
+    }
+
+    #[test]
+    fn no_area_no_hull() {
+        assert_eq!(hull(&[]), None);
+        assert_eq!(hull(&[[3, 4]; 5]), None);
+        assert_eq!(hull(&[[0, 0], [2, 2], [1, 1], [7, 7]]), None);
+    }
+
+    #[test]
+    fn sides_and_parts_of_them_are_edges_of_the_hull_and_no_others() {
+        let hull = hull(&[[0, 0], [8, 0], [8, 4], [0, 4], [3, 1]]).unwrap();
+        let has = |p, q, apex| hull.has_edge([at(p), at(q)], at(apex));
+        assert!(has([0, 0], [8, 0], [1, 1]) && has([2, 4], [5, 4], [1, 1]));
+        assert!(has([0, 1], [0, 3], [1, 1]) && has([8, 0], [8, 4], [1, 1]));
+        assert!(!has([0, 0], [9, 0], [1, 1]), "beyond its end");
+        assert!(!has([0, 0], [8, 0], [1, -1]), "on the outer side");
+        assert!(!has([0, 0], [8, 4], [8, 0]) && !has([0, 1], [8, 1], [1, 2]));
+        assert!(!has([0, 0], [8, 0], [4, 0]), "no triangle");
+    }
+
+    #[test]
+    fn a_large_stream_is_reduced_on_the_way() {
+        let mut wrap = Wrap::default();
+        for i in 0..200_000i64 {
+            wrap.add([i * 7919 % 1_000_003, i * 104_729 % 999_983].map(|v| v as i32));
+        }
+        assert!(wrap.pool.len() < 2 * LEAST_POOL, "{}", wrap.pool.len());
+    }
+
+    proptest! {
+        #[test]
+        fn a_hull_has_the_corners_that_the_definition_says(
+            spots in prop::collection::vec([0..12i32, 0..12i32], 1..40), cut in 0..40usize
+        ) {
+            let cut = cut.min(spots.len());
+            let (mut one, mut two) = (Wrap::default(), Wrap::default());
+            spots[..cut].iter().for_each(|&at| one.add(at));
+            one.reduce();
+            spots[cut..].iter().for_each(|&at| two.add(at));
+            two.reduce();
+            one.merge(two);
+            let found = one.finish();
+            prop_assert_eq!(&found, &hull(&spots));
+            let Some(hull) = found else { return Ok(()) };
+            let mut corners: Vec<Position> = hull.corners().collect();
+            corners.sort_unstable_by_key(|at| (at.col, at.row));
+            let slow: Vec<Position> = slow_corners(&spots).into_iter().map(at).collect();
+            prop_assert_eq!(corners, slow);
+            for (col, row) in (-1..13).flat_map(|c| (-1..13).map(move |r| (c, r))) {
+                let inside = hull.sides.iter().all(|s| double_area(s.from, s.to, at([col, row])) >= 0);
+                prop_assert_eq!(hull.contains(at([col, row])), inside, "{} {}", col, row);
+            }
+        }
+    }
+}

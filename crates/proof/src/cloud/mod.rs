@@ -1,0 +1,73 @@
+//! Independent proof of a mesh against the points of a cloud: error bound, coverage of the convex
+//! hull, topology. Shares no code with what makes such meshes.
+//!
+//! The lattice is that of the cloud's frame: columns are steps east and rows steps north of the
+//! lowest x and y, so that every point is a sample of it, and domains divide it as they divide a
+//! grid. Whatever is decided, is decided by exact arithmetic on whole steps.
+
+mod bound;
+mod edges;
+mod hull;
+mod place;
+mod plane;
+mod plumb;
+mod strips;
+#[cfg(test)]
+mod tests;
+
+pub use bound::Bound;
+pub use hull::{Hull, Wrap};
+pub use place::Placer;
+
+use std::mem::size_of;
+
+use super::edges::BYTES_PER_TRIANGLE;
+use super::{Domain, Position, Tally, Triangle};
+use terrane_base::geom::Point;
+
+/// One rectangle of the lattice to check, with all that touches it.
+#[derive(Debug)]
+pub struct Part<'a> {
+    /// The positions it owns.
+    pub domain: Domain,
+    /// Every point that lies in the domain, x and y counted from the corner of the lattice, sorted
+    /// by [`order`].
+    pub points: &'a [Point],
+    /// Every triangle that touches the domain, in any order; others do no harm.
+    pub triangles: &'a [Triangle],
+    /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
+    /// format have no identity.
+    pub vertices: Option<&'a [Position]>,
+    /// The convex hull of all points.
+    pub hull: &'a Hull,
+    /// Largest vertical distance allowed; `None` to measure only.
+    pub bound: Option<Bound>,
+}
+
+/// The order in which a [`Part`] wants its points: by y, then x, then z.
+pub fn order(point: &Point) -> (i32, i32, i32) {
+    (point.y, point.x, point.z)
+}
+
+/// Bytes [`check`] needs for a domain of `points` points touched by `triangles` triangles, with
+/// `vertices` stored vertices; points, triangles and positions included.
+pub fn bytes_needed(points: u64, triangles: u64, vertices: u64) -> u64 {
+    let per_point = size_of::<Point>() + plumb::BYTES_PER_POINT;
+    let per_triangle = size_of::<Triangle>() + BYTES_PER_TRIANGLE + edges::MORE_BYTES_PER_TRIANGLE;
+    let per_vertex = size_of::<Position>();
+    points
+        .saturating_mul(per_point as u64)
+        .saturating_add(triangles.saturating_mul(per_triangle as u64))
+        .saturating_add(vertices.saturating_mul(per_vertex as u64))
+}
+
+/// Checks one part and adds what it owns to `tally`.
+///
+/// O(points log points + triangles log triangles + points covered by each triangle + the strips of
+/// about 4 sqrt(points) points that each triangle crosses).
+pub fn check(part: &Part<'_>, tally: &mut Tally) {
+    let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
+    owned.for_each(|triangle| tally.shape(triangle, 1));
+    plumb::check(part, tally);
+    edges::check(part, tally);
+}

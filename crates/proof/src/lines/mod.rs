@@ -1,0 +1,243 @@
+//! Independent proof of simplified lines: distances, crossings, rings, sides and shared borders. Shares
+//! no line with what simplifies them.
+//!
+//! Parts (lines and rings) are compared one by one with those they were made from ([`Comparison`]): how
+//! far off is what was left out, which rings have collapsed or turned over. What is left of that, the
+//! stretches of the originals and the segments in their place ([`Pieces`]), is then looked at together,
+//! one band of x after the other ([`judge`]): what meets, which side things are on, which borders are
+//! shared. No figure depends on the bands. Everything is decided from positions: vertices at the same x
+//! and y are the same.
+
+mod crossings;
+mod exact;
+mod gone;
+mod matching;
+mod measure;
+mod parts;
+mod pieces;
+mod shared;
+mod sides;
+#[cfg(test)]
+mod tests;
+
+use terrane_base::error::{Error, Result};
+
+pub use measure::Distance;
+pub use parts::{Comparison, Drops, Vertices};
+pub use pieces::{Band, Pieces};
+
+type Xy = [f64; 2];
+
+/// Lines and rings, flat.
+#[derive(Clone, Copy, Debug)]
+pub struct Lines<'a> {
+    /// x, y and z of all vertices, part after part; z is 0 where there is none.
+    pub points: &'a [[f64; 3]],
+    /// Where each part begins, and at the end how many vertices there are.
+    pub starts: &'a [usize],
+    /// Which parts are rings; a ring ends with the vertex it begins with.
+    pub closed: &'a [bool],
+}
+
+impl Lines<'_> {
+    fn count(&self) -> usize {
+        self.closed.len()
+    }
+
+    fn part(&self, part: usize) -> &[[f64; 3]] {
+        &self.points[self.starts[part]..self.starts[part + 1]]
+    }
+
+    fn check(&self, name: &str) -> Result<()> {
+        let n = self.points.len();
+        if u32::try_from(n).is_err() {
+            return Err(Error::limit("the number of vertices", n, u32::MAX).at(name));
+        }
+        let flat = self.starts.len() == self.closed.len() + 1
+            && self.starts.first() == Some(&0)
+            && self.starts.last() == Some(&n)
+            && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
+        if !flat {
+            return Err(Error::usage("parts do not begin where the ones before them end").at(name));
+        }
+        let sound = |v: &f64| v.abs() < 1e130;
+        if let Some(at) = self.points.iter().position(|p| !p.iter().all(sound)) {
+            return Err(Error::bad_input("a coordinate is not finite, or too large")
+                .at(format!("{name}, vertex {at}")));
+        }
+        let open = |&part: &usize| {
+            let ends = [self.part(part).first(), self.part(part).last()];
+            self.closed[part] && ends[0].map(|p| [p[0], p[1]]) != ends[1].map(|p| [p[0], p[1]])
+        };
+        match (0..self.count()).find(open) {
+            Some(part) => Err(Error::bad_input("a ring does not end where it begins")
+                .at(format!("{name}, part {part}"))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What is to be checked.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The lines before.
+    pub original: Lines<'a>,
+    /// The lines after: as many parts, in the same order, without vertices where one was dropped.
+    pub simplified: Lines<'a>,
+    /// Positions that were to stay on their side of every part.
+    pub points: &'a [[f64; 2]],
+    /// How distances are measured.
+    pub distance: Distance,
+    /// Largest allowed distance, in its units; `None` to measure only.
+    pub tolerance: Option<f64>,
+}
+
+/// How often something was found, and where first: the part, and x and y in it, that are least.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Defect {
+    /// How often.
+    pub count: u64,
+    /// The part and position of the first one.
+    pub first: Option<(u32, Xy)>,
+}
+
+impl Defect {
+    fn add(&mut self, part: u32, at: Xy) {
+        self.merge(Self { count: 1, first: Some((part, at)) });
+    }
+
+    fn merge(&mut self, other: Self) {
+        self.count += other.count;
+        let firsts = [self.first, other.first].into_iter().flatten();
+        let by_place = |p: &(u32, Xy), q: &(u32, Xy)| {
+            let places = p.1[0].total_cmp(&q.1[0]).then(p.1[1].total_cmp(&q.1[1]));
+            p.0.cmp(&q.0).then(places)
+        };
+        self.first = firsts.min_by(by_place);
+    }
+}
+
+/// The vertex that is farthest from the segment in its place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Farthest {
+    /// Its distance.
+    pub distance: f64,
+    /// Its part.
+    pub part: u32,
+    /// Where it is.
+    pub at: [f64; 2],
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Parts with vertices.
+    pub parts: u64,
+    /// Vertices before and after.
+    pub vertices: [u64; 2],
+    /// Parts with a vertex that the original part does not have, or not in that order, or without an
+    /// end of the line. They take no part in what follows but crossings.
+    pub foreign: Defect,
+    /// The largest distance, if any vertex was left out.
+    pub farthest: Option<Farthest>,
+    /// Vertices beyond the tolerance.
+    pub beyond: Defect,
+    /// Vertices whose height or measure is another one.
+    pub changed: Defect,
+    /// Parts without vertices that had some, and had to stay.
+    pub missing: Defect,
+    /// Rings without vertices that are too large to tell whether they could go.
+    pub unknown: u64,
+    /// Pairs of segments that meet off a common end, in the original.
+    pub original_crossings: u64,
+    /// And in the result.
+    pub crossings: u64,
+    /// Those of the result that are not pairs of segments of the original.
+    pub new_crossings: Defect,
+    /// Rings without area that had some.
+    pub collapsed: Defect,
+    /// Parts without vertices that had some, those that had to stay among them.
+    pub dropped: u64,
+    /// Rings whose area has changed its sign.
+    pub turned: Defect,
+    /// Vertices of the result, and given points, that are on another side of a part, once for each
+    /// position and such part; the part named is the one they have moved across.
+    pub moved: Defect,
+    /// Segments of the original that parts shared and different segments replace, and segments of the
+    /// result that replace different stretches of it: borders torn apart, or run together.
+    pub torn: Defect,
+}
+
+impl Report {
+    /// Whether nothing is wrong.
+    pub fn is_sound(&self) -> bool {
+        let defects = [
+            self.foreign,
+            self.beyond,
+            self.changed,
+            self.missing,
+            self.new_crossings,
+            self.collapsed,
+            self.turned,
+            self.moved,
+            self.torn,
+        ];
+        defects.iter().all(|defect| defect.count == 0)
+    }
+
+    /// Adds what [`judge`] found in a band.
+    pub fn add_band(&mut self, band: &Self) {
+        self.original_crossings += band.original_crossings;
+        self.crossings += band.crossings;
+        self.new_crossings.merge(band.new_crossings);
+        self.moved.merge(band.moved);
+        self.torn.merge(band.torn);
+    }
+}
+
+/// Checks simplified lines against their originals. Any part may have been dropped.
+///
+/// O(n log n) for n vertices, plus, for each piece, the positions in its box. About 20 bytes a vertex,
+/// and some megabytes for a band.
+///
+/// # Errors
+/// `Usage` when the two do not have the same number of parts, or rings in the same places; `BadInput`
+/// for coordinates that are not finite and rings that do not close.
+pub fn check(question: &Question<'_>) -> Result<Report> {
+    check_by(question, BAND_VERTICES)
+}
+
+/// Vertices to a band, about: what a band takes in memory is some hundred times as many bytes.
+pub const BAND_VERTICES: usize = 1 << 17;
+
+fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
+    let (original, simplified) = (&question.original, &question.simplified);
+    original.check("original")?;
+    simplified.check("result")?;
+    if original.closed != simplified.closed {
+        return Err(Error::usage("the parts of the result are not those of the original"));
+    }
+    let mut report = Report::default();
+    let mut pieces = Pieces::new(Band::ALL);
+    let Question { distance, tolerance, .. } = *question;
+    let comparison = Comparison { distance, tolerance, drops: Drops::Any };
+    for (part, &closed) in (0u32..).zip(original.closed) {
+        let [before, after] =
+            [original, simplified].map(|lines| Vertices::of(lines.part(part as usize)));
+        comparison.part(part, before, after, closed, &mut report, &mut pieces);
+    }
+    for band in pieces.bands(band) {
+        report.add_band(&judge(&pieces, question.points, band));
+    }
+    Ok(report)
+}
+
+/// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
+/// are those of at least that band.
+pub fn judge(pieces: &Pieces, points: &[Xy], band: Band) -> Report {
+    let mut report = Report::default();
+    crossings::count(pieces, band, &mut report);
+    shared::count(pieces, band, &mut report);
+    sides::moved(pieces, points, band, &mut report);
+    report
+}

@@ -1,0 +1,181 @@
+//! World coordinates of stored vertices to positions on the lattice.
+//!
+//! The rule: a vertex that lies as close to a sample as the rounding of its storage explains *is*
+//! that sample. Everything further away is kept where it is, to 2^-30 of a cell.
+
+use terrane_base::geom::{Affine, Point3};
+
+use super::triangle::{Position, Vertex};
+
+/// Rounding steps allowed between a sample's true place and its stored coordinates.
+pub(crate) const STEPS: f64 = 8.0;
+/// No storage so coarse that it moves vertices by more than this (in cells) is made up for.
+const LARGEST_RADIUS: f64 = 0.25;
+/// Fixed-point positions themselves are rounded by half of 2^-30 cell.
+pub(crate) const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
+
+/// How a mesh stores heights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Precision {
+    /// In `f64`, or in text that reads back as such.
+    Double,
+    /// In `f32`, relative to a height and multiplied by a scale.
+    Single {
+        /// The height.
+        origin: f64,
+        /// The scale.
+        scale: f64,
+    },
+}
+
+impl Precision {
+    /// True when `stored` is what a file of this precision holds for `height`.
+    pub(crate) fn is(self, stored: f64, height: f64) -> bool {
+        match self {
+            Self::Double => stored == height,
+            Self::Single { origin, scale } => {
+                // Meshes are made of heights as files hold them, and those are rounded again when they are
+                // written: that is not always the same number.
+                let held = |z: f64| origin + f64::from(((z - origin) * scale) as f32) / scale;
+                stored == height || stored == held(height) || stored == held(held(height))
+            }
+        }
+    }
+}
+
+/// A vertex on its way to the lattice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Snapped {
+    /// Stored exactly at the world position of a sample.
+    Exact(Vertex),
+    /// Moved to a sample, by this distance in cells.
+    Moved(Vertex, f64),
+    /// Not at a sample; kept where it is.
+    Free(Vertex),
+    /// No finite position or height, or absurdly far away.
+    Unusable,
+}
+
+/// Maps stored vertices to a lattice.
+pub trait Snap: Copy + Send + Sync {
+    /// Finds the place of a stored vertex.
+    fn snap(&self, stored: Point3) -> Snapped;
+}
+
+/// Maps stored vertices to the lattice of a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snapper {
+    map: Affine,
+    radius: f64,
+}
+
+impl Snapper {
+    /// For the grid of `width` x `height` samples with the (valid) `map`, and vertices stored
+    /// relative to `origin`, in f32 when `single_precision`.
+    pub fn new(
+        map: Affine,
+        [width, height]: [u32; 2],
+        origin: Point3,
+        single_precision: bool,
+    ) -> Self {
+        let (right, below) = (f64::from(width.max(1) - 1), f64::from(height.max(1) - 1));
+        let corners = [[0.0, 0.0], [right, 0.0], [0.0, below], [right, below]];
+        let rounding = |axis: usize| {
+            let worst = |from: f64| {
+                let far = |[c, r]: [f64; 2]| (map.apply(c, r)[axis] - from).abs();
+                corners.into_iter().map(far).fold(0.0, f64::max)
+            };
+            let stored = f64::from(f32::EPSILON) / 2.0 * worst(origin[axis]);
+            STEPS * (f64::EPSILON / 2.0 * worst(0.0) + if single_precision { stored } else { 0.0 })
+        };
+        let (x, y, det) = (rounding(0), rounding(1), map.determinant().abs());
+        let cols = (map.e.abs() * x + map.b.abs() * y) / det;
+        let rows = (map.a.abs() * y + map.d.abs() * x) / det;
+        Self { map, radius: cols.hypot(rows).clamp(SMALLEST_RADIUS, LARGEST_RADIUS) }
+    }
+
+    /// Vertices this close (in cells) to a sample are that sample.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+}
+
+impl Snap for Snapper {
+    fn snap(&self, [x, y, z]: Point3) -> Snapped {
+        let [col, row] = self.map.invert(x, y);
+        let near = |cells: f64| cells.abs() < Position::LIMIT;
+        if !(near(col) && near(row) && z.is_finite()) {
+            return Snapped::Unusable;
+        }
+        let (c, r) = (col.round(), row.round());
+        let sample = Vertex { at: Position::sample(c as i64, r as i64), z };
+        if self.map.apply(c, r) == [x, y] {
+            return Snapped::Exact(sample);
+        }
+        let distance = (col - c).hypot(row - r);
+        if distance <= self.radius {
+            Snapped::Moved(sample, distance)
+        } else {
+            Snapped::Free(Vertex { at: Position::nearest(col, row), z })
+        }
+    }
+}
+
+impl Snapped {
+    /// The vertex, unless unusable.
+    pub fn vertex(self) -> Option<Vertex> {
+        match self {
+            Self::Exact(vertex) | Self::Moved(vertex, _) | Self::Free(vertex) => Some(vertex),
+            Self::Unusable => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UTM: Affine = Affine { x0: 512_345.678, a: 0.3, b: 0.01, y0: 4e6, d: 0.02, e: -0.3 };
+
+    fn grid_points() -> impl Iterator<Item = (i64, i64)> {
+        (0..50_000).step_by(997).flat_map(|c| (0..50_000).step_by(1499).map(move |r| (c, r)))
+    }
+
+    #[test]
+    fn doubles_come_back_to_their_samples() {
+        let snapper = Snapper::new(UTM, [50_000, 50_000], [0.0; 3], false);
+        assert!(snapper.radius() < 1e-7);
+        for (c, r) in grid_points() {
+            let [x, y] = UTM.apply(c as f64, r as f64);
+            for (x, y) in [(x, y), (x.next_up(), y.next_down())] {
+                let vertex = snapper.snap([x, y, 1.0]).vertex().unwrap();
+                assert_eq!(vertex.at, Position::sample(c, r));
+            }
+        }
+    }
+
+    #[test]
+    fn floats_with_an_origin_come_back_too() {
+        let origin = [UTM.x0, UTM.y0, 0.0];
+        let snapper = Snapper::new(UTM, [50_000, 50_000], origin, true);
+        assert!(snapper.radius() < 0.1);
+        for (c, r) in grid_points() {
+            let [x, y] = UTM.apply(c as f64, r as f64);
+            let stored = |v: f64, from: f64| f64::from((v - from) as f32) + from;
+            let vertex = snapper.snap([stored(x, origin[0]), stored(y, origin[1]), 1.0]).vertex();
+            assert_eq!(vertex.unwrap().at, Position::sample(c, r));
+        }
+    }
+
+    #[test]
+    fn anything_further_stays_where_it_is() {
+        let snapper = Snapper::new(Affine::LATTICE, [100, 100], [0.0; 3], false);
+        let free = Vertex { at: Position::nearest(3.001, 7.0), z: 2.0 };
+        assert_eq!(snapper.snap([3.001, -7.0, 2.0]), Snapped::Free(free));
+        assert!(matches!(snapper.snap([3.0, -7.0, 2.0]), Snapped::Exact(_)));
+        assert!(matches!(snapper.snap([3.0 + 1e-12, -7.0, 2.0]), Snapped::Moved(..)));
+        for bad in [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY], [1e10, 0.0, 0.0]] {
+            assert_eq!(snapper.snap(bad), Snapped::Unusable);
+        }
+    }
+}

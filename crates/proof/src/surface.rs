@@ -1,0 +1,220 @@
+//! Where the surface is: the union of cells whose four samples are valid, and its outline.
+
+use terrane_base::geom::Rect;
+
+use super::bits::{Bits, ones};
+use super::domain::Domain;
+use super::tally::Tally;
+
+/// Valid samples and surface cells of a window of a grid.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    grid: [u32; 2],
+    rect: Rect,
+    valid: Bits,
+    cells: Bits,
+}
+
+/// A straight run of unit edges along a lattice line: from (`from`, `line`) to (`to`, `line`) in
+/// (column, row) when horizontal, the other way round when vertical.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Along a column of samples.
+    pub vertical: bool,
+    /// The row (column when vertical).
+    pub line: i64,
+    /// First column (row).
+    pub from: i64,
+    /// Last column (row).
+    pub to: i64,
+}
+
+/// How far a run keeps to the outline of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Followed {
+    /// All the way.
+    On,
+    /// It leaves the outline.
+    Off,
+    /// On it so far; the rest is not in this window.
+    Rest(Run),
+}
+
+impl Run {
+    /// Most unit edges [`Run::window`] covers.
+    const WINDOW: i64 = 4096;
+
+    /// The samples to read for following the first part of the run.
+    pub fn window(&self, grid: [u32; 2]) -> Rect {
+        let (along, across) = if self.vertical { (1, 0) } else { (0, 1) };
+        let clamp = |v: i64, axis: usize| v.clamp(0, i64::from(grid[axis]) - 1) as u32;
+        let span = |from: i64, to: i64, axis: usize| [clamp(from, axis), clamp(to, axis) + 1];
+        let [from, to] = span(self.from, self.to.min(self.from + Self::WINDOW), along);
+        let [low, high] = span(self.line - 1, self.line + 1, across);
+        if self.vertical {
+            Rect::new(low, from, high - low, to - from)
+        } else {
+            Rect::new(from, low, to - from, high - low)
+        }
+    }
+
+    /// The cells (column, row) on the two sides of unit edge `unit`.
+    fn sides(&self, unit: i64) -> [[i64; 2]; 2] {
+        if self.vertical {
+            [[self.line - 1, unit], [self.line, unit]]
+        } else {
+            [[unit, self.line - 1], [unit, self.line]]
+        }
+    }
+}
+
+impl Surface {
+    /// From the heights of `rect` (inside the grid), row by row, NaN where void.
+    pub fn new(grid: [u32; 2], rect: Rect, heights: &[f64]) -> Self {
+        let (width, rows) = (rect.width as usize, rect.height as usize);
+        let mut valid = Bits::new(width, rows);
+        for (row, heights) in heights.chunks_exact(width).enumerate() {
+            for (word, heights) in valid.row_mut(row).iter_mut().zip(heights.chunks(64)) {
+                let bit = |(i, h): (usize, &f64)| u64::from(!h.is_nan()) << i;
+                *word = heights.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
+            }
+        }
+        let mut cells = Bits::new(width, rows);
+        for row in 1..rows {
+            mark_cells(cells.row_mut(row - 1), valid.row(row - 1), valid.row(row));
+        }
+        Self { grid, rect, valid, cells }
+    }
+
+    /// Cells of a row of the window (counted from its first); bit i is the cell whose upper left
+    /// sample is column i of the window. Cells that the window does not hold wholly are clear.
+    pub(crate) fn cells(&self, row: usize) -> &[u64] {
+        self.cells.row(row)
+    }
+
+    /// Samples of a row of the window that belong to a surface cell.
+    pub(crate) fn samples(&self, row: usize, out: &mut Vec<u64>) {
+        out.clear();
+        out.resize(self.cells.row(row).len(), 0);
+        for row in [Some(row), row.checked_sub(1)].into_iter().flatten() {
+            let mut carry = 0;
+            for (out, &cells) in out.iter_mut().zip(self.cells.row(row)) {
+                *out |= cells | cells << 1 | carry;
+                carry = cells >> 63;
+            }
+        }
+    }
+
+    /// Counts valid and isolated samples and surface cells of `domain`.
+    pub(crate) fn count(&self, domain: &Domain, tally: &mut Tally) {
+        let left = (domain.rect.col - self.rect.col) as usize;
+        let above = (domain.rect.row - self.rect.row) as usize;
+        let (width, height) = (domain.rect.width as usize, domain.rect.height as usize);
+        let mut surface = Vec::new();
+        for row in above..above + height {
+            self.samples(row, &mut surface);
+            for (word, mask) in super::bits::masks(left, left + width) {
+                let valid = self.valid.row(row)[word] & mask;
+                tally.valid += u64::from(valid.count_ones());
+                tally.surface_samples += u64::from((valid & surface[word]).count_ones());
+                tally.surface_cells += u64::from((self.cells(row)[word] & mask).count_ones());
+            }
+        }
+    }
+
+    /// Whether the cell is surface; `None` when the window does not tell.
+    fn cell(&self, [col, row]: [i64; 2]) -> Option<bool> {
+        let [width, height] = self.grid.map(i64::from);
+        if col < 0 || row < 0 || col >= width - 1 || row >= height - 1 {
+            return Some(false);
+        }
+        let inside = |v: i64, first: u32, count: u32| {
+            usize::try_from(v - i64::from(first)).ok().filter(|&v| v + 1 < count as usize)
+        };
+        let col = inside(col, self.rect.col, self.rect.width)?;
+        let row = inside(row, self.rect.row, self.rect.height)?;
+        Some(self.cells.get(col, row))
+    }
+
+    /// Follows `run` along the outline: each of its unit edges must have surface on exactly one
+    /// side.
+    pub fn follow(&self, run: Run) -> Followed {
+        for unit in run.from..run.to {
+            match run.sides(unit).map(|side| self.cell(side)) {
+                [Some(a), Some(b)] if a != b => {}
+                [Some(_), Some(_)] => return Followed::Off,
+                _ => return Followed::Rest(Run { from: unit, ..run }),
+            }
+        }
+        Followed::On
+    }
+}
+
+/// A cell is surface when its own bit and the next are set in both rows of samples.
+fn mark_cells(cells: &mut [u64], above: &[u64], below: &[u64]) {
+    let mut next = 0;
+    for i in (0..cells.len()).rev() {
+        let both = above[i] & below[i];
+        cells[i] = both & (both >> 1 | next << 63);
+        next = both;
+    }
+}
+
+/// Columns of the set bits of a row of words.
+pub(crate) fn columns(words: &[u64]) -> impl Iterator<Item = usize> {
+    words.iter().enumerate().flat_map(|(i, &word)| ones(word).map(move |bit| i * 64 + bit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 4 x 3 samples with a void at (2, 0): the surface is the left column of cells and the
+    /// lower row.
+    fn notched() -> Surface {
+        let mut heights = [1.0; 12];
+        heights[2] = f64::NAN;
+        Surface::new([4, 3], Rect::new(0, 0, 4, 3), &heights)
+    }
+
+    #[test]
+    fn cells_need_four_samples() {
+        let surface = notched();
+        assert_eq!(surface.cells(0)[0], 0b001);
+        assert_eq!(surface.cells(1)[0], 0b111);
+        let mut samples = Vec::new();
+        surface.samples(0, &mut samples);
+        assert_eq!(samples[0], 0b0011);
+        assert_eq!(columns(&samples).collect::<Vec<_>>(), [0, 1]);
+    }
+
+    #[test]
+    fn cells_cross_words() {
+        let surface = Surface::new([200, 2], Rect::new(0, 0, 200, 2), &[0.0; 400]);
+        assert_eq!(columns(surface.cells(0)).count(), 199);
+    }
+
+    #[test]
+    fn outline_is_followed_to_its_end() {
+        let surface = notched();
+        let run = |vertical, line, from, to| surface.follow(Run { vertical, line, from, to });
+        assert_eq!(run(false, 0, 0, 1), Followed::On);
+        assert_eq!(run(false, 0, 0, 2), Followed::Off);
+        assert_eq!(run(true, 1, 0, 1), Followed::On);
+        assert_eq!(run(true, 1, 0, 2), Followed::Off);
+        assert_eq!(run(false, 1, 1, 3), Followed::On);
+        assert_eq!(run(false, 2, 0, 3), Followed::On);
+        assert_eq!(run(true, 3, 1, 2), Followed::On);
+        assert_eq!(run(true, 3, 0, 1), Followed::Off);
+    }
+
+    #[test]
+    fn a_window_follows_its_part() {
+        let grid = [9000, 2];
+        let run = Run { vertical: false, line: 0, from: 10, to: 8999 };
+        let window = run.window(grid);
+        assert_eq!(window, Rect::new(10, 0, 4097, 2));
+        let surface = Surface::new(grid, window, &vec![0.0; window.len()]);
+        assert_eq!(surface.follow(run), Followed::Rest(Run { from: 4106, ..run }));
+    }
+}

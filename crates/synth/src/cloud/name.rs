@@ -1,0 +1,151 @@
+//! A survey's name, such as `cloud,size=1000,density=8,seed=7`: parsed and printed.
+
+use std::fmt;
+
+use super::Survey;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::REACH;
+use crate::Parameter;
+use crate::words::{Given, Words};
+
+/// The first word of a survey's name.
+const KIND: &str = "cloud";
+
+const fn parameter(
+    key: &'static str,
+    about: &'static str,
+    default: f64,
+    range: (f64, f64),
+    whole: bool,
+) -> Parameter {
+    Parameter { key, about, default, range, whole }
+}
+
+const SIDE: (f64, f64) = (1.0, 1e6);
+
+/// The parameters of a survey.
+pub const PARAMETERS: &[Parameter] = &[
+    parameter("size", "metres from west to east and from south to north", 1000.0, SIDE, false),
+    parameter("width", "metres from west to east, instead of size", 1000.0, SIDE, false),
+    parameter("height", "metres from south to north, instead of size", 1000.0, SIDE, false),
+    parameter("density", "points by square metre, about", 8.0, (1e-3, 2000.0), false),
+    parameter(
+        "seed",
+        "any whole number: another number is another survey",
+        1.0,
+        (0.0, u64::MAX as f64),
+        true,
+    ),
+    parameter("noise", "standard deviation of the ranging in metres", 0.03, (0.0, 10.0), false),
+    parameter("scale", "a step of the coordinates in metres", 0.01, (1e-4, 1.0), false),
+    parameter("relief", "metres from low plains to high peaks, about", 150.0, (0.0, 1e4), false),
+    parameter("voids", "round places of 15 to 60 m without points", 0.0, (0.0, 1e5), true),
+    parameter("tile", "metres between the lines on which the voids lie", 250.0, (1.0, 1e6), false),
+    parameter("outliers", "share of noise and of withheld points", 2e-4, (0.0, 1.0), false),
+    parameter(
+        "cover",
+        "1 for forest, buildings and water, 0 for bare ground",
+        1.0,
+        (0.0, 1.0),
+        true,
+    ),
+    parameter("zigzag", "1 for scan lines to and fro, 0 for parallel ones", 1.0, (0.0, 1.0), true),
+];
+
+fn default(key: &str) -> f64 {
+    PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default)
+}
+
+impl Default for Survey {
+    fn default() -> Self {
+        Self {
+            width: default("width"),
+            height: default("height"),
+            density: default("density"),
+            seed: default("seed") as u64,
+            noise: default("noise"),
+            scale: default("scale"),
+            relief: default("relief"),
+            voids: default("voids") as u32,
+            tile: default("tile"),
+            outliers: default("outliers"),
+            cover: default("cover") != 0.0,
+            zigzag: default("zigzag") != 0.0,
+        }
+    }
+}
+
+impl Survey {
+    /// True when a name is that of a survey: its first word is `cloud`.
+    pub fn is_named(name: &str) -> bool {
+        name.split(',').next().is_some_and(|word| word.trim() == KIND)
+    }
+
+    /// The survey with this name: `cloud`, then any of [`PARAMETERS`] as `key=value`, separated by
+    /// commas, in any order, each at most once; width and height go before size. Fails with
+    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
+    pub fn parse(name: &str) -> Result<Self> {
+        let mut words = name.split(',').map(str::trim);
+        if words.next() != Some(KIND) {
+            return Err(Error::usage(format!("there is no cloud named {name:?}"))
+                .remedy(format!("its first word is {KIND:?}")));
+        }
+        let known = Words { what: "cloud", kind: KIND, known: PARAMETERS.iter().collect() };
+        let mut survey = Self::default();
+        for given in known.read(words, name)? {
+            survey.set(&given)?;
+        }
+        survey.check()?;
+        Ok(survey)
+    }
+
+    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+        let value = given.value;
+        match given.key {
+            "size" => (self.width, self.height) = (value, value),
+            "width" => self.width = value,
+            "height" => self.height = value,
+            "density" => self.density = value,
+            "seed" => self.seed = given.whole()?,
+            "noise" => self.noise = value,
+            "scale" => self.scale = value,
+            "relief" => self.relief = value,
+            "voids" => self.voids = value as u32,
+            "tile" => self.tile = value,
+            "outliers" => self.outliers = value,
+            "cover" => self.cover = value != 0.0,
+            _ => self.zigzag = value != 0.0,
+        }
+        Ok(())
+    }
+
+    /// What no parameter says alone.
+    fn check(&self) -> Result<()> {
+        let longest = self.width.max(self.height);
+        if longest / self.scale > f64::from(REACH) {
+            let most = f64::from(REACH) * self.scale;
+            return Err(Error::usage(format!(
+                "{longest} m are too many steps of {} m",
+                self.scale
+            ))
+            .remedy(format!("give at most {most:.0} m, or a larger scale")));
+        }
+        if self.voids > 0 && longest <= self.tile {
+            return Err(Error::usage(format!("no multiple of {} m lies within", self.tile))
+                .remedy("give a tile smaller than the cloud, for the voids to lie on"));
+        }
+        Ok(())
+    }
+}
+
+/// The name that [`Survey::parse`] turns back into the same survey.
+impl fmt::Display for Survey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { width, height, density, seed, noise, scale, .. } = self;
+        let Self { relief, voids, tile, outliers, .. } = self;
+        write!(f, "{KIND},width={width},height={height},density={density},seed={seed}")?;
+        write!(f, ",noise={noise},scale={scale},relief={relief},voids={voids},tile={tile}")?;
+        let (cover, zigzag) = (u8::from(self.cover), u8::from(self.zigzag));
+        write!(f, ",outliers={outliers},cover={cover},zigzag={zigzag}")
+    }
+}

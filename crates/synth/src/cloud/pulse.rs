@@ -1,0 +1,175 @@
+//! What comes back of one pulse.
+
+use super::flight::Shot;
+use super::land::{Land, Place};
+use super::{BUILDING, Dice, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use terrane_base::geom::Point;
+
+/// Most returns of a pulse.
+pub(super) const MOST_RETURNS: u32 = 4;
+
+/// Metres by which a return may lie beside the place where its pulse meets the ground: trees are at
+/// most 23 m high, and the tangent of the beam's angle is at most 0.2.
+pub(super) const LEAN: f64 = 5.0;
+
+/// A return above the ground, and what it is of.
+#[derive(Clone, Copy)]
+struct Hit {
+    /// Metres above the ground.
+    above: f64,
+    class: u8,
+}
+
+const ON_GROUND: Hit = Hit { above: 0.0, class: GROUND };
+
+/// Returns of a pulse, from high to low.
+struct Hits {
+    hits: [Hit; MOST_RETURNS as usize],
+    count: usize,
+}
+
+impl Hits {
+    fn one(hit: Hit) -> Self {
+        Self { hits: [hit; MOST_RETURNS as usize], count: 1 }
+    }
+
+    fn push(&mut self, hit: Hit) {
+        self.hits[self.count] = hit;
+        self.count += 1;
+    }
+}
+
+/// Adds the returns of a pulse to `echoes`.
+#[inline(always)]
+pub(super) fn echoes(survey: &Survey, land: &Land, shot: &Shot, echoes: &mut Vec<Echo>) {
+    let steps = [shot.x, shot.y].map(|place| (place * land.by_metre) as i32);
+    let [x, y] = steps.map(|step| f64::from(step) * survey.scale);
+    let Some(place) = land.at(x, y) else { return };
+    let mut dice = shot.dice;
+    let ground = land.ground(x, y);
+    let template = template(shot);
+    if shot.luck < survey.outliers {
+        echoes.push(stray(land, steps, ground, template, &mut dice));
+        return;
+    }
+    let hits = match place {
+        Place::Bare => Hits::one(ON_GROUND),
+        Place::Roof(building) => {
+            Hits::one(Hit { above: building.height(x, y) - ground, class: BUILDING })
+        }
+        Place::Crown(height) => through_crown(height, &mut dice),
+        Place::Undergrowth => through_undergrowth(&mut dice),
+    };
+    for (hit, number) in hits.hits[..hits.count].iter().zip(1..) {
+        let point = place_of(land, steps, [ground, shot.tangent], *hit, &mut dice);
+        let intensity = intensity(hit.class, &mut dice);
+        let of = hits.count as u8;
+        echoes.push(Echo { point, intensity, number, of, class: hit.class, ..template });
+    }
+}
+
+/// What all returns of a pulse share.
+fn template(shot: &Shot) -> Echo {
+    Echo {
+        time: shot.time,
+        source: shot.source,
+        angle: (angle(shot.tangent) * (1.0 / 0.006)) as i16,
+        overlap: shot.overlap,
+        eastward: shot.eastward,
+        edge: shot.edge,
+        ..Echo::default()
+    }
+}
+
+/// Degrees of an angle by its tangent, which is at most about 0.2: two terms of the series.
+fn angle(tangent: f64) -> f64 {
+    tangent * (1.0 - tangent * tangent * (1.0 / 3.0)) * 57.295_779_513_082_32
+}
+
+/// A point with the ranging noise, as the beam met it: higher hits lie nearer to the aircraft.
+fn place_of(
+    land: &Land,
+    [x, y]: [i32; 2],
+    [ground, tangent]: [f64; 2],
+    hit: Hit,
+    dice: &mut Dice,
+) -> Point {
+    let shift = (hit.above * tangent * land.by_metre) as i32;
+    let nearer = if hit.class == GROUND || hit.class == BUILDING { x } else { x - shift };
+    let x = if (0..land.columns).contains(&nearer) { nearer } else { x };
+    Point::new(x, y, whole(land, ground + hit.above + land.noise * dice.bell()))
+}
+
+/// Height in steps, the nearest. A number that is not negative is rounded down by a plain conversion.
+fn whole(land: &Land, z: f64) -> i32 {
+    const LIFT: i64 = 1 << 31;
+    ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
+}
+
+fn intensity(class: u8, dice: &mut Dice) -> u16 {
+    let base = match class {
+        GROUND => 400,
+        BUILDING => 700,
+        _ => 150,
+    };
+    base + u16::from(dice.byte())
+}
+
+/// A return that is wrong: from below the ground, from the air, or one that is marked as withheld.
+fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut Dice) -> Echo {
+    let [kind, size, strength, _] = dice.four();
+    let (class, above, withheld) = match kind {
+        k if k < 0.4 => (LOW_NOISE, -(1.0 + 29.0 * size * size), false),
+        k if k < 0.7 => (HIGH_NOISE, 40.0 + 260.0 * size, false),
+        _ => (GROUND, 10.0 * (size - 0.5), true),
+    };
+    let point = Point::new(at[0], at[1], whole(land, ground + above));
+    let intensity = (100.0 * strength) as u16;
+    Echo { point, intensity, number: 1, of: 1, class, withheld, ..template }
+}
+
+/// Class of vegetation of a height.
+fn vegetation(above: f64) -> Hit {
+    let class = match above {
+        h if h < 0.5 => 3,
+        h if h < 2.0 => 4,
+        _ => 5,
+    };
+    Hit { above, class }
+}
+
+/// A crown gives one to four returns; the last one is mostly of the ground.
+fn through_crown(height: f64, dice: &mut Dice) -> Hits {
+    let [count, through, top, depth] = dice.four();
+    let first = vegetation(height * (1.0 - 0.1 * top));
+    let more = match count {
+        c if c < 0.3 => 0,
+        c if c < 0.65 => 1,
+        c if c < 0.9 => 2,
+        _ => 3,
+    };
+    if more == 0 {
+        return Hits::one(if through < 0.3 { ON_GROUND } else { first });
+    }
+    let mut hits = Hits::one(first);
+    for k in 1..more {
+        let share = (f64::from(more - k) + 0.6 * (depth - 0.5)) / f64::from(more + 1);
+        hits.push(vegetation(first.above * share));
+    }
+    hits.push(if through < 0.75 { ON_GROUND } else { vegetation(first.above * 0.2 * depth) });
+    hits
+}
+
+/// Between crowns there are shrubs here and there.
+fn through_undergrowth(dice: &mut Dice) -> Hits {
+    let [is_there, height, through, _] = dice.four();
+    if is_there >= 0.25 {
+        return Hits::one(ON_GROUND);
+    }
+    let shrub = vegetation(0.15 + 1.6 * height);
+    let mut hits = Hits::one(shrub);
+    if shrub.above > 0.8 && through < 0.5 {
+        hits.push(ON_GROUND);
+    }
+    hits
+}

@@ -1,0 +1,98 @@
+//! The name of synthetic lines, such as `koch,vertices=1000000`: parsed and printed.
+
+use std::fmt;
+
+use super::{Lines, SHAPES, Shape};
+use terrane_base::error::{Error, Result};
+use crate::Parameter;
+use crate::words::{Given, Words};
+
+/// The parameters of synthetic lines.
+pub const PARAMETERS: &[Parameter] = &[
+    Parameter {
+        key: "vertices",
+        about: "vertices of each feature",
+        default: 10_000.0,
+        range: (2.0, 1e8),
+        whole: true,
+    },
+    Parameter {
+        key: "features",
+        about: "how many, side by side",
+        default: 1.0,
+        range: (1.0, 1e9),
+        whole: true,
+    },
+    Parameter {
+        key: "size",
+        about: "side of the square that a feature is drawn in",
+        default: 1000.0,
+        range: (1e-6, 1e9),
+        whole: false,
+    },
+    Parameter {
+        key: "seed",
+        about: "any whole number: another number is another walk or coverage",
+        default: 1.0,
+        range: (0.0, u64::MAX as f64),
+        whole: true,
+    },
+];
+
+fn default(key: &str) -> f64 {
+    PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default)
+}
+
+impl Lines {
+    /// True for the name of synthetic lines: its first word is one of [`SHAPES`].
+    pub fn is_named(name: &str) -> bool {
+        shape(name).is_some()
+    }
+
+    /// The lines with this name: a shape, then any of [`PARAMETERS`] as `key=value`, separated by
+    /// commas, in any order, each at most once. Fails with
+    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
+    pub fn parse(name: &str) -> Result<Self> {
+        let shape = shape(name).ok_or_else(|| {
+            let known: Vec<&str> = SHAPES.iter().map(|shape| shape.name).collect();
+            Error::usage(format!("there are no lines named {name:?}"))
+                .remedy(format!("there are {}", known.join(", ")))
+        })?;
+        let known = PARAMETERS.iter().collect();
+        let words = Words { what: "line", kind: shape.name, known };
+        let mut lines = Self {
+            shape,
+            vertices: default("vertices") as u32,
+            features: default("features") as u32,
+            size: default("size"),
+            seed: default("seed") as u64,
+        };
+        for given in words.read(name.split(',').skip(1).map(str::trim), name)? {
+            lines.set(&given)?;
+        }
+        Ok(lines)
+    }
+
+    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+        match given.key {
+            "vertices" => self.vertices = given.value as u32,
+            "features" => self.features = given.value as u32,
+            "size" => self.size = given.value,
+            _ => self.seed = given.whole()?,
+        }
+        Ok(())
+    }
+}
+
+fn shape(name: &str) -> Option<&'static Shape> {
+    let first = name.split(',').next()?.trim();
+    SHAPES.iter().find(|shape| shape.name == first)
+}
+
+/// The name that [`Lines::parse`] turns back into the same lines.
+impl fmt::Display for Lines {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { shape, vertices, features, size, seed } = self;
+        write!(f, "{},vertices={vertices},features={features},size={size},seed={seed}", shape.name)
+    }
+}

@@ -1,0 +1,83 @@
+//! The `key=value` words of a name, against the parameters known.
+
+use super::Parameter;
+use terrane_base::error::{Error, Result};
+
+/// What words may be said of a thing.
+pub(super) struct Words {
+    /// What the thing is called in messages: "terrain", "cloud".
+    pub(super) what: &'static str,
+    /// Which of them: "rough".
+    pub(super) kind: &'static str,
+    pub(super) known: Vec<&'static Parameter>,
+}
+
+/// A parameter as it was given: what it says, and how.
+pub(super) struct Given<'a> {
+    pub(super) key: &'static str,
+    pub(super) value: f64,
+    text: &'a str,
+    parameter: &'static Parameter,
+    what: &'static str,
+}
+
+impl Given<'_> {
+    /// The value as a whole number of 64 bits, which `f64` may not hold.
+    pub(super) fn whole(&self) -> Result<u64> {
+        self.text.parse().map_err(|_| wrong(self.what, self.parameter, self.text))
+    }
+}
+
+impl Words {
+    /// Reads `key=value` words, each key at most once; "size" comes first in the result.
+    pub(super) fn read<'a>(
+        &self,
+        words: impl Iterator<Item = &'a str>,
+        name: &str,
+    ) -> Result<Vec<Given<'a>>> {
+        let mut all: Vec<Given<'a>> = Vec::new();
+        for word in words {
+            let given = self.given(word)?;
+            if all.iter().any(|other| other.key == given.key) {
+                return Err(Error::usage(format!("{} is given twice in {name:?}", given.key))
+                    .remedy("give each parameter once"));
+            }
+            all.push(given);
+        }
+        all.sort_by_key(|given| given.key != "size");
+        Ok(all)
+    }
+
+    fn given<'a>(&self, word: &'a str) -> Result<Given<'a>> {
+        if word.is_empty() {
+            let message = format!("the {}'s name has an empty parameter", self.what);
+            return Err(Error::usage(message).remedy("remove the comma too many"));
+        }
+        let (key, text) = word.split_once('=').ok_or_else(|| self.unknown(word))?;
+        let (key, text) = (key.trim(), text.trim());
+        let parameter = self.known.iter().find(|p| p.key == key);
+        let parameter = *parameter.ok_or_else(|| self.unknown(key))?;
+        let value = check(self.what, parameter, text)?;
+        Ok(Given { key: parameter.key, value, text, parameter, what: self.what })
+    }
+
+    fn unknown(&self, key: &str) -> Error {
+        let known: Vec<&str> = self.known.iter().map(|p| p.key).collect();
+        Error::usage(format!("the {} {:?} has no parameter {key:?}", self.what, self.kind))
+            .remedy(format!("it has {} (as key=value)", known.join(", ")))
+    }
+}
+
+fn check(what: &str, parameter: &Parameter, text: &str) -> Result<f64> {
+    let value: f64 = text.parse().map_err(|_| wrong(what, parameter, text))?;
+    let (least, most) = parameter.range;
+    let sound = (least..=most).contains(&value) && !(parameter.whole && value.fract() != 0.0);
+    if sound { Ok(value) } else { Err(wrong(what, parameter, text)) }
+}
+
+fn wrong(what: &str, parameter: &Parameter, text: &str) -> Error {
+    let (least, most) = parameter.range;
+    let kind = if parameter.whole { "a whole number" } else { "a number" };
+    Error::usage(format!("{}={text} of the {what} makes no sense", parameter.key))
+        .remedy(format!("give {kind} from {least} to {most} ({})", parameter.about))
+}

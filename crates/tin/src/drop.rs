@@ -1,0 +1,187 @@
+//! The drop pass: vertices whose star can be refilled within the tolerance are removed.
+
+use super::bits::BitSet;
+use super::exact::within;
+use super::greedy::Judge;
+use super::mesh::{Mesh, State, Tri, next, prev};
+use super::{Local, mesh};
+use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+
+/// Stars with more triangles than this are left alone: refilling is cubic in the degree.
+const MAX_DEGREE: usize = 24;
+
+/// Buffers of the drop pass.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// Vertices never to be tried.
+    fixed: BitSet,
+    /// Those, and vertices that failed and whose star has not changed since.
+    settled: BitSet,
+    star: Vec<u32>,
+    ring: Vec<(Local, u32)>,
+    fill: Vec<Tri>,
+    /// Largest radius, squared, of a circle around a triangle that takes a vertex's place.
+    square_radius: f64,
+}
+
+/// Tries to drop every vertex that is not in `fixed`, in the order of the triangles. A drop changes
+/// what its neighbours can do, so they may be tried again: the sweep meets a vertex once in each of
+/// its triangles. Expected time linear in the vertices and the samples of their stars.
+pub(super) fn drop_redundant(
+    judge: &Judge<'_>,
+    mesh: &mut Mesh,
+    fixed: &[Local],
+    scratch: &mut Scratch,
+) {
+    let width = judge.field.width() as usize;
+    let samples = width * judge.field.height() as usize;
+    let index = |p: Local| p.row() as usize * width + p.col() as usize;
+    scratch.fixed.reset(samples);
+    scratch.settled.reset(samples);
+    for &p in fixed {
+        scratch.fixed.insert(index(p));
+        scratch.settled.insert(index(p));
+    }
+    for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+        let state = mesh.tris[(half_edge >> 2) as usize].state;
+        if !matches!(state, State::Free | State::Outside)
+            && scratch.settled.insert(index(mesh.origin(half_edge)))
+            && scratch.try_drop(judge, mesh, half_edge).is_some()
+        {
+            scratch.unsettle(index);
+        }
+    }
+}
+
+impl Scratch {
+    /// Allows circles around squares of side `spacing`, and none larger.
+    pub(super) fn limit_circles(&mut self, spacing: u32) {
+        self.square_radius = f64::from(spacing).powi(2) / 2.0;
+    }
+
+    /// True when the circle around a triangle is not too large: its radius is the product of the
+    /// sides over four times the area.
+    fn is_compact(&self, tri: &Tri) -> bool {
+        let [a, b, c] = tri.corners.map(Local::lattice);
+        let square = |[x, y]: Lattice, [to_x, to_y]: Lattice| {
+            let [dx, dy] = [f64::from(to_x - x), f64::from(to_y - y)];
+            dx * dx + dy * dy
+        };
+        let double_area = orient(a, b, c) as f64;
+        square(a, b) * square(b, c) * square(c, a)
+            <= 4.0 * double_area * double_area * self.square_radius
+    }
+
+    /// Lets the corners of the triangles that filled the last star be tried again.
+    fn unsettle(&mut self, index: impl Fn(Local) -> usize) {
+        for at in self.fill.iter().flat_map(|tri| tri.corners.map(&index)) {
+            if !self.fixed.contains(at) {
+                self.settled.remove(at);
+            }
+        }
+    }
+
+    /// Removes the vertex from which `half_edge` starts if its star can be refilled with Delaunay
+    /// triangles that keep every sample within the tolerance. Returns the triangles that took its
+    /// place.
+    pub(super) fn try_drop(
+        &mut self,
+        judge: &Judge<'_>,
+        mesh: &mut Mesh,
+        half_edge: u32,
+    ) -> Option<&[u32]> {
+        let vertex = mesh.origin(half_edge);
+        let is_droppable = self.gather(mesh, half_edge)
+            && self.refill()
+            && self.fill.iter().all(|tri| self.is_compact(tri))
+            && self.vertex_stays_within(judge, vertex)
+            && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none());
+        is_droppable.then(|| self.replace(mesh))
+    }
+
+    /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
+    /// start and the half-edge beyond. False when the star is not closed or too large.
+    fn gather(&mut self, mesh: &Mesh, half_edge: u32) -> bool {
+        self.star.clear();
+        self.ring.clear();
+        let mut at = half_edge;
+        loop {
+            let (id, i) = (at >> 2, at & 3);
+            let tri = &mesh.tris[id as usize];
+            self.star.push(id);
+            self.ring.push((tri.corners[next(i) as usize], tri.twins[next(i) as usize]));
+            at = tri.twins[prev(i) as usize];
+            if at == half_edge {
+                return self.star.len() >= 3;
+            }
+            let is_open = at == mesh::NONE || tri.state == State::Outside;
+            if is_open || self.star.len() == MAX_DEGREE {
+                return false;
+            }
+        }
+    }
+
+    /// Cuts Delaunay ears off the ring until it is filled (Devillers 1999, without the priority
+    /// queue: stars are small). The triangle cut first takes the star's first slot, and so on.
+    fn refill(&mut self) -> bool {
+        self.fill.clear();
+        while self.ring.len() > 3 {
+            let Some(ear) = self.find_ear() else { return false };
+            let [before, _, after] = self.around(ear);
+            let ((a, ab), (b, bc), (c, _)) = (self.ring[before], self.ring[ear], self.ring[after]);
+            let diagonal = 4 * self.star[self.fill.len()] + 2;
+            self.fill.push(Tri::new([a, b, c], [ab, bc, mesh::NONE]));
+            self.ring[before].1 = diagonal;
+            self.ring.remove(ear);
+        }
+        let [(a, ab), (b, bc), (c, ca)] = [self.ring[0], self.ring[1], self.ring[2]];
+        self.fill.push(Tri::new([a, b, c], [ab, bc, ca]));
+        orient(a.lattice(), b.lattice(), c.lattice()) > 0
+    }
+
+    fn around(&self, i: usize) -> [usize; 3] {
+        let n = self.ring.len();
+        [if i == 0 { n - 1 } else { i - 1 }, i, if i + 1 == n { 0 } else { i + 1 }]
+    }
+
+    /// The first ring vertex that makes a counter-clockwise triangle with its neighbours whose
+    /// circle holds no other ring vertex strictly.
+    fn find_ear(&self) -> Option<usize> {
+        (0..self.ring.len()).find(|&ear| {
+            let around = self.around(ear);
+            let [a, b, c] = around.map(|i| self.ring[i].0.lattice());
+            let is_outside = |(i, (d, _)): (usize, &(Local, u32))| {
+                around.contains(&i) || in_circle(a, b, c, d.lattice()) <= 0
+            };
+            orient(a, b, c) > 0 && self.ring.iter().enumerate().all(is_outside)
+        })
+    }
+
+    /// The vertex itself is the sample most likely to be too far off: look at it first.
+    fn vertex_stays_within(&self, judge: &Judge<'_>, vertex: Local) -> bool {
+        let v = vertex.lattice();
+        let holds = |tri: &&Tri| {
+            let [a, b, c] = tri.corners.map(Local::lattice);
+            orient(a, b, v) >= 0 && orient(b, c, v) >= 0 && orient(c, a, v) >= 0
+        };
+        self.fill.iter().find(holds).is_some_and(|tri| {
+            let [a, b, c] = tri.corners.map(Local::lattice);
+            let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
+            let heights = judge.field.vertices(tri.corners);
+            within(weights, heights, judge.field.sample(vertex), judge.tolerance)
+        })
+    }
+
+    fn replace(&mut self, mesh: &mut Mesh) -> &[u32] {
+        for (&id, &tri) in self.star.iter().zip(&self.fill) {
+            mesh.tris[id as usize] = Tri { state: State::Passed(0), ..tri };
+        }
+        for (&id, tri) in self.star.iter().zip(&self.fill) {
+            (0..3).filter(|&i| tri.twins[i as usize] != mesh::NONE).for_each(|i| {
+                mesh.link(4 * id + i, tri.twins[i as usize]);
+            });
+        }
+        self.star[self.fill.len()..].iter().for_each(|&id| mesh.remove(id));
+        &self.star[..self.fill.len()]
+    }
+}

@@ -1,0 +1,161 @@
+//! The exact decision: is a sample within the tolerance of the plane of three vertices?
+//!
+//! Written with integer barycentric weights, |sum of w * (z - h)| <= tolerance * sum of w. Plain
+//! `f64` decides almost always; close calls are decided in double-double arithmetic (Dekker 1971,
+//! Knuth TAOCP 4.2.2), which is exact for heights of up to 53 significant bits.
+
+use super::Local;
+use super::field::Field;
+use terrane_base::geom::predicates::orient;
+
+/// Relative rounding of the plain evaluation, with room to spare.
+const DOUBT: f64 = 1e-14;
+
+/// True when `height` is at most `tolerance` from the plane that has heights `z` at the corners
+/// with barycentric weights `weights` (non-negative, not all zero).
+pub(super) fn within(weights: [i64; 3], z: [f64; 3], height: f64, tolerance: f64) -> bool {
+    let weights = weights.map(|w| w as f64);
+    let total: f64 = weights.iter().sum();
+    let mut offset = 0.0;
+    let mut scale = tolerance * total;
+    for (weight, z) in weights.iter().zip(z) {
+        offset += weight * (z - height);
+        scale += weight * (z.abs() + height.abs());
+    }
+    let excess = offset.abs() - tolerance * total;
+    if excess.abs() > DOUBT * scale {
+        return excess < 0.0;
+    }
+    doubled_excess(weights, z, height, tolerance, total) <= 0.0
+}
+
+/// The sign of |sum of w * (z - h)| - tolerance * total.
+fn doubled_excess(w: [f64; 3], z: [f64; 3], height: f64, tolerance: f64, total: f64) -> f64 {
+    let mut sum = Doubled::default();
+    for (weight, z) in w.iter().zip(z) {
+        sum = sum.add(Doubled::product(*weight, z)).add(Doubled::product(-weight, height));
+    }
+    let distance = if sum.high < 0.0 { Doubled { high: -sum.high, low: -sum.low } } else { sum };
+    distance.add(Doubled::product(-tolerance, total)).high
+}
+
+/// An unevaluated sum of two doubles, the second below half a unit of the first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Doubled {
+    high: f64,
+    low: f64,
+}
+
+impl Doubled {
+    fn two_sum(a: f64, b: f64) -> Self {
+        let high = a + b;
+        let shadow = high - a;
+        Self { high, low: (a - (high - shadow)) + (b - shadow) }
+    }
+
+    fn product(a: f64, b: f64) -> Self {
+        let high = a * b;
+        Self { high, low: a.mul_add(b, -high) }
+    }
+
+    fn add(self, other: Self) -> Self {
+        let high = Self::two_sum(self.high, other.high);
+        let low = Self::two_sum(self.low, other.low);
+        let first = Self::two_sum(high.high, high.low + low.high);
+        Self::two_sum(first.high, first.low + low.low)
+    }
+}
+
+/// What an exact scan of a triangle found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ExactWorst {
+    /// Largest |sample - plane|, in `f64`.
+    pub(super) error: f64,
+    /// Where it is, the lowest (row, column) among equals; meaningless when the error is 0.
+    pub(super) at: Local,
+    /// True when every sample is within the tolerance (closed).
+    pub(super) within: bool,
+}
+
+/// Scans every sample of the closed triangle `p` at full resolution in `f64`, void samples aside.
+/// Time linear in the number of samples in the triangle's bounding rows.
+pub(super) fn scan(field: &Field, p: [Local; 3], tolerance: f64) -> ExactWorst {
+    let z = field.vertices(p);
+    let mut worst = ExactWorst { error: 0.0, at: Local::new(0, 0), within: true };
+    for_each_sample(p, field.scan_bounds(), |at, weights| {
+        let height = field.sample(at);
+        let error = distance(weights, z, height);
+        let close = error >= tolerance * (1.0 - 1e-9);
+        let fails = close && !within(weights, z, height, tolerance);
+        if (fails && worst.within) || (error > worst.error && fails != worst.within) {
+            worst = ExactWorst { error, at, within: !fails };
+        }
+    });
+    worst
+}
+
+/// |height - plane| in plain `f64`.
+pub(super) fn distance(weights: [i64; 3], z: [f64; 3], height: f64) -> f64 {
+    let [a, b, c] = weights.map(|w| w as f64);
+    ((a * (z[0] - height) + b * (z[1] - height) + c * (z[2] - height)) / (a + b + c)).abs()
+}
+
+/// Visits the samples of the closed triangle `p` within `bounds` in (row, column) order, with
+/// their barycentric weights.
+pub(super) fn for_each_sample(
+    p: [Local; 3],
+    bounds: [i32; 4],
+    mut visit: impl FnMut(Local, [i64; 3]),
+) {
+    let [a, b, c] = p.map(Local::lattice);
+    let range = |axis: usize, low: i32, high: i32| {
+        let first = a[axis].min(b[axis]).min(c[axis]).max(low);
+        first..=a[axis].max(b[axis]).max(c[axis]).min(high)
+    };
+    for row in range(1, bounds[2], bounds[3]) {
+        let mut entered = false;
+        for col in range(0, bounds[0], bounds[1]) {
+            let q = [col, row];
+            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
+            if weights.iter().all(|&w| w >= 0) {
+                entered = true;
+                visit(Local::new(col as u32, row as u32), weights);
+            } else if entered {
+                break;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_tolerance_itself_is_within_and_the_next_number_is_not() {
+        let third = [1, 1, 1];
+        assert!(within(third, [0.0, 0.0, 3.0], 0.0, 1.0));
+        assert!(!within(third, [0.0, 0.0, 3.0_f64.next_up()], 0.0, 1.0));
+        assert!(!within(third, [0.0, 0.0, 3.0], 0.0, 1.0_f64.next_down()));
+        assert!(within([1, 0, 0], [5.5; 3], 5.5, 0.0));
+        assert!(!within([1, 0, 0], [5.5; 3], 5.5_f64.next_up(), 0.0));
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_integer_arithmetic(
+            weights in [0_i64..1 << 26, 0_i64..1 << 26, 1_i64..1 << 26],
+            z in [-9000_i64..9000, -9000_i64..9000, -9000_i64..9000],
+            height in -9000_i64..9000, slack in -1_i64..=1
+        ) {
+            let offset: i128 = weights.iter().zip(z)
+                .map(|(&w, z)| i128::from(w) * i128::from(z - height)).sum();
+            let total: i128 = weights.iter().map(|&w| i128::from(w)).sum();
+            let tolerance = ((offset.abs() / total) as i64 + slack).max(0);
+            let expected = offset.abs() <= i128::from(tolerance) * total;
+            let found = within(weights, z.map(|v| v as f64), height as f64, tolerance as f64);
+            prop_assert_eq!(found, expected);
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
+
+use super::{Heights, Local};
+use terrane_base::geom::Rounding;
+
+/// Decimated copies: strides 1, 2, 4, ..., 2^(LEVELS - 1).
+pub(super) const LEVELS: usize = 6;
+/// Lanes a scan may read beyond the end of a row.
+const PADDING: usize = 16;
+
+/// Every `2^k`-th sample of every `2^k`-th row of a field.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Level<'a> {
+    /// Heights, `pitch` a row, with at least 16 readable values after the last.
+    pub(super) heights: &'a [f32],
+    /// Values from one row to the next.
+    pub(super) pitch: usize,
+    /// The stride is `2^shift`.
+    pub(super) shift: u32,
+    /// Samples a scan may look at: first and last column, first and last row (decimated units).
+    pub(super) bounds: [i32; 4],
+}
+
+/// A private copy of a rectangle of heights, with its decimated copies behind it.
+#[derive(Debug, Default)]
+pub(super) struct Field {
+    width: u32,
+    height: u32,
+    values: Vec<f32>,
+    starts: [usize; LEVELS],
+    exact: Vec<f64>,
+    /// Vertices are rounded to f32 relative to this height.
+    rounding: Option<Rounding>,
+    /// Samples from the border that scans leave out (1 for a tile, whose rim is fixed).
+    margin: u32,
+}
+
+impl Field {
+    /// Copies the `width` x `height` samples at (`col`, `row`) of `heights`.
+    pub(super) fn load(
+        &mut self,
+        heights: &Heights<'_>,
+        [col, row, width, height]: [u32; 4],
+        margin: u32,
+        rounding: Option<Rounding>,
+    ) {
+        (self.width, self.height, self.margin) = (width, height, margin);
+        self.rounding = rounding;
+        self.values.clear();
+        self.exact.clear();
+        for r in row..row + height {
+            let start = r as usize * heights.width as usize + col as usize;
+            let range = start..start + width as usize;
+            self.values.extend_from_slice(&heights.f32[range.clone()]);
+            if let Some(exact) = heights.f64 {
+                self.exact.extend_from_slice(&exact[range]);
+            }
+        }
+        self.starts = [0; LEVELS];
+        (1..LEVELS).for_each(|level| self.decimate(level));
+        self.values.resize(self.values.len() + PADDING, f32::NAN);
+    }
+
+    fn decimate(&mut self, level: usize) {
+        let source = self.starts[level - 1];
+        let (width, height) = self.size(level - 1);
+        self.starts[level] = self.values.len();
+        for row in (0..height).step_by(2) {
+            let first = source + row * width;
+            self.values.extend((0..width).step_by(2).map(|_| 0.0));
+            let at = self.values.len() - width.div_ceil(2);
+            let (finer, coarser) = self.values.split_at_mut(at);
+            let samples = finer[first..first + width].iter().step_by(2);
+            coarser.iter_mut().zip(samples).for_each(|(to, from)| *to = *from);
+        }
+    }
+
+    fn size(&self, level: usize) -> (usize, usize) {
+        let count = |n: u32| ((n as usize - 1) >> level) + 1;
+        (count(self.width), count(self.height))
+    }
+
+    /// The decimated copy with stride `2^level`.
+    #[inline(always)]
+    pub(super) fn level(&self, level: u8) -> Level<'_> {
+        let shift = u32::from(level);
+        let first = (self.margin + (1 << shift) - 1) >> shift;
+        let last = |n: u32| ((n - 1 - self.margin.min(n - 1)) >> shift) as i32;
+        Level {
+            heights: &self.values[self.starts[level as usize]..],
+            pitch: ((self.width as usize - 1) >> level) + 1,
+            shift,
+            bounds: [first as i32, last(self.width), first as i32, last(self.height)],
+        }
+    }
+
+    /// All samples at full resolution, the rim included.
+    pub(super) fn whole(&self) -> Level<'_> {
+        let last = |n: u32| n as i32 - 1;
+        Level { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
+    }
+
+    /// First and last column, first and last row that scans look at.
+    pub(super) fn scan_bounds(&self) -> [i32; 4] {
+        self.level(0).bounds
+    }
+
+    /// Columns.
+    pub(super) fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    pub(super) fn height(&self) -> u32 {
+        self.height
+    }
+
+    #[inline(always)]
+    fn index(&self, p: Local) -> usize {
+        p.row() as usize * self.width as usize + p.col() as usize
+    }
+
+    /// The exact height of a sample.
+    #[inline(always)]
+    pub(super) fn sample(&self, p: Local) -> f64 {
+        let index = self.index(p);
+        if self.exact.is_empty() { f64::from(self.values[index]) } else { self.exact[index] }
+    }
+
+    /// The height a vertex at this sample has in the output.
+    #[inline(always)]
+    pub(super) fn vertex(&self, p: Local) -> f64 {
+        let height = self.sample(p);
+        self.rounding.map_or(height, |rounding| rounding.apply(height))
+    }
+
+    /// The heights of three vertices.
+    #[inline(always)]
+    pub(super) fn vertices(&self, [a, b, c]: [Local; 3]) -> [f64; 3] {
+        [self.vertex(a), self.vertex(b), self.vertex(c)]
+    }
+
+    /// Bytes this holds for a tile of `cells` x `cells`, with exact heights.
+    pub(super) fn bytes(cells: u32) -> u64 {
+        let samples = u64::from(cells + 1).pow(2);
+        samples * 4 * 4 / 3 + samples * 8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimated_copies_hold_every_second_sample() {
+        let (width, height) = (11, 6);
+        let heights: Vec<f32> = (0..width * height).map(|i| i as f32).collect();
+        let heights = Heights { width, height, f32: &heights, f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, width, height], 0, None);
+        for level in 0..LEVELS as u8 {
+            let copy = field.level(level);
+            for row in (0..height).step_by(1 << level) {
+                for col in (0..width).step_by(1 << level) {
+                    let (r, c) = (row as usize >> level, col as usize >> level);
+                    let value = copy.heights[r * copy.pitch + c];
+                    assert_eq!(value, (row * width + col) as f32);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_margin_keeps_scans_off_the_rim() {
+        let heights = [0.0; 9 * 5];
+        let heights = Heights { width: 9, height: 5, f32: &heights, f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, 9, 5], 1, None);
+        assert_eq!(field.level(0).bounds, [1, 7, 1, 3]);
+        assert_eq!(field.level(1).bounds, [1, 3, 1, 1]);
+        assert_eq!(field.level(3).bounds, [1, 0, 1, 0]);
+    }
+}

@@ -1,0 +1,187 @@
+//! Grid to TIN: greedy insertion on one tile, and the seam patches that join tiles. Pure.
+//!
+//! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
+//! algorithm III, with adaptive-stride scans. A vertex is always a sample.
+
+mod bits;
+mod drop;
+mod exact;
+mod field;
+mod greedy;
+mod measure;
+mod mesh;
+mod order;
+mod patch;
+mod rim;
+mod scan;
+pub mod scatter;
+mod strict;
+mod tile;
+
+use terrane_base::geom::Rounding;
+
+pub use order::sort_by_position;
+pub use patch::mend_patch;
+pub use tile::{Scratch, triangulate_tile};
+
+/// A lattice position inside a tile or patch: column and row below 2^14, packed so that integer
+/// order is (row, column) order.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
+)]
+#[repr(transparent)]
+pub struct Local(u32);
+
+impl Local {
+    /// Bits of the column.
+    const BITS: u32 = 14;
+
+    /// The position (`col`, `row`); both below 2^14.
+    #[inline(always)]
+    pub fn new(col: u32, row: u32) -> Self {
+        debug_assert!(col >> Self::BITS == 0 && row >> Self::BITS == 0);
+        Self(row << Self::BITS | col)
+    }
+
+    /// Column.
+    #[inline(always)]
+    pub fn col(self) -> u32 {
+        self.0 & ((1 << Self::BITS) - 1)
+    }
+
+    /// Row.
+    #[inline(always)]
+    pub fn row(self) -> u32 {
+        self.0 >> Self::BITS
+    }
+}
+
+/// A triangle of a finished tile or patch: corners counter-clockwise in (column, row) axes, i.e.
+/// `predicates::orient > 0`, starting with the smallest corner.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Triangle {
+    /// Corners.
+    pub corners: [Local; 3],
+    /// Largest error of any sample in it (0 where not measured).
+    pub max_error: f32,
+    /// Sum of squared errors of the samples it owns (0 where not measured). A sample on an edge is
+    /// owned by one of the triangles beside it.
+    pub square_sum: f32,
+}
+
+/// What a tile or patch has to reach.
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
+    pub tolerance: f64,
+    /// One global maximum at a time with exact full scans (the reference), instead of
+    /// adaptive-stride scans.
+    pub strict: bool,
+    /// Run the drop pass.
+    pub drop: bool,
+    /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where
+    /// it stores f64.
+    pub single_precision: Option<Rounding>,
+    /// Fill `max_error` and `square_sum` of the triangles.
+    pub measure: bool,
+}
+
+/// Heights of a rectangle of samples, row by row, NaN where void.
+#[derive(Clone, Copy, Debug)]
+pub struct Heights<'a> {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` heights.
+    pub f32: &'a [f32],
+    /// The same in f64, where f32 is not exact.
+    pub f64: Option<&'a [f64]>,
+}
+
+/// A tile to triangulate. The heights reach one sample beyond the tile on each side where the grid
+/// goes on, because voids next to a rim decide which rim samples must be vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct TileInput<'a> {
+    /// Heights of the tile and its apron.
+    pub heights: Heights<'a>,
+    /// Columns (0 or 1) of apron on the left.
+    pub apron_left: u32,
+    /// Columns (0 or 1) of apron on the right.
+    pub apron_right: u32,
+    /// Rows (0 or 1) of apron above (smaller row numbers).
+    pub apron_above: u32,
+    /// Rows (0 or 1) of apron below.
+    pub apron_below: u32,
+    /// Farthest that neighbouring posts are apart; see [`PatchInput::spacing`].
+    pub spacing: u32,
+}
+
+/// A finished tile: positions are relative to the tile's first sample (apron not counted).
+#[derive(Clone, Debug, Default)]
+pub struct TileMesh {
+    /// Triangles of the surface (cells with a void corner are not part of it), in an
+    /// order that depends on the input alone.
+    pub triangles: Vec<Triangle>,
+    /// Vertices in use, sorted, and
+    pub vertices: Vec<Local>,
+    /// their heights.
+    pub heights: Vec<f64>,
+    /// Valid samples that touch no valid cell: they have no surface. Counted on the tile's samples
+    /// except its last column and row, unless the grid ends there.
+    pub isolated: u64,
+    /// Valid samples, counted likewise.
+    pub valid: u64,
+}
+
+impl TileMesh {
+    /// Bytes of the mesh of so many samples that keeps all of them.
+    pub fn most_bytes(samples: u64) -> u64 {
+        let each = 2 * size_of::<Triangle>() + size_of::<Local>() + size_of::<f64>();
+        samples * each as u64
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let triangles = self.triangles.capacity() * size_of::<Triangle>();
+        let vertices = self.vertices.capacity() * size_of::<Local>();
+        (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
+    }
+}
+
+/// A seam patch to mend. Positions are relative to the first sample of a rectangle.
+#[derive(Clone, Copy, Debug)]
+pub struct PatchInput<'a> {
+    /// Heights of the rectangle: all triangles lie in it, and one more sample on each side where
+    /// the grid goes on (a void there ends the surface).
+    pub heights: Heights<'a>,
+    /// The triangles to mend, in any order; they should hold every triangle with a corner on the
+    /// seam.
+    pub triangles: &'a [Triangle],
+    /// Column of the vertical rim line; its vertices may be dropped.
+    pub seam_col: Option<u32>,
+    /// Row of the horizontal rim line.
+    pub seam_row: Option<u32>,
+    /// Where the grid ends with the rectangle: left, right, above, below.
+    pub grid_ends: [bool; 4],
+    /// Circles of triangles are no wider than the diagonal of a square of this side: each tile begins
+    /// with a lattice of vertices (*posts*) so far apart, and none is dropped that keeps circles small.
+    /// So what happens at a seam ends near it, and a patch can hold all of it.
+    pub spacing: u32,
+}
+
+/// A mended patch.
+#[derive(Clone, Debug, Default)]
+pub struct PatchMesh {
+    /// The triangles that replace those of the input.
+    pub triangles: Vec<Triangle>,
+    /// Every vertex they use, sorted, and
+    pub vertices: Vec<Local>,
+    /// their heights.
+    pub heights: Vec<f64>,
+    /// The changed triangles on the border of the patch, each turned so that the edge beyond which
+    /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not
+    /// Delaunay with it, a larger patch would have changed more.
+    pub border: Vec<[Local; 3]>,
+}

@@ -1,0 +1,370 @@
+//! The triangle store: 32-byte triangles in one flat array, Delaunay insertion, and validation.
+//!
+//! A half-edge is `4 * triangle + edge`; edge `i` of a triangle runs from `corners[i]` to
+//! `corners[i + 1]`. A half-edge without a twin lies on the border and is never flipped.
+//!
+//! ```text
+//!          b                         b
+//!        / | \                     /   \
+//!       /  |  \                   /  u  \
+//!      p t | u d   -- flip -->   p ----- d
+//!       \  |  /                   \  t  /
+//!        \ | /                     \   /
+//!          a                         a
+//! ```
+
+use super::Local;
+use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+
+/// "No half-edge": the border of the mesh.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// What is known of a triangle's samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// Scanned at the stride `2^level`; nothing above the tolerance was seen there.
+    Passed(u8),
+    /// Changed since it was last scanned.
+    Dirty,
+    /// Scanned; a sample to insert is known.
+    Waiting,
+    /// Outside the surface: never scanned, not part of the result.
+    Outside,
+    /// Not in use.
+    Free,
+}
+
+/// One triangle; corners are counter-clockwise in (column, row) axes.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Tri {
+    pub(super) corners: [Local; 3],
+    pub(super) twins: [u32; 3],
+    /// The loose triangle this one was built from, [`NONE`] once it has changed.
+    pub(super) source: u32,
+    pub(super) state: State,
+}
+
+/// A triangulation of lattice positions.
+#[derive(Debug, Default)]
+pub(super) struct Mesh {
+    pub(super) tris: Vec<Tri>,
+    free: Vec<u32>,
+    stack: Vec<u32>,
+    /// Border edges may not be split any more.
+    pub(super) border_is_fixed: bool,
+}
+
+/// The next edge or corner of a triangle, without a division.
+#[inline(always)]
+pub(super) fn next(i: u32) -> u32 {
+    (i + 1) & (((i >> 1) & 1) ^ 1).wrapping_neg()
+}
+
+/// The previous edge or corner.
+#[inline(always)]
+pub(super) fn prev(i: u32) -> u32 {
+    if i == 0 { 2 } else { i - 1 }
+}
+
+impl Local {
+    /// As coordinates for the predicates.
+    #[inline(always)]
+    pub(super) fn lattice(self) -> Lattice {
+        [self.col() as i32, self.row() as i32]
+    }
+}
+
+/// Where a position lies in a triangle that holds it.
+enum Place {
+    Inside,
+    Edge(u32),
+    Corner,
+}
+
+impl Mesh {
+    /// Empties the mesh, keeping its memory.
+    pub(super) fn clear(&mut self) {
+        self.tris.clear();
+        self.free.clear();
+        self.stack.clear();
+        self.border_is_fixed = false;
+    }
+
+    /// Starts over with the two triangles of a rectangle (`cols` x `rows` cells).
+    pub(super) fn reset_to_rectangle(&mut self, cols: u32, rows: u32) {
+        self.clear();
+        let [a, b] = [Local::new(0, 0), Local::new(cols, 0)];
+        let [c, d] = [Local::new(cols, rows), Local::new(0, rows)];
+        self.tris.push(Tri::new([a, b, c], [NONE, NONE, 4]));
+        self.tris.push(Tri::new([a, c, d], [2, NONE, NONE]));
+    }
+
+    /// The corner of triangle `t` from which edge `e` starts.
+    #[inline(always)]
+    pub(super) fn origin(&self, half_edge: u32) -> Local {
+        self.tris[(half_edge >> 2) as usize].corners[(half_edge & 3) as usize]
+    }
+
+    /// Ids of triangles in use.
+    pub(super) fn ids(&self) -> impl Iterator<Item = u32> + '_ {
+        let used = |(id, tri): (usize, &Tri)| (tri.state != State::Free).then_some(id as u32);
+        self.tris.iter().enumerate().filter_map(used)
+    }
+
+    /// A fresh or recycled slot holding `tri`.
+    pub(super) fn add(&mut self, tri: Tri) -> u32 {
+        if let Some(id) = self.free.pop() {
+            self.tris[id as usize] = tri;
+            return id;
+        }
+        self.tris.push(tri);
+        (self.tris.len() - 1) as u32
+    }
+
+    /// Gives a slot back.
+    pub(super) fn remove(&mut self, id: u32) {
+        self.tris[id as usize].state = State::Free;
+        self.free.push(id);
+    }
+
+    /// Makes `a` and `b` (either may be [`NONE`]) twins.
+    #[inline(always)]
+    pub(super) fn link(&mut self, a: u32, b: u32) {
+        if a != NONE {
+            self.tris[(a >> 2) as usize].twins[(a & 3) as usize] = b;
+        }
+        if b != NONE {
+            self.tris[(b >> 2) as usize].twins[(b & 3) as usize] = a;
+        }
+    }
+
+    /// The triangle that holds `p`, by walking from `start`. The mesh must be convex.
+    pub(super) fn locate(&self, p: Local, start: u32) -> u32 {
+        let target = p.lattice();
+        let mut at = start;
+        'walk: loop {
+            let tri = &self.tris[at as usize];
+            for edge in 0..3_u32 {
+                let a = tri.corners[edge as usize].lattice();
+                let b = tri.corners[next(edge) as usize].lattice();
+                if orient(a, b, target) < 0 {
+                    at = tri.twins[edge as usize] >> 2;
+                    continue 'walk;
+                }
+            }
+            return at;
+        }
+    }
+
+    fn place(&self, t: u32, p: Local) -> Option<Place> {
+        let [a, b, c] = self.tris[t as usize].corners.map(Local::lattice);
+        let q = p.lattice();
+        let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
+        match sides {
+            _ if sides.iter().any(|&side| side < 0) => None,
+            [0, 0, _] | [0, _, 0] | [_, 0, 0] => Some(Place::Corner),
+            [0, ..] => Some(Place::Edge(0)),
+            [_, 0, _] => Some(Place::Edge(1)),
+            [_, _, 0] => Some(Place::Edge(2)),
+            _ => Some(Place::Inside),
+        }
+    }
+
+    /// Inserts `p`, which triangle `t` holds, and restores the Delaunay property. The triangles
+    /// around `p`, all dirty and with `p` as corner 0, are appended to `star`. Returns false when
+    /// `p` is a vertex already, not in `t`, or on a border that is fixed.
+    ///
+    /// Expected constant time (Lawson's flips; the number of flips is the degree of `p` minus 3).
+    pub(super) fn insert(&mut self, t: u32, p: Local, star: &mut Vec<u32>) -> bool {
+        match self.place(t, p) {
+            Some(Place::Inside) => self.split_inside(t, p),
+            Some(Place::Edge(edge)) if self.may_split(t, edge) => self.split_edge(t, edge, p),
+            _ => return false,
+        }
+        self.legalise(star);
+        true
+    }
+
+    fn may_split(&self, t: u32, edge: u32) -> bool {
+        !self.border_is_fixed || self.tris[t as usize].twins[edge as usize] != NONE
+    }
+
+    fn split_inside(&mut self, t: u32, p: Local) {
+        let Tri { corners: [a, b, c], twins: [ab, bc, ca], .. } = self.tris[t as usize];
+        self.tris[t as usize] = Tri::new([p, a, b], [NONE; 3]);
+        let u = self.add(Tri::new([p, b, c], [NONE; 3]));
+        let w = self.add(Tri::new([p, c, a], [NONE; 3]));
+        self.link_fan(&[(t, ab), (u, bc), (w, ca)], true);
+    }
+
+    /// Splits the triangles beside an edge in two each; on the border there is one.
+    fn split_edge(&mut self, t: u32, edge: u32, p: Local) {
+        let tri = self.tris[t as usize];
+        let at = |i: u32| (tri.corners[i as usize], tri.twins[i as usize]);
+        let ((a, twin), (b, bc), (c, ca)) = (at(edge), at(next(edge)), at(prev(edge)));
+        self.tris[t as usize] = Tri::new([p, b, c], [NONE; 3]);
+        let w = self.add(Tri::new([p, c, a], [NONE; 3]));
+        if twin == NONE {
+            return self.link_fan(&[(t, bc), (w, ca)], false);
+        }
+        let (u, j) = (twin >> 2, twin & 3);
+        let other = self.tris[u as usize];
+        let at = |i: u32| (other.corners[i as usize], other.twins[i as usize]);
+        let ((_, ad), (d, db)) = (at(next(j)), at(prev(j)));
+        self.tris[u as usize] = Tri::new([p, a, d], [NONE; 3]);
+        let x = self.add(Tri::new([p, d, b], [NONE; 3]));
+        self.link_fan(&[(t, bc), (w, ca), (u, ad), (x, db)], true);
+    }
+
+    /// Links the spokes of a fan of triangles with a common corner 0, and their outer edges.
+    fn link_fan(&mut self, fan: &[(u32, u32)], closed: bool) {
+        for (i, &(t, outer)) in fan.iter().enumerate() {
+            self.link(4 * t + 1, outer);
+            match fan.get(i + 1) {
+                Some(&(following, _)) => self.link(4 * t + 2, 4 * following),
+                None if closed => self.link(4 * t + 2, 4 * fan[0].0),
+                None => {}
+            }
+            self.stack.push(t);
+        }
+    }
+
+    /// Flips until every edge opposite the new corner 0 of the stacked triangles is Delaunay.
+    fn legalise(&mut self, star: &mut Vec<u32>) {
+        while let Some(t) = self.stack.pop() {
+            let Tri { corners: [p, a, b], twins: [_, outer, last], .. } = self.tris[t as usize];
+            if outer == NONE {
+                star.push(t);
+                continue;
+            }
+            let (u, j) = (outer >> 2, outer & 3);
+            let other = self.tris[u as usize];
+            let d = other.corners[prev(j) as usize];
+            if in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) <= 0 {
+                star.push(t);
+                continue;
+            }
+            let first = self.tris[t as usize].twins[0];
+            self.tris[t as usize] = Tri::new([p, a, d], [first, NONE, 4 * u]);
+            self.tris[u as usize] = Tri::new([p, d, b], [4 * t + 2, NONE, NONE]);
+            self.link(4 * t + 1, other.twins[next(j) as usize]);
+            self.link(4 * u + 1, other.twins[prev(j) as usize]);
+            self.link(4 * u + 2, last);
+            self.stack.push(t);
+            self.stack.push(u);
+        }
+    }
+
+    /// Flips the edge of `half_edge` if the corner across it is strictly inside the circle of its
+    /// triangle; both triangles become dirty. Returns the two triangles flipped.
+    pub(super) fn flip_if_illegal(&mut self, half_edge: u32) -> Option<[u32; 2]> {
+        let (t, i) = (half_edge >> 2, half_edge & 3);
+        let tri = self.tris[t as usize];
+        let twin = tri.twins[i as usize];
+        if twin == NONE {
+            return None;
+        }
+        let (u, j) = (twin >> 2, twin & 3);
+        let other = self.tris[u as usize];
+        let (a, b) = (tri.corners[i as usize], tri.corners[next(i) as usize]);
+        let (p, d) = (tri.corners[prev(i) as usize], other.corners[prev(j) as usize]);
+        if in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) <= 0 {
+            return None;
+        }
+        self.tris[t as usize] = Tri::new([p, a, d], [NONE; 3]);
+        self.tris[u as usize] = Tri::new([p, d, b], [NONE; 3]);
+        self.link(4 * t, tri.twins[prev(i) as usize]);
+        self.link(4 * t + 1, other.twins[next(j) as usize]);
+        self.link(4 * t + 2, 4 * u);
+        self.link(4 * u + 1, other.twins[prev(j) as usize]);
+        self.link(4 * u + 2, tri.twins[next(i) as usize]);
+        Some([t, u])
+    }
+}
+
+impl Tri {
+    /// A dirty triangle.
+    pub(super) fn new(corners: [Local; 3], twins: [u32; 3]) -> Self {
+        Self { corners, twins, source: NONE, state: State::Dirty }
+    }
+}
+
+#[cfg(test)]
+impl Mesh {
+    /// Panics unless twins are mutual and share their edge, every triangle has positive area, and
+    /// every interior edge is Delaunay.
+    pub(super) fn validate(&self) {
+        for id in self.ids() {
+            let tri = &self.tris[id as usize];
+            let [a, b, c] = tri.corners.map(Local::lattice);
+            assert!(
+                orient(a, b, c) > 0,
+                "triangle {id} {:?} is not counter-clockwise",
+                tri.corners
+            );
+            for edge in 0..3 {
+                self.validate_edge(id, edge);
+            }
+        }
+    }
+
+    fn validate_edge(&self, id: u32, edge: u32) {
+        let tri = &self.tris[id as usize];
+        let twin = tri.twins[edge as usize];
+        if twin == NONE {
+            return;
+        }
+        let other = &self.tris[(twin >> 2) as usize];
+        assert_ne!(other.state, State::Free, "triangle {id} borders a free slot");
+        assert_eq!(other.twins[(twin & 3) as usize], 4 * id + edge, "twins of {id} disagree");
+        let end = tri.corners[next(edge) as usize];
+        assert_eq!(self.origin(twin), end, "twins of {id} have different ends");
+        let far = other.corners[prev(twin & 3) as usize].lattice();
+        let [a, b, c] = tri.corners.map(Local::lattice);
+        assert!(in_circle(a, b, c, far) <= 0, "edge {edge} of triangle {id} is not Delaunay");
+    }
+
+    /// Twice the area covered.
+    pub(super) fn double_area(&self) -> i64 {
+        let area = |id| {
+            let [a, b, c] = self.tris[id as usize].corners.map(Local::lattice);
+            orient(a, b, c)
+        };
+        self.ids().map(area).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn next_and_prev_cycle() {
+        assert_eq!([0, 1, 2].map(next), [1, 2, 0]);
+        assert_eq!([0, 1, 2].map(prev), [2, 0, 1]);
+    }
+
+    proptest! {
+        #[test]
+        fn insertion_keeps_the_mesh_delaunay(
+            points in proptest::collection::vec((0_u32..=20, 0_u32..=13), 1..200)
+        ) {
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(20, 13);
+            let mut star = Vec::new();
+            for (col, row) in points {
+                let p = Local::new(col, row);
+                let t = mesh.locate(p, 0);
+                star.clear();
+                mesh.insert(t, p, &mut star);
+                for &id in &star {
+                    prop_assert_eq!(mesh.tris[id as usize].corners[0], p);
+                }
+            }
+            mesh.validate();
+            prop_assert_eq!(mesh.double_area(), 2 * 20 * 13);
+        }
+    }
+}

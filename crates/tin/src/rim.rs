@@ -1,0 +1,188 @@
+//! What both sides of a tile border compute alike: which samples on a rim, and which along the
+//! outline of the voids, must be vertices.
+
+use super::exact::within;
+use super::{Local, TileInput};
+use terrane_line::rdp::refine;
+
+/// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile
+/// positions.
+pub(super) struct Surface<'a> {
+    input: &'a TileInput<'a>,
+    /// One a cell of tile and apron: 1 when all its samples are valid. Empty when nothing is void.
+    cells: Vec<u8>,
+    pitch: usize,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(input: &'a TileInput<'a>) -> Self {
+        let heights = &input.heights;
+        let width = heights.width as usize;
+        // Whole chunks at a time, so that the search is vectorised.
+        let has_void = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | z.is_nan());
+        let has_voids = heights.f32.chunks(1024).any(has_void);
+        let mut cells = Vec::new();
+        if has_voids {
+            let rows: Vec<_> = heights.f32.chunks_exact(width).collect();
+            for pair in rows.windows(2) {
+                let ends = pair[0].windows(2).zip(pair[1].windows(2));
+                let is_void = |pair: &[f32]| pair[0].is_nan() | pair[1].is_nan();
+                cells.extend(ends.map(|(a, b)| u8::from(!(is_void(a) | is_void(b)))));
+            }
+        }
+        Self { input, cells, pitch: width - 1 }
+    }
+
+    /// True when the tile or its apron has a void sample.
+    pub(super) fn has_voids(&self) -> bool {
+        !self.cells.is_empty()
+    }
+
+    /// The cell of tile and apron at (`col`, `row`): `None` when it is beyond them.
+    fn cell(&self, col: Option<usize>, row: Option<usize>) -> Option<bool> {
+        let (col, row) = (col?, row?);
+        let is_inside = col < self.pitch && row < self.cells.len() / self.pitch;
+        is_inside.then(|| self.cells[row * self.pitch + col] == 1)
+    }
+
+    /// True when the cell of the tile whose first sample is (`col`, `row`) belongs to the surface.
+    pub(super) fn holds_cell(&self, col: u32, row: u32) -> bool {
+        let col = (col + self.input.apron_left) as usize;
+        let row = (row + self.input.apron_above) as usize;
+        self.cell(Some(col), Some(row)) == Some(true)
+    }
+
+    /// What a sample of a tile with voids is to the surface.
+    pub(super) fn role(&self, p: Local) -> Role {
+        let col = (p.col() + self.input.apron_left) as usize;
+        let row = (p.row() + self.input.apron_above) as usize;
+        let (left, above) = (col.checked_sub(1), row.checked_sub(1));
+        let cells = [(left, above), (Some(col), above), (left, Some(row)), (Some(col), Some(row))]
+            .map(|(col, row)| self.cell(col, row));
+        match (cells.contains(&Some(true)), cells.contains(&Some(false))) {
+            (true, true) => Role::Outline,
+            (true, false) => Role::Interior,
+            (false, _) if self.is_valid(col, row) => Role::Isolated,
+            (false, _) => Role::Void,
+        }
+    }
+
+    /// True when the sample at (`col`, `row`), apron counted, has a height.
+    fn is_valid(&self, col: usize, row: usize) -> bool {
+        !self.input.heights.f32[row * self.input.heights.width as usize + col].is_nan()
+    }
+}
+
+/// Part a sample plays in the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// All its cells belong to the surface.
+    Interior,
+    /// Some of its cells do: it must be a vertex.
+    Outline,
+    /// It has a height but no cell: it has no surface.
+    Isolated,
+    /// It has no height.
+    Void,
+}
+
+/// More than the rounding error of a distance from a chord, relative to the heights involved.
+const DOUBT: f64 = 1e-14;
+
+/// A straight run of rim samples: the first one, the step to the next, and how many.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rim {
+    pub(super) first: Local,
+    pub(super) along_rows: bool,
+    pub(super) count: u32,
+    pub(super) spacing: u32,
+}
+
+/// Where the posts of a side of so many cells are: evenly from one end to the other, and at most
+/// `spacing` apart.
+pub(super) fn posts(cells: u32, spacing: u32) -> impl Iterator<Item = u32> {
+    let parts = cells.div_ceil(spacing);
+    (0..=parts).map(move |i| i * cells / parts)
+}
+
+impl Rim {
+    fn at(&self, i: u32) -> Local {
+        let (col, row) = (self.first.col(), self.first.row());
+        if self.along_rows { Local::new(col, row + i) } else { Local::new(col + i, row) }
+    }
+
+    /// Appends the rim's vertices in order, its two ends included.
+    ///
+    /// Between samples of the outline the rim is either all surface or all void. On the surface, between
+    /// posts,
+    /// the sample furthest from the chord (the first among equals) is kept and both halves are
+    /// treated alike, until every sample is within `tolerance` of its chord: lines are refined so, too
+    /// ([`refine`]), but here the vertical distance decides without rounding.
+    pub(super) fn vertices(
+        &self,
+        role: impl Fn(Local) -> Role,
+        sample: impl Fn(Local) -> f64,
+        vertex: impl Fn(Local) -> f64,
+        tolerance: f64,
+        out: &mut Vec<Local>,
+    ) {
+        let last = self.count - 1;
+        let mut posts = posts(last, self.spacing).skip(1).peekable();
+        let mut is_fixed =
+            |i: &u32| posts.next_if_eq(i).is_some() || role(self.at(*i)) == Role::Outline;
+        let mut start = 0;
+        out.push(self.at(0));
+        while start < last {
+            let end = (start + 1..=last).find(&mut is_fixed).unwrap_or(last);
+            if end > start + 1 && role(self.at(start + 1)) == Role::Interior {
+                let ends = [start, end].map(|i| i as usize);
+                self.refine(ends, &sample, &vertex, tolerance, out);
+            }
+            out.push(self.at(end));
+            start = end;
+        }
+    }
+
+    /// Appends what lies strictly between `start` and `end`, from low to high.
+    fn refine(
+        &self,
+        [start, end]: [usize; 2],
+        sample: &impl Fn(Local) -> f64,
+        vertex: &impl Fn(Local) -> f64,
+        tolerance: f64,
+        out: &mut Vec<Local>,
+    ) {
+        let split = |start, end| self.worst(start, end, sample, vertex, tolerance);
+        refine(start, end, &mut Vec::new(), split, |at| out.push(self.at(at as u32)));
+    }
+
+    /// The sample between `start` and `end` furthest from their chord, if one is beyond
+    /// `tolerance`.
+    fn worst(
+        &self,
+        start: usize,
+        end: usize,
+        sample: &impl Fn(Local) -> f64,
+        vertex: &impl Fn(Local) -> f64,
+        tolerance: f64,
+    ) -> Option<usize> {
+        let (start, end) = (start as u32, end as u32);
+        let (from, to) = (vertex(self.at(start)), vertex(self.at(end)));
+        let mut worst: Option<(u32, f64)> = None;
+        for i in start + 1..end {
+            let (ahead, behind) = (i64::from(end - i), i64::from(i - start));
+            let height = sample(self.at(i));
+            let chord = (from * ahead as f64 + to * behind as f64) / f64::from(end - start);
+            let error = (height - chord).abs();
+            let doubt = DOUBT * (from.abs() + to.abs() + height.abs() + tolerance);
+            let fails = match error - tolerance {
+                excess if excess.abs() > doubt => excess > 0.0,
+                _ => !within([ahead, behind, 0], [from, to, 0.0], height, tolerance),
+            };
+            if fails && worst.is_none_or(|(_, most)| error > most) {
+                worst = Some((i, error));
+            }
+        }
+        worst.map(|(i, _)| i as usize)
+    }
+}

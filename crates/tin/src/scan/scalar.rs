@@ -1,0 +1,35 @@
+//! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
+
+use super::{Facet, LANES, Level, Worst, run_of};
+use crate::Local;
+
+/// Scans the samples of `level` in the closed triangle `facet`.
+///
+/// Per row the columns between the edges are visited in runs of [`LANES`] from the triangle's first
+/// column on; a run's first plane height is computed in `f64` and rounded once, each lane adds its
+/// own rounded offset to it.
+pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
+    let stride = f64::from(1_u32 << level.shift);
+    let (gx, gy) = (facet.gx * stride, facet.gy * stride);
+    let offsets: [f32; LANES] = std::array::from_fn(|lane| (gx * lane as f64) as f32);
+    let mut worst = Worst { error: 0.0, at: Local::new(0, 0) };
+    let [first, last] = facet.row_range(level);
+    let [left, _] = facet.column_range(level);
+    let edges = facet.edges();
+    for row in first..=last {
+        let [low, high] = edges.columns(level, row);
+        let start = facet.base + gy * f64::from(row);
+        let line = &level.heights[row as usize * level.pitch..];
+        for run in (run_of(low, left)..=high).step_by(LANES) {
+            let plane = (start + gx * f64::from(run)) as f32;
+            for col in run.max(low)..=high.min(run + LANES as i32 - 1) {
+                let error = (line[col as usize] - (plane + offsets[(col - run) as usize])).abs();
+                if error > worst.error {
+                    let [col, row] = [col as u32, row as u32].map(|at| at << level.shift);
+                    worst = Worst { error, at: Local::new(col, row) };
+                }
+            }
+        }
+    }
+    worst
+}

@@ -1,0 +1,364 @@
+//! Greedy insertion on scattered points: points are listed with the triangle they lie in, and the one
+//! furthest from the surface becomes a vertex until none is further than the tolerance.
+//!
+//! After Garland & Heckbert, Fast Polygonal Approximation of Terrains and Height Fields (1995), for
+//! samples in no order. Distances are vertical, in steps of z; whether one is beyond the tolerance is
+//! decided exactly.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::mesh::{Mesh, NONE, Place};
+use terrane_delaunay::orient;
+use terrane_base::geom::Point;
+
+/// A triangle's point with the largest distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    distance: f64,
+    point: u32,
+    triangle: u32,
+}
+
+impl Candidate {
+    const NOBODY: Self = Self { distance: -1.0, point: NONE, triangle: NONE };
+}
+
+impl Eq for Candidate {}
+
+impl Ord for Candidate {
+    /// The largest distance first, then the lowest point.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_point = || other.point.cmp(&self.point).then(self.triangle.cmp(&other.triangle));
+        self.distance.total_cmp(&other.distance).then_with(by_point)
+    }
+}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The points of a region over a mesh that is to fit them.
+#[derive(Debug)]
+pub struct Fit<'a> {
+    mesh: &'a mut Mesh,
+    points: &'a [Point],
+    /// In steps of z.
+    tolerance: f64,
+    /// By triangle: its first point; by point: the next one of its triangle.
+    heads: Vec<u32>,
+    nexts: Vec<u32>,
+    /// By triangle.
+    worst: Vec<Candidate>,
+    queue: BinaryHeap<Candidate>,
+    moved: Vec<u32>,
+}
+
+impl<'a> Fit<'a> {
+    /// Lists `points` with the triangles of `mesh` they lie in. Points at a vertex or beyond the hull
+    /// are left out; of those at one position only the first counts. Points that are near each other
+    /// in the list are found fastest.
+    pub fn new(mesh: &'a mut Mesh, points: &'a [Point], tolerance: f64) -> Self {
+        let triangles = mesh.triangles().len();
+        let mut fit = Self {
+            mesh,
+            points,
+            tolerance,
+            heads: vec![NONE; triangles],
+            nexts: vec![NONE; points.len()],
+            worst: vec![Candidate::NOBODY; triangles],
+            queue: BinaryHeap::new(),
+            moved: Vec::new(),
+        };
+        fit.list_all();
+        (0..triangles as u32).for_each(|triangle| fit.elect(triangle));
+        fit
+    }
+
+    fn list_all(&mut self) {
+        for (i, &point) in self.points.iter().enumerate() {
+            let Place::Triangle(triangle) = self.mesh.locate(point) else { continue };
+            if self.mesh.corners(triangle).is_some() {
+                self.list(i as u32, triangle);
+            }
+        }
+    }
+
+    fn list(&mut self, point: u32, triangle: u32) {
+        self.nexts[point as usize] = self.heads[triangle as usize];
+        self.heads[triangle as usize] = point;
+    }
+
+    /// True when a point is beyond the tolerance.
+    pub fn is_open(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
+    /// The largest distance of a listed point (rounded up) and the sum of the squares of all, in
+    /// steps.
+    pub fn measure(&self) -> (f64, f64) {
+        let (mut most, mut squares) = (0.0_f64, 0.0);
+        for triangle in 0..self.mesh.triangles().len() as u32 {
+            let Some(corners) = self.mesh.corners(triangle) else { continue };
+            let plane = Plane::new(corners);
+            let mut point = self.heads[triangle as usize];
+            while point != NONE {
+                let distance = plane.distance(self.points[point as usize]);
+                squares += distance * distance;
+                if distance + plane.doubt(distance) > most {
+                    most = most.max(rounded_up(corners, self.points[point as usize]));
+                }
+                point = self.nexts[point as usize];
+            }
+        }
+        (most, squares)
+    }
+
+    /// Inserts points until none is beyond the tolerance; returns those inserted.
+    pub fn run(&mut self) -> Vec<Point> {
+        let mut inserted = Vec::new();
+        while let Some(worst) = self.queue.pop() {
+            if self.worst[worst.triangle as usize] != worst {
+                continue;
+            }
+            let point = self.points[worst.point as usize];
+            self.insert(point, worst.triangle);
+            inserted.push(point);
+        }
+        inserted
+    }
+
+    fn insert(&mut self, point: Point, triangle: u32) {
+        self.mesh.insert_at(point, triangle);
+        self.take_lists();
+        self.heads.resize(self.mesh.triangles().len(), NONE);
+        self.worst.resize(self.mesh.triangles().len(), Candidate::NOBODY);
+        let fan = Fan::new(self.mesh, point);
+        for point in std::mem::take(&mut self.moved).drain(..) {
+            if let Some(triangle) = fan.triangle_of(self.points[point as usize]) {
+                self.list(point, triangle);
+            }
+        }
+        for i in 0..self.mesh.fan().len() {
+            self.elect(self.mesh.fan()[i]);
+        }
+    }
+
+    /// Collects the points of the triangles that were removed.
+    fn take_lists(&mut self) {
+        for &triangle in self.mesh.removed() {
+            let mut point = std::mem::replace(&mut self.heads[triangle as usize], NONE);
+            while point != NONE {
+                self.moved.push(point);
+                point = self.nexts[point as usize];
+            }
+        }
+    }
+
+    /// Finds a triangle's candidate, and queues it when it is beyond the tolerance.
+    fn elect(&mut self, triangle: u32) {
+        self.worst[triangle as usize] = Candidate::NOBODY;
+        let Some(corners) = self.mesh.corners(triangle) else { return };
+        let plane = Plane::new(corners);
+        let mut worst = Candidate { triangle, ..Candidate::NOBODY };
+        let mut point = self.heads[triangle as usize];
+        while point != NONE {
+            let distance = plane.distance(self.points[point as usize]);
+            let found = Candidate { distance, point, triangle };
+            if distance > self.tolerance - plane.doubt(distance) && found > worst {
+                let exact = || exceeds(corners, self.points[point as usize], self.tolerance);
+                if distance > self.tolerance + plane.doubt(distance) || exact() {
+                    worst = found;
+                }
+            }
+            point = self.nexts[point as usize];
+        }
+        if worst.point != NONE {
+            self.worst[triangle as usize] = worst;
+            self.queue.push(worst);
+        }
+    }
+}
+
+/// The triangles around a new vertex, to find points in.
+struct Fan {
+    centre: [i32; 2],
+    /// Where each triangle begins, and its number.
+    spokes: Vec<([i32; 2], u32, bool)>,
+}
+
+impl Fan {
+    fn new(mesh: &Mesh, centre: Point) -> Self {
+        let spoke = |&triangle: &u32| {
+            let corners = mesh.triangles()[triangle as usize].corners;
+            let from = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
+            (from, triangle, mesh.corners(triangle).is_some())
+        };
+        Self { centre: [centre.x, centre.y], spokes: mesh.fan().iter().map(spoke).collect() }
+    }
+
+    /// The triangle that a point of the old ones lies in; `None` for the centre itself.
+    fn triangle_of(&self, point: Point) -> Option<u32> {
+        let point = [point.x, point.y];
+        let side = |i: usize| orient(self.centre, self.spokes[i % self.spokes.len()].0, point);
+        let is_in = |i: &usize| self.spokes[*i].2 && side(*i) >= 0 && side(i + 1) < 0;
+        if point == self.centre {
+            return None;
+        }
+        // A point on the last spoke before a gap in the fan is on no left side of a later one.
+        let is_on_end = |i: &usize| self.spokes[*i].2 && side(*i) > 0 && side(i + 1) == 0;
+        let all = 0..self.spokes.len();
+        let found = all.clone().find(is_in).or_else(|| all.clone().find(is_on_end));
+        found.map(|i| self.spokes[i].1)
+    }
+}
+
+/// The plane through a triangle's corners, for distances in `f64`.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    origin: Point,
+    slope: [f64; 2],
+    /// Relative error of a distance is below this, with the size of what was added up.
+    reach: f64,
+}
+
+impl Plane {
+    fn new([a, b, c]: [Point; 3]) -> Self {
+        let ([bx, by, bz], [cx, cy, cz]) = (from(a, b), from(a, c));
+        let area = (bx * cy - by * cx) as f64;
+        let slope = [(bz * cy - by * cz) as f64 / area, (bx * cz - bz * cx) as f64 / area];
+        let reach = |d: [i64; 3]| {
+            slope[0].abs() * d[0].abs() as f64
+                + slope[1].abs() * d[1].abs() as f64
+                + d[2].abs() as f64
+        };
+        Self { origin: a, slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
+    }
+
+    /// Vertical distance of a point, in steps.
+    #[inline]
+    fn distance(&self, point: Point) -> f64 {
+        let [x, y, z] = from(self.origin, point).map(|d| d as f64);
+        (z - self.slope[0] * x - self.slope[1] * y).abs()
+    }
+
+    /// Bound on the rounding of `distance`: five operations on terms no larger than those at the
+    /// corners (the point lies between them) and the distance itself.
+    #[inline]
+    fn doubt(&self, distance: f64) -> f64 {
+        16.0 * f64::EPSILON * (self.reach + distance)
+    }
+}
+
+fn from(a: Point, b: Point) -> [i64; 3] {
+    [
+        i64::from(b.x) - i64::from(a.x),
+        i64::from(b.y) - i64::from(a.y),
+        i64::from(b.z) - i64::from(a.z),
+    ]
+}
+
+/// True when a point in the triangle is further than `tolerance` steps from it, exactly: a whole
+/// number of products is compared with the tolerance times twice the area.
+pub fn exceeds(corners: [Point; 3], point: Point, tolerance: f64) -> bool {
+    let [off, area] = offset(corners, point);
+    // Whole part and fraction of the tolerance, the latter in 2^-24, which f64 below 2^29 resolves
+    // exactly or is finer than any step matters: both sides stay below 2^126.
+    let whole = tolerance.floor();
+    let fraction = ((tolerance - whole) * f64::from(1 << 24)).floor() as i128;
+    let allowed = area * whole as i128 * (1 << 24) + area * fraction;
+    off.abs() * (1 << 24) > allowed.abs()
+}
+
+/// Vertical distance of a point from the plane of a triangle, in steps, as a fraction: what is above
+/// the line may be negative, below is twice the area.
+fn offset([a, b, c]: [Point; 3], point: Point) -> [i128; 2] {
+    let ([bx, by, bz], [cx, cy, cz]) = (from(a, b).map(i128::from), from(a, c).map(i128::from));
+    let [x, y, z] = from(a, point).map(i128::from);
+    let area = bx * cy - by * cx;
+    [z * area - x * (bz * cy - by * cz) - y * (bx * cz - bz * cx), area]
+}
+
+/// A distance that is not below the true one, and above it by a few roundings at most.
+fn rounded_up(corners: [Point; 3], point: Point) -> f64 {
+    let [off, area] = offset(corners, point);
+    (off as f64 / area as f64).abs() * (1.0 + 4.0 * f64::EPSILON)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scatter::mesh::tests::validate;
+    use proptest::prelude::*;
+
+    fn cloud() -> impl Strategy<Value = Vec<Point>> {
+        let point = (0..60i32, 0..60i32, -50..50i32).prop_map(|(x, y, z)| Point::new(x, y, z));
+        prop::collection::vec(point, 4..300).prop_map(|mut points| {
+            points.sort_unstable();
+            points.dedup_by_key(|p| (p.x, p.y));
+            points
+        })
+    }
+
+    /// The largest distance of any point from the mesh that covers it, by looking at all triangles.
+    fn worst(mesh: &Mesh, points: &[Point]) -> f64 {
+        let all: Vec<_> =
+            (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
+        let at = |p: Point| [p.x, p.y];
+        let covers = |[a, b, c]: &[Point; 3], p: Point| {
+            [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(at(**a), at(**b), at(p)) >= 0)
+        };
+        let distance = |p: &Point| {
+            let covering = all.iter().filter(|t| covers(t, *p));
+            covering.map(|t| Plane::new(*t).distance(*p)).fold(0.0, f64::max)
+        };
+        points.iter().map(distance).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #[test]
+        fn no_point_is_left_beyond_the_tolerance(points in cloud(), tolerance in 0..30u32) {
+            let tolerance = f64::from(tolerance) + 0.25;
+            let hull = terrane_delaunay::Hull::of(points.clone());
+            let Some(mut mesh) = Mesh::of_first(hull.ring()) else { return Ok(()) };
+            hull.ring().iter().for_each(|&p| { mesh.insert(p); });
+            let before = mesh.points().len();
+            let inserted = Fit::new(&mut mesh, &points, tolerance).run();
+            validate(&mesh);
+            prop_assert_eq!(mesh.points().len(), before + inserted.len());
+            prop_assert!(worst(&mesh, &points) <= tolerance * (1.0 + 1e-12));
+            prop_assert!(!Fit::new(&mut mesh, &points, tolerance).is_open());
+            prop_assert!(mesh.points().iter().all(|p| points.contains(p)));
+        }
+
+        #[test]
+        fn the_exact_decision_agrees_with_fractions(
+            c in prop::array::uniform3((-1000..1000i32, -1000..1000i32, -1000..1000i32)),
+            w in prop::array::uniform3(0..50i64), off in -40..40i32, tolerance in 0..2560u32
+        ) {
+            let corners = c.map(|(x, y, z)| Point::new(x * 50, y * 50, z));
+            let total: i64 = w.iter().sum();
+            prop_assume!(total > 0);
+            let mix = |f: fn(Point) -> i32| {
+                (0..3).map(|i| w[i] * i64::from(f(corners[i]))).sum::<i64>() / total
+            };
+            let point = Point::new(mix(|p| p.x) as i32, mix(|p| p.y) as i32, mix(|p| p.z) as i32 + off);
+            let [a, b, c] = corners;
+            prop_assume!(orient([a.x, a.y], [b.x, b.y], [c.x, c.y]) != 0);
+            let tolerance = f64::from(tolerance) / 64.0;
+            let distance = Plane::new(corners).distance(point);
+            if (distance - tolerance).abs() > 1e-6 {
+                prop_assert_eq!(exceeds(corners, point, tolerance), distance > tolerance);
+            }
+        }
+    }
+
+    #[test]
+    fn a_distance_equal_to_the_tolerance_is_within() {
+        let corners = [Point::new(0, 0, 0), Point::new(9, 0, 0), Point::new(0, 9, 0)];
+        assert!(!exceeds(corners, Point::new(3, 3, 7), 7.0));
+        assert!(exceeds(corners, Point::new(3, 3, 7), 7.0 - 1e-3));
+    }
+}
