@@ -6,22 +6,21 @@
 //! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
 //! and `tests/tidy.rs` checks it.
 
-pub mod atomic;
 pub mod cli;
-pub mod cloud;
-mod fault;
-mod files;
-pub mod output;
 pub mod pipeline;
-pub mod raster;
-pub mod vector;
 
 pub use terrane_base::{Error, ErrorKind, Result, error, geom, limits};
+pub use terrane_cloud as cloud;
 pub use terrane_contour as contour;
 pub use terrane_delaunay as delaunay;
+pub use terrane_files::atomic;
+use terrane_files::{self as files, fault};
 pub use terrane_gridding as gridding;
 pub use terrane_line as line;
+pub use terrane_mesh as output;
 pub use terrane_proof as proof;
+pub use terrane_raster as raster;
 pub use terrane_render as render;
 pub use terrane_synth as synth;
 pub use terrane_tin as tin;
+pub use terrane_vector as vector;

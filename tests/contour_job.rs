@@ -15,8 +15,8 @@ use terrane::geom::{Affine, Crs, Rect};
 use terrane::pipeline::contour::{ContourJob, Heights, trace};
 use terrane::pipeline::line::Length;
 use terrane::pipeline::{Cancel, Silent};
-use terrane::vector;
 use terrane::proof::lines::{self, Distance, Question};
+use terrane::vector;
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 

@@ -36,9 +36,9 @@ mod tests;
 pub use levels::Levels;
 pub use link::{Line, Lines};
 
+use sweep::{Node, Sweep};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use sweep::{Node, Sweep};
 
 /// How near to a sample an edge is crossed, in parts of the edge.
 pub const NEAREST: f64 = 1.0 / 65_536.0;

@@ -143,8 +143,8 @@ proptest! {
 /// True when two segments have a point in common other than the end of one that is the start of the
 /// other.
 fn meet(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> bool {
-    use terrane_base::geom::plane::orient;
     use std::cmp::Ordering::Equal;
+    use terrane_base::geom::plane::orient;
     if a[1] == b[0] || b[1] == a[0] {
         // Neighbours on a line meet again only if they turn back on themselves.
         let (from, middle, to) = if a[1] == b[0] { (a[0], a[1], b[1]) } else { (b[0], b[1], a[1]) };

@@ -97,8 +97,8 @@ fn in_perturbed_circle(a: Site, b: Site, c: Site, d: Site) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_base::geom::REACH;
     use proptest::prelude::*;
+    use terrane_base::geom::REACH;
 
     fn site(most: i32) -> impl Strategy<Value = Site> {
         [-most..=most, -most..=most]

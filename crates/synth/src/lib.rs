@@ -17,8 +17,8 @@ mod words;
 
 pub use character::{CHARACTERS, Character, PARAMETERS, Parameter};
 
-use terrane_base::geom::Rect;
 use character::Position;
+use terrane_base::geom::Rect;
 
 /// Most columns or rows of a terrain.
 pub const MAX_SIDE: u32 = 1 << 30;

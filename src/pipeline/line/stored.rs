@@ -90,7 +90,7 @@ impl Store {
     /// Completes the file that is made; the bytes of that one, or of the one that was read.
     pub(super) fn finish(self) -> Result<u64> {
         match (self.reader, self.writer) {
-            (Some(reader), _) => Ok(reader.file.len()),
+            (Some(reader), _) => Ok(reader.file.size()),
             (_, Some(writer)) => writer.finish(),
             _ => Ok(0),
         }
@@ -133,7 +133,7 @@ impl Reader {
     fn open(path: &Path, measure: Measure) -> Result<Self> {
         let file = RawFile::open(path)?;
         let header = file.head(HEADER)?;
-        let features = features(&header, file.len(), measure).map_err(|e| e.in_file(path))?;
+        let features = features(&header, file.size(), measure).map_err(|e| e.in_file(path))?;
         Ok(Self { file, at: HEADER, features, buffer: Vec::new(), taken: 0 })
     }
 
@@ -155,7 +155,7 @@ impl Reader {
     fn take(&mut self, bytes: u64) -> Result<&[u8]> {
         let held = (self.buffer.len() - self.taken) as u64;
         if held < bytes {
-            let rest = self.file.len().saturating_sub(self.at);
+            let rest = self.file.size().saturating_sub(self.at);
             self.buffer = self.file.read_vec(self.at, RUN.min(rest).max(bytes))?;
             self.taken = 0;
         }
@@ -166,7 +166,7 @@ impl Reader {
     }
 
     fn end(&self) -> Result<()> {
-        match (self.features, self.file.len() - self.at) {
+        match (self.features, self.file.size() - self.at) {
             (0, 0) => Ok(()),
             (0, _) => Err(damaged("there is more than it states").in_file(self.file.path())),
             _ => Err(others("has more features than the input").in_file(self.file.path())),

@@ -22,8 +22,8 @@ use crate::geom::plane::Xy;
 use crate::pipeline::line::{Length, Measure, goal_of, on_threads, positions};
 use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::vector::{self, OpenOptions};
 use crate::proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
+use crate::vector::{self, OpenOptions};
 
 /// Simplified lines to be proven.
 #[derive(Clone, Debug)]

@@ -19,8 +19,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::output::{self, MeshInfo, MeshSource};
 use crate::pipeline::memory::beside_program;
 use crate::pipeline::{Cancel, Progress, Resources, peak_memory};
-use crate::raster::{self, GridSource, Inputs, OpenOptions};
 use crate::proof::{Precision, Snapper};
+use crate::raster::{self, GridSource, Inputs, OpenOptions};
 
 pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};

@@ -9,10 +9,10 @@ use super::spread::Spread;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Rect;
 use crate::pipeline::workers::{self, lock};
-use crate::raster::GridInfo;
 use crate::proof::{
     self, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
 };
+use crate::raster::GridInfo;
 
 /// Most samples of a domain: with their errors they should stay near the processor.
 const MOST_SAMPLES: u64 = 1 << 18;

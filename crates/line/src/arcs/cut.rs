@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use super::{Arcs, Passage};
+use crate::topology::Chains;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
-use crate::topology::Chains;
 
 /// No neighbour is known yet; or no arc.
 const NONE: u32 = u32::MAX;

@@ -1,9 +1,9 @@
 //! Hierarchies against direct runs, and their bytes.
 
 use super::*;
-use terrane_base::error::ErrorKind;
 use crate::Hierarchy;
 use crate::rdp::rdp;
+use terrane_base::error::ErrorKind;
 
 struct SameAsDirect;
 

@@ -5,10 +5,10 @@ use std::mem::size_of;
 use super::Part;
 use super::plumb::position;
 use super::strips::Strips;
-use terrane_base::geom::Point;
 use crate::edges::{Corners, Meeting, compare_vertices};
 use crate::exact::double_area;
 use crate::{Position, Tally, Triangle, Vertex};
+use terrane_base::geom::Point;
 
 /// Bytes of the tables below for one triangle, beyond those of [`Corners`]: vertices in strips and
 /// open edges.

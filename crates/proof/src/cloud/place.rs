@@ -3,9 +3,9 @@
 //! The rule: a coordinate that lies as close to a whole step as the rounding of its storage explains
 //! *is* that step. Everything further away is kept as it is.
 
-use terrane_base::geom::{Frame, Point, Point3};
 use crate::snap::{SMALLEST_RADIUS, STEPS};
 use crate::{Position, Snap, Snapped, Vertex};
+use terrane_base::geom::{Frame, Point, Point3};
 
 /// No storage so coarse that it moves vertices by more than this (in steps) is made up for.
 const LARGEST_RADIUS: f64 = 0.5;

@@ -1,8 +1,8 @@
 //! The plane of a triangle between whole steps, and how far off points are, in whole numbers.
 
-use terrane_base::geom::Point;
 use crate::sections::floor;
 use crate::{Triangle, Vertex};
+use terrane_base::geom::Point;
 
 /// Positions are from 0 to below this many steps, heights at most this many from 0: products of
 /// differences then fit `i64`.

@@ -6,9 +6,9 @@ use super::Part;
 use super::bound::Bound;
 use super::plane::Plane;
 use super::strips::Strips;
-use terrane_base::geom::Point;
 use crate::exact::{double_area, exceeds};
 use crate::{Position, Spot, Tally, Triangle};
+use terrane_base::geom::Point;
 
 /// What is known of a point.
 #[derive(Clone, Copy, Debug)]

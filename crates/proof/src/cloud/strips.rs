@@ -5,9 +5,9 @@
 
 use std::ops::Range;
 
-use terrane_base::geom::Point;
 use crate::Position;
 use crate::sections::floor;
+use terrane_base::geom::Point;
 
 /// Things of a strip, as a multiple of the root of their number.
 const PER_ROOT: usize = 4;

@@ -3,8 +3,8 @@
 use super::building::{self, Building};
 use super::spline::{GROUND, Spline, ZONES};
 use super::{Dice, Survey};
-use terrane_base::geom::Rect;
 use crate::hash::{RowHash, mix64};
+use terrane_base::geom::Rect;
 
 /// Values of the map above which there is forest, below which there is water, and between which there
 /// are buildings; its values have a deviation of 0.28.

@@ -21,9 +21,9 @@ pub use name::PARAMETERS;
 
 use super::hash::mix64;
 use super::{CHARACTERS, Terrain};
-use terrane_base::geom::Point;
 use flight::Flight;
 use land::Land;
+use terrane_base::geom::Point;
 
 /// Class of the ground.
 pub const GROUND: u8 = 2;

@@ -3,10 +3,10 @@
 use std::fmt;
 
 use super::Survey;
-use terrane_base::error::{Error, Result};
-use terrane_base::geom::REACH;
 use crate::Parameter;
 use crate::words::{Given, Words};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::REACH;
 
 /// The first word of a survey's name.
 const KIND: &str = "cloud";

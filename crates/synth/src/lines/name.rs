@@ -3,9 +3,9 @@
 use std::fmt;
 
 use super::{Lines, SHAPES, Shape};
-use terrane_base::error::{Error, Result};
 use crate::Parameter;
 use crate::words::{Given, Words};
+use terrane_base::error::{Error, Result};
 
 /// The parameters of synthetic lines.
 pub const PARAMETERS: &[Parameter] = &[

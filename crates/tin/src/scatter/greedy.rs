@@ -9,8 +9,8 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::mesh::{Mesh, NONE, Place};
-use terrane_delaunay::orient;
 use terrane_base::geom::Point;
+use terrane_delaunay::orient;
 
 /// A triangle's point with the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,8 +4,8 @@
 //! is inserted like any other. An insertion removes the triangles whose circle holds the point and
 //! fills the hole with a fan around it (Bowyer 1981, Watson 1981); walks find the first of them.
 
-use terrane_delaunay::{in_circle, orient};
 use terrane_base::geom::Point;
+use terrane_delaunay::{in_circle, orient};
 
 /// The vertex at infinity.
 pub const GHOST: u32 = u32::MAX;

@@ -10,8 +10,8 @@ use super::own::{Own, OwnPart, Placed, beside, key};
 use crate::error::{Error, ErrorKind, Result};
 use crate::pipeline::memory::PROGRAM;
 use crate::pipeline::{Cancel, Progress};
-use crate::vector::{self, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat};
 use crate::proof::lines::Vertices;
+use crate::vector::{self, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat};
 
 /// Bytes for each vertex of either file where all features have to be held.
 const VERTEX: u64 = 200;

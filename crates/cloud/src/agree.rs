@@ -1,0 +1,72 @@
+//! What the files of a cloud must agree in: their coordinate reference system.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+use terrane_files::{path_of, shown};
+
+use super::member::File;
+
+/// The system of all files; `given` is that of files that name none.
+///
+/// # Errors
+/// Two files of different systems.
+pub(super) fn crs(names: &[String], files: &[File], given: Option<&Crs>) -> Result<Crs> {
+    let of = |file: &File| match (file.crs(), given) {
+        (crs, Some(given)) if !crs.is_named() => given.clone(),
+        (crs, _) => crs.clone(),
+    };
+    let mut systems = names.iter().zip(files.iter().map(of));
+    let Some((first, system)) = systems.next() else { return Ok(Crs::default()) };
+    for (name, other) in systems {
+        if !system.agrees(&other) {
+            return Err(differ((first, &system), (name, &other)));
+        }
+        if let (Some(a), Some(b)) = (&system.vertical_unit, &other.vertical_unit)
+            && a != b
+        {
+            return Err(differ_in_units((first, &system), (name, &other)));
+        }
+    }
+    Ok(system)
+}
+
+fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
+    let [own, others] = first.1.told_apart(other.1);
+    let remedy = match !first.1.is_named() || !other.1.is_named() {
+        true => "if it is the same one, say so with --crs; else bring both into one",
+        false => "bring both into one, for example with pdal translate --filter reprojection",
+    };
+    Error::bad_input(format!(
+        "its coordinate reference system is {others}, and that of {} is {own}",
+        shown(first.0)
+    ))
+    .in_file(&path_of(other.0))
+    .remedy(remedy)
+}
+
+fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
+    let unit = |crs: &Crs| crs.vertical_unit.clone().unwrap_or_else(|| "unknown".to_owned());
+    Error::bad_input(format!(
+        "its unit of height is {}, and that of {} is {}",
+        unit(other.1),
+        shown(first.0),
+        unit(first.1)
+    ))
+    .in_file(&path_of(other.0))
+    .remedy("convert the heights of one of them")
+}
+
+/// What people overlook about a system.
+pub(super) fn notes(crs: &Crs) -> Vec<String> {
+    let mut notes = Vec::new();
+    if !crs.is_named() {
+        notes.push("the coordinate system is not named (--crs names it)".to_owned());
+    }
+    let (across, up) = (crs.horizontal_unit(), crs.vertical_unit.as_deref());
+    if across == "degree" {
+        notes.push("x and y are in degrees, heights are not".to_owned());
+    } else if let Some(up) = up.filter(|up| across != "unit" && *up != across) {
+        notes.push(format!("x and y are in {across} but heights in {up}"));
+    }
+    notes
+}

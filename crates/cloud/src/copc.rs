@@ -1,0 +1,137 @@
+//! The octree of COPC files (COPC 1.0): which chunk holds the points of which cube.
+
+use std::collections::HashSet;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_files::RawFile;
+
+use super::las::{Bytes, Header, Vlr};
+use super::laz::Chunk;
+
+/// Who writes the records, and the number of the one that describes the octree.
+const USER: &str = "copc";
+const INFO: u16 = 1;
+/// Bytes of that record, and of an entry of the hierarchy.
+const INFO_BYTES: u64 = 160;
+const ENTRY_BYTES: u64 = 32;
+/// The deepest level: cubes of more are no longer told apart.
+const MOST_LEVELS: i32 = 31;
+
+/// A node with points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Node {
+    pub(super) chunk: Chunk,
+    /// Lowest and highest corner of its cube.
+    pub(super) cube: [[f64; 3]; 2],
+}
+
+/// A page of the hierarchy.
+#[derive(Clone, Copy)]
+struct Page {
+    at: u64,
+    bytes: u64,
+}
+
+/// The cube around all.
+struct Root {
+    low: [f64; 3],
+    size: f64,
+}
+
+/// The nodes with points in the order of the file; `None` where it is no COPC file.
+///
+/// # Errors
+/// A hierarchy that does not lie in the file, or does not hold each point once.
+pub(super) fn nodes(file: &RawFile, header: &Header, vlrs: &[Vlr]) -> Result<Option<Vec<Node>>> {
+    let Some(info) = vlrs.first().filter(|vlr| vlr.is(USER, INFO)) else { return Ok(None) };
+    if info.bytes < INFO_BYTES {
+        return Err(damaged(format!("its record has {} bytes", info.bytes)));
+    }
+    let data = file.read_vec(info.at, INFO_BYTES)?;
+    let (root, page) = parse(Bytes(&data))?;
+    let mut nodes = walk(file, &root, page)?;
+    nodes.sort_by_key(|node| node.chunk.at);
+    check(&nodes, header, file.size())?;
+    Ok(Some(nodes))
+}
+
+fn parse(info: Bytes<'_>) -> Result<(Root, Page)> {
+    let half = info.f64(24);
+    let low = [0, 8, 16].map(|at| info.f64(at) - half);
+    let sound = half.is_finite() && half > 0.0 && low.iter().all(|v| v.is_finite());
+    if !sound {
+        return Err(damaged(format!("its cube is {half} wide from {low:?} on")));
+    }
+    Ok((Root { low, size: 2.0 * half }, Page { at: info.u64(40), bytes: info.u64(48) }))
+}
+
+/// Page after page; each is read once, and their bytes together are no more than the file's, so
+/// that pages that name each other end.
+fn walk(file: &RawFile, root: &Root, first: Page) -> Result<Vec<Node>> {
+    let (mut pages, mut seen, mut left) = (vec![first], HashSet::new(), file.size());
+    let mut nodes = Vec::new();
+    while let Some(page) = pages.pop() {
+        if page.bytes > left || !page.bytes.is_multiple_of(ENTRY_BYTES) || !seen.insert(page.at) {
+            return Err(damaged(format!("a page of {} bytes at {}", page.bytes, page.at)));
+        }
+        limits::check("bytes of a page", page.bytes, limits::MAX_BLOCK_BYTES)?;
+        left -= page.bytes;
+        let bytes = file.read_vec(page.at, page.bytes)?;
+        for entry in bytes.chunks_exact(ENTRY_BYTES as usize) {
+            take(Bytes(entry), root, &mut pages, &mut nodes)?;
+        }
+    }
+    Ok(nodes)
+}
+
+/// An entry is a node, an empty one, or leads to another page.
+fn take(entry: Bytes<'_>, root: &Root, pages: &mut Vec<Page>, nodes: &mut Vec<Node>) -> Result<()> {
+    let (at, bytes, points) = (entry.u64(16), entry.i32(24), entry.i32(28));
+    let bytes = u64::try_from(bytes).map_err(|_| damaged(format!("a node of {bytes} bytes")))?;
+    match points {
+        -1 => pages.push(Page { at, bytes }),
+        0 => {}
+        1.. => {
+            let key = [0, 4, 8, 12].map(|at| entry.i32(at));
+            let chunk = Chunk { at, bytes, points: u64::from(points.unsigned_abs()) };
+            nodes.push(Node { chunk, cube: cube(root, key)? });
+        }
+        _ => return Err(damaged(format!("a node of {points} points"))),
+    }
+    Ok(())
+}
+
+/// The cube of a key: level, then which one along x, y, z.
+fn cube(root: &Root, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
+    let sound = (0..MOST_LEVELS).contains(&level)
+        && key.iter().all(|k| (0..1_i64 << level).contains(&i64::from(*k)));
+    if !sound {
+        return Err(damaged(format!("a node {key:?} on level {level}")));
+    }
+    let size = root.size / (1_i64 << level) as f64;
+    let corner = |by: f64| std::array::from_fn(|i| root.low[i] + (f64::from(key[i]) + by) * size);
+    Ok([corner(0.0), corner(1.0)])
+}
+
+/// Nodes lie behind each other between the first point and the file's end, and hold every point.
+fn check(nodes: &[Node], header: &Header, len: u64) -> Result<()> {
+    let mut at = header.points_at;
+    for Node { chunk, .. } in nodes {
+        let end = chunk.at.saturating_add(chunk.bytes);
+        if chunk.at < at || end > len {
+            return Err(damaged(format!("a node of {} bytes at {}", chunk.bytes, chunk.at)));
+        }
+        at = end;
+    }
+    let points: u64 = nodes.iter().map(|node| node.chunk.points).sum();
+    match points == header.count {
+        true => Ok(()),
+        false => Err(damaged(format!("it has {points} of {} points", header.count))),
+    }
+}
+
+fn damaged(what: String) -> Error {
+    Error::bad_input(format!("the octree (COPC) is damaged: {what}"))
+        .remedy("copy the file again, or read it without the octree with --salvage")
+}

@@ -1,0 +1,203 @@
+//! Which points of a cloud are wanted.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::geom::{Frame, Point};
+
+use super::Polygon;
+
+/// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
+/// cloud's frame first, and all is decided on steps (see [`Gate`]).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Filter {
+    /// Of one of these classes.
+    pub classes: Option<Vec<u8>>,
+    /// Of this return of their pulse.
+    pub returns: Option<Return>,
+    /// Points marked as withheld, too.
+    pub keep_withheld: bool,
+    /// Bearing none of these marks.
+    pub drop: Flags,
+    /// Within x low, y low, x high, y high, borders included; in world units.
+    pub bounds: Option<[f64; 4]>,
+    /// Inside this polygon.
+    pub polygon: Option<Arc<Polygon>>,
+    /// Not lower than the first and not higher than the second; in world units.
+    pub z_range: Option<[f64; 2]>,
+    /// Every so many points of each file, from its first one on, counted before all else.
+    pub every: Option<NonZeroU32>,
+}
+
+const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
+
+/// A return of a pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Return {
+    /// The first one.
+    First,
+    /// The last one, which may be the first one as well.
+    Last,
+    /// The first one of pulses that have no other.
+    Only,
+    /// The one of this number, from 1.
+    Number(u8),
+}
+
+/// Marks that a point may bear, by the bits of LAS 1.4.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Flags(pub u8);
+
+impl Flags {
+    /// Made by other means than measuring.
+    pub const SYNTHETIC: Self = Self(1);
+    /// A key point of a model, not to be thinned out.
+    pub const KEY: Self = Self(2);
+    /// To be left out.
+    pub const WITHHELD: Self = Self(4);
+    /// In the overlap of flight lines.
+    pub const OVERLAP: Self = Self(8);
+
+    /// All marks with their names.
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("synthetic", Self::SYNTHETIC),
+        ("keypoint", Self::KEY),
+        ("withheld", Self::WITHHELD),
+        ("overlap", Self::OVERLAP),
+    ];
+
+    /// The marks of both.
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// True when the two have a mark in common.
+    pub const fn meets(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+}
+
+/// All of a point that filters ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    /// In steps of the cloud's frame.
+    pub point: Point,
+    /// World coordinates.
+    pub world: [f64; 3],
+    /// Classification.
+    pub class: u8,
+    /// Number of the return, from 1.
+    pub number: u8,
+    /// Returns of the pulse.
+    pub returns: u8,
+    /// Marks.
+    pub flags: Flags,
+    /// Which point of its file, from 0.
+    pub index: u64,
+}
+
+/// What becomes of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It is handed on.
+    Keep,
+    /// It is marked as withheld.
+    Withheld,
+    /// It is not wanted.
+    Filtered,
+}
+
+impl Return {
+    /// Whether it is return `number` of `returns`.
+    pub fn is(self, number: u8, returns: u8) -> bool {
+        match self {
+            Self::First => number <= 1,
+            Self::Last => number >= returns,
+            Self::Only => number <= 1 && returns <= 1,
+            Self::Number(wanted) => number == wanted,
+        }
+    }
+}
+
+impl Filter {
+    /// The box around the points asked for: x low, y low, x high, y high.
+    pub fn area(&self) -> [f64; 4] {
+        let [west, south, east, north] = self.bounds.unwrap_or(EVERYWHERE);
+        let [left, bottom, right, top] =
+            self.polygon.as_ref().map_or(EVERYWHERE, |polygon| polygon.bounds());
+        [west.max(left), south.max(bottom), east.min(right), north.min(top)]
+    }
+
+    /// Whether a point of the box may be wanted.
+    pub fn touches(&self, low: [f64; 3], high: [f64; 3]) -> bool {
+        let [west, south, east, north] = self.area();
+        let across = low[0] <= east && west <= high[0] && low[1] <= north && south <= high[1];
+        across && self.z_range.is_none_or(|[bottom, top]| low[2] <= top && bottom <= high[2])
+    }
+}
+
+/// A filter whose limits are steps of a frame.
+#[derive(Clone, Debug)]
+pub struct Gate {
+    filter: Filter,
+    /// Lowest and highest steps of the points wanted; none where they cross over.
+    limits: [[i32; 2]; 3],
+    /// In steps.
+    polygon: Option<Arc<Polygon>>,
+}
+
+impl Gate {
+    /// For points of `frame`.
+    pub fn new(filter: &Filter, frame: &Frame) -> Self {
+        let [west, south, east, north] = filter.area();
+        let heights = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let asked = [[west, east], [south, north], heights];
+        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let limits = [0, 1, 2].map(|axis| {
+            let ruler = frame.ruler(axis);
+            [clip(ruler.first(asked[axis][0])), clip(ruler.last(asked[axis][1]))]
+        });
+        let polygon = filter.polygon.as_ref().map(|polygon| Arc::new(polygon.in_steps(frame)));
+        Self { filter: filter.clone(), limits, polygon }
+    }
+
+    /// What it was made of.
+    pub fn filter(&self) -> &Filter {
+        &self.filter
+    }
+
+    /// A box of points cut to the box and heights asked for; `None` where nothing is left.
+    pub fn cut(&self, [low, high]: [Point; 2]) -> Option<[Point; 2]> {
+        let [x, y, z] = self.limits;
+        let low = Point::new(low.x.max(x[0]), low.y.max(y[0]), low.z.max(z[0]));
+        let high = Point::new(high.x.min(x[1]), high.y.min(y[1]), high.z.min(z[1]));
+        (low.x <= high.x && low.y <= high.y && low.z <= high.z).then_some([low, high])
+    }
+
+    /// What becomes of `record`, condition by condition. A point that is withheld and not wanted
+    /// for another reason, too, counts as withheld.
+    pub fn judge(&self, record: &Record) -> Verdict {
+        if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {
+            return Verdict::Withheld;
+        }
+        match self.is_wanted(record) {
+            true => Verdict::Keep,
+            false => Verdict::Filtered,
+        }
+    }
+
+    fn is_wanted(&self, record: &Record) -> bool {
+        let (filter, Point { x, y, z }) = (&self.filter, record.point);
+        let within = |[low, high]: [i32; 2], step: i32| low <= step && step <= high;
+        filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))
+            && filter.classes.as_ref().is_none_or(|classes| classes.contains(&record.class))
+            && filter.returns.is_none_or(|wanted| wanted.is(record.number, record.returns))
+            && !record.flags.meets(filter.drop)
+            && within(self.limits[0], x)
+            && within(self.limits[1], y)
+            && within(self.limits[2], z)
+            && self.polygon.as_ref().is_none_or(|polygon| polygon.contains(x.into(), y.into()))
+    }
+}

@@ -1,0 +1,251 @@
+//! The frame of a cloud: one lattice for the points of all its files, whatever their order.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Frame, Point, REACH, Ruler};
+
+use super::Filter;
+
+/// Where the points of a file lie: the lattice it counts in, and the bounds it claims.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Claim {
+    pub(super) scale: [f64; 3],
+    pub(super) offset: [f64; 3],
+    /// Lowest and highest steps; bounds off the lattice reach to the next step.
+    pub(super) low: [i32; 3],
+    pub(super) high: [i32; 3],
+}
+
+/// How far off a step a position is still on it: coordinates in `f64` have errors.
+const SLACK: f64 = 1e-4;
+/// Largest number of steps between two lattices that are one.
+const MOST_STEPS: f64 = (1_u64 << 50) as f64;
+
+impl Claim {
+    /// From bounds in world units.
+    pub(super) fn new(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> Self {
+        let offset = offset.map(|o| o + 0.0);
+        let steps = |axis: usize, world: f64| (world - offset[axis]) / scale[axis];
+        // Casts saturate: no point lies beyond what they can hold.
+        let low = std::array::from_fn(|i| (steps(i, low[i]) + SLACK).floor() as i32);
+        let high = std::array::from_fn(|i| (steps(i, high[i]) - SLACK).ceil() as i32);
+        Self { scale, offset, low, high }
+    }
+
+    /// World coordinates, as every reader of the file computes them.
+    pub(super) fn world(&self, raw: [i32; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| f64::from(raw[axis]) * self.scale[axis] + self.offset[axis])
+    }
+
+    /// Whether the bounds hold for a point.
+    pub(super) fn holds(&self, raw: [i32; 3]) -> bool {
+        (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&raw[axis]))
+    }
+
+    /// The claim cut to the box and heights asked for, and a step around them, as points may be
+    /// rounded to steps of another lattice; `None` where nothing is left.
+    pub(super) fn within(&self, filter: &Filter) -> Option<Self> {
+        let [west, south, east, north] = filter.area();
+        let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let asked = [[west, east], [south, north], [bottom, top]];
+        let steps = |axis: usize| Ruler::new(self.scale[axis], self.offset[axis]);
+        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let low = std::array::from_fn(|axis| {
+            self.low[axis].max(clip(steps(axis).first(asked[axis][0]) - 1))
+        });
+        let high = std::array::from_fn(|axis| {
+            self.high[axis].min(clip(steps(axis).last(asked[axis][1]) + 1))
+        });
+        let cut = Self { low, high, ..*self };
+        (0..3).all(|axis| cut.low[axis] <= cut.high[axis]).then_some(cut)
+    }
+}
+
+/// From the lattice of a file to the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Map {
+    /// So many steps less, modulo 2^32: the result is within reach, so it is exact.
+    Shift([i32; 3]),
+    /// To the nearest step of another lattice.
+    Round(Frame),
+}
+
+impl Map {
+    /// The point at `raw`, which is within the file's claim.
+    pub(super) fn place(&self, raw: [i32; 3], claim: &Claim) -> Point {
+        let [x, y, z] = match self {
+            Self::Shift(by) => std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis])),
+            Self::Round(frame) => {
+                let world = claim.world(raw);
+                std::array::from_fn(|axis| frame.steps(axis, world[axis]).round() as i32)
+            }
+        };
+        Point { x, y, z }
+    }
+}
+
+/// A frame, how each file gets into it, and how far points move at most on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Common {
+    pub(super) frame: Frame,
+    pub(super) maps: Vec<Map>,
+    pub(super) moved: [f64; 3],
+}
+
+/// The common frame of files, a pure function of the set of their claims. Lattices that are one but
+/// for whole steps keep it and every point its exact place. Otherwise the finest scale along each
+/// axis is taken and points go to its nearest step.
+///
+/// # Errors
+/// Extents beyond [`REACH`].
+pub(super) fn common(claims: &[Claim]) -> Result<Common> {
+    let axes: Vec<Option<Axis>> = (0..3).map(|axis| Axis::shared(claims, axis)).collect();
+    match <[Option<Axis>; 3]>::try_from(axes) {
+        Ok([Some(x), Some(y), Some(z)]) => shifted(claims, [x, y, z]),
+        _ => rounded(claims),
+    }
+}
+
+/// A lattice along an axis that all files share.
+struct Axis {
+    scale: f64,
+    /// The lowest offset of a file.
+    base: f64,
+    /// Steps from the base to the offset of each file.
+    steps: Vec<i64>,
+}
+
+impl Axis {
+    fn shared(claims: &[Claim], axis: usize) -> Option<Self> {
+        let scale = claims.first()?.scale[axis];
+        let base = claims.iter().map(|c| c.offset[axis]).fold(f64::INFINITY, f64::min);
+        let steps = claims.iter().map(|claim| {
+            let steps = (claim.offset[axis] - base) / scale;
+            let fits = (steps - steps.round()).abs() <= SLACK && steps.abs() < MOST_STEPS;
+            (claim.scale[axis] == scale && fits).then(|| steps.round() as i64)
+        });
+        Some(Self { scale, base, steps: steps.collect::<Option<_>>()? })
+    }
+
+    /// The base where all points are within reach of it, else a step near their middle.
+    fn origin(&self, claims: &[Claim], axis: usize) -> Result<i64> {
+        let ends = |pick: fn(&Claim) -> [i32; 3]| {
+            let of = move |(claim, steps): (&Claim, &i64)| i64::from(pick(claim)[axis]) + steps;
+            claims.iter().zip(&self.steps).map(of)
+        };
+        let low = ends(|claim| claim.low).min().unwrap_or(0);
+        let high = ends(|claim| claim.high).max().unwrap_or(0);
+        origin(low, high).ok_or_else(|| too_wide(axis, self.scale, (high - low) as f64))
+    }
+}
+
+/// Zero where `low` and `high` are within reach of it, else their middle.
+fn origin(low: i64, high: i64) -> Option<i64> {
+    let reach = i64::from(REACH);
+    if low >= -reach && high <= reach {
+        return Some(0);
+    }
+    let middle = low + (high - low) / 2;
+    (high - middle <= reach && middle - low <= reach).then_some(middle)
+}
+
+fn too_wide(axis: usize, scale: f64, steps: f64) -> Error {
+    let name = ["x", "y", "z"][axis];
+    Error::unsupported(format!(
+        "{name} reaches over {steps:.0} steps of {scale}, more than the {} that a cloud may span",
+        2 * REACH
+    ))
+    .remedy("read a part of it with --bounds or --z-range, or write it with a coarser scale")
+}
+
+fn shifted(claims: &[Claim], axes: [Axis; 3]) -> Result<Common> {
+    let mut origins = [0; 3];
+    for (axis, lattice) in axes.iter().enumerate() {
+        origins[axis] = lattice.origin(claims, axis)?;
+    }
+    let map = |file: usize| {
+        // Modulo 2^32 on purpose.
+        Map::Shift(std::array::from_fn(|axis| (origins[axis] - axes[axis].steps[file]) as i32))
+    };
+    let frame = Frame {
+        scale: std::array::from_fn(|axis| axes[axis].scale),
+        offset: std::array::from_fn(|axis| {
+            Ruler::new(axes[axis].scale, axes[axis].base).at(origins[axis])
+        }),
+    };
+    Ok(Common { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
+}
+
+fn rounded(claims: &[Claim]) -> Result<Common> {
+    let mut frame = Frame { scale: [1.0; 3], offset: [0.0; 3] };
+    for axis in 0..3 {
+        let scale = claims.iter().map(|c| c.scale[axis]).fold(f64::INFINITY, f64::min);
+        let low = claims.iter().map(|c| c.world(c.low)[axis]).fold(f64::INFINITY, f64::min);
+        let high = claims.iter().map(|c| c.world(c.high)[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let [first, last] = [(low / scale).floor(), (high / scale).ceil()];
+        let wide = || too_wide(axis, scale, last - first);
+        if first.abs().max(last.abs()) >= MOST_STEPS {
+            return Err(wide());
+        }
+        let origin = origin(first as i64, last as i64).ok_or_else(wide)?;
+        (frame.scale[axis], frame.offset[axis]) = (scale, Ruler::new(scale, 0.0).at(origin));
+    }
+    let maps = vec![Map::Round(frame); claims.len()];
+    Ok(Common { frame, maps, moved: frame.scale.map(|scale| scale / 2.0) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn claim(scale: f64, offset: f64, low: f64, high: f64) -> Claim {
+        Claim::new([scale; 3], [offset; 3], [low; 3], [high; 3])
+    }
+
+    #[test]
+    fn one_file_keeps_its_own_lattice() {
+        let near = claim(0.01, 100.0, 0.0, 500.0);
+        let common = common(&[near]).unwrap();
+        assert_eq!(common.frame, Frame { scale: [0.01; 3], offset: [100.0; 3] });
+        assert_eq!(common.maps, [Map::Shift([0; 3])]);
+        assert_eq!((near.low, near.high), ([-10_000; 3], [40_000; 3]));
+    }
+
+    #[test]
+    fn far_points_move_the_origin_by_whole_steps() {
+        let far = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
+        let found = common(&[far]).unwrap();
+        let raw = [1_999_500_123; 3];
+        let point = found.maps[0].place(raw, &far);
+        assert!(point.x.abs() <= REACH);
+        let world = found.frame.world(point)[0];
+        assert!((world - 1_999_500.123).abs() < 1e-6, "{world}");
+        assert!(common(&[claim(0.001, 0.0, -2e6, 2e6)]).unwrap_err().to_string().contains("steps"));
+    }
+
+    #[test]
+    fn lattices_that_are_one_are_kept_in_any_order() {
+        let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.01, 1000.0, 1000.0, 1010.0));
+        let (one, two) = (common(&[a, b]).unwrap(), common(&[b, a]).unwrap());
+        assert_eq!((one.frame, one.moved), (two.frame, [0.0; 3]));
+        assert_eq!(one.maps[1].place([7; 3], &b), Point::new(100_007, 100_007, 100_007));
+        assert_eq!(two.maps[0], one.maps[1]);
+    }
+
+    #[test]
+    fn other_lattices_meet_on_the_finest_scale() {
+        let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.001, 0.0005, 1.0, 2.0));
+        let found = common(&[a, b]).unwrap();
+        assert_eq!(found.frame.scale, [0.001; 3]);
+        assert_eq!(found.maps[0].place([123; 3], &a), Point::new(1230, 1230, 1230));
+        assert_eq!(found.moved, [0.0005; 3]);
+        assert_eq!(common(&[b, a]).unwrap().frame, found.frame);
+    }
+
+    #[test]
+    fn bounds_off_the_lattice_reach_to_the_next_step() {
+        let odd = claim(0.01, 0.0, 1.003, 1.996);
+        assert_eq!((odd.low[0], odd.high[0]), (100, 200));
+        let even = claim(0.001, 0.0, 84_808.3, 85_000.0);
+        assert_eq!((even.low[0], even.high[0]), (84_808_300, 85_000_000));
+    }
+}

@@ -1,0 +1,181 @@
+//! The public header block of LAS 1.0 to 1.4 (ASPRS LAS 1.4 R15, section 2.4), checked against the
+//! file's length.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+use super::bytes::Bytes;
+
+/// Bytes of the header of LAS 1.0 to 1.2, of 1.3 and of 1.4.
+const SIZES: [u16; 3] = [227, 235, 375];
+/// Most bytes of a header that are looked at.
+pub(super) const MOST_BYTES: u64 = 375;
+/// Bytes of a record of each point format, without extra bytes.
+const RECORD_BYTES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+/// The first point format with more than five bits of classification.
+const FIRST_NEW: u8 = 6;
+
+/// What a LAS file says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Header {
+    pub(crate) version: [u8; 2],
+    /// Bytes before the first VLR.
+    pub(super) size: u16,
+    /// Where points begin.
+    pub(crate) points_at: u64,
+    pub(super) vlrs: u32,
+    /// 0 to 10.
+    pub(crate) format: u8,
+    pub(crate) is_compressed: bool,
+    /// Bytes of a point, uncompressed.
+    pub(crate) record: u16,
+    pub(crate) count: u64,
+    pub(crate) scale: [f64; 3],
+    pub(crate) offset: [f64; 3],
+    pub(crate) low: [f64; 3],
+    pub(crate) high: [f64; 3],
+    pub(super) evlrs_at: u64,
+    pub(super) evlrs: u32,
+    pub(crate) system: String,
+    pub(crate) software: String,
+    /// Day of the year, and year.
+    pub(crate) created: [u16; 2],
+    pub(crate) encoding: u16,
+    /// What is odd about it.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Header {
+    /// From the first bytes of a file of `len` bytes.
+    pub(super) fn parse(head: &[u8], len: u64) -> Result<Self> {
+        if !head.starts_with(b"LASF") {
+            return Err(Error::bad_input("is not a LAS or LAZ file: it does not begin with LASF")
+                .remedy("copy it again, or name another file"));
+        }
+        if head.len() < usize::from(SIZES[0]) {
+            return Err(Error::bad_input(format!(
+                "file is truncated: its {len} bytes hold no header"
+            ))
+            .remedy("copy it again"));
+        }
+        let header = Self::read(Bytes(head));
+        header.check_version()?;
+        header.check_layout(len)?;
+        header.check_place()?;
+        Ok(header)
+    }
+
+    fn read(b: Bytes<'_>) -> Self {
+        let triple = |at: usize, step: usize| [0, 1, 2].map(|axis| b.f64(at + step * axis));
+        let is_long = [b.u8(24), b.u8(25)] >= [1, 4];
+        let (count, notes) = count(b, is_long);
+        Self {
+            version: [b.u8(24), b.u8(25)],
+            size: b.u16(94),
+            points_at: u64::from(b.u32(96)),
+            vlrs: b.u32(100),
+            format: b.u8(104) & 0x7f,
+            is_compressed: b.u8(104) & 0x80 != 0,
+            record: b.u16(105),
+            count,
+            scale: triple(131, 8),
+            offset: triple(155, 8),
+            high: triple(179, 16),
+            low: triple(187, 16),
+            evlrs_at: if is_long { b.u64(235) } else { 0 },
+            evlrs: if is_long { b.u32(243) } else { 0 },
+            system: b.text(26, 32),
+            software: b.text(58, 32),
+            created: [b.u16(90), b.u16(92)],
+            encoding: b.u16(6),
+            notes,
+        }
+    }
+
+    fn check_version(&self) -> Result<()> {
+        let [major, minor] = self.version;
+        if (major, minor) < (1, 0) || (major, minor) > (1, 4) {
+            let message = format!("LAS version {major}.{minor} is not known");
+            return Err(Error::unsupported(message).remedy("versions 1.0 to 1.4 are read"));
+        }
+        if usize::from(self.format) >= RECORD_BYTES.len() {
+            let message = format!("point format {} is not known", self.format);
+            return Err(Error::unsupported(message).remedy("formats 0 to 10 are read"));
+        }
+        Ok(())
+    }
+
+    fn check_layout(&self, len: u64) -> Result<()> {
+        limits::check("number of points", self.count, limits::MAX_POINTS)
+            .map_err(|e| e.remedy("copy the file again"))?;
+        let size = SIZES[usize::from(self.version[1].saturating_sub(2))];
+        let damaged = |message: String| Err(Error::bad_input(message).remedy("copy it again"));
+        if self.size < size {
+            return damaged(format!(
+                "the header claims {} bytes, and one of version 1.{} has {size}",
+                self.size, self.version[1]
+            ));
+        }
+        if self.points_at < u64::from(self.size) || self.points_at > len {
+            return damaged(format!(
+                "points are said to begin at byte {}, and the header ends at {} and the file at {len}",
+                self.points_at, self.size
+            ));
+        }
+        let least = RECORD_BYTES[usize::from(self.format)];
+        if self.record < least {
+            return damaged(format!(
+                "points are said to have {} bytes, and those of format {} have {least} or more",
+                self.record, self.format
+            ));
+        }
+        Ok(())
+    }
+
+    /// Scale, offset and bounds.
+    fn check_place(&self) -> Result<()> {
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let (scale, offset) = (self.scale[axis], self.offset[axis]);
+            if !(scale.is_normal() && scale > 0.0 && offset.is_finite()) {
+                let message = format!("the scale of {name} is {scale} and its offset {offset}");
+                return Err(Error::bad_input(message)
+                    .remedy("the scale must be above zero; write the file again"));
+            }
+            let (low, high) = (self.low[axis], self.high[axis]);
+            let sound = low.is_finite() && high.is_finite() && low <= high;
+            if self.count > 0 && !sound {
+                let message = format!("the bounds of {name} are said to be {low} to {high}");
+                return Err(Error::bad_input(message)
+                    .remedy("mend the header, for example with pdal translate IN OUT"));
+            }
+        }
+        Ok(())
+    }
+
+    /// True for formats 6 to 10.
+    pub(crate) fn is_new(&self) -> bool {
+        self.format >= FIRST_NEW
+    }
+
+    /// Extra bytes of each point.
+    pub(crate) fn extra_bytes(&self) -> u16 {
+        self.record - RECORD_BYTES[usize::from(self.format)]
+    }
+}
+
+/// Points by the wide count of LAS 1.4, or by the narrow one where that is all there is.
+fn count(b: Bytes<'_>, is_long: bool) -> (u64, Vec<String>) {
+    let narrow = u64::from(b.u32(107));
+    let wide = if is_long { b.u64(247) } else { narrow };
+    match (wide, narrow) {
+        (0, 1..) => {
+            let note = format!("only the old count of points is set: {narrow}");
+            (narrow, vec![note])
+        }
+        (_, 1..) if wide != narrow => {
+            let note = format!("two counts of points differ: {wide}, which is used, and {narrow}");
+            (wide, vec![note])
+        }
+        _ => (wide, Vec::new()),
+    }
+}

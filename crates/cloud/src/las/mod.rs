@@ -1,0 +1,108 @@
+//! LAS and LAZ files: header, records, and parts that are read each on its own.
+
+mod bytes;
+mod crs;
+mod header;
+mod parts;
+mod record;
+mod vlr;
+
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+use terrane_files::RawFile;
+
+pub(super) use bytes::Bytes;
+pub(super) use header::Header;
+pub(super) use parts::{Block, Part, Room};
+pub(super) use record::{New, Old, unpacked};
+pub(super) use vlr::Vlr;
+
+use super::copc;
+use super::frame::Claim;
+use super::laz::{Compressor, Layout};
+
+/// Who writes the record without which compressed points cannot be read, and its number.
+const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
+
+/// A LAS or LAZ file.
+#[derive(Debug)]
+pub(super) struct LasFile {
+    pub(super) path: PathBuf,
+    /// Its length when it was opened.
+    pub(super) len: u64,
+    pub(super) header: Header,
+    pub(super) vlrs: Vec<Vlr>,
+    pub(super) crs: Crs,
+    /// How points are compressed, if they are.
+    pub(super) layout: Option<Layout>,
+    pub(super) is_copc: bool,
+    pub(super) parts: Vec<Part>,
+    /// What is odd about it.
+    pub(super) notes: Vec<String>,
+}
+
+impl LasFile {
+    /// Reads everything but the points. With `salvage`, parts that are not there count as lost.
+    pub(super) fn open(path: &Path, salvage: bool) -> Result<Self> {
+        let file = RawFile::open(path)?;
+        Self::read(&file, path, salvage).map_err(|e| e.in_file(path))
+    }
+
+    fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
+        let header = Header::parse(&file.head(header::MOST_BYTES)?, file.size())?;
+        let mut notes = header.notes.clone();
+        let vlrs = vlr::all(file, &header, &mut notes)?;
+        let crs = crs::read(file, &vlrs, header.encoding)?;
+        let laszip = vlrs.iter().find(|vlr| vlr.is(LASZIP.0, LASZIP.1));
+        let layout = match (header.is_compressed, laszip) {
+            (false, _) => None,
+            (true, Some(vlr)) => Some(Layout::parse(&vlr.data(file)?, &header)?),
+            (true, None) => {
+                return Err(Error::bad_input(
+                    "its points are compressed, and the LASzip record is missing",
+                )
+                .remedy("copy the file again"));
+            }
+        };
+        let nodes = match &layout {
+            Some(layout) if layout.compressor == Compressor::Layers => {
+                copc::nodes(file, &header, &vlrs)
+            }
+            _ => Ok(None),
+        };
+        let nodes = match nodes {
+            Err(error) if salvage => {
+                notes.push(format!("the octree is not used: {error}"));
+                None
+            }
+            nodes => nodes?,
+        };
+        let is_copc = nodes.is_some();
+        let parts = match (&layout, nodes) {
+            (None, _) => parts::plain(&header, file.size(), salvage)?,
+            (Some(_), Some(nodes)) => parts::octree(nodes),
+            (Some(layout), None) => parts::packed(file, &header, layout, salvage, &mut notes)?,
+        };
+        let (path, len) = (path.to_path_buf(), file.size());
+        Ok(Self { path, len, header, vlrs, crs, layout, is_copc, parts, notes })
+    }
+
+    /// Where its points are said to lie; `None` without points.
+    pub(super) fn claim(&self) -> Option<Claim> {
+        let Header { scale, offset, low, high, count, .. } = self.header;
+        (count > 0).then(|| Claim::new(scale, offset, low, high))
+    }
+
+    /// The file again, for reading points.
+    pub(super) fn reopen(&self) -> Result<RawFile> {
+        let file = RawFile::open(&self.path)?;
+        if file.size() == self.len {
+            return Ok(file);
+        }
+        Err(Error::bad_input("has changed since it was opened")
+            .in_file(&self.path)
+            .remedy("start again when nothing writes to it"))
+    }
+}

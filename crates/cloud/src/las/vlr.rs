@@ -1,0 +1,100 @@
+//! Variable length records of a LAS file, before the points and behind them.
+
+use terrane_base::error::Result;
+use terrane_base::limits;
+use terrane_files::RawFile;
+
+use super::bytes::Bytes;
+use super::header::Header;
+
+/// Bytes before a record's data, in front of the points and behind them.
+const HEADS: [u64; 2] = [54, 60];
+
+/// A record, its data not read yet.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Vlr {
+    pub(crate) user: String,
+    pub(crate) id: u16,
+    pub(crate) description: String,
+    /// Where the data begin.
+    pub(crate) at: u64,
+    pub(crate) bytes: u64,
+}
+
+impl Vlr {
+    /// True for the record of this name.
+    pub(crate) fn is(&self, user: &str, id: u16) -> bool {
+        self.user == user && self.id == id
+    }
+
+    /// The data.
+    pub(crate) fn data(&self, file: &RawFile) -> Result<Vec<u8>> {
+        limits::check("bytes of a record", self.bytes, limits::MAX_HEADER_BYTES)?;
+        file.read_vec(self.at, self.bytes)
+    }
+}
+
+/// All records, those before the points first. Records that do not lie where they may are left out
+/// with all that follow, and told in a note: they place no point, but for those that `laz` and `copc`
+/// files cannot do without.
+pub(super) fn all(file: &RawFile, header: &Header, notes: &mut Vec<String>) -> Result<Vec<Vlr>> {
+    let mut found = Vec::new();
+    let front = Run { at: header.size.into(), end: header.points_at, count: header.vlrs, kind: 0 };
+    front.read(file, &mut found, notes)?;
+    if header.evlrs > 0 {
+        let behind = Run { at: header.evlrs_at, end: file.size(), count: header.evlrs, kind: 1 };
+        behind.read(file, &mut found, notes)?;
+    }
+    Ok(found)
+}
+
+/// Records one after the other.
+struct Run {
+    at: u64,
+    end: u64,
+    count: u32,
+    /// 0 before the points, 1 behind them.
+    kind: usize,
+}
+
+impl Run {
+    /// Each record takes bytes of the file, so their number is bounded by its length.
+    fn read(self, file: &RawFile, found: &mut Vec<Vlr>, notes: &mut Vec<String>) -> Result<()> {
+        let (mut at, head) = (self.at, HEADS[self.kind]);
+        for number in 0..self.count {
+            let data = at.saturating_add(head);
+            if data > self.end {
+                notes.push(format!("{number} of {} {} are there", self.count, self.name()));
+                return Ok(());
+            }
+            let bytes = file.read_vec(at, head)?;
+            let vlr = self.parse(&bytes, data);
+            let end = data.saturating_add(vlr.bytes);
+            if end > self.end {
+                notes.push(format!(
+                    "{number} of {} {} are there: the next claims {} bytes",
+                    self.count,
+                    self.name(),
+                    vlr.bytes
+                ));
+                return Ok(());
+            }
+            found.push(vlr);
+            at = end;
+        }
+        Ok(())
+    }
+
+    fn parse(&self, head: &[u8], at: u64) -> Vlr {
+        let b = Bytes(head);
+        let (bytes, description) = match self.kind {
+            0 => (u64::from(b.u16(20)), b.text(22, 32)),
+            _ => (b.u64(20), b.text(28, 32)),
+        };
+        Vlr { user: b.text(2, 16), id: b.u16(18), description, at, bytes }
+    }
+
+    fn name(&self) -> &'static str {
+        ["variable length records", "extended variable length records"][self.kind]
+    }
+}

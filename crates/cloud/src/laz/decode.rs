@@ -1,0 +1,177 @@
+//! Decoding of chunks and streams: bytes and a number of points go in, fields of points come out,
+//! some thousand at a time, so that memory is bounded whatever a file claims.
+//!
+//! No byte of a stream is under a checksum, and a damaged one goes on yielding points that look like
+//! points. What tells is its end: encoders leave it in one of few states, at the last byte, and a
+//! stream that was read wrongly anywhere hardly ever gets there.
+
+use crate::lazip::{self, Chunk, Decoder, Fields, Flow, Stream, Wanted};
+use terrane_base::error::Result;
+use terrane_files::RawFile;
+
+use super::{Compressor, Layout, layers};
+
+/// Points that are decoded before they are handed on.
+const BLOCK: u64 = 8192;
+/// Bytes of a stream that are at hand, as long as it has so many.
+const WINDOW: usize = 1 << 20;
+/// More symbols than a point has beside a byte for each of its record's, and bytes of each.
+const MOST_SYMBOLS: usize = 128;
+const MOST_SYMBOL_BYTES: usize = 3;
+
+/// What was found at the end, or what is wrong and nothing told before.
+pub(crate) type Decoded<T> = Result<std::result::Result<T, String>>;
+
+/// What takes blocks of points.
+type Each<'a> = dyn FnMut(&Fields) -> Result<()> + 'a;
+
+/// A decoder and its room, to be used again and again.
+#[derive(Default)]
+pub(crate) struct Unpacker {
+    decoder: Decoder,
+    fields: Fields,
+    window: Vec<u8>,
+}
+
+impl Unpacker {
+    /// Decodes a chunk of `count` points. Fields that are not wanted hold anything.
+    ///
+    /// # Errors
+    /// Whatever `each` returns.
+    pub(crate) fn chunk(
+        &mut self,
+        layout: &Layout,
+        bytes: &[u8],
+        count: u64,
+        wanted: Wanted,
+        each: &mut Each<'_>,
+    ) -> Decoded<()> {
+        if layout.compressor == Compressor::Layers
+            && let Err(what) = check(layout, bytes, count)
+        {
+            return Ok(Err(what));
+        }
+        let chunk = Chunk { bytes, count: count as usize };
+        match self.decoder.stream(&layout.schema, chunk, wanted) {
+            Ok(stream) => go(stream, count, &mut self.fields, each),
+            Err(what) => Ok(Err(what.to_string())),
+        }
+    }
+
+    /// Decodes the `count` points of the stream that begins at byte `at` of `file`; returns the bytes
+    /// it takes.
+    ///
+    /// # Errors
+    /// Whatever `each` returns, and a file that cannot be read.
+    pub(crate) fn stream(
+        &mut self,
+        layout: &Layout,
+        (file, at): (&RawFile, u64),
+        count: u64,
+        each: &mut Each<'_>,
+    ) -> Decoded<u64> {
+        let Self { decoder, fields, window } = self;
+        window.clear();
+        let mut window = Window { file, end: at, bytes: window };
+        window.fill()?;
+        let mut flow = match decoder.flow(&layout.schema, window.bytes) {
+            Ok((flow, left)) => window.keep(left, flow),
+            Err(what) => return Ok(Err(what.to_string())),
+        };
+        let mut left = count;
+        while left > 0 {
+            window.fill()?;
+            fields.clear();
+            let points = points_at_once(layout).min(left);
+            if let Err(what) = window.read(&mut flow, points, fields) {
+                return Ok(Err(what.to_string()));
+            }
+            each(fields)?;
+            left -= points;
+        }
+        window.fill()?;
+        let end = flow.end(window.bytes);
+        Ok(end.map(|behind| window.end - behind as u64 - at).map_err(|what| what.to_string()))
+    }
+}
+
+/// Points that a full window holds, whatever they are.
+fn points_at_once(layout: &Layout) -> u64 {
+    let most_bytes = MOST_SYMBOL_BYTES * (MOST_SYMBOLS + layout.record);
+    (WINDOW / most_bytes).max(1).min(BLOCK as usize) as u64
+}
+
+/// The part of a stream that is at hand.
+struct Window<'a> {
+    file: &'a RawFile,
+    /// Place in the file of the end of `bytes`.
+    end: u64,
+    bytes: &'a mut Vec<u8>,
+}
+
+impl Window<'_> {
+    /// Reads on until the window is full or the file ends.
+    fn fill(&mut self) -> Result<()> {
+        let there = self.bytes.len();
+        let more = (self.file.size() - self.end).min(WINDOW.saturating_sub(there) as u64);
+        self.bytes.resize(there + more as usize, 0);
+        self.file.read_at(self.end, &mut self.bytes[there..])?;
+        self.end += more;
+        Ok(())
+    }
+
+    /// Drops all but the last `left` bytes.
+    fn keep<T>(&mut self, left: usize, result: T) -> T {
+        self.bytes.drain(..self.bytes.len() - left);
+        result
+    }
+
+    fn read(
+        &mut self,
+        flow: &mut Flow<'_>,
+        points: u64,
+        fields: &mut Fields,
+    ) -> std::result::Result<(), lazip::Damage> {
+        let left = flow.read(self.bytes, points as usize, fields)?;
+        self.keep(left, Ok(()))
+    }
+}
+
+/// Hands on block after block of a chunk.
+fn go(
+    mut stream: Stream<'_, '_>,
+    count: u64,
+    fields: &mut Fields,
+    each: &mut Each<'_>,
+) -> Decoded<()> {
+    let mut left = count;
+    while left > 0 {
+        fields.clear();
+        let points = BLOCK.min(left);
+        if let Err(what) = stream.read(points as usize, fields) {
+            return Ok(Err(what.to_string()));
+        }
+        each(fields)?;
+        left -= points;
+    }
+    Ok(match stream.end() {
+        Ok(0) => Ok(()),
+        Ok(bytes) => Err(format!("{bytes} bytes follow its last point")),
+        Err(what) => Err(what.to_string()),
+    })
+}
+
+/// Its layers must lie in the chunk, and its points be those that the file claims.
+fn check(layout: &Layout, bytes: &[u8], count: u64) -> std::result::Result<(), String> {
+    if (bytes.len() as u64) < layers::head_bytes(layout) {
+        return Err(format!("its {} bytes do not hold its head", bytes.len()));
+    }
+    let (points, claimed) = layers::claims(layout, bytes);
+    if claimed > bytes.len() as u64 {
+        return Err(format!("its layers claim {claimed} of its {} bytes", bytes.len()));
+    }
+    if points != count {
+        return Err(format!("it claims {points} points, and the file {count} for it"));
+    }
+    Ok(())
+}

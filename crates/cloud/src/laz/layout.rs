@@ -1,0 +1,150 @@
+//! The LASzip record: which compressor wrote the points, in chunks of how many, field by field.
+
+use laz::{LazItemType, LazVlr};
+
+use crate::las::{Bytes, Header};
+use crate::lazip::{Item, Schema};
+use terrane_base::error::{Error, Result};
+
+/// Bytes before the items, and of an item.
+const HEAD_BYTES: usize = 34;
+const ITEM_BYTES: usize = 6;
+/// Most items: a point, its time, colours, waves and extra bytes.
+const MOST_ITEMS: usize = 8;
+/// Chunk sizes that say that the chunk table has the number of points of each chunk.
+const VARIABLE: [u32; 2] = [0, u32::MAX];
+
+/// How points are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compressor {
+    /// All points in one stream.
+    Stream,
+    /// Chunks, each one stream.
+    Chunks,
+    /// Chunks, each with a stream for every field.
+    Layers,
+}
+
+impl Compressor {
+    /// For people.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Stream => "point by point in one stream",
+            Self::Chunks => "point by point",
+            Self::Layers => "by layers",
+        }
+    }
+}
+
+/// What a decoder must know of a file.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    pub(crate) compressor: Compressor,
+    /// Points of each chunk but the last one; `None` where the chunk table has them.
+    pub(crate) chunk_points: Option<u32>,
+    /// Bytes of a decompressed point.
+    pub(crate) record: usize,
+    /// Streams of a layered chunk.
+    pub(super) layers: usize,
+    /// For the decoder.
+    pub(super) schema: Schema,
+}
+
+impl Layout {
+    /// From the data of the LASzip record of a file with this header.
+    pub(crate) fn parse(data: &[u8], header: &Header) -> Result<Self> {
+        let b = Bytes(data);
+        let compressor = match (b.u16(0), b.u16(2)) {
+            (1, 0) => Compressor::Stream,
+            (2, 0) => Compressor::Chunks,
+            (3, 0) => Compressor::Layers,
+            (kind, coder) => {
+                let message = format!("compressor {kind} with coder {coder} is not known");
+                return Err(unsupported(message));
+            }
+        };
+        let schema = schema(&items(b, data.len(), compressor, header)?)?;
+        let vlr = LazVlr::from_buffer(data).map_err(|e| damaged(e.to_string()))?;
+        let layers = vlr.items().iter().map(|item| layers(item.item_type())).sum();
+        let chunk_points = Some(b.u32(12)).filter(|points| !VARIABLE.contains(points));
+        Ok(Self { compressor, chunk_points, record: header.record.into(), layers, schema })
+    }
+}
+
+/// Fails where the decoder does not know an item, by its name.
+fn schema(items: &[[u16; 3]]) -> Result<Schema> {
+    let item =
+        |[kind, size, version]: &[u16; 3]| Item { kind: *kind, size: *size, version: *version };
+    Schema::new(&items.iter().map(item).collect::<Vec<_>>())
+        .map_err(|item| unsupported(format!("its compression of {item}, is not known")))
+}
+
+fn unsupported(what: String) -> Error {
+    Error::unsupported(what).remedy("decompress it with laszip first")
+}
+
+/// Kind, bytes and version of each item. Fails unless they are those of the header's point format, in
+/// this order, all of versions that belong to the compressor.
+fn items(
+    b: Bytes<'_>,
+    len: usize,
+    compressor: Compressor,
+    header: &Header,
+) -> Result<Vec<[u16; 3]>> {
+    let count = usize::from(b.u16(32));
+    if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
+        return Err(damaged(format!("{count} items in {len} bytes")));
+    }
+    let items: Vec<[u16; 3]> = (0..count)
+        .map(|i| [0, 2, 4].map(|field| b.u16(HEAD_BYTES + i * ITEM_BYTES + field)))
+        .collect();
+    let kinds: Vec<[u16; 2]> = items.iter().map(|[kind, bytes, _]| [*kind, *bytes]).collect();
+    if kinds != expected(header) {
+        return Err(damaged(format!("its items are not those of point format {}", header.format)));
+    }
+    let versions = if compressor == Compressor::Layers { 3..=4 } else { 1..=2 };
+    let version = items[0][2];
+    // Waves have had no second version.
+    let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
+    if !versions.contains(&version) || items.iter().any(is_odd) {
+        return Err(unsupported(format!("items of version {version} are not known")));
+    }
+    Ok(items)
+}
+
+/// Kind and bytes of the items of a point format.
+fn expected(header: &Header) -> Vec<[u16; 2]> {
+    let (point, time, colour, wave) = ([6, 20], [7, 8], [8, 6], [9, 29]);
+    let (point14, colour14, nir14, wave14) = ([10, 30], [11, 6], [12, 8], [13, 29]);
+    let mut items = match header.format {
+        0 => vec![point],
+        1 => vec![point, time],
+        2 => vec![point, colour],
+        3 => vec![point, time, colour],
+        4 => vec![point, time, wave],
+        5 => vec![point, time, colour, wave],
+        6 => vec![point14],
+        7 => vec![point14, colour14],
+        8 => vec![point14, nir14],
+        9 => vec![point14, wave14],
+        _ => vec![point14, nir14, wave14],
+    };
+    let extra = header.extra_bytes();
+    if extra > 0 {
+        items.push([if header.is_new() { 14 } else { 0 }, extra]);
+    }
+    items
+}
+
+fn layers(kind: LazItemType) -> usize {
+    match kind {
+        LazItemType::Point14 => 9,
+        LazItemType::RGBNIR14 => 2,
+        LazItemType::Byte14(bytes) => bytes.into(),
+        _ => 1,
+    }
+}
+
+fn damaged(what: String) -> Error {
+    Error::bad_input(format!("the LASzip record is damaged: {what}")).remedy("copy the file again")
+}

@@ -1,0 +1,229 @@
+//! The chunk table of a LAZ file, checked entry by entry against the file's length, and what can be
+//! known of the chunks where there is none.
+
+use std::io::Cursor;
+
+use laz::decoders::ArithmeticDecoder;
+use laz::decompressors::IntegerDecompressorBuilder;
+
+use crate::las::{Bytes, Header};
+use terrane_base::error::{Error, Result};
+use terrane_files::RawFile;
+
+use super::{Compressor, Layout, Unpacker, layers};
+
+/// Bytes of the table's place, before the first chunk and, where that could not be written later, at
+/// the file's end.
+const POINTER_BYTES: u64 = 8;
+/// Bytes of the table's version and number of entries.
+const HEAD_BYTES: u64 = 8;
+/// Most bytes of an entry, by far: two numbers of at most 32 bits and their lengths.
+const MOST_ENTRY_BYTES: u64 = 16;
+
+/// An independently compressed run of points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Chunk {
+    pub(crate) at: u64,
+    pub(crate) bytes: u64,
+    pub(crate) points: u64,
+}
+
+/// The chunks of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Table {
+    /// Each on its own.
+    Chunks(Vec<Chunk>),
+    /// All points in one stream.
+    Stream(Chunk),
+}
+
+/// The table of `file`; with `salvage`, what can be made out without it where it is damaged.
+pub(crate) fn read(
+    file: &RawFile,
+    header: &Header,
+    layout: &Layout,
+    salvage: bool,
+) -> Result<(Table, Option<String>)> {
+    let start = header.points_at;
+    if layout.compressor == Compressor::Stream {
+        let bytes = file.size() - start;
+        return Ok((Table::Stream(Chunk { at: start, bytes, points: header.count }), None));
+    }
+    if header.count == 0 {
+        return Ok((Table::Chunks(Vec::new()), None));
+    }
+    let first = start.saturating_add(POINTER_BYTES);
+    let found = entries(file, header, layout, first);
+    match found {
+        Ok(chunks) => Ok((Table::Chunks(chunks), None)),
+        Err(missing) if salvage || missing.is_unfinished => {
+            let table = without(file, header, layout, first)?;
+            let note = format!("{}; chunks were found without it", missing.what);
+            Ok((table, Some(note)))
+        }
+        Err(missing) => Err(Error::bad_input(missing.what)
+            .remedy("copy the file again, or read the good part with --salvage")),
+    }
+}
+
+/// Why there is no table.
+struct Missing {
+    what: String,
+    /// The writer did not come to it; nothing is damaged.
+    is_unfinished: bool,
+}
+
+fn missing(what: impl Into<String>) -> Missing {
+    Missing { what: what.into(), is_unfinished: false }
+}
+
+/// The table's place: before the first chunk, or at the file's end.
+fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
+    let at = |offset: u64| {
+        let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
+        Some(Bytes(&bytes).u64(0) as i64)
+    };
+    let told =
+        at(first - POINTER_BYTES).ok_or_else(|| missing("the file ends before its points"))?;
+    let inside = |at: i64| u64::try_from(at).ok().filter(|at| *at >= first);
+    let last = file.size().checked_sub(POINTER_BYTES).filter(|at| *at >= first);
+    let place = inside(told).or_else(|| inside(at(last?)?).filter(|at| *at < file.size()));
+    let Some(place) = place else {
+        let what = "the chunk table was not written".to_owned();
+        return Err(Missing { what, is_unfinished: told <= 0 });
+    };
+    match place.checked_add(HEAD_BYTES) {
+        Some(end) if end <= file.size() => Ok(place),
+        _ => Err(missing(format!(
+            "file is truncated: its chunk table is said to be at byte {place}, and it ends at {}",
+            file.size()
+        ))),
+    }
+}
+
+/// The entries, which lie in the file one after the other from `first` on and hold all points.
+fn entries(
+    file: &RawFile,
+    header: &Header,
+    layout: &Layout,
+    first: u64,
+) -> std::result::Result<Vec<Chunk>, Missing> {
+    let place = place(file, first)?;
+    let unreadable = |e: Error| missing(e.to_string());
+    let head = file.read_vec(place, HEAD_BYTES).map_err(unreadable)?;
+    let (version, count) = (Bytes(&head).u32(0), u64::from(Bytes(&head).u32(4)));
+    // A chunk begins with a whole point.
+    let most = (place - first) / layout.record.max(1) as u64 + 1;
+    if version != 0 || count > most {
+        return Err(missing(format!("the chunk table claims {count} chunks, version {version}")));
+    }
+    let bytes = (count * MOST_ENTRY_BYTES + MOST_ENTRY_BYTES).min(file.size() - place - HEAD_BYTES);
+    let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
+    let sizes = unpack(&packed, count, layout.chunk_points.is_none())
+        .ok_or_else(|| missing("the chunk table is damaged"))?;
+    placed(&sizes, header.count, layout.chunk_points, first..place)
+}
+
+/// Points, where they are known, and bytes of each chunk.
+fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>> {
+    if count == 0 {
+        return Some(Vec::new());
+    }
+    let mut numbers = IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized();
+    let mut decoder = ArithmeticDecoder::new(Cursor::new(packed));
+    decoder.read_init_bytes().ok()?;
+    let mut sizes: Vec<(u32, u32)> = Vec::with_capacity(count as usize);
+    let mut last = (0_u32, 0_u32);
+    for _ in 0..count {
+        if has_points {
+            last.0 = numbers.decompress(&mut decoder, last.0 as i32, 0).ok()? as u32;
+        }
+        last.1 = numbers.decompress(&mut decoder, last.1 as i32, 1).ok()? as u32;
+        sizes.push(last);
+    }
+    Some(sizes)
+}
+
+fn placed(
+    sizes: &[(u32, u32)],
+    count: u64,
+    chunk_points: Option<u32>,
+    room: std::ops::Range<u64>,
+) -> std::result::Result<Vec<Chunk>, Missing> {
+    let (mut at, mut left) = (room.start, count);
+    let mut chunks = Vec::with_capacity(sizes.len());
+    for (number, (points, bytes)) in sizes.iter().enumerate() {
+        let bytes = u64::from(*bytes);
+        if bytes > room.end - at {
+            return Err(missing(format!(
+                "the chunk table claims {bytes} bytes for chunk {number}, where {} are left",
+                room.end - at
+            )));
+        }
+        let points = u64::from(chunk_points.unwrap_or(*points)).min(left);
+        if points > 0 {
+            chunks.push(Chunk { at, bytes, points });
+        }
+        (at, left) = (at + bytes, left - points);
+    }
+    if at < room.end {
+        let (has, bytes) = (at - room.start, room.end - room.start);
+        return Err(missing(format!("the chunk table has {has} of {bytes} bytes of points")));
+    }
+    if left > 0 {
+        let has = count - left;
+        return Err(missing(format!("the chunk table has {has} of {count} points")));
+    }
+    Ok(chunks)
+}
+
+/// The chunks of a file without a table: layered ones tell their own lengths, and where others end is
+/// known when they are decoded.
+fn without(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Table> {
+    let first = first.min(file.size());
+    let chunks = match (layout.compressor, layout.chunk_points) {
+        (Compressor::Layers, _) => walk(file, header, layout, first)?,
+        (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
+        (_, None) => {
+            let what = "without its chunk table, the chunks of this file cannot be told apart";
+            return Err(Error::bad_input(what).remedy("copy the file again"));
+        }
+    };
+    Ok(Table::Chunks(chunks))
+}
+
+/// Chunks of `full` points from byte `at` on, decoded to their ends, up to the first that has none.
+fn follow(
+    file: &RawFile,
+    layout: &Layout,
+    (mut at, mut left, full): (u64, u64, u32),
+) -> Result<Vec<Chunk>> {
+    let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
+    while left > 0 && at < file.size() {
+        let points = u64::from(full).min(left);
+        let Ok(bytes) = unpacker.stream(layout, (file, at), points, &mut |_| Ok(()))? else {
+            break;
+        };
+        chunks.push(Chunk { at, bytes, points });
+        (at, left) = (at + bytes, left - points);
+    }
+    Ok(chunks)
+}
+
+/// Layered chunks by their own heads, as far as they are whole.
+fn walk(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Vec<Chunk>> {
+    let head = layers::head_bytes(layout);
+    let (mut at, mut left, mut chunks) = (first, header.count, Vec::new());
+    while left > 0 && head <= file.size() - at {
+        let bytes = file.read_vec(at, head)?;
+        let (points, bytes) = layers::claims(layout, &bytes);
+        let fits = bytes <= file.size() - at;
+        let is_full = layout.chunk_points.is_none_or(|full| points == u64::from(full).min(left));
+        if !fits || !is_full || points == 0 || points > left {
+            break;
+        }
+        chunks.push(Chunk { at, bytes, points });
+        (at, left) = (at + bytes, left - points);
+    }
+    Ok(chunks)
+}

@@ -1,0 +1,105 @@
+//! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
+
+mod agree;
+mod copc;
+mod facts;
+mod filter;
+mod frame;
+mod las;
+mod laz;
+pub mod lazip;
+mod member;
+mod open;
+mod polygon;
+mod sieve;
+pub mod synth;
+mod text;
+pub mod write;
+
+pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
+pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
+pub use polygon::Polygon;
+
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, Frame, Point};
+
+/// What a cloud is, before any point is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CloudInfo {
+    /// Where the points lie.
+    pub frame: Frame,
+    /// Lowest and highest coordinates that the headers claim, cut to the box and heights asked for;
+    /// every point handed on lies within. `None` where no point can be.
+    pub bounds: Option<[Point; 2]>,
+    /// Points that the headers claim, of the parts that may touch the box asked for.
+    pub count: u64,
+    /// The coordinate reference system, as far as known.
+    pub crs: Crs,
+}
+
+/// What became of the points that were read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Census {
+    /// Points that the files hold, those lost among them.
+    pub read: u64,
+    /// Points handed on.
+    pub kept: u64,
+    /// Points left out because they are marked as withheld.
+    pub withheld: u64,
+    /// Points left out by a filter that was asked for.
+    pub filtered: u64,
+    /// Points given up because they lie outside the bounds their file claims.
+    pub outside: u64,
+    /// Points given up because they cannot be read.
+    pub lost: u64,
+}
+
+impl Census {
+    /// Adds the counts of another part.
+    pub fn add(&mut self, other: &Self) {
+        self.read += other.read;
+        self.kept += other.kept;
+        self.withheld += other.withheld;
+        self.filtered += other.filtered;
+        self.outside += other.outside;
+        self.lost += other.lost;
+    }
+}
+
+/// A cloud that is read part by part. Parts are independent: any thread may read any part, in any
+/// order, and all parts together hold every point once.
+pub trait PointSource: Send + Sync {
+    /// What the cloud is.
+    fn info(&self) -> &CloudInfo;
+
+    /// How many parts there are. Neighbours in the order of parts are near each other in their file.
+    fn parts(&self) -> usize;
+
+    /// Points that part `part` holds, at most, before filters.
+    fn points_of(&self, part: usize) -> u64;
+
+    /// Lowest and highest coordinates that points of a part may have across; heights are those of the
+    /// cloud. `None` where the part has no point that is wanted.
+    fn bounds_of(&self, _part: usize) -> Option<[Point; 2]> {
+        self.info().bounds
+    }
+
+    /// Reads a part and hands on its filtered points in batches of at most [`BATCH`].
+    ///
+    /// # Errors
+    /// Damage that the source was not told to pass over, and whatever `each` returns.
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census>;
+
+    /// The files behind it, by name.
+    fn files(&self) -> &[String] {
+        &[]
+    }
+
+    /// What is odd about it, or easily overlooked, one line each.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+}
+
+/// Most points of a batch.
+pub const BATCH: usize = 1 << 16;

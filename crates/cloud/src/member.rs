@@ -1,0 +1,233 @@
+//! A file of a cloud: its parts, and what becomes of their points.
+
+use std::cell::Cell;
+
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, Frame, Point};
+
+use super::frame::Claim;
+use super::las::{self, Block, LasFile, New, Old, unpacked};
+use super::lazip::Wanted;
+use super::sieve::{Raw, Sieve};
+use super::text::{self, TextFile};
+use super::{BATCH, Census, Filter, Flags, Record, Verdict};
+
+/// A file of one of the kinds.
+pub(super) enum File {
+    Las(LasFile),
+    Text(TextFile),
+}
+
+/// A file in its place.
+pub(super) struct Member {
+    pub(super) file: File,
+    /// `None` where no point of it is wanted.
+    pub(super) sieve: Option<Sieve>,
+    pub(super) salvage: bool,
+}
+
+impl File {
+    pub(super) fn crs(&self) -> &Crs {
+        match self {
+            Self::Las(file) => &file.crs,
+            Self::Text(file) => &file.crs,
+        }
+    }
+
+    pub(super) fn claim(&self) -> Option<Claim> {
+        match self {
+            Self::Las(file) => file.claim(),
+            Self::Text(file) => file.claim(),
+        }
+    }
+
+    /// The lattice that its points are on.
+    pub(super) fn lattice(&self) -> Frame {
+        match self {
+            Self::Las(file) => Frame { scale: file.header.scale, offset: file.header.offset },
+            Self::Text(file) => file.lattice,
+        }
+    }
+
+    pub(super) fn notes(&self) -> &[String] {
+        match self {
+            Self::Las(file) => &file.notes,
+            Self::Text(file) => &file.notes,
+        }
+    }
+}
+
+/// Room that a thread keeps between parts.
+#[derive(Default)]
+pub(super) struct Room {
+    records: las::Room,
+    points: Vec<Point>,
+}
+
+/// Does `work` with the thread's room; work within it gets a room of its own.
+pub(super) fn take_room<T>(work: impl FnOnce(&mut Room) -> T) -> T {
+    thread_local! {
+        static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
+    }
+    let mut room = ROOM.take().unwrap_or_default();
+    let result = work(&mut room);
+    ROOM.set(Some(room));
+    result
+}
+
+/// What takes the points of a block.
+type Each<'a> = dyn FnMut(&[Point]) -> Result<()> + 'a;
+
+/// The records of a block, by their format.
+trait Visit {
+    fn visit<R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()>;
+}
+
+/// Sifts records into points.
+struct Sift<'a, 'b> {
+    sieve: &'a Sieve,
+    points: &'a mut Vec<Point>,
+    census: Census,
+    each: &'a mut Each<'b>,
+}
+
+impl Visit for Sift<'_, '_> {
+    fn visit<R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        self.sieve.sift(records, first, self.points, &mut self.census)?;
+        self.points.chunks(BATCH).try_for_each(&mut *self.each)
+    }
+}
+
+/// Looks at records.
+struct Look<'a> {
+    sieve: &'a Sieve,
+    census: Census,
+    each: &'a mut dyn FnMut(&Record),
+}
+
+impl Visit for Look<'_> {
+    fn visit<R: Raw>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        for (index, raw) in (first..).zip(records) {
+            let record = self.sieve.record(raw, index);
+            self.census.read += 1;
+            match self.sieve.gate().judge(&record) {
+                Verdict::Withheld => self.census.withheld += 1,
+                Verdict::Filtered => self.census.filtered += 1,
+                Verdict::Keep => {
+                    self.census.kept += 1;
+                    (self.each)(&record);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Member {
+    pub(super) fn parts(&self) -> usize {
+        match &self.file {
+            File::Las(file) => file.parts.len(),
+            File::Text(file) => file.parts.len(),
+        }
+    }
+
+    pub(super) fn points_of(&self, part: usize) -> u64 {
+        match &self.file {
+            File::Las(file) => file.parts.get(part).map_or(0, |part| part.points + part.lost),
+            File::Text(file) => file.parts.get(part).map_or(0, |part| part.points),
+        }
+    }
+
+    /// Whether a part may have wanted points.
+    pub(super) fn touches(&self, part: usize, filter: &Filter) -> bool {
+        let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
+        self.sieve.is_some() && self.cube(part).is_none_or(within)
+    }
+
+    /// What the points of a part lie in, in world units, where the file says so.
+    pub(super) fn cube(&self, part: usize) -> Option<[[f64; 3]; 2]> {
+        let File::Las(file) = &self.file else { return None };
+        let [low, high] = file.parts.get(part)?.cube?;
+        // Points are rounded to steps.
+        let scale = self.file.lattice().scale;
+        let lower = std::array::from_fn(|axis| low[axis] - scale[axis]);
+        Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
+    }
+
+    /// Hands on the wanted points of a part.
+    pub(super) fn read(&self, part: usize, room: &mut Room, each: &mut Each<'_>) -> Result<Census> {
+        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
+        let Room { records, points } = room;
+        let mut sift = Sift { sieve, points, census: Census::default(), each };
+        let lost = self.visit(part, sieve.wanted(), records, &mut sift)?;
+        Ok(with_lost(sift.census, lost))
+    }
+
+    /// Hands on all of the wanted points of a part.
+    pub(super) fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
+        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
+        let mut look = Look { sieve, census: Census::default(), each };
+        let lost = take_room(|room| self.visit(part, Wanted::ALL, &mut room.records, &mut look))?;
+        Ok(with_lost(look.census, lost))
+    }
+
+    /// Lets `visitor` see the records of a part, block by block; returns how many are lost.
+    fn visit(
+        &self,
+        part: usize,
+        wanted: Wanted,
+        room: &mut las::Room,
+        visitor: &mut impl Visit,
+    ) -> Result<u64> {
+        match &self.file {
+            File::Las(file) => {
+                let in_file = |e: terrane_base::error::Error| e.in_file(&file.path);
+                let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
+                file.records(part, wanted, self.salvage, room, &mut |first, block| {
+                    match (block, is_new) {
+                        (Block::Fields(f), true) => visitor.visit(first, unpacked::<true>(f)),
+                        (Block::Fields(f), false) => visitor.visit(first, unpacked::<false>(f)),
+                        (Block::Records(r), true) => {
+                            visitor.visit(first, r.chunks_exact(record).map(New::of))
+                        }
+                        (Block::Records(r), false) => {
+                            visitor.visit(first, r.chunks_exact(record).map(Old::of))
+                        }
+                    }
+                    .map_err(in_file)
+                })
+            }
+            File::Text(file) => {
+                file.records(part, self.salvage, &mut |first, records: &[text::Line]| {
+                    let found = visitor.visit(first, records.iter().copied());
+                    found.map_err(|e| e.in_file(&file.path))
+                })
+            }
+        }
+    }
+}
+
+fn with_lost(census: Census, lost: u64) -> Census {
+    Census { read: census.read + lost, lost: census.lost + lost, ..census }
+}
+
+impl Sieve {
+    /// What it asks of each point, beside x, y and return numbers.
+    fn wanted(&self) -> Wanted {
+        let filter = self.gate().filter();
+        let flags = !filter.keep_withheld || filter.drop != Flags::default();
+        Wanted { z: true, class: filter.classes.is_some(), flags }
+    }
+}

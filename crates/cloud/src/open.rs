@@ -1,0 +1,326 @@
+//! Opening clouds: one file, or many that are one cloud.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use terrane_base::error::{Error, ErrorKind, Result, all};
+use terrane_base::geom::{Crs, Frame, Point};
+use terrane_files::{RawFile, Seek, path_of, shown};
+
+use super::frame::{self, Claim, Common, Map};
+use super::las::LasFile;
+use super::member::{File, Member, take_room};
+use super::sieve::Sieve;
+use super::text::TextFile;
+use super::{Census, CloudInfo, Filter, Gate, PointSource, Record, agree};
+
+/// What says that a file is a cloud, before its name.
+const CLOUD_PREFIX: &str = "cloud:";
+/// Endings that only clouds have.
+const ENDINGS: [&str; 2] = ["las", "laz"];
+/// Most notes about single files.
+const MOST_NOTES: usize = 20;
+
+/// What is looked for in folders.
+const CLOUDS: Seek =
+    Seek { what: "point cloud", is_member, is_made: |_| false, file_name: |input| input };
+
+/// How a cloud is read.
+#[derive(Clone, Debug)]
+pub struct OpenOptions {
+    /// Which points are wanted.
+    pub filter: Filter,
+    /// Give up what cannot be read, and count it, instead of failing.
+    pub salvage: bool,
+    /// The coordinate reference system of files that name none.
+    pub crs: Option<Crs>,
+    /// Threads for opening many files; parts are read by the caller's.
+    pub threads: usize,
+}
+
+impl Default for OpenOptions {
+    fn default() -> Self {
+        Self { filter: Filter::default(), salvage: false, crs: None, threads: 1 }
+    }
+}
+
+/// A cloud of one file or many.
+pub struct Cloud {
+    info: CloudInfo,
+    names: Vec<String>,
+    members: Vec<Member>,
+    /// Lowest and highest point that each member claims, in the frame.
+    claims: Vec<Option<[Point; 2]>>,
+    /// Member, and part of it.
+    parts: Vec<(u32, u32)>,
+    notes: Vec<String>,
+}
+
+impl Cloud {
+    /// Its only file, where it is a LAS or LAZ file.
+    pub(super) fn las(&self) -> Option<&LasFile> {
+        match self.members.as_slice() {
+            [Member { file: File::Las(file), .. }] => Some(file),
+            _ => None,
+        }
+    }
+
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
+        self.members.iter().map(|member| &member.file)
+    }
+
+    /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
+    /// bounds claimed: for looking closely, where [`PointSource::read`] is for speed. All points are
+    /// kept that are in the returned counts, but for those lost.
+    ///
+    /// # Errors
+    /// As [`PointSource::read`], but for points outside.
+    pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
+        let (member, inner) = self.part(part)?;
+        member.records(inner, each)
+    }
+
+    fn part(&self, part: usize) -> Result<(&Member, usize)> {
+        let found = self.parts.get(part).and_then(|(member, inner)| {
+            Some((self.members.get(*member as usize)?, *inner as usize))
+        });
+        found.ok_or_else(|| Error::usage(format!("the cloud has no part {part}")))
+    }
+}
+
+impl PointSource for Cloud {
+    fn files(&self) -> &[String] {
+        &self.names
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    fn points_of(&self, part: usize) -> u64 {
+        self.part(part).map_or(0, |(member, inner)| member.points_of(inner))
+    }
+
+    fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
+        let (number, inner) = *self.parts.get(part)?;
+        let [low, high] = (*self.claims.get(number as usize)?)?;
+        let cube = self.members[number as usize].cube(inner as usize);
+        let Some([from, to]) = cube else { return Some([low, high]) };
+        // A step more each way: points of a cube are rounded to steps.
+        let frame = &self.info.frame;
+        let from =
+            |axis: usize, least: i32| least.max(frame.steps(axis, from[axis]).floor() as i32 - 1);
+        let to = |axis: usize, most: i32| most.min(frame.steps(axis, to[axis]).ceil() as i32 + 1);
+        let low = Point::new(from(0, low.x), from(1, low.y), low.z);
+        let high = Point::new(to(0, high.x), to(1, high.y), high.z);
+        (low.x <= high.x && low.y <= high.y).then_some([low, high])
+    }
+
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+        let (member, inner) = self.part(part)?;
+        take_room(|room| member.read(inner, room, each))
+    }
+}
+
+/// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder, a pattern or a list
+/// of such files, or any of these or a text file after `cloud:`; or a synthetic one.
+pub fn is_cloud(input: &str) -> bool {
+    let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
+    if is_named || is_member(&path_of(input)) {
+        return true;
+    }
+    let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
+    CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(&path_of(&file)))
+}
+
+/// As [`is_cloud`], of a folder with those below it.
+pub fn is_cloud_below(input: &str) -> bool {
+    is_cloud(input) || files_below(&[input.to_owned()]).is_ok()
+}
+
+fn is_member(path: &Path) -> bool {
+    let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    !hidden && ENDINGS.contains(&ending.as_str())
+}
+
+/// The files that `inputs` stand for: sorted, and each once, so that their order and repetition leave
+/// no trace.
+///
+/// # Errors
+/// A folder, list or pattern that yields no file or cannot be read.
+pub fn files(inputs: &[String]) -> Result<Vec<String>> {
+    CLOUDS.files(&plain(inputs)).map(distinct)
+}
+
+/// As [`files`], with those in folders below the folders among `inputs`.
+///
+/// # Errors
+/// As [`files`].
+pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
+    CLOUDS.files_below(&plain(inputs)).map(distinct)
+}
+
+/// Inputs without what says that they are clouds.
+fn plain(inputs: &[String]) -> Vec<String> {
+    let plain = |input: &String| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input).to_owned();
+    inputs.iter().map(plain).collect()
+}
+
+fn distinct(mut files: Vec<String>) -> Vec<String> {
+    files.sort();
+    let mut seen = HashSet::new();
+    let real = |name: &String| {
+        let path = path_of(name);
+        std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned())
+    };
+    files.retain(|name| seen.insert(real(name)));
+    files
+}
+
+/// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Files
+/// that are not LAS or LAZ are taken for text with a point on each line.
+///
+/// # Errors
+/// Files that are missing, damaged or not clouds; files whose coordinate reference systems differ;
+/// extents that a frame cannot hold.
+pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
+    super::synth::refuse(inputs)?;
+    let names = files(inputs)?;
+    let files = match names.as_slice() {
+        // Nothing to share among threads.
+        [name] if is_member(&path_of(name)) => vec![open_file(&path_of(name), options)?],
+        _ => on_threads(options.threads, || {
+            all(names.par_iter().map(|name| open_file(&path_of(name), options)).collect())
+        })?,
+    };
+    join(names, files, options)
+}
+
+fn open_file(path: &Path, options: &OpenOptions) -> Result<File> {
+    let head = RawFile::open(path)?.head(4)?;
+    if head == b"LASF" || is_member(path) {
+        return Ok(File::Las(LasFile::open(path, options.salvage)?));
+    }
+    Ok(File::Text(TextFile::open(path, options.salvage)?))
+}
+
+/// Does `work` on so many threads; within a pool, on that one.
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    pool.map_err(no_threads)?.install(work)
+}
+
+/// Files to a cloud.
+fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<Cloud> {
+    let crs = agree::crs(&names, &files, options.crs.as_ref())?;
+    let claims: Vec<Option<Claim>> = files.iter().map(File::claim).collect();
+    let touching: Vec<Option<Claim>> =
+        claims.iter().map(|claim| claim.as_ref()?.within(&options.filter)).collect();
+    let wanted: Vec<Claim> = touching.iter().flatten().copied().collect();
+    let common = match wanted.is_empty() {
+        true => nowhere(&files),
+        false => frame::common(&wanted).map_err(|e| named(e, &names, &touching))?,
+    };
+    let gate = Gate::new(&options.filter, &common.frame);
+    let mut maps = common.maps.iter();
+    let (mut members, mut ends) = (Vec::new(), Vec::new());
+    for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
+        let map = touching.and_then(|_| maps.next().copied());
+        ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
+        let sieve = claim
+            .zip(map)
+            .map(|(claim, map)| Sieve::new(gate.clone(), claim, map, options.salvage));
+        members.push(Member { file, sieve, salvage: options.salvage });
+    }
+    let bounds = ends.iter().flatten().copied().reduce(around);
+    let parts = parts(&members, &options.filter);
+    let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
+    let info = CloudInfo { frame: common.frame, bounds, count, crs };
+    let notes = notes(&names, &members, &info, common.moved);
+    Ok(Cloud { info, names, members, claims: ends, parts, notes })
+}
+
+/// The error with the first file that is beyond reach on its own.
+fn named(error: Error, names: &[String], claims: &[Option<Claim>]) -> Error {
+    let is_it = |claim: &Option<Claim>| claim.is_some_and(|claim| frame::common(&[claim]).is_err());
+    match claims.iter().position(is_it) {
+        Some(file) => error.in_file(&path_of(&names[file])),
+        None => error,
+    }
+}
+
+/// The frame of a cloud without points.
+fn nowhere(files: &[File]) -> Common {
+    let frame = files.iter().map(File::lattice).min_by(|a, b| {
+        let key = |frame: &Frame| [frame.scale, frame.offset].concat();
+        let (a, b) = (key(a), key(b));
+        a.iter()
+            .zip(&b)
+            .map(|(a, b)| a.total_cmp(b))
+            .find(|o| o.is_ne())
+            .unwrap_or(a.len().cmp(&b.len()))
+    });
+    let frame = frame.unwrap_or(Frame { scale: [1.0; 3], offset: [0.0; 3] });
+    Common { frame, maps: Vec::new(), moved: [0.0; 3] }
+}
+
+/// Lowest and highest coordinates of a claim in the frame.
+fn placed(claim: &Claim, map: &Map) -> [Point; 2] {
+    [map.place(claim.low, claim), map.place(claim.high, claim)]
+}
+
+/// The box around two.
+fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
+    let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
+    [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]
+}
+
+/// The parts that may have wanted points, file by file.
+fn parts(members: &[Member], filter: &Filter) -> Vec<(u32, u32)> {
+    let of = |(number, member): (usize, &Member)| {
+        let touches = |part: &usize| member.touches(*part, filter);
+        let parts = (0..member.parts()).filter(touches).collect::<Vec<_>>();
+        parts.into_iter().map(move |part| (number as u32, part as u32))
+    };
+    members.iter().enumerate().flat_map(of).collect()
+}
+
+fn notes(names: &[String], members: &[Member], info: &CloudInfo, moved: [f64; 3]) -> Vec<String> {
+    let of = |(name, member): (&String, &Member)| {
+        let tell = |note: &String| match names.len() {
+            1 => note.clone(),
+            _ => format!("{}: {note}", shown(name)),
+        };
+        member.file.notes().iter().map(tell).collect::<Vec<_>>()
+    };
+    let mut notes: Vec<String> = names.iter().zip(members).flat_map(of).collect();
+    if notes.len() > MOST_NOTES {
+        let more = notes.len() - MOST_NOTES;
+        notes.truncate(MOST_NOTES);
+        notes.push(format!("{more} more notes on single files"));
+    }
+    if moved != [0.0; 3] {
+        let [x, y, z] = moved;
+        notes.push(format!(
+            "the files differ in scale or offset: points go to steps of the finest scale and move \
+             by {x} x {y} x {z} at most"
+        ));
+    }
+    notes.extend(agree::notes(&info.crs));
+    notes
+}

@@ -1,0 +1,168 @@
+//! From the records of a file to the points that are wanted, in the cloud's frame.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+
+use super::frame::{Claim, Map};
+use super::{Census, Filter, Flags, Gate, Record, Verdict};
+
+/// A point as its file has it.
+pub(super) trait Raw: Copy {
+    /// Steps of the file's own lattice.
+    fn xyz(self) -> [i32; 3];
+    fn class(self) -> u8;
+    /// Number of the return, and returns of the pulse.
+    fn returns(self) -> [u8; 2];
+    fn flags(self) -> Flags;
+}
+
+/// What is done with the points of one file.
+#[derive(Clone, Debug)]
+pub(super) struct Sieve {
+    gate: Gate,
+    /// True when all filters but for withheld points would let everything through.
+    is_plain: bool,
+    claim: Claim,
+    map: Map,
+    salvage: bool,
+}
+
+/// Points at hand, and what became of the others.
+#[derive(Default)]
+struct Counts {
+    kept: usize,
+    withheld: u64,
+    filtered: u64,
+    outside: u64,
+}
+
+impl Sieve {
+    pub(super) fn new(gate: Gate, claim: Claim, map: Map, salvage: bool) -> Self {
+        let keep_withheld = gate.filter().keep_withheld;
+        let open = Filter { keep_withheld, ..Filter::default() };
+        Self { is_plain: *gate.filter() == open, gate, claim, map, salvage }
+    }
+
+    pub(super) fn gate(&self) -> &Gate {
+        &self.gate
+    }
+
+    /// Counts `records` into `census` and leaves those wanted in `out`. `first` is the number of the
+    /// first one in its file.
+    ///
+    /// # Errors
+    /// A point outside the bounds its file claims, unless those are given up.
+    pub(super) fn sift<R: Raw>(
+        &self,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+        first: u64,
+        out: &mut Vec<Point>,
+        census: &mut Census,
+    ) -> Result<()> {
+        let total = records.len();
+        out.resize(total, Point::default());
+        let counts = match (self.is_plain, self.map) {
+            (true, Map::Shift(by)) => self.plain(records.clone(), by, out),
+            _ => self.full(records.clone(), first, out),
+        };
+        out.truncate(counts.kept);
+        if counts.outside > 0 && !self.salvage {
+            return Err(self.outside(records, first));
+        }
+        census.read += total as u64;
+        census.kept += counts.kept as u64;
+        census.withheld += counts.withheld;
+        census.filtered += counts.filtered;
+        census.outside += counts.outside;
+        Ok(())
+    }
+
+    /// Without a branch that depends on a point.
+    fn plain<R: Raw>(
+        &self,
+        records: impl Iterator<Item = R>,
+        by: [i32; 3],
+        out: &mut [Point],
+    ) -> Counts {
+        let mut counts = Counts::default();
+        let hidden =
+            if self.gate.filter().keep_withheld { Flags::default() } else { Flags::WITHHELD };
+        let low = self.claim.low;
+        let span: [u32; 3] = std::array::from_fn(|i| self.claim.high[i].abs_diff(low[i]));
+        for record in records {
+            let raw = record.xyz();
+            let withheld = record.flags().meets(hidden);
+            let within = |axis: usize| raw[axis].wrapping_sub(low[axis]) as u32 <= span[axis];
+            let inside = within(0) & within(1) & within(2);
+            let Some(place) = out.get_mut(counts.kept) else { break };
+            *place = shifted(raw, by);
+            counts.kept += usize::from(inside & !withheld);
+            counts.withheld += u64::from(withheld);
+            counts.outside += u64::from(!inside & !withheld);
+        }
+        counts
+    }
+
+    /// With every filter.
+    fn full<R: Raw>(
+        &self,
+        records: impl Iterator<Item = R>,
+        first: u64,
+        out: &mut [Point],
+    ) -> Counts {
+        let mut counts = Counts::default();
+        for (index, record) in (first..).zip(records) {
+            let raw = record.xyz();
+            let record = self.record(record, index);
+            match self.gate.judge(&record) {
+                Verdict::Withheld => counts.withheld += 1,
+                Verdict::Filtered => counts.filtered += 1,
+                Verdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
+                Verdict::Keep => {
+                    let Some(place) = out.get_mut(counts.kept) else { break };
+                    *place = record.point;
+                    counts.kept += 1;
+                }
+            }
+        }
+        counts
+    }
+
+    pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> Record {
+        let ([number, returns], raw) = (record.returns(), record.xyz());
+        Record {
+            point: self.map.place(raw, &self.claim),
+            world: self.claim.world(raw),
+            class: record.class(),
+            number,
+            returns,
+            flags: record.flags(),
+            index,
+        }
+    }
+
+    /// The error for the first point outside.
+    fn outside<R: Raw>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
+        let is_it = |(index, record): &(u64, R)| {
+            let wanted = self.gate.judge(&self.record(*record, *index)) == Verdict::Keep;
+            wanted && !self.claim.holds(record.xyz())
+        };
+        let Some((index, record)) = (first..).zip(records).find(is_it) else {
+            return Error::bad_input("points lie outside the bounds its header claims");
+        };
+        let [x, y, z] = self.claim.world(record.xyz());
+        let [low, high] = [self.claim.low, self.claim.high].map(|raw| self.claim.world(raw));
+        Error::bad_input(format!(
+            "it is at {x}, {y}, {z}, outside the bounds that the header claims, {low:?} to {high:?}"
+        ))
+        .at(format_args!("point {index}"))
+        .remedy(
+            "--salvage leaves such points out; or mend the header, as pdal translate IN OUT does",
+        )
+    }
+}
+
+fn shifted(raw: [i32; 3], by: [i32; 3]) -> Point {
+    let [x, y, z] = std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis]));
+    Point { x, y, z }
+}

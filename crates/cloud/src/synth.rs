@@ -1,0 +1,200 @@
+//! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
+
+use super::filter::{Filter, Flags, Gate, Record, Verdict};
+use super::{BATCH, Census, CloudInfo, OpenOptions, PointSource, write};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Frame, Point};
+use terrane_synth::cloud::{Echo, Survey};
+
+/// What comes before the cloud's name.
+const PREFIX: &str = "synth:";
+/// World position of the south-west corner: on the central meridian of UTM zone 31, in the Pyrenees.
+const ORIGIN: [f64; 3] = [500_000.0, 4_750_000.0, 0.0];
+
+/// True for the name of a synthetic cloud, `synth:cloud` and what may follow.
+pub fn is_synthetic(input: &str) -> bool {
+    input.strip_prefix(PREFIX).is_some_and(Survey::is_named)
+}
+
+/// Opens files as one cloud, or a synthetic cloud by its name.
+///
+/// # Errors
+/// Those of [`open`](super::open); a name that is none; a synthetic cloud among other inputs.
+pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointSource>> {
+    match inputs {
+        [name] if is_synthetic(name) => {
+            Ok(Box::new(Synthetic::new(survey(name)?, options.filter.clone())))
+        }
+        _ => Ok(Box::new(super::open(inputs, options)?)),
+    }
+}
+
+/// Fails when one of `inputs` is a synthetic cloud, where files are wanted.
+pub(super) fn refuse(inputs: &[String]) -> Result<()> {
+    match inputs.iter().find(|input| is_synthetic(input)) {
+        Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
+            .remedy("write it with terrane synth, and give the file")),
+        None => Ok(()),
+    }
+}
+
+/// The survey of this name, with or without `synth:` before it.
+///
+/// # Errors
+/// A name that is none.
+pub fn survey(name: &str) -> Result<Survey> {
+    Survey::parse(name.strip_prefix(PREFIX).unwrap_or(name))
+}
+
+/// Where the points of a survey lie.
+pub fn frame(survey: &Survey) -> Frame {
+    Frame { scale: [survey.scale; 3], offset: ORIGIN }
+}
+
+/// The coordinate reference system of synthetic clouds.
+pub fn crs() -> Crs {
+    Crs {
+        epsg: Some(32_631),
+        citation: Some("WGS 84 / UTM zone 31N".to_owned()),
+        geographic: Some(false),
+        vertical_unit: Some("metre".to_owned()),
+        ..Crs::default()
+    }
+}
+
+/// A survey as a cloud. [`CloudInfo::count`] is the number of points expected, which no header
+/// claims; the n-th points of a filter are counted in each part; parts beyond the box asked for are
+/// not made.
+pub struct Synthetic {
+    survey: Survey,
+    gate: Gate,
+    info: CloudInfo,
+}
+
+impl Synthetic {
+    /// The points of `survey` that pass `filter`.
+    pub fn new(survey: Survey, filter: Filter) -> Self {
+        let gate = Gate::new(&filter, &frame(&survey));
+        let info = info(&survey, &gate);
+        Self { survey, gate, info }
+    }
+
+    /// Whether a part may have points in the box asked for.
+    fn touches(&self, part: usize) -> bool {
+        let [west, south, east, north] = self.area(part);
+        self.gate.filter().touches([west, south, f64::MIN], [east, north, f64::MAX])
+    }
+
+    /// Where the points of a part lie in the world: x min, y min, x max, y max.
+    fn area(&self, part: usize) -> [f64; 4] {
+        let [west, south, east, north] = self.survey.area(part);
+        let [x, y, _] = ORIGIN;
+        [x + west, y + south, x + east, y + north]
+    }
+
+    fn record(&self, echo: &Echo, index: usize) -> Record {
+        Record {
+            point: echo.point,
+            world: self.info.frame.world(echo.point),
+            class: echo.class,
+            number: echo.number,
+            returns: echo.of,
+            flags: Flags(flags(echo)),
+            index: index as u64,
+        }
+    }
+}
+
+fn info(survey: &Survey, gate: &Gate) -> CloudInfo {
+    let ([width, height], [low, high]) = (survey.steps(), survey.heights());
+    let bounds = gate.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
+    CloudInfo { frame: frame(survey), bounds, count: survey.expected(), crs: crs() }
+}
+
+impl PointSource for Synthetic {
+    fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    fn parts(&self) -> usize {
+        self.survey.parts()
+    }
+
+    fn points_of(&self, part: usize) -> u64 {
+        if self.touches(part) { self.survey.most(part) } else { 0 }
+    }
+
+    fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
+        let [low, high] = self.info.bounds?;
+        let [west, south, east, north] = self.area(part);
+        let steps = |axis: usize, world: f64| self.info.frame.steps(axis, world);
+        let [west, south] = [steps(0, west), steps(1, south)].map(|v| v.floor() as i32 - 1);
+        let [east, north] = [steps(0, east), steps(1, north)].map(|v| v.ceil() as i32 + 1);
+        let low = Point::new(low.x.max(west), low.y.max(south), low.z);
+        let high = Point::new(high.x.min(east), high.y.min(north), high.z);
+        (low.x <= high.x && low.y <= high.y).then_some([low, high])
+    }
+
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+        if part >= self.parts() {
+            return Err(Error::usage(format!("the cloud has no part {part}")));
+        }
+        if !self.touches(part) {
+            return Ok(Census::default());
+        }
+        let mut echoes = Vec::new();
+        self.survey.fill(part, &mut echoes);
+        let mut census = Census { read: echoes.len() as u64, ..Census::default() };
+        let mut points = Vec::with_capacity(echoes.len());
+        for (index, echo) in echoes.iter().enumerate() {
+            match self.gate.judge(&self.record(echo, index)) {
+                Verdict::Keep => points.push(echo.point),
+                Verdict::Withheld => census.withheld += 1,
+                Verdict::Filtered => census.filtered += 1,
+            }
+        }
+        census.kept = points.len() as u64;
+        points.chunks(BATCH).try_for_each(each)?;
+        Ok(census)
+    }
+}
+
+/// Marks of a return, with the bits of LAS 1.4.
+fn flags(echo: &Echo) -> u8 {
+    let mark = |is: bool, flag: Flags| if is { flag.0 } else { 0 };
+    mark(echo.withheld, Flags::WITHHELD) | mark(echo.overlap, Flags::OVERLAP)
+}
+
+/// Red, green, blue and near infrared by class.
+fn colours(class: u8) -> [u16; 4] {
+    match class {
+        2 => [120, 100, 70, 110],
+        3..=5 => [50, 110, 40, 220],
+        6 => [170, 80, 60, 90],
+        _ => [90, 90, 90, 90],
+    }
+}
+
+/// A return as a record of a file: coloured by its class and strength.
+impl From<&Echo> for write::Record {
+    fn from(echo: &Echo) -> Self {
+        let shade = |colour: u16| colour * 200 + echo.intensity;
+        let [red, green, blue, infrared] = colours(echo.class).map(shade);
+        Self {
+            point: echo.point,
+            time: echo.time,
+            intensity: echo.intensity,
+            number: echo.number,
+            returns: echo.of,
+            class: echo.class,
+            flags: flags(echo),
+            forward: echo.eastward,
+            edge: echo.edge,
+            angle: echo.angle,
+            user: 0,
+            source: echo.source,
+            colour: [red, green, blue],
+            infrared,
+        }
+    }
+}

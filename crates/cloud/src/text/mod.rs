@@ -1,0 +1,340 @@
+//! Clouds as text: a point on each line, x y z first or where a heading says (.xyz, .csv, .txt).
+
+mod line;
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Frame, REACH, wkt};
+use terrane_base::limits;
+use terrane_files::{self, RawFile};
+
+use line::{Grammar, MOST_DECIMALS, Values, content};
+
+use super::frame::Claim;
+pub(super) use line::Line;
+
+/// Bytes of a part; lines belong to the part that they begin in.
+const PART_BYTES: u64 = 1 << 20;
+/// Most bytes of a line.
+const MOST_LINE: u64 = 4096;
+/// Bytes that a heading and comments before it may take.
+const HEADING_BYTES: u64 = 1 << 16;
+/// Points that are handed on at a time.
+const BLOCK: usize = 8192;
+/// Largest whole number of steps from zero: still exact, with room to spare.
+const MOST_STEPS: f64 = (1_u64 << 50) as f64;
+
+/// A text file with a point on each line. Its lattice has the decimals that are found, at most
+/// [`MOST_DECIMALS`] and no more than keep its points within reach; coordinates with more are
+/// rounded, and a note says so.
+pub(super) struct TextFile {
+    pub(super) path: PathBuf,
+    pub(super) crs: Crs,
+    pub(super) lattice: Frame,
+    pub(super) parts: Vec<Part>,
+    pub(super) notes: Vec<String>,
+    len: u64,
+    lines: Lines,
+    placed: Placed,
+    claim: Option<Claim>,
+}
+
+/// Lines that begin in a range of bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) points: u64,
+    /// Number of its first point.
+    first: u64,
+    at: u64,
+}
+
+/// What a first pass finds.
+struct Survey {
+    /// Lines that hold anything.
+    points: u64,
+    lines: u64,
+    low: [f64; 3],
+    high: [f64; 3],
+    decimals: [u8; 3],
+    /// The first of these lines without a point, from 0, and what is wrong with it.
+    bad: Option<(u64, String)>,
+}
+
+impl Default for Survey {
+    fn default() -> Self {
+        Self {
+            points: 0,
+            lines: 0,
+            low: [f64::INFINITY; 3],
+            high: [f64::NEG_INFINITY; 3],
+            decimals: [0; 3],
+            bad: None,
+        }
+    }
+}
+
+impl Survey {
+    fn add(&mut self, values: &Values) {
+        for axis in 0..3 {
+            self.low[axis] = self.low[axis].min(values.world[axis]);
+            self.high[axis] = self.high[axis].max(values.world[axis]);
+            self.decimals[axis] = self.decimals[axis].max(values.decimals[axis]);
+        }
+    }
+
+    fn join(mut self, other: Self) -> Self {
+        self.points += other.points;
+        for axis in 0..3 {
+            self.low[axis] = self.low[axis].min(other.low[axis]);
+            self.high[axis] = self.high[axis].max(other.high[axis]);
+            self.decimals[axis] = self.decimals[axis].max(other.decimals[axis]);
+        }
+        self
+    }
+}
+
+/// Where the lines of points are, and how they are read.
+struct Lines {
+    grammar: Grammar,
+    /// First byte behind the heading.
+    at: u64,
+    /// Lines before it.
+    before: u64,
+}
+
+/// A lattice for points.
+struct Placed {
+    /// Steps per unit, a power of ten.
+    per_unit: [f64; 3],
+    origin: [i64; 3],
+    note: Option<String>,
+}
+
+impl TextFile {
+    /// Looks at all lines once. With `salvage`, those without a point are counted as lost.
+    pub(super) fn open(path: &Path, salvage: bool) -> Result<Self> {
+        Self::read(&RawFile::open(path)?, path, salvage).map_err(|e| e.in_file(path))
+    }
+
+    fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
+        let lines = Lines::of(file)?;
+        let starts: Vec<u64> = (lines.at..file.size()).step_by(PART_BYTES as usize).collect();
+        let surveys: Vec<Survey> =
+            starts.par_iter().map(|at| lines.survey(file, *at, salvage)).collect::<Result<_>>()?;
+        let mut number = lines.before;
+        for survey in &surveys {
+            if let Some((line, what)) = &survey.bad {
+                return Err(Error::bad_input(what.clone())
+                    .at(format_args!("line {}", number + line + 1))
+                    .remedy("--salvage passes such lines over"));
+            }
+            number += survey.lines;
+        }
+        let (mut first, mut parts) = (0, Vec::with_capacity(starts.len()));
+        for (at, survey) in starts.iter().zip(&surveys) {
+            parts.push(Part { points: survey.points, first, at: *at });
+            first += survey.points;
+        }
+        let all = surveys.into_iter().fold(Survey::default(), Survey::join);
+        let placed = Placed::of(&all)?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            crs: crs_beside(path)?,
+            lattice: placed.lattice(),
+            claim: placed.claim(&all),
+            notes: placed.note.iter().cloned().chain(lines.grammar.note()).collect(),
+            parts,
+            len: file.size(),
+            lines,
+            placed,
+        })
+    }
+
+    /// Where its points lie; `None` without points.
+    pub(super) fn claim(&self) -> Option<Claim> {
+        self.claim
+    }
+
+    /// Hands on the points of a part; returns how many lines hold none.
+    ///
+    /// # Errors
+    /// Such lines, unless they are passed over, and whatever `each` returns.
+    pub(super) fn records(
+        &self,
+        part: usize,
+        salvage: bool,
+        each: &mut dyn FnMut(u64, &[Line]) -> Result<()>,
+    ) -> Result<u64> {
+        let Part { at, first, .. } = self.parts[part];
+        let file = RawFile::open(&self.path)?;
+        if file.size() != self.len {
+            return Err(Error::bad_input("has changed since it was opened")
+                .in_file(&self.path)
+                .remedy("start again when nothing writes to it"));
+        }
+        let (mut block, mut next, mut lost) = (Vec::with_capacity(BLOCK), first, 0);
+        self.lines.each(&file, at, |text| {
+            match self.lines.grammar.values(text) {
+                Ok(values) => block.push(self.placed.line(&values)),
+                Err(_) if salvage => lost += 1,
+                Err(what) => return Err(Error::bad_input(what).in_file(&self.path)),
+            }
+            if block.len() < BLOCK {
+                return Ok(());
+            }
+            each(next, &block)?;
+            next += block.len() as u64;
+            block.clear();
+            Ok(())
+        })?;
+        each(next, &block)?;
+        Ok(lost)
+    }
+}
+
+impl Lines {
+    fn of(file: &RawFile) -> Result<Self> {
+        let head = file.head(limits::MAX_HEADER_BYTES.min(HEADING_BYTES))?;
+        let (mut at, mut before) = (0, 0);
+        for line in head.split_inclusive(|c| *c == b'\n') {
+            if let Some(text) = content(line) {
+                let place = format!("line {}", before + 1);
+                let grammar = Grammar::of(text).map_err(|what| not_points(what).at(place))?;
+                if grammar.has_heading {
+                    (at, before) = (at + line.len() as u64, before + 1);
+                }
+                return Ok(Self { grammar, at, before });
+            }
+            (at, before) = (at + line.len() as u64, before + 1);
+        }
+        Err(not_points(format!("its first {} bytes hold no point", head.len())))
+    }
+
+    /// Does `work` with what holds anything of the lines that begin in a part; returns how many lines
+    /// there are.
+    fn each(
+        &self,
+        file: &RawFile,
+        at: u64,
+        mut work: impl FnMut(&[u8]) -> Result<()>,
+    ) -> Result<u64> {
+        // A line begins behind the end of another.
+        let from = if at == self.at { at } else { at - 1 };
+        let bytes =
+            file.read_vec(from, (at - from + PART_BYTES + MOST_LINE).min(file.size() - from))?;
+        let (mut rest, mut place) = (&bytes[..], from);
+        let mut lines = 0;
+        if from < at {
+            let skipped = rest.iter().position(|c| *c == b'\n').map_or(rest.len(), |end| end + 1);
+            (rest, place) = (&rest[skipped..], place + skipped as u64);
+        }
+        while place < at + PART_BYTES && !rest.is_empty() {
+            let end = rest.iter().position(|c| *c == b'\n').map_or(rest.len(), |end| end + 1);
+            if end as u64 >= MOST_LINE {
+                return Err(not_points(format!("a line is longer than {MOST_LINE} bytes"))
+                    .at(format_args!("byte {place}")));
+            }
+            if let Some(text) = content(&rest[..end]) {
+                work(text)?;
+            }
+            (rest, place, lines) = (&rest[end..], place + end as u64, lines + 1);
+        }
+        Ok(lines)
+    }
+
+    /// What the lines of a part hold, up to the first bad one.
+    fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<Survey> {
+        let (mut survey, mut line) = (Survey::default(), 0);
+        survey.lines = self.each(file, at, |text| {
+            match self.grammar.values(text) {
+                Ok(values) => survey.add(&values),
+                Err(_) if salvage => {}
+                Err(what) => survey.bad = survey.bad.take().or(Some((line, what))),
+            }
+            survey.points += 1;
+            line += 1;
+            Ok(())
+        })?;
+        Ok(survey)
+    }
+}
+
+fn not_points(what: String) -> Error {
+    Error::bad_input(format!("is not a point cloud: {what}"))
+        .remedy("name a .las or .laz file, or text with x y z on each line")
+}
+
+impl Placed {
+    /// The finest lattice that the points fit on, no finer than they are.
+    fn of(all: &Survey) -> Result<Self> {
+        let mut placed = Self { per_unit: [1.0; 3], origin: [0; 3], note: None };
+        if all.low[0] > all.high[0] {
+            return Ok(placed);
+        }
+        let across = all.decimals[0].max(all.decimals[1]);
+        let found = [across, across, all.decimals[2]];
+        let most = |axis: usize| (0..=found[axis]).rev().find(|d| origin(all, axis, *d).is_some());
+        let fitting = [0, 1, 2].map(most);
+        let across = fitting[0].zip(fitting[1]).map(|(x, y)| x.min(y));
+        for (axis, fits) in [across, across, fitting[2]].into_iter().enumerate() {
+            let origin = fits.and_then(|d| Some((d, origin(all, axis, d)?)));
+            let (decimals, origin) = origin.ok_or_else(|| {
+                let [low, high] = [all.low[axis], all.high[axis]];
+                Error::unsupported(format!("coordinates reach from {low} to {high}"))
+                    .remedy("points far off are often errors: take them out")
+            })?;
+            placed.per_unit[axis] = 10_f64.powi(decimals.into());
+            placed.origin[axis] = origin;
+            if decimals < found[axis] || found[axis] == MOST_DECIMALS {
+                placed.note = Some(format!(
+                    "coordinates are rounded to {decimals} decimals along {}",
+                    ["x", "y", "z"][axis]
+                ));
+            }
+        }
+        Ok(placed)
+    }
+
+    fn lattice(&self) -> Frame {
+        let scale = self.per_unit.map(|n| 1.0 / n);
+        let offset = std::array::from_fn(|axis| self.origin[axis] as f64 / self.per_unit[axis]);
+        Frame { scale, offset }
+    }
+
+    fn claim(&self, all: &Survey) -> Option<Claim> {
+        let Frame { scale, offset } = self.lattice();
+        let ends = |world: [f64; 3]| std::array::from_fn(|axis| self.steps(axis, world[axis]));
+        let (low, high) = (ends(all.low), ends(all.high));
+        (all.low[0] <= all.high[0]).then_some(Claim { scale, offset, low, high })
+    }
+
+    fn steps(&self, axis: usize, world: f64) -> i32 {
+        // Within reach of the origin, or clamped there: the bounds are of the same points.
+        ((world * self.per_unit[axis]).round() - self.origin[axis] as f64) as i32
+    }
+
+    fn line(&self, values: &Values) -> Line {
+        let xyz = std::array::from_fn(|axis| self.steps(axis, values.world[axis]));
+        Line { xyz, class: values.class, returns: values.returns }
+    }
+}
+
+/// The origin of a lattice of so many decimals from which all points are within reach.
+fn origin(all: &Survey, axis: usize, decimals: u8) -> Option<i64> {
+    let steps = |world: f64| (world * 10_f64.powi(decimals.into())).round();
+    let (low, high) = (steps(all.low[axis]), steps(all.high[axis]));
+    let reach = f64::from(REACH);
+    if low >= -reach && high <= reach {
+        return Some(0);
+    }
+    let fits = high - low < 2.0 * reach && low.abs().max(high.abs()) < MOST_STEPS;
+    fits.then(|| low as i64 + (high as i64 - low as i64) / 2)
+}
+
+/// The system of a `.prj` file beside the points.
+fn crs_beside(path: &Path) -> Result<Crs> {
+    Ok(wkt::of_srs(&terrane_files::prj(path)?))
+}

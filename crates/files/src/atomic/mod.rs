@@ -1,0 +1,332 @@
+//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. A
+//! link is written through: its target is replaced, the link stays.
+
+mod folder;
+mod sidecar;
+
+use std::fs::{File, TryLockError};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::fault::{self, Point};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+pub use folder::AtomicFolder;
+pub use sidecar::Sidecar;
+
+/// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
+const TEMP_PREFIX: &str = ".terrane-";
+const TEMP_SUFFIX: &str = ".tmp";
+
+/// What stands for stdout where a file is named. No file or folder is ever called so.
+pub const STDOUT: &str = "-";
+
+/// True for what stands for stdout.
+pub fn is_stdout(path: &Path) -> bool {
+    path == Path::new(STDOUT)
+}
+
+/// An output file in the making. Dropping it removes the temporary file.
+#[derive(Debug)]
+pub struct AtomicFile {
+    temp: NamedTempFile,
+    path: PathBuf,
+    /// Where `path` leads.
+    target: PathBuf,
+    overwrite: bool,
+}
+
+impl AtomicFile {
+    /// Starts a file that will appear at `path`. Fails at once when `path` exists and `overwrite`
+    /// is false, or when its folder is missing or not writable.
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
+        refuse_existing(path, overwrite)?;
+        refuse_special(path)?;
+        let target = resolve(path)?;
+        let folder = parent(&target);
+        remove_leftovers(folder);
+        let temp = fault::point(Point::Create).and_then(|()| temporary(folder));
+        let temp = temp.map_err(|e| Error::write(path, plain(e)))?;
+        Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
+    }
+
+    /// The final path, as it was given.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The open temporary file.
+    pub fn file(&self) -> &File {
+        self.temp.as_file()
+    }
+
+    /// Syncs the file and renames it to its final name; returns its size in bytes.
+    pub fn commit(self) -> Result<u64> {
+        let Self { temp, path, target, overwrite } = self;
+        let fail = |e: io::Error| Error::write(&path, e);
+        fault::point(Point::Sync).and_then(|()| temp.as_file().sync_all()).map_err(fail)?;
+        let bytes = temp.as_file().metadata().map_err(fail)?.len();
+        fault::point(Point::Rename).map_err(fail)?;
+        let persisted =
+            if overwrite { temp.persist(&target) } else { temp.persist_noclobber(&target) };
+        persisted.map_err(|e| fail(e.error))?;
+        sync_folder(parent(&target));
+        Ok(bytes)
+    }
+}
+
+// Straight to the file: the wrapper would add the temporary name to every error.
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        fault::point(Point::Write)?;
+        self.temp.as_file_mut().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.temp.as_file_mut().flush()
+    }
+}
+
+impl Read for AtomicFile {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.temp.as_file_mut().read(bytes)
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.temp.as_file_mut().seek(to)
+    }
+}
+
+/// Fails when `path` stands for stdout, and when something exists there and `overwrite` is false.
+pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
+    refuse_stdout(path)?;
+    if !overwrite && path.symlink_metadata().is_ok() {
+        return Err(Error::new(ErrorKind::Usage, "output exists already")
+            .in_file(path)
+            .remedy("choose another name or pass --overwrite"));
+    }
+    Ok(())
+}
+
+/// Fails when a file or folder would get the name that stands for stdout.
+pub fn refuse_stdout(path: &Path) -> Result<()> {
+    if !is_stdout(path) {
+        return Ok(());
+    }
+    Err(Error::usage("stdout is not written to here")
+        .in_file(path)
+        .remedy("choose another name, or ./- if that is what you want"))
+}
+
+/// Makes the folder `path` and those above it that are missing.
+pub fn create_folders(path: &Path) -> Result<()> {
+    refuse_stdout(path)?;
+    std::fs::create_dir_all(path).map_err(|e| Error::write(path, e))
+}
+
+/// Fails when `path` is a folder or a device: a rename would replace it, or fail only at the end.
+fn refuse_special(path: &Path) -> Result<()> {
+    match std::fs::metadata(path) {
+        Ok(meta) if !meta.is_file() => {
+            Err(Error::new(ErrorKind::Usage, "output is a folder or a device, not a file")
+                .in_file(path)
+                .remedy("choose another name"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Most links that are followed one after the other, as on Linux.
+const MOST_LINKS: usize = 40;
+
+/// The file that `path` leads to through any links; it need not exist.
+pub fn resolve(path: &Path) -> Result<PathBuf> {
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match std::fs::read_link(&target) {
+            Ok(next) => target = parent(&target).join(next),
+            Err(_) => return Ok(target),
+        }
+    }
+    Err(Error::new(ErrorKind::CannotWrite, "is a link that leads nowhere")
+        .in_file(path)
+        .remedy("choose another name"))
+}
+
+/// The system's own error, without the name of a temporary file that `tempfile` puts after it.
+pub fn plain(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path ") {
+        Some((own, _)) => io::Error::new(error.kind(), own),
+        None => error,
+    }
+}
+
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A temporary file in `folder`, locked as long as it is open, with the permissions of any new
+/// file.
+fn temporary(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
+    #[cfg(unix)]
+    let anyone = std::os::unix::fs::PermissionsExt::from_mode(0o666);
+    #[cfg(unix)]
+    builder.permissions(anyone);
+    loop {
+        let temp = builder.tempfile_in(folder)?;
+        // A file system without locks has no leftovers removed either.
+        let is_taken = matches!(temp.as_file().try_lock(), Err(TryLockError::WouldBlock));
+        // Another run may have taken the file for a leftover before it was locked.
+        if !is_taken && temp.path().exists() {
+            return Ok(temp);
+        }
+    }
+}
+
+fn sync_folder(folder: &Path) {
+    if let Ok(handle) = File::open(folder) {
+        let _ = handle.sync_all();
+    }
+}
+
+/// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
+/// failures are not the user's problem. A folder in the making has no leftovers, and may have so many
+/// files that to look at all of them for each new one would take ever longer.
+fn remove_leftovers(folder: &Path) {
+    if folder.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
+        return;
+    }
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        if !name.to_str().is_some_and(is_temporary) {
+            continue;
+        }
+        // Locked until it is gone: its maker may be about to lock it.
+        let Ok(file) = File::open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
+            let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+            let remove = if is_folder { std::fs::remove_dir_all } else { std::fs::remove_file };
+            let _ = remove(&entry.path());
+        }
+    }
+}
+
+/// True for the name of a temporary file or folder of ours.
+pub fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn appears_only_on_commit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.bin");
+        let mut file = AtomicFile::create(&path, false).unwrap();
+        file.write_all(b"abc").unwrap();
+        assert!(!path.exists());
+        assert_eq!(file.commit().unwrap(), 3);
+        assert_eq!(std::fs::read(&path).unwrap(), b"abc");
+        let refused = AtomicFile::create(&path, false).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::Usage);
+        AtomicFile::create(&path, true).unwrap().commit().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn what_has_come_there_meanwhile_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.bin");
+        let file = AtomicFile::create(&path, false).unwrap();
+        std::fs::write(&path, b"another's").unwrap();
+        assert!(file.commit().is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"another's");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left over");
+    }
+
+    #[test]
+    fn nothing_gets_the_name_of_stdout() {
+        let path = Path::new(STDOUT);
+        let refused = [
+            AtomicFile::create(path, true).map(drop),
+            AtomicFolder::create(path, true, |_| true).map(drop),
+            create_folders(path),
+        ];
+        for refused in refused {
+            assert_eq!(refused.unwrap_err().kind(), ErrorKind::Usage);
+        }
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn folders_and_devices_are_never_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = AtomicFile::create(folder.path(), true).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        #[cfg(unix)]
+        assert!(AtomicFile::create(Path::new("/dev/null"), true).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_its_target_is_replaced() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("there")).unwrap();
+        std::fs::write(at("there/old.bin"), b"old").unwrap();
+        symlink("there/old.bin", at("to-file")).unwrap();
+        symlink("to-file", at("to-link")).unwrap();
+        symlink(at("there/new.bin"), at("dangling")).unwrap();
+        for (link, target) in [("to-link", "there/old.bin"), ("dangling", "there/new.bin")] {
+            let refused = AtomicFile::create(&at(link), false).unwrap_err();
+            assert_eq!(refused.kind(), ErrorKind::Usage);
+            let mut file = AtomicFile::create(&at(link), true).unwrap();
+            file.write_all(link.as_bytes()).unwrap();
+            assert_eq!(file.path(), at(link));
+            let temp = file.temp.path().parent().unwrap().canonicalize().unwrap();
+            assert_eq!(temp, at("there").canonicalize().unwrap(), "beside the target");
+            file.commit().unwrap();
+            assert!(at(link).symlink_metadata().unwrap().is_symlink());
+            assert_eq!(std::fs::read(at(target)).unwrap(), link.as_bytes());
+        }
+        symlink("nowhere/lost.bin", at("lost")).unwrap();
+        let lost = AtomicFile::create(&at("lost"), true).unwrap_err();
+        assert_eq!((lost.kind(), lost.path()), (ErrorKind::CannotWrite, Some(&*at("lost"))));
+        symlink("loop", at("loop")).unwrap();
+        let looped = AtomicFile::create(&at("loop"), true).unwrap_err();
+        assert_eq!(looped.kind(), ErrorKind::CannotWrite);
+    }
+
+    #[test]
+    fn errors_never_name_the_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let lost = AtomicFile::create(&folder.path().join("no/such/out.bin"), true).unwrap_err();
+        assert!(!lost.to_string().contains(TEMP_PREFIX), "{lost}");
+    }
+
+    #[test]
+    fn dropped_or_orphaned_temporaries_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let orphan = folder.path().join(".terrane-4294967294-abc.tmp");
+        std::fs::write(&orphan, b"left by a killed run").unwrap();
+        let path = folder.path().join("out.bin");
+        let running = AtomicFile::create(&folder.path().join("other.bin"), false).unwrap();
+        drop(AtomicFile::create(&path, false).unwrap());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the running one stays");
+        drop(running);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,236 @@
+//! Inputs to files: a folder, a text list, a pattern with wildcards, or several of these and of
+//! files.
+
+use std::borrow::Cow;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+use super::glob;
+use super::name::{name_of, path_of, shown};
+
+/// What names a text list of files, before its path.
+const LIST_PREFIX: char = '@';
+/// Endings that a text list may have without a prefix; points as text have them too.
+const LIST_ENDINGS: [&str; 2] = ["txt", "csv"];
+/// Most bytes of a line of a list.
+const MOST_LINE: u64 = 4096;
+
+/// What kind of files is looked for.
+pub struct Seek {
+    /// What is missing where there is none: "grid".
+    pub what: &'static str,
+    /// True for names in a folder that are wanted.
+    pub is_member: fn(&Path) -> bool,
+    /// True for inputs that stand for themselves and are no file.
+    pub is_made: fn(&str) -> bool,
+    /// The path in an input, where more than that may be said.
+    pub file_name: fn(&str) -> &str,
+}
+
+/// What an input stands for.
+enum Kind<'a> {
+    File,
+    Folder,
+    List(Cow<'a, Path>),
+    Pattern,
+}
+
+impl Seek {
+    fn kind<'a>(&self, input: &'a str) -> Kind<'a> {
+        if (self.is_made)(input) {
+            return Kind::File;
+        }
+        let path = path_of((self.file_name)(input));
+        if path.is_dir() {
+            return Kind::Folder;
+        }
+        if path.exists() {
+            return if is_list(&path) { Kind::List(path) } else { Kind::File };
+        }
+        match input.strip_prefix(LIST_PREFIX) {
+            Some(list) => Kind::List(path_of(list)),
+            None if glob::is_pattern(input) => Kind::Pattern,
+            None => Kind::File,
+        }
+    }
+
+    /// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
+    /// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
+    /// file that is there, and else stands for itself; `@` before its name makes any file a list.
+    pub fn is_collection(&self, input: &str) -> bool {
+        !matches!(self.kind(input), Kind::File)
+    }
+
+    /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+    ///
+    /// # Errors
+    /// A folder, list or pattern that yields no file or cannot be read; more than
+    /// [`limits::MAX_MEMBERS`] files.
+    pub fn files(&self, inputs: &[String]) -> Result<Vec<String>> {
+        self.found(inputs, |folder| self.folder(folder))
+    }
+
+    /// As [`files`](Self::files), with those in folders below the folders among `inputs`; names that
+    /// begin with a dot, and links to folders, are passed over.
+    ///
+    /// # Errors
+    /// As [`files`](Self::files), and inputs among which there is no folder.
+    pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
+        if !inputs.iter().any(|input| matches!(self.kind(input), Kind::Folder)) {
+            return Err(Error::usage("--recursive is for folders, and no input is one")
+                .remedy("leave --recursive out, or name a folder"));
+        }
+        self.found(inputs, |folder| {
+            let folders = glob::folders_below(folder)?;
+            let found = folders.iter().map(|folder| self.folder(folder));
+            Ok(found.collect::<Result<Vec<_>>>()?.concat())
+        })
+    }
+
+    fn found(
+        &self,
+        inputs: &[String],
+        in_folder: impl Fn(&Path) -> Result<Vec<PathBuf>>,
+    ) -> Result<Vec<String>> {
+        let mut files = Vec::new();
+        for input in inputs {
+            let path = &*path_of(input);
+            match self.kind(input) {
+                Kind::File => files.push(input.clone()),
+                Kind::Folder => {
+                    let nothing = format!("holds no {}", self.what);
+                    files.extend(names(path, in_folder(path)?, &nothing)?);
+                }
+                Kind::List(list) => files.extend(listed(&list)?),
+                Kind::Pattern => {
+                    files.extend(names(path, self.matching(path)?, "matches no file")?);
+                }
+            }
+            limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
+        }
+        Ok(files)
+    }
+
+    /// The files that a pattern matches; of one that ends in `**`, which only folders match, their files.
+    fn matching(&self, pattern: &Path) -> Result<Vec<PathBuf>> {
+        let found = glob::expand(pattern)?;
+        if !pattern.ends_with("**") {
+            return Ok(found);
+        }
+        let found = found.iter().map(|folder| self.folder(folder));
+        Ok(found.collect::<Result<Vec<_>>>()?.concat())
+    }
+
+    /// The files of a folder (not of those below it) that are wanted, sorted by name.
+    fn folder(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let fail = |e| Error::read(folder, e);
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(folder).map_err(fail)? {
+            let path = entry.map_err(fail)?.path();
+            if (self.is_member)(&path) && path.is_file() {
+                found.push(path);
+                limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)
+                    .map_err(|e| e.in_file(folder))?;
+            }
+        }
+        found.sort();
+        Ok(found)
+    }
+}
+
+/// The names of what was found at `place`; none is an error that says `nothing`.
+fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>> {
+    if found.is_empty() {
+        return Err(Error::bad_input(nothing).in_file(place).remedy("check the name"));
+    }
+    found.into_iter().map(name_of).collect()
+}
+
+/// Whether a text file is a list: its first line names a file.
+fn is_list(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    LIST_ENDINGS.contains(&ending.as_str())
+        && first_line(path).is_some_and(|line| resolve(path, &line).is_file())
+}
+
+fn first_line(list: &Path) -> Option<String> {
+    let mut lines = BufReader::new(std::fs::File::open(list).ok()?).take(64 * MOST_LINE);
+    loop {
+        let line = next_line(&mut lines).ok()??;
+        if is_entry(&line) {
+            return Some(line);
+        }
+    }
+}
+
+/// The next line without white space around it; `None` after the last.
+fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<String>> {
+    let mut line = Vec::new();
+    let bytes = from.take(MOST_LINE).read_until(b'\n', &mut line)?;
+    if line.contains(&0) {
+        return Err(std::io::ErrorKind::InvalidData.into());
+    }
+    let text = name_of(path_from(line)).map_err(|_| std::io::ErrorKind::InvalidData)?;
+    Ok((bytes > 0).then(|| text.trim().to_owned()))
+}
+
+/// The bytes of a line as a path.
+#[cfg(unix)]
+fn path_from(line: Vec<u8>) -> PathBuf {
+    use std::os::unix::ffi::OsStringExt;
+    std::ffi::OsString::from_vec(line).into()
+}
+
+#[cfg(not(unix))]
+fn path_from(line: Vec<u8>) -> PathBuf {
+    String::from_utf8_lossy(&line).into_owned().into()
+}
+
+fn is_entry(line: &str) -> bool {
+    !line.is_empty() && !line.starts_with('#')
+}
+
+/// The file that a line of a list names: in the list's folder, or else in the current one.
+fn resolve(list: &Path, line: &str) -> PathBuf {
+    let line = path_of(line);
+    let beside = list.parent().unwrap_or(Path::new("")).join(&line);
+    if beside.exists() { beside } else { line.into_owned() }
+}
+
+/// The files of a text list, one to a line.
+fn listed(list: &Path) -> Result<Vec<String>> {
+    let fail = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::InvalidData => {
+            Error::bad_input("is not a list of files: it is not text").in_file(list)
+        }
+        _ => Error::read(list, e),
+    };
+    let mut lines = BufReader::new(std::fs::File::open(list).map_err(fail)?);
+    let (mut files, mut number) = (Vec::new(), 0_u64);
+    while let Some(line) = next_line(&mut lines).map_err(fail)? {
+        number += 1;
+        if !is_entry(&line) {
+            continue;
+        }
+        let path = resolve(list, &line);
+        if !path.is_file() {
+            let line: String = shown(&line).chars().take(200).collect();
+            return Err(Error::bad_input(format!("names {line}, which is no file"))
+                .in_file(list)
+                .at(format_args!("line {number}"))
+                .remedy("names are taken from the list's folder, or else from the current one"));
+        }
+        files.push(name_of(path)?);
+        limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)
+            .map_err(|e| e.in_file(list))?;
+    }
+    if files.is_empty() {
+        return Err(Error::bad_input("names no file")
+            .in_file(list)
+            .remedy("name one on each line"));
+    }
+    Ok(files)
+}

@@ -1,0 +1,115 @@
+//! Names of files as text that loses nothing.
+//!
+//! Inputs are texts: a name may carry a prefix, stands in plans and lists, and is told in reports. On
+//! Unix a name is any bytes. Those that are no UTF-8 are carried as characters of a private plane, one
+//! for each byte, and so is each byte of such a character, should a name have one: every name is one
+//! text, and the text gives the name back (as Python does it, PEP 383, which has surrogates for it).
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::Result;
+
+/// The character that stands for byte 0; those of bytes below 128 are not used.
+#[cfg(unix)]
+const FIRST: u32 = 0x10_FE00;
+
+/// The text of a path.
+///
+/// # Errors
+/// Where paths are no bytes: one that is not Unicode.
+#[cfg(unix)]
+pub fn name_of(path: PathBuf) -> Result<String> {
+    use std::os::unix::ffi::OsStrExt;
+    if let Some(text) = path.to_str().filter(|text| !text.contains(is_byte)) {
+        return Ok(text.to_owned());
+    }
+    let mut name = String::new();
+    for chunk in path.as_os_str().as_bytes().utf8_chunks() {
+        for c in chunk.valid().chars() {
+            match is_byte(c) {
+                true => push_bytes(c.encode_utf8(&mut [0; 4]).as_bytes(), &mut name),
+                false => name.push(c),
+            }
+        }
+        push_bytes(chunk.invalid(), &mut name);
+    }
+    Ok(name)
+}
+
+#[cfg(not(unix))]
+pub fn name_of(path: PathBuf) -> Result<String> {
+    path.into_os_string().into_string().map_err(|path| {
+        terrane_base::error::Error::bad_input("has a name that is not Unicode")
+            .in_file(Path::new(&path))
+            .remedy("rename it")
+    })
+}
+
+/// The path that a text stands for.
+#[cfg(unix)]
+pub fn path_of(name: &str) -> Cow<'_, Path> {
+    use std::os::unix::ffi::OsStringExt;
+    if !name.contains(is_byte) {
+        return Cow::Borrowed(Path::new(name));
+    }
+    let mut bytes = Vec::with_capacity(name.len());
+    for c in name.chars() {
+        match is_byte(c) {
+            true => bytes.push((u32::from(c) - FIRST) as u8),
+            false => bytes.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes()),
+        }
+    }
+    Cow::Owned(std::ffi::OsString::from_vec(bytes).into())
+}
+
+#[cfg(not(unix))]
+pub fn path_of(name: &str) -> Cow<'_, Path> {
+    Cow::Borrowed(Path::new(name))
+}
+
+/// A name for people: what is no text in it is a question mark in a diamond.
+pub fn shown(name: &str) -> String {
+    path_of(name).display().to_string()
+}
+
+/// True for the characters that stand for bytes.
+#[cfg(unix)]
+fn is_byte(c: char) -> bool {
+    (FIRST + 0x80..=FIRST + 0xFF).contains(&u32::from(c))
+}
+
+#[cfg(unix)]
+fn push_bytes(bytes: &[u8], name: &mut String) {
+    name.extend(bytes.iter().filter_map(|&byte| char::from_u32(FIRST + u32::from(byte))));
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::ffi::OsStringExt;
+
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn plain_names_stay_as_they_are() {
+        for name in ["a.tif", "d\u{e9}m.tif", "\u{10ffff}", ""] {
+            assert_eq!(name_of(name.into()).unwrap(), name);
+            assert_eq!(*path_of(name), *Path::new(name));
+        }
+        let latin = PathBuf::from(std::ffi::OsString::from_vec(b"d\xe9m.tif".to_vec()));
+        assert_eq!(shown(&name_of(latin).unwrap()), "d\u{fffd}m.tif");
+    }
+
+    proptest! {
+        #[test]
+        fn every_name_comes_back(bytes in prop::collection::vec(any::<u8>(), 0..40), private in 0_u32..256) {
+            let mut bytes = bytes;
+            let c = char::from_u32(FIRST + private).unwrap();
+            bytes.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes());
+            let path = PathBuf::from(std::ffi::OsString::from_vec(bytes));
+            let name = name_of(path.clone()).unwrap();
+            prop_assert_eq!(path_of(&name).into_owned(), path);
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Files of others, read by position (`pread`), never mapped: a file that shrinks is an error, not
+//! a signal. Every range is checked against the file's length before anything is allocated.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// Most bytes read at once where rows lie close together.
+const RUN_BYTES: usize = 1 << 20;
+
+/// An open input file of known length.
+#[derive(Debug)]
+pub struct RawFile {
+    file: File,
+    len: u64,
+    path: PathBuf,
+}
+
+/// Rows of bytes at equal distances in a file.
+#[derive(Clone, Copy, Debug)]
+pub struct RowRun {
+    /// Offset of the first byte of the first row.
+    pub offset: u64,
+    /// Bytes from one row's start to the next.
+    pub pitch: u64,
+    /// Bytes wanted of each row.
+    pub bytes: usize,
+    /// Number of rows.
+    pub rows: usize,
+}
+
+impl RawFile {
+    /// Opens the regular, non-empty file at `path`.
+    pub fn open(path: &Path) -> Result<Self> {
+        let meta = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
+        if meta.is_dir() {
+            return Err(Error::usage("is a folder, not a file").in_file(path));
+        }
+        if !meta.is_file() {
+            return Err(Error::bad_input("is not a regular file").in_file(path));
+        }
+        Self::of(File::open(path).map_err(|e| Error::read(path, e))?, path)
+    }
+
+    /// Takes over an open file; `path` is what errors call it.
+    pub fn of(file: File, path: &Path) -> Result<Self> {
+        let len = file.metadata().map_err(|e| Error::read(path, e))?.len();
+        if len == 0 {
+            return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
+        }
+        Ok(Self { file, len, path: path.to_path_buf() })
+    }
+
+    /// Length in bytes when it was opened.
+    pub fn size(&self) -> u64 {
+        self.len
+    }
+
+    /// Its name in messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Fails unless `bytes` bytes at `offset` lie inside the file.
+    pub fn check_range(&self, offset: u64, bytes: u64) -> Result<()> {
+        match offset.checked_add(bytes) {
+            Some(end) if end <= self.len => Ok(()),
+            _ => Err(Error::bad_input(format!(
+                "file is truncated or damaged: {bytes} bytes expected at offset {offset}, \
+                 but the file ends at {}",
+                self.len
+            ))
+            .in_file(&self.path)),
+        }
+    }
+
+    /// Fills `out` from `offset`.
+    pub fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        self.check_range(offset, out.len() as u64)?;
+        read_exact_at(&self.file, out, offset).map_err(|e| self.failed(offset, e))
+    }
+
+    /// Reads `bytes` bytes at `offset`; the caller has capped `bytes`.
+    pub fn read_vec(&self, offset: u64, bytes: u64) -> Result<Vec<u8>> {
+        self.check_range(offset, bytes)?;
+        let mut out = vec![0; to_usize("read length", bytes)?];
+        self.read_at(offset, &mut out)?;
+        Ok(out)
+    }
+
+    /// Reads up to `most` bytes from the start of the file.
+    pub fn head(&self, most: u64) -> Result<Vec<u8>> {
+        self.read_vec(0, self.len.min(most))
+    }
+
+    /// Hands each row of `run` to `each(row, bytes)`, reading many at a time where they lie close
+    /// together. `scratch` is reused between calls.
+    pub fn each_row(
+        &self,
+        run: RowRun,
+        scratch: &mut Vec<u8>,
+        mut each: impl FnMut(usize, &mut [u8]),
+    ) -> Result<()> {
+        let step = rows_at_once(&run);
+        for first in (0..run.rows).step_by(step) {
+            let rows = step.min(run.rows - first);
+            // With one row at a time the pitch is not used, so it may be beyond usize.
+            let pitch = if rows == 1 { 0 } else { run.pitch as usize };
+            let bytes = pitch * (rows - 1) + run.bytes;
+            scratch.resize(scratch.len().max(bytes), 0);
+            let offset = run.offset.saturating_add(run.pitch.saturating_mul(first as u64));
+            self.read_at(offset, &mut scratch[..bytes])?;
+            for row in 0..rows {
+                each(first + row, &mut scratch[row * pitch..][..run.bytes]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads from the start on, byte after byte.
+    pub fn reader(&self) -> Reader<'_> {
+        self.reader_at(0)
+    }
+
+    /// Reads from `offset` on, byte after byte.
+    pub fn reader_at(&self, offset: u64) -> Reader<'_> {
+        Reader { file: self, at: offset }
+    }
+
+    fn failed(&self, offset: u64, source: io::Error) -> Error {
+        if source.kind() == io::ErrorKind::UnexpectedEof {
+            return Error::bad_input("file became shorter while it was read")
+                .at(format_args!("offset {offset}"))
+                .in_file(&self.path);
+        }
+        Error::read(&self.path, source)
+    }
+}
+
+/// A position in a [`RawFile`], for decoders that read streams.
+pub struct Reader<'a> {
+    file: &'a RawFile,
+    at: u64,
+}
+
+impl io::Read for Reader<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
+        read_exact_at(&self.file.file, &mut out[..bytes], self.at)?;
+        self.at += bytes as u64;
+        Ok(bytes)
+    }
+}
+
+impl io::Seek for Reader<'_> {
+    fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            io::SeekFrom::Start(at) => Some(at),
+            io::SeekFrom::End(by) => self.file.len.checked_add_signed(by),
+            io::SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.at)
+    }
+}
+
+/// Rows to read in one call: several when at least half of the bytes passed over are wanted.
+fn rows_at_once(run: &RowRun) -> usize {
+    let dense = run.pitch <= 2 * run.bytes as u64;
+    if dense && run.pitch > 0 { (RUN_BYTES / run.pitch as usize).max(1) } else { 1 }
+}
+
+/// `value` as a length in memory.
+pub fn to_usize(name: &str, value: u64) -> Result<usize> {
+    usize::try_from(value)
+        .map_err(|_| Error::new(ErrorKind::Resource, format!("{name} of {value} bytes")))
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, out: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, out, offset)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut out: &mut [u8], mut offset: u64) -> io::Result<()> {
+    while !out.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, out, offset) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(n) => (out, offset) = (&mut out[n..], offset + n as u64),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn file_of(bytes: &[u8]) -> RawFile {
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(bytes).unwrap();
+        RawFile::of(file, Path::new("t.bin")).unwrap()
+    }
+
+    #[test]
+    fn ranges_beyond_the_end_are_refused_before_allocation() {
+        let file = file_of(&[1, 2, 3]);
+        assert_eq!(file.read_vec(1, 2).unwrap(), [2, 3]);
+        for (offset, bytes) in [(1, 3), (4, 0), (u64::MAX, 2), (0, u64::MAX)] {
+            let error = file.read_vec(offset, bytes).unwrap_err().to_string();
+            assert!(error.contains("ends at 3"), "{error}");
+        }
+    }
+
+    #[test]
+    fn rows_come_out_alike_dense_or_sparse() {
+        let bytes: Vec<u8> = (0..200).map(|i| i as u8).collect();
+        let file = file_of(&bytes);
+        let mut scratch = Vec::new();
+        for (pitch, wanted) in [(10, 9), (10, 2), (3, 3), (1, 1)] {
+            let run = RowRun { offset: 5, pitch, bytes: wanted, rows: 7 };
+            let mut seen = 0;
+            file.each_row(run, &mut scratch, |row, got| {
+                let start = 5 + row * pitch as usize;
+                assert_eq!(got, &bytes[start..start + wanted]);
+                seen += 1;
+            })
+            .unwrap();
+            assert_eq!(seen, 7);
+        }
+        let beyond = RowRun { offset: 195, pitch: 10, bytes: 9, rows: 2 };
+        assert!(file.each_row(beyond, &mut scratch, |_, _| {}).is_err());
+    }
+
+    #[test]
+    fn folders_and_empty_files_are_named_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(RawFile::open(folder.path()).unwrap_err().to_string().contains("folder"));
+        let empty = folder.path().join("e");
+        std::fs::write(&empty, b"").unwrap();
+        assert!(RawFile::open(&empty).unwrap_err().to_string().contains("empty"));
+    }
+}

@@ -1,0 +1,204 @@
+//! Binary glTF 2.0: one mesh, Y up, positions in f32 relative to an origin kept in `asset.extras`.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::glb_read::GlbSource;
+use crate::local::Local;
+use crate::out::Out;
+use crate::sink::{Counts, Encoder, FileSink};
+use crate::text;
+use crate::{MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions};
+use terrane_base::error::Result;
+use terrane_base::geom::Point3;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "GLB",
+    extensions: &["glb"],
+    about: "binary glTF 2.0, f32 relative to an origin in asset.extras, Y up",
+    single_precision: true,
+    most,
+    create,
+    open: |path| Ok(Box::new(GlbSource::open(path)?)),
+    sniff: |head| head.starts_with(MAGIC),
+};
+
+pub(super) const MAGIC: &[u8; 4] = b"glTF";
+pub(super) const VERSION: u32 = 2;
+pub(super) const JSON_CHUNK: &[u8; 4] = b"JSON";
+pub(super) const BIN_CHUNK: &[u8; 4] = b"BIN\0";
+/// Component types and modes of glTF that occur here.
+pub(super) const FLOAT: u32 = 5126;
+pub(super) const UNSIGNED_INT: u32 = 5125;
+pub(super) const TRIANGLES: u32 = 4;
+pub(super) const POINTS: u32 = 0;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
+const VERTEX_BYTES: usize = 12;
+const TRIANGLE_BYTES: usize = 12;
+/// The file's header and the headers of both chunks.
+const FRAME_BYTES: u64 = 12 + 8 + 8;
+
+/// The file's length is a u32.
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: u32::MAX.into(),
+        triangles: u32::MAX.into(),
+        bytes: u32::MAX.into(),
+        vertex_bytes: VERTEX_BYTES as u64,
+        triangle_bytes: TRIANGLE_BYTES as u64,
+    }
+}
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let local = Local::new(header.origin, header.scale)?;
+    let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
+    let comments = header.comments.clone();
+    FileSink::create(path, options, GlbEncoder { local, crs, comments })
+}
+
+struct GlbEncoder {
+    /// In world axes.
+    local: Local,
+    crs: Option<String>,
+    comments: Vec<String>,
+}
+
+/// World axes (x east, y north, z up) to those of glTF (x east, y up, z south).
+fn to_y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [x, z, 0.0 - y]
+}
+
+impl GlbEncoder {
+    fn json(&self, counts: Counts, [low, high]: [[f32; 3]; 2]) -> Vec<u8> {
+        let mut asset = json!({
+            "version": "2.0",
+            "generator": text::generator(),
+            "extras": {
+                "origin": self.local.origin(),
+                "axes": "world position = origin + (x, -z, y)",
+                "crs": self.crs,
+                "comments": self.comments,
+            },
+        });
+        if let Some(scale) = self.local.scale() {
+            asset["extras"]["scale"] = json!(scale);
+            asset["extras"]["axes"] = "world position = origin + (x, -z, y) / scale".into();
+        }
+        let mut document = json!({ "asset": asset, "scene": 0, "scenes": [{}] });
+        if counts.vertices > 0 {
+            let (low, high) =
+                (to_y_up([low[0], high[1], low[2]]), to_y_up([high[0], low[1], high[2]]));
+            add_mesh(&mut document, counts, low, high);
+        }
+        document.to_string().into_bytes()
+    }
+
+    /// Bytes kept free for the JSON text: as many as the largest mesh could need.
+    fn json_bytes(&self) -> usize {
+        let largest = u32::MAX.into();
+        let counts = Counts { vertices: largest, triangles: largest };
+        self.json(counts, [[f32::MIN; 3]; 2]).len().next_multiple_of(4)
+    }
+}
+
+/// Completes a document with its mesh. A mesh without triangles becomes a set of points, because
+/// glTF has no empty index lists.
+fn add_mesh(document: &mut serde_json::Value, counts: Counts, low: [f32; 3], high: [f32; 3]) {
+    let Counts { vertices, triangles } = counts;
+    let (position_bytes, index_bytes) =
+        (vertices * VERTEX_BYTES as u64, triangles * TRIANGLE_BYTES as u64);
+    let mut views = vec![json!({
+        "buffer": 0, "byteLength": position_bytes, "target": ARRAY_BUFFER,
+    })];
+    let mut accessors = vec![json!({
+        "bufferView": 0, "componentType": FLOAT, "count": vertices, "type": "VEC3",
+        "min": low.map(f64::from), "max": high.map(f64::from),
+    })];
+    let mut primitive = json!({ "attributes": { "POSITION": 0 }, "material": 0, "mode": POINTS });
+    if triangles > 0 {
+        views.push(json!({
+            "buffer": 0, "byteOffset": position_bytes, "byteLength": index_bytes,
+            "target": ELEMENT_ARRAY_BUFFER,
+        }));
+        accessors.push(json!({
+            "bufferView": 1, "componentType": UNSIGNED_INT, "count": 3 * triangles,
+            "type": "SCALAR",
+        }));
+        primitive["indices"] = 1.into();
+        primitive["mode"] = TRIANGLES.into();
+    }
+    document["scenes"] = json!([{ "nodes": [0] }]);
+    document["nodes"] = json!([{ "mesh": 0, "name": "terrain" }]);
+    document["meshes"] = json!([{ "name": "terrain", "primitives": [primitive] }]);
+    document["materials"] = json!([{
+        "name": "ground",
+        "doubleSided": true,
+        "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 },
+    }]);
+    document["buffers"] = json!([{ "byteLength": position_bytes + index_bytes }]);
+    document["bufferViews"] = views.into();
+    document["accessors"] = accessors.into();
+}
+
+impl Encoder for GlbEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    fn most(&self) -> MeshCapacity {
+        most()
+    }
+
+    /// Frame and JSON; spaces after the JSON take up the room that larger numbers would need. A
+    /// file without vertices has no binary chunk, whose header then becomes spaces too.
+    fn header(&self, counts: Counts) -> Vec<u8> {
+        let mut json = self.json(counts, self.local.bounds());
+        let mut room = self.json_bytes();
+        let is_empty = counts.vertices == 0;
+        if is_empty {
+            room += 8;
+        }
+        json.resize(room, b' ');
+        let data = counts.vertices * VERTEX_BYTES as u64 + counts.triangles * TRIANGLE_BYTES as u64;
+        let file = FRAME_BYTES + self.json_bytes() as u64 + data;
+        let mut header = [MAGIC.as_slice(), &VERSION.to_le_bytes(), &word(file)].concat();
+        header.extend([word(room as u64), *JSON_CHUNK].concat());
+        header.extend(json);
+        if !is_empty {
+            header.extend([word(data), *BIN_CHUNK].concat());
+        }
+        header
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        let local = &mut self.local;
+        body.records(batch.vertices, |point| {
+            record(to_y_up(local.place(point)), f32::to_le_bytes)
+        })?;
+        // The ids are below 2^32: the sink has checked them against a number of vertices that fits.
+        tail.records(batch.triangles, |ids| record(*ids, |id| (id as u32).to_le_bytes()))?;
+        self.local.check()
+    }
+}
+
+/// A size below 2^32, as the sink has made sure.
+fn word(size: u64) -> [u8; 4] {
+    (size as u32).to_le_bytes()
+}
+
+fn record<T: Copy>(values: [T; 3], encode: impl Fn(T) -> [u8; 4]) -> [u8; 12] {
+    let mut bytes = [0; 12];
+    let (slots, _) = bytes.as_chunks_mut::<4>();
+    for (slot, value) in slots.iter_mut().zip(values) {
+        *slot = encode(value);
+    }
+    bytes
+}
+
+/// From the axes of glTF to those of the world.
+pub(super) fn to_z_up([x, y, z]: [f64; 3]) -> Point3 {
+    [x, -z, y]
+}

@@ -1,0 +1,410 @@
+//! Reading of binary glTF: one mesh of one primitive, ours or of others.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::glb::{
+    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_z_up,
+};
+use crate::input::{Input, check_corners, check_position, check_range};
+use crate::local::{is_scale, to_world};
+use crate::{MeshInfo, MeshSource};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point3;
+use terrane_base::limits;
+
+/// Most bytes of JSON: that of a single mesh takes one thousand.
+const MAX_JSON_BYTES: u64 = 1 << 20;
+const UNSIGNED_BYTE: u32 = 5121;
+const UNSIGNED_SHORT: u32 = 5123;
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Document {
+    asset: Asset,
+    #[serde(default)]
+    extensions_required: Vec<String>,
+    #[serde(default)]
+    nodes: Vec<Node>,
+    #[serde(default)]
+    meshes: Vec<Mesh>,
+    #[serde(default)]
+    accessors: Vec<Accessor>,
+    #[serde(default)]
+    buffer_views: Vec<View>,
+    #[serde(default)]
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    generator: Option<String>,
+    /// Whatever others put here is not ours to complain about.
+    #[serde(default)]
+    extras: serde_json::Value,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    mesh: Option<u64>,
+    matrix: Option<[f64; 16]>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+struct Mesh {
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+struct Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    #[serde(default = "triangles")]
+    mode: u32,
+}
+
+fn triangles() -> u32 {
+    TRIANGLES
+}
+
+#[derive(Deserialize)]
+struct Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Accessor {
+    buffer_view: Option<usize>,
+    #[serde(default)]
+    byte_offset: u64,
+    component_type: u32,
+    count: u64,
+    #[serde(rename = "type")]
+    shape: String,
+    sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct View {
+    buffer: u64,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: Option<u64>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Buffer {
+    byte_length: u64,
+    uri: Option<serde::de::IgnoredAny>,
+}
+
+/// Where the elements of an accessor lie in the file.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    offset: u64,
+    stride: u64,
+    count: u64,
+    /// Bytes of one component.
+    width: usize,
+}
+
+/// An open GLB file.
+pub(super) struct GlbSource {
+    input: Input,
+    positions: Option<Span>,
+    /// `None` when every three vertices are a triangle, or when there is none.
+    indices: Option<Span>,
+    info: MeshInfo,
+}
+
+impl GlbSource {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        let (document, data) = read_chunks(&input)?;
+        let layout = Layout { input: &input, document: &document, data };
+        let primitive = layout.primitive()?;
+        let positions = primitive.map(|p| layout.positions(p)).transpose()?;
+        let indices = primitive.and_then(|p| p.indices.map(|at| layout.indices(at))).transpose()?;
+        let vertices = positions.map_or(0, |span| span.count);
+        let is_points = primitive.is_some_and(|p| p.mode == POINTS);
+        let corners = indices.map_or(vertices, |span| span.count);
+        if !is_points && !corners.is_multiple_of(3) {
+            return Err(input.bad(format!("{corners} corners are not whole triangles")));
+        }
+        let triangles = if is_points { 0 } else { corners / 3 };
+        let info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
+        Ok(Self { input, positions, indices, info })
+    }
+}
+
+fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo {
+    let extras = &asset.extras;
+    let origin = serde_json::from_value::<Point3>(extras["origin"].clone()).unwrap_or_default();
+    let scale = serde_json::from_value::<Point3>(extras["scale"].clone()).ok();
+    let generator = asset.generator.iter().map(|name| ("generator".to_owned(), name.clone()));
+    let comments = extras["comments"].as_array().into_iter().flatten().filter_map(|c| c.as_str());
+    let comments = comments.map(|text| ("comment".to_owned(), text.to_owned()));
+    MeshInfo {
+        vertices,
+        triangles,
+        format: FORMAT.name,
+        origin,
+        scale: scale.filter(is_scale).unwrap_or([1.0; 3]),
+        single_precision: true,
+        indexed,
+        solid: false,
+        crs: extras["crs"].as_str().map(str::to_owned),
+        details: generator.chain(comments).collect(),
+    }
+}
+
+/// The JSON document, and where the binary data begins and how much there is.
+fn read_chunks(input: &Input) -> Result<(Document, (u64, u64))> {
+    let [magic, version, length] = words(input, 0)?;
+    if magic != *MAGIC {
+        return Err(input.bad("does not begin with \"glTF\""));
+    }
+    if u32::from_le_bytes(version) != VERSION {
+        let version = u32::from_le_bytes(version);
+        return Err(input.unsupported(format!("is of glTF container version {version}")));
+    }
+    let length = u64::from(u32::from_le_bytes(length));
+    if length != input.bytes() {
+        let message = format!("has {} bytes, but says {length}", input.bytes());
+        return Err(input.bad(message).remedy("write or copy it again"));
+    }
+    let (json_start, json_bytes) = chunk(input, 12, JSON_CHUNK)?;
+    limits::check("GLB JSON length", json_bytes, MAX_JSON_BYTES)
+        .map_err(|e| e.in_file(input.path()))?;
+    let mut json = vec![0; json_bytes as usize];
+    input.read_at(json_start, &mut json)?;
+    let document = serde_json::from_slice(&json).map_err(|e| input.bad(format!("JSON: {e}")))?;
+    let end = json_start + json_bytes;
+    let data = if end == length { (end, 0) } else { chunk(input, end, BIN_CHUNK)? };
+    Ok((document, data))
+}
+
+/// Start and length of the chunk at `offset`, which must be of `kind` and inside the file.
+fn chunk(input: &Input, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
+    let [length, found] = words(input, offset)?;
+    let (start, length) = (offset + 8, u64::from(u32::from_le_bytes(length)));
+    let name = String::from_utf8_lossy(kind).trim_end_matches('\0').to_owned();
+    if found != *kind {
+        return Err(input.bad(format!("has no {name} chunk at byte {offset}")));
+    }
+    if length > input.bytes() - start {
+        return Err(input.bad(format!("the {name} chunk of {length} bytes is truncated")));
+    }
+    Ok((start, length))
+}
+
+fn words<const N: usize>(input: &Input, offset: u64) -> Result<[[u8; 4]; N]> {
+    let mut words = [[0; 4]; N];
+    if offset + 4 * N as u64 > input.bytes() {
+        return Err(input.bad("is truncated").remedy("write or copy it again"));
+    }
+    input.read_at(offset, words.as_flattened_mut())?;
+    Ok(words)
+}
+
+/// Finds things in a document and checks them against the binary data: its start and length.
+struct Layout<'a> {
+    input: &'a Input,
+    document: &'a Document,
+    data: (u64, u64),
+}
+
+impl<'a> Layout<'a> {
+    fn bad(&self, message: impl Into<String>) -> Error {
+        self.input.bad(message)
+    }
+
+    fn unsupported(&self, message: impl Into<String>) -> Error {
+        self.input.unsupported(message)
+    }
+
+    /// The only primitive of the only mesh, if there is any.
+    fn primitive(&self) -> Result<Option<&'a Primitive>> {
+        if let Some(name) = self.document.extensions_required.first() {
+            return Err(self.unsupported(format!("requires the glTF extension {name}")));
+        }
+        let Some(mesh) = self.document.meshes.first() else { return Ok(None) };
+        self.check_nodes()?;
+        let (meshes, primitives) = (self.document.meshes.len(), mesh.primitives.len());
+        let [primitive] = mesh.primitives.as_slice() else {
+            return Err(self.unsupported(format!("has a mesh of {primitives} primitives")));
+        };
+        if meshes > 1 {
+            return Err(self.unsupported(format!("has {meshes} meshes")));
+        }
+        if primitive.mode != TRIANGLES && (primitive.mode != POINTS || primitive.indices.is_some())
+        {
+            return Err(self.unsupported(format!("has a primitive of mode {}", primitive.mode)));
+        }
+        Ok(Some(primitive))
+    }
+
+    fn check_nodes(&self) -> Result<()> {
+        let nodes = &self.document.nodes;
+        if let Some(at) = nodes.iter().position(|node| !node.is_identity()) {
+            return Err(self.unsupported(format!("node {at} has a transform")));
+        }
+        if nodes.iter().filter(|node| node.mesh.is_some()).count() > 1 {
+            return Err(self.unsupported("has a mesh in several nodes"));
+        }
+        Ok(())
+    }
+
+    fn positions(&self, primitive: &Primitive) -> Result<Span> {
+        let at = primitive.attributes.position.ok_or_else(|| self.bad("has no positions"))?;
+        let accessor = self.accessor(at)?;
+        if accessor.component_type != FLOAT || accessor.shape != "VEC3" {
+            return Err(self.unsupported("has positions that are not VEC3 of f32"));
+        }
+        self.span(accessor, 4, 3)
+    }
+
+    fn indices(&self, at: usize) -> Result<Span> {
+        let accessor = self.accessor(at)?;
+        let width = match accessor.component_type {
+            UNSIGNED_BYTE => 1,
+            UNSIGNED_SHORT => 2,
+            UNSIGNED_INT => 4,
+            other => return Err(self.bad(format!("has indices of component type {other}"))),
+        };
+        if accessor.shape != "SCALAR" {
+            return Err(self.bad("has indices that are not SCALAR"));
+        }
+        self.span(accessor, width, 1)
+    }
+
+    fn accessor(&self, at: usize) -> Result<&'a Accessor> {
+        let missing = || self.bad(format!("has no accessor {at}"));
+        let accessor = self.document.accessors.get(at).ok_or_else(missing)?;
+        if accessor.sparse.is_some() {
+            return Err(self.unsupported(format!("accessor {at} is sparse")));
+        }
+        Ok(accessor)
+    }
+
+    /// Where an accessor of `parts` components of `width` bytes lies; all of it is in the file.
+    fn span(&self, accessor: &Accessor, width: usize, parts: u64) -> Result<Span> {
+        let size = width as u64 * parts;
+        let lost = || self.bad("has an accessor outside its buffer");
+        let view = accessor.buffer_view.and_then(|at| self.document.buffer_views.get(at));
+        let view = view.ok_or_else(|| self.bad("has an accessor without a buffer view"))?;
+        let stride = view.byte_stride.unwrap_or(size);
+        if stride < size || stride > 252 {
+            return Err(self.bad(format!("has a byte stride of {stride}")));
+        }
+        let start = view.byte_offset.checked_add(accessor.byte_offset).ok_or_else(lost)?;
+        let length = match accessor.count {
+            0 => 0,
+            n => (n - 1).checked_mul(stride).and_then(|b| b.checked_add(size)).ok_or_else(lost)?,
+        };
+        let view_end = view.byte_offset.checked_add(view.byte_length).ok_or_else(lost)?;
+        let end = start.checked_add(length).filter(|&end| end <= view_end).ok_or_else(lost)?;
+        if end > self.buffer_bytes(view.buffer)? {
+            return Err(lost());
+        }
+        Ok(Span { offset: self.data.0 + start, stride, count: accessor.count, width })
+    }
+
+    /// Bytes of the buffer, which must be the file's own.
+    fn buffer_bytes(&self, at: u64) -> Result<u64> {
+        let buffer = self.document.buffers.first().filter(|_| at == 0);
+        let buffer = buffer.ok_or_else(|| self.unsupported(format!("uses buffer {at}")))?;
+        if buffer.uri.is_some() {
+            return Err(self.unsupported("keeps its data in another file"));
+        }
+        Ok(buffer.byte_length.min(self.data.1))
+    }
+}
+
+impl Node {
+    fn is_identity(&self) -> bool {
+        let matrix = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
+        self.matrix.is_none_or(|m| m == matrix)
+            && self.translation.is_none_or(|t| t == [0.0; 3])
+            && self.rotation.is_none_or(|r| r == [0.0, 0.0, 0.0, 1.0])
+            && self.scale.is_none_or(|s| s == [1.0; 3])
+    }
+}
+
+impl GlbSource {
+    /// Hands `each` elements `first .. first + count` of a span. The last one may end where its
+    /// stride would go on, so that it is read by itself.
+    fn elements(
+        &self,
+        span: Span,
+        parts: usize,
+        first: u64,
+        count: usize,
+        mut each: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let Some(last) = count.checked_sub(1) else { return Ok(()) };
+        let start = span.offset + first * span.stride;
+        let end = start + last as u64 * span.stride;
+        let size = (span.width * parts) as u64;
+        self.input.records(start..end, span.stride, &mut each)?;
+        self.input.records(end..end + size, size, |_, record| each(last, record))
+    }
+}
+
+fn position(record: &[u8]) -> Option<[f64; 3]> {
+    let (values, _) = record.as_chunks::<4>();
+    let &[x, y, z] = values.first_chunk::<3>()?;
+    Some([x, y, z].map(|value| f32::from_le_bytes(value).into()))
+}
+
+/// The whole number in the first `width` bytes.
+fn index(record: &[u8], width: usize) -> u64 {
+    let bytes = record.iter().take(width).rev();
+    bytes.fold(0, |value, &byte| value << 8 | u64::from(byte))
+}
+
+impl MeshSource for GlbSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let Some(span) = self.positions else { return Ok(()) };
+        self.elements(span, 3, first, out.len(), |place, record| {
+            let local = position(record).unwrap_or([f64::NAN; 3]);
+            out[place] = to_world(to_z_up(local), self.info.origin, self.info.scale);
+            check_position(first + place as u64, &out[place])
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        match self.indices {
+            Some(span) => {
+                let ids = out.as_flattened_mut();
+                self.elements(span, 1, 3 * first, ids.len(), |place, record| {
+                    ids[place] = index(record, span.width);
+                    Ok(())
+                })?;
+            }
+            None => {
+                for (triangle, ids) in (first..).zip(out.iter_mut()) {
+                    *ids = [0, 1, 2].map(|corner| 3 * triangle + corner);
+                }
+            }
+        }
+        let mut all = (first..).zip(out.iter());
+        all.try_for_each(|(index, ids)| check_corners(index, ids, self.info.vertices))
+            .map_err(|e| e.in_file(self.input.path()))
+    }
+}

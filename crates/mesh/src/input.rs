@@ -1,0 +1,265 @@
+//! Reading of mesh files at any place: whole records, and lines.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Bytes read at a time.
+const CHUNK_BYTES: u64 = 256 << 10;
+/// Most bytes of one line.
+const MAX_LINE_BYTES: u64 = 1 << 20;
+
+/// An open file of known length.
+#[derive(Debug)]
+pub(super) struct Input {
+    file: File,
+    path: PathBuf,
+    bytes: u64,
+    #[cfg(not(unix))]
+    position: std::sync::Mutex<()>,
+}
+
+impl Input {
+    /// Opens a plain file.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let fail = |e| Error::read(path, e);
+        let meta = std::fs::metadata(path).map_err(fail)?;
+        if !meta.is_file() {
+            return Err(Error::bad_input("not a plain file").in_file(path));
+        }
+        let file = File::open(path).map_err(fail)?;
+        let bytes = file.metadata().map_err(fail)?.len();
+        Ok(Self {
+            file,
+            path: path.to_path_buf(),
+            bytes,
+            #[cfg(not(unix))]
+            position: std::sync::Mutex::new(()),
+        })
+    }
+
+    /// Its path.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its length.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// A complaint about this file.
+    pub(super) fn bad(&self, message: impl Into<String>) -> Error {
+        Error::bad_input(message).in_file(&self.path)
+    }
+
+    /// A feature of this file that is not supported.
+    pub(super) fn unsupported(&self, message: impl Into<String>) -> Error {
+        Error::unsupported(message).in_file(&self.path)
+    }
+
+    /// The first bytes, at most `most`.
+    pub(super) fn head(&self, most: usize) -> Result<Vec<u8>> {
+        let mut head = vec![0; self.bytes.min(most as u64) as usize];
+        self.read_at(0, &mut head)?;
+        Ok(head)
+    }
+
+    /// Fills `out` from `offset`.
+    pub(super) fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        self.read_exact_at(offset, out).map_err(|e| Error::read(&self.path, e))
+    }
+
+    /// Hands `each` the records of `stride` bytes that fill `bytes`, one by one; `place` counts
+    /// them from 0. `bytes` must lie inside the file, which the caller has checked.
+    pub(super) fn records(
+        &self,
+        bytes: Range<u64>,
+        stride: u64,
+        mut each: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let chunk = (CHUNK_BYTES / stride).max(1) * stride;
+        let mut buffer = vec![0; chunk.min(bytes.end - bytes.start) as usize];
+        let (mut at, mut place) = (bytes.start, 0);
+        while at < bytes.end {
+            let part = &mut buffer[..chunk.min(bytes.end - at) as usize];
+            self.read_at(at, part)?;
+            for record in part.chunks_exact(stride as usize) {
+                each(place, record).map_err(|e| e.in_file(&self.path))?;
+                place += 1;
+            }
+            at += chunk;
+        }
+        Ok(())
+    }
+
+    /// The lines from byte `offset` on, which is the start of line `number` (from 1).
+    pub(super) fn lines(&self, offset: u64, number: u64) -> Lines<'_> {
+        let reader = BufReader::with_capacity(64 << 10, Cursor { input: self, at: offset });
+        Lines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
+    }
+
+    #[cfg(unix)]
+    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
+        std::os::unix::fs::FileExt::read_exact_at(&self.file, out, offset)
+    }
+
+    #[cfg(not(unix))]
+    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
+        use std::io::{Seek, SeekFrom};
+        let _turn = self.position.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        (&self.file).seek(SeekFrom::Start(offset))?;
+        (&self.file).read_exact(out)
+    }
+}
+
+/// Reads an input from some place on.
+struct Cursor<'a> {
+    input: &'a Input,
+    at: u64,
+}
+
+impl Read for Cursor<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let left = self.input.bytes.saturating_sub(self.at);
+        let some = left.min(out.len() as u64) as usize;
+        self.input.read_exact_at(self.at, &mut out[..some])?;
+        self.at += some as u64;
+        Ok(some)
+    }
+}
+
+/// The lines of a text, one after the other.
+pub(super) struct Lines<'a> {
+    reader: BufReader<Cursor<'a>>,
+    line: Vec<u8>,
+    start: u64,
+    end: u64,
+    number: u64,
+}
+
+impl Lines<'_> {
+    /// Goes to the next line; false at the end of the file.
+    pub(super) fn advance(&mut self) -> Result<bool> {
+        self.line.clear();
+        self.start = self.end;
+        let path = &self.reader.get_ref().input.path;
+        let mut reader = Read::take(&mut self.reader, MAX_LINE_BYTES + 1);
+        let read = reader.read_until(b'\n', &mut self.line).map_err(|e| Error::read(path, e))?;
+        self.end += read as u64;
+        self.number += u64::from(read > 0);
+        limits::check("line length", read as u64, MAX_LINE_BYTES)
+            .map_err(|e| e.in_file(path).at(format!("line {}", self.number)))?;
+        Ok(read > 0)
+    }
+
+    /// The line, without its end.
+    pub(super) fn text(&self) -> &[u8] {
+        let line = self.line.strip_suffix(b"\n").unwrap_or(&self.line);
+        line.strip_suffix(b"\r").unwrap_or(line)
+    }
+
+    /// Where the line starts, in bytes.
+    pub(super) fn start(&self) -> u64 {
+        self.start
+    }
+
+    /// Where the next line starts.
+    pub(super) fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// The line's number, from 1.
+    pub(super) fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// A complaint about the line.
+    pub(super) fn bad(&self, message: impl Into<String>) -> Error {
+        self.place(Error::bad_input(message))
+    }
+
+    /// A feature found in the line that is not supported.
+    pub(super) fn unsupported(&self, message: impl Into<String>) -> Error {
+        self.place(Error::unsupported(message))
+    }
+
+    fn place(&self, error: Error) -> Error {
+        error.in_file(&self.reader.get_ref().input.path).at(format!("line {}", self.number))
+    }
+}
+
+/// Fails unless `first .. first + count` are among `most` things called `what`.
+pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Result<()> {
+    match first.checked_add(count as u64) {
+        Some(end) if end <= most => Ok(()),
+        _ => Err(Error::usage(format!("{count} {what} from {first} on asked of {most}"))),
+    }
+}
+
+/// Fails unless the corners of triangle `index` are among `vertices`.
+pub(super) fn check_corners(index: u64, corners: &[u64; 3], vertices: u64) -> Result<()> {
+    match corners.iter().find(|&&id| id >= vertices) {
+        None => Ok(()),
+        Some(id) => Err(Error::bad_input(format!("vertex {id} does not exist, of {vertices}"))
+            .at(format!("triangle {index}"))),
+    }
+}
+
+/// Fails unless the position of vertex `index` is finite.
+pub(super) fn check_position(index: u64, point: &[f64; 3]) -> Result<()> {
+    if point.iter().all(|c| c.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::bad_input("position is not finite").at(format!("vertex {index}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn input(bytes: &[u8]) -> (tempfile::NamedTempFile, Input) {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        let input = Input::open(file.path()).unwrap();
+        (file, input)
+    }
+
+    #[test]
+    fn lines_know_their_places() {
+        let (_file, input) = input(b"one\r\ntwo\n\nend");
+        let mut lines = input.lines(5, 2);
+        let mut found = Vec::new();
+        while lines.advance().unwrap() {
+            let text = String::from_utf8(lines.text().to_vec()).unwrap();
+            found.push((text, lines.start(), lines.end(), lines.number()));
+        }
+        let expected = [("two", 5, 9, 2), ("", 9, 10, 3), ("end", 10, 13, 4)];
+        assert_eq!(found, expected.map(|(t, a, b, n)| (t.to_owned(), a, b, n)));
+    }
+
+    #[test]
+    fn endless_lines_are_refused() {
+        let (_file, input) = input(&vec![b'x'; MAX_LINE_BYTES as usize + 2]);
+        let error = input.lines(0, 1).advance().unwrap_err().to_string();
+        assert!(error.contains("line 1: line length"), "{error}");
+    }
+
+    #[test]
+    fn records_cross_chunks() {
+        let bytes: Vec<u8> = (0..1_000_003_u32).map(|i| (i % 251) as u8).collect();
+        let (_file, input) = input(&bytes);
+        let mut seen = Vec::new();
+        let keep = |place, record: &[u8]| {
+            assert_eq!((place * 7, record.len()), (seen.len(), 7));
+            seen.extend_from_slice(record);
+            Ok(())
+        };
+        input.records(3..3 + 7 * 142_000, 7, keep).unwrap();
+        assert_eq!(seen, bytes[3..3 + 7 * 142_000]);
+    }
+}

@@ -1,0 +1,226 @@
+//! Mesh files: one file per format (sink and reader side by side), and the registry that names them.
+
+mod capacity;
+mod glb;
+mod glb_read;
+mod input;
+mod local;
+mod obj;
+mod obj_index;
+mod out;
+mod ply;
+mod ply_header;
+mod sidecar;
+mod sink;
+mod solid;
+pub mod split;
+mod stl;
+mod text;
+
+use std::path::Path;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point3};
+
+pub use sidecar::{check_prj, prj_path, write_prj};
+
+/// Every mesh format. A new one is a file in this folder and a line here.
+pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];
+
+/// The format called `name`, or else the one that `path`'s extension stands for (letter case does
+/// not matter). Unknown names and extensions are usage errors that list the known ones.
+pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
+    if let Some(name) = name {
+        return by_name(name).ok_or_else(|| {
+            Error::usage(format!("unknown mesh format \"{name}\""))
+                .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+        });
+    }
+    by_extension(path).ok_or_else(|| {
+        Error::usage("the file name does not say which mesh format is meant")
+            .in_file(path)
+            .remedy(format!("end the name in {}, or name a format", known(endings)))
+    })
+}
+
+/// The format of an existing file: by its first bytes, or else by its extension. `None` when it
+/// is no mesh.
+pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
+    let head = input::Input::open(path)?.head(SNIFF_BYTES)?;
+    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
+}
+
+/// Opens a mesh file of any known format, or a folder of meshes that are one.
+pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
+    if path.is_dir() { split::open(path) } else { open_file(path) }
+}
+
+/// Opens a mesh file of any known format.
+fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let format = identify(path)?.ok_or_else(|| {
+        Error::bad_input("not a mesh of a known format")
+            .in_file(path)
+            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+    })?;
+    (format.open)(path)
+}
+
+/// Bytes of a file that [`MeshFormat::sniff`] gets to see.
+const SNIFF_BYTES: usize = 512;
+
+fn by_name(name: &str) -> Option<&'static MeshFormat> {
+    let is_it = |f: &&MeshFormat| {
+        f.name.eq_ignore_ascii_case(name)
+            || f.extensions.iter().any(|ending| ending.eq_ignore_ascii_case(name))
+    };
+    FORMATS.iter().find(is_it)
+}
+
+fn by_extension(path: &Path) -> Option<&'static MeshFormat> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    FORMATS.iter().find(|format| format.extensions.contains(&ending.as_str()))
+}
+
+fn known(text: impl Fn(&MeshFormat) -> String) -> String {
+    FORMATS.iter().map(text).collect::<Vec<_>>().join(", ")
+}
+
+fn endings(format: &MeshFormat) -> String {
+    format.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
+/// What a sink is told before the first batch.
+#[derive(Clone, Debug)]
+pub struct MeshHeader {
+    /// Coordinate reference system of the source.
+    pub crs: Crs,
+    /// Origin for formats that cannot hold f64 coordinates: they store `position - origin` in f32
+    /// and record the origin. Heights that are f32 stay exact when z of the origin is 0; otherwise
+    /// it is near the heights, so that they lose little.
+    pub origin: Point3,
+    /// Stored units in one unit of x, y and z, for these formats: they store
+    /// `(position - origin) * scale`, and record the scale where it is not 1.
+    pub scale: Point3,
+    /// World bounding box of everything that can come: (min, max), x and y from the grid;
+    /// z may be NaN when unknown.
+    pub bounds: [Point3; 2],
+    /// Free text lines for the file's comments ("max error 1.5 metre", "source a.tif").
+    pub comments: Vec<String>,
+}
+
+/// A run of a mesh. Vertex ids count from 0 in the order vertices are pushed; a triangle may refer
+/// to vertices of this or earlier batches only. Triangles are counter-clockwise seen from above in
+/// world coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshBatch<'a> {
+    /// New vertices.
+    pub vertices: &'a [Point3],
+    /// Triangles, as vertex ids.
+    pub triangles: &'a [[u64; 3]],
+    /// World positions of the triangles' corners, aligned with `triangles`; empty unless
+    /// [`MeshSink::wants_corners`].
+    pub corners: &'a [[Point3; 3]],
+}
+
+/// Receives a mesh batch by batch, never holding it in memory, and writes it whole or not at all:
+/// the file appears under its final name in [`finish`](MeshSink::finish); dropping the sink
+/// before that leaves nothing.
+pub trait MeshSink: Send {
+    /// True for formats that store triangles by position (STL).
+    fn wants_corners(&self) -> bool {
+        false
+    }
+
+    /// Appends a batch.
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()>;
+
+    /// Completes the file, puts it at its final name, and returns its size in bytes.
+    fn finish(self: Box<Self>) -> Result<u64>;
+}
+
+/// Reads a mesh file out of core (with `pread`, never mapped).
+pub trait MeshSource: Send + Sync {
+    /// What the mesh is.
+    fn info(&self) -> &MeshInfo;
+
+    /// Reads vertices `first .. first + out.len()` in world coordinates (origin added back).
+    /// For STL every triangle has three vertices of its own (`3 * triangle + corner`).
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()>;
+
+    /// Reads triangles `first .. first + out.len()` as vertex ids, in file order.
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()>;
+}
+
+/// What a mesh file says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshInfo {
+    /// Vertices stored.
+    pub vertices: u64,
+    /// Triangles stored.
+    pub triangles: u64,
+    /// Short format name of the registry.
+    pub format: &'static str,
+    /// The origin that has been added back to every position read.
+    pub origin: Point3,
+    /// What positions were divided by before the origin was added: stored units in one unit of x, y
+    /// and z.
+    pub scale: Point3,
+    /// True when positions are stored in f32 (x and y carry rounding of the order of 1e-7 of the
+    /// extent).
+    pub single_precision: bool,
+    /// True when vertices have an identity of their own (PLY, OBJ, GLB), false for STL.
+    pub indexed: bool,
+    /// True when the surface is closed with walls and a flat bottom.
+    pub solid: bool,
+    /// The `crs` comment, where the file has one.
+    pub crs: Option<String>,
+    /// Free facts for `terrane info`.
+    pub details: Vec<(String, String)>,
+}
+
+/// Options of a sink, from the command line (`--co KEY=VAL`) and the job.
+#[derive(Clone, Debug, Default)]
+pub struct SinkOptions {
+    /// Replace an existing file.
+    pub overwrite: bool,
+    /// STL: close the surface with walls and a flat bottom at this height.
+    pub solid_base: Option<f64>,
+    /// Directory for spools; the output's own directory when `None`.
+    pub temp_dir: Option<std::path::PathBuf>,
+}
+
+/// One mesh format: an entry of [`FORMATS`].
+#[derive(Debug)]
+pub struct MeshFormat {
+    /// Short name for `--format` and messages ("PLY").
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// True when z is stored as f32 (heights are then rounded before the error is bounded).
+    pub single_precision: bool,
+    /// Most vertices and triangles the format can hold.
+    pub most: fn() -> MeshCapacity,
+    /// Starts a file.
+    pub create: fn(&Path, &MeshHeader, &SinkOptions) -> Result<Box<dyn MeshSink>>,
+    /// Opens a file for reading.
+    pub open: fn(&Path) -> Result<Box<dyn MeshSource>>,
+    /// True when the first bytes (up to 512) of a file are this format's.
+    pub sniff: fn(&[u8]) -> bool,
+}
+
+/// What a format can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshCapacity {
+    /// Most vertices.
+    pub vertices: u64,
+    /// Most triangles.
+    pub triangles: u64,
+    /// Most bytes of file, with the bytes taken by each vertex and triangle.
+    pub bytes: u64,
+    /// Bytes of one vertex.
+    pub vertex_bytes: u64,
+    /// Bytes of one triangle.
+    pub triangle_bytes: u64,
+}

@@ -1,0 +1,247 @@
+//! Binary PLY: vertices as `double x y z`, triangles as `list uchar uint vertex_indices`.
+
+use std::path::Path;
+
+use crate::input::{Input, check_corners, check_position, check_range};
+use crate::out::Out;
+use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
+use crate::sink::{Counts, Encoder, FileSink};
+use crate::text::comments;
+use crate::{
+    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point3;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "PLY",
+    extensions: &["ply"],
+    about: "binary little-endian PLY, f64 coordinates",
+    single_precision: false,
+    most,
+    create,
+    open: |path| Ok(Box::new(PlySource::open(path)?)),
+    sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),
+};
+
+const VERTEX_BYTES: usize = 24;
+const FACE_BYTES: usize = 13;
+
+/// Indices are u32.
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: 1 << 32,
+        triangles: u64::MAX,
+        bytes: u64::MAX,
+        vertex_bytes: VERTEX_BYTES as u64,
+        triangle_bytes: FACE_BYTES as u64,
+    }
+}
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    FileSink::create(path, options, PlyEncoder { comments: comments(header) })
+}
+
+struct PlyEncoder {
+    comments: Vec<String>,
+}
+
+impl PlyEncoder {
+    fn text(&self, counts: Counts, padding: &str) -> String {
+        let comments: String = self.comments.iter().map(|c| format!("comment {c}\n")).collect();
+        let Counts { vertices, triangles } = counts;
+        format!(
+            "ply\nformat binary_little_endian 1.0\n{comments}comment {PADDING} {padding}\n\
+             element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n\
+             element face {triangles}\nproperty list uchar uint vertex_indices\nend_header\n"
+        )
+    }
+}
+
+impl Encoder for PlyEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    fn most(&self) -> MeshCapacity {
+        most()
+    }
+
+    /// A comment takes up the room that larger counts would need.
+    fn header(&self, counts: Counts) -> Vec<u8> {
+        let largest = Counts { vertices: u64::MAX, triangles: u64::MAX };
+        let room = self.text(largest, "").len() - self.text(counts, "").len();
+        self.text(counts, &".".repeat(room)).into_bytes()
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        body.records(batch.vertices, vertex_record)?;
+        tail.records(batch.triangles, face_record)
+    }
+}
+
+fn vertex_record(point: &Point3) -> [u8; VERTEX_BYTES] {
+    let mut bytes = [0; VERTEX_BYTES];
+    let (slots, _) = bytes.as_chunks_mut::<8>();
+    for (slot, value) in slots.iter_mut().zip(point) {
+        *slot = value.to_le_bytes();
+    }
+    bytes
+}
+
+/// The ids are below 2^32: the sink has checked them against a number of vertices that fits.
+fn face_record(ids: &[u64; 3]) -> [u8; FACE_BYTES] {
+    let mut bytes = [3; FACE_BYTES];
+    let (slots, _) = bytes[1..].as_chunks_mut::<4>();
+    for (slot, &id) in slots.iter_mut().zip(ids) {
+        *slot = (id as u32).to_le_bytes();
+    }
+    bytes
+}
+
+/// An open PLY file.
+struct PlySource {
+    input: Input,
+    header: PlyHeader,
+    info: MeshInfo,
+}
+
+impl PlySource {
+    fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        let header = ply_header::read(&input).map_err(|e| e.in_file(path))?;
+        let order = if header.big { "big" } else { "little" };
+        let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
+        let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
+        let info = MeshInfo {
+            vertices: header.vertices.count,
+            triangles: header.faces.count,
+            format: FORMAT.name,
+            origin: [0.0; 3],
+            scale: [1.0; 3],
+            single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
+            indexed: true,
+            solid: false,
+            crs: header.crs.clone(),
+            details: std::iter::once(encoding).chain(comments).collect(),
+        };
+        Ok(Self { input, header, info })
+    }
+
+    /// Hands `each` the records `first .. first + count` of a span.
+    fn records(
+        &self,
+        span: Span,
+        first: u64,
+        count: usize,
+        each: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let start = span.offset + first * span.stride;
+        self.input.records(start..start + count as u64 * span.stride, span.stride, each)
+    }
+
+    fn is_native_vertex(&self) -> bool {
+        let offsets = self.header.xyz.map(|field| (field.scalar, field.offset));
+        !self.header.big && offsets == [(Scalar::F64, 0), (Scalar::F64, 8), (Scalar::F64, 16)]
+    }
+
+    fn position(&self, record: &[u8]) -> Point3 {
+        self.header.xyz.map(|field| {
+            let bytes = record.get(field.offset as usize..).unwrap_or_default();
+            field.scalar.read(bytes, self.header.big)
+        })
+    }
+
+    fn is_native_face(&self) -> bool {
+        let PlyHeader { big, faces, length, item, .. } = &self.header;
+        let types = (length.scalar, item.scalar);
+        !big && faces.stride == FACE_BYTES as u64 && types == (Scalar::U8, Scalar::U32)
+    }
+
+    /// The ids of triangle `index`.
+    fn corners(&self, index: u64, record: &[u8]) -> Result<[u64; 3]> {
+        let number = |offset: u64, scalar: Scalar| {
+            scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
+        };
+        let PlyHeader { length, item, .. } = &self.header;
+        check_length(index, number(length.offset, length.scalar))?;
+        let ids = [0, 1, 2].map(|i| number(item.offset + i * item.scalar.bytes(), item.scalar));
+        match ids.iter().find(|id| **id < 0.0) {
+            None => Ok(ids.map(|id| id as u64)),
+            Some(id) => Err(Error::bad_input(format!("vertex index {id} is negative"))
+                .at(format!("triangle {index}"))),
+        }
+    }
+}
+
+fn check_length(index: u64, length: f64) -> Result<()> {
+    if length == 3.0 {
+        return Ok(());
+    }
+    Err(Error::unsupported(format!("has {length} corners"))
+        .at(format!("face {index}"))
+        .remedy("faces must have three corners each; triangulate it first"))
+}
+
+/// The position in a record that begins with three little-endian f64.
+fn native_position(record: &[u8]) -> Option<Point3> {
+    let (values, _) = record.as_chunks::<8>();
+    let &[x, y, z] = values.first_chunk::<3>()?;
+    Some([x, y, z].map(f64::from_le_bytes))
+}
+
+/// The ids in a record of the form this program writes, if it is a triangle.
+fn native_corners(record: &[u8]) -> Option<[u64; 3]> {
+    let (values, _) = record.strip_prefix(&[3])?.as_chunks::<4>();
+    let &[a, b, c] = values.first_chunk::<3>()?;
+    Some([a, b, c].map(|id| u32::from_le_bytes(id).into()))
+}
+
+impl MeshSource for PlySource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let native = self.is_native_vertex();
+        self.records(self.header.vertices, first, out.len(), |place, record| {
+            let point = native.then(|| native_position(record)).flatten();
+            let point = point.unwrap_or_else(|| self.position(record));
+            check_position(first + place as u64, &point)?;
+            out[place] = point;
+            Ok(())
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        let native = self.is_native_face();
+        self.records(self.header.faces, first, out.len(), |place, record| {
+            let index = first + place as u64;
+            let corners = match native.then(|| native_corners(record)).flatten() {
+                Some(corners) => corners,
+                None => self.corners(index, record)?,
+            };
+            check_corners(index, &corners, self.info.vertices)?;
+            out[place] = corners;
+            Ok(())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_header_keeps_its_length() {
+        let encoder = PlyEncoder { comments: vec!["crs EPSG:4326".to_owned()] };
+        let length = encoder.header(Counts::default()).len();
+        for n in [1, 12_345, u64::MAX] {
+            let header = encoder.header(Counts { vertices: n, triangles: n / 2 });
+            assert_eq!(header.len(), length);
+            assert!(String::from_utf8(header).unwrap().contains(&format!("vertex {n}\n")));
+        }
+    }
+}

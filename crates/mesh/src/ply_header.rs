@@ -1,0 +1,351 @@
+//! The header of a binary PLY file: its elements, and where vertices and faces lie.
+
+use crate::input::{Input, Lines};
+use crate::text;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Most elements, and most properties of one element.
+const MAX_ENTRIES: u64 = 1024;
+
+/// A number type of PLY.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    pub(super) fn bytes(self) -> u64 {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_real(self) -> bool {
+        matches!(self, Self::F32 | Self::F64)
+    }
+
+    /// The number at the start of `bytes`; NaN when they are too few. Exact for every type.
+    pub(super) fn read(self, bytes: &[u8], big: bool) -> f64 {
+        match self {
+            Self::I8 => number(bytes, big, |b: [u8; 1]| i8::from_le_bytes(b).into()),
+            Self::U8 => number(bytes, big, |b: [u8; 1]| b[0].into()),
+            Self::I16 => number(bytes, big, |b| i16::from_le_bytes(b).into()),
+            Self::U16 => number(bytes, big, |b| u16::from_le_bytes(b).into()),
+            Self::I32 => number(bytes, big, |b| i32::from_le_bytes(b).into()),
+            Self::U32 => number(bytes, big, |b| u32::from_le_bytes(b).into()),
+            Self::F32 => number(bytes, big, |b| f32::from_le_bytes(b).into()),
+            Self::F64 => number(bytes, big, f64::from_le_bytes),
+        }
+    }
+}
+
+fn number<const N: usize>(bytes: &[u8], big: bool, decode: impl Fn([u8; N]) -> f64) -> f64 {
+    let Some(&(mut bytes)) = bytes.first_chunk::<N>() else { return f64::NAN };
+    if big {
+        bytes.reverse();
+    }
+    decode(bytes)
+}
+
+/// A property of an element: a number, or a list when it has a type for the list's length.
+struct Property {
+    name: String,
+    length: Option<Scalar>,
+    item: Scalar,
+}
+
+struct Element {
+    name: String,
+    count: u64,
+    properties: Vec<Property>,
+}
+
+/// Where the records of an element lie.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Span {
+    pub(super) offset: u64,
+    pub(super) stride: u64,
+    pub(super) count: u64,
+}
+
+/// A number inside a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Field {
+    pub(super) offset: u64,
+    pub(super) scalar: Scalar,
+}
+
+/// How vertices and triangles are stored.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PlyHeader {
+    pub(super) big: bool,
+    pub(super) vertices: Span,
+    pub(super) xyz: [Field; 3],
+    pub(super) faces: Span,
+    /// The length of a face's list, which must be 3.
+    pub(super) length: Field,
+    /// The first of its three items; the others follow it.
+    pub(super) item: Field,
+    pub(super) crs: Option<String>,
+    pub(super) comments: Vec<String>,
+}
+
+/// Reads the header and checks what it says against the length of the file.
+pub(super) fn read(input: &Input) -> Result<PlyHeader> {
+    let mut lines = input.lines(0, 1);
+    if !lines.advance()? || lines.text() != b"ply" {
+        return Err(lines.bad("does not begin with \"ply\""));
+    }
+    let mut parser = Parser::default();
+    while !parser.line(input, &mut lines)? {}
+    parser.layout(input, lines.end())
+}
+
+#[derive(Default)]
+struct Parser {
+    big: Option<bool>,
+    elements: Vec<Element>,
+    comments: Vec<String>,
+}
+
+impl Parser {
+    /// Takes one line; true when it is the last of the header.
+    fn line(&mut self, input: &Input, lines: &mut Lines<'_>) -> Result<bool> {
+        if !lines.advance()? {
+            return Err(input.bad("the header has no end").remedy("write or copy it again"));
+        }
+        limits::check("PLY header length", lines.end(), limits::MAX_HEADER_BYTES)
+            .map_err(|e| e.in_file(input.path()))?;
+        let text = String::from_utf8_lossy(lines.text()).into_owned();
+        let words: Vec<&str> = text.split_ascii_whitespace().collect();
+        match words.as_slice() {
+            ["end_header"] => return Ok(true),
+            ["format", format, "1.0"] => self.big = Some(is_big(format, lines)?),
+            ["comment", ..] => self.comment(text.trim_start()["comment".len()..].trim()),
+            ["obj_info", ..] | [] => {}
+            ["element", "tristrips", ..] => return Err(lines.unsupported("has triangle strips")),
+            ["element", name, count] => self.element(name, count, lines)?,
+            ["property", rest @ ..] => self.property(rest, lines)?,
+            _ => return Err(lines.bad(format!("no header line of PLY: \"{}\"", text.trim()))),
+        }
+        Ok(false)
+    }
+
+    fn comment(&mut self, text: &str) {
+        if !text.starts_with(PADDING) && self.comments.len() < MAX_ENTRIES as usize {
+            self.comments.push(text.to_owned());
+        }
+    }
+
+    fn element(&mut self, name: &str, count: &str, lines: &Lines<'_>) -> Result<()> {
+        limits::check("number of PLY elements", self.elements.len() as u64 + 1, MAX_ENTRIES)?;
+        let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is no count")))?;
+        self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+        Ok(())
+    }
+
+    fn property(&mut self, words: &[&str], lines: &Lines<'_>) -> Result<()> {
+        let scalar = |name: &str| {
+            Scalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
+        };
+        let property = match *words {
+            ["list", length, item, name] => Property {
+                name: name.to_owned(),
+                length: Some(scalar(length)?),
+                item: scalar(item)?,
+            },
+            [item, name] => Property { name: name.to_owned(), length: None, item: scalar(item)? },
+            _ => return Err(lines.bad("a property needs a type and a name")),
+        };
+        let element = self.elements.last_mut();
+        let element = element.ok_or_else(|| lines.bad("a property without an element"))?;
+        let count = element.properties.len() as u64 + 1;
+        limits::check("number of PLY properties", count, MAX_ENTRIES)?;
+        element.properties.push(property);
+        Ok(())
+    }
+
+    fn layout(self, input: &Input, start: u64) -> Result<PlyHeader> {
+        let big = self.big.ok_or_else(|| input.bad("the header has no format line"))?;
+        let nowhere = Field { offset: 0, scalar: Scalar::U8 };
+        let crs = self.comments.iter().find_map(|text| text.strip_prefix(text::CRS));
+        let mut header = PlyHeader {
+            big,
+            vertices: Span::default(),
+            xyz: [nowhere; 3],
+            faces: Span::default(),
+            length: nowhere,
+            item: nowhere,
+            crs: crs.map(str::to_owned),
+            comments: self.comments.clone(),
+        };
+        header.place(input, &self.elements, start)?;
+        Ok(header)
+    }
+}
+
+/// What the comment that keeps the header's length constant begins with.
+pub(super) const PADDING: &str = "padding";
+
+fn is_big(format: &str, lines: &Lines<'_>) -> Result<bool> {
+    match format {
+        "binary_little_endian" => Ok(false),
+        "binary_big_endian" => Ok(true),
+        "ascii" => {
+            Err(lines.unsupported("is an ASCII PLY file").remedy("convert it to binary PLY"))
+        }
+        other => Err(lines.bad(format!("\"{other}\" is no format of PLY"))),
+    }
+}
+
+impl PlyHeader {
+    /// Walks along the elements, which follow each other from byte `start` on.
+    fn place(&mut self, input: &Input, elements: &[Element], start: u64) -> Result<()> {
+        if !elements.iter().any(|element| element.name == "vertex") {
+            return Err(input.bad("has no vertices"));
+        }
+        let mut offset = start;
+        for (i, element) in elements.iter().enumerate() {
+            let is_needed = |e: &Element| matches!(e.name.as_str(), "vertex" | "face");
+            if element.scalars().is_none() && !elements[i..].iter().any(is_needed) {
+                return Ok(());
+            }
+            let span = self.element(input, element, offset)?;
+            offset = end(input, element, span)?;
+        }
+        if offset == input.bytes() { Ok(()) } else { Err(self.surplus(input, offset)?) }
+    }
+
+    /// Why there are bytes behind the last record: faces of more than three corners, or something
+    /// that does not belong there.
+    fn surplus(&self, input: &Input, end: u64) -> Result<Error> {
+        let bytes = input.bytes() - end;
+        let message = format!("has {bytes} bytes more than its header accounts for");
+        let remedy = match self.first_polygon(input)? {
+            Some((face, corners)) => {
+                format!("face {face} has {corners} corners, not three: triangulate it first")
+            }
+            None => "write or copy it again: something was put behind its end".to_owned(),
+        };
+        Ok(input.bad(message).remedy(remedy))
+    }
+
+    /// The first face that is no triangle, by its number, and its corners.
+    fn first_polygon(&self, input: &Input) -> Result<Option<(u64, f64)>> {
+        let (Span { offset, stride, count }, mut first) = (self.faces, None);
+        if count == 0 {
+            return Ok(None);
+        }
+        input.records(offset..offset + stride * count, stride, |place, record| {
+            let bytes = record.get(self.length.offset as usize..).unwrap_or_default();
+            let corners = self.length.scalar.read(bytes, self.big);
+            if corners != 3.0 && first.is_none() {
+                first = Some((place as u64, corners));
+            }
+            Ok(())
+        })?;
+        Ok(first)
+    }
+
+    /// Takes in the element that begins at byte `offset`.
+    fn element(&mut self, input: &Input, element: &Element, offset: u64) -> Result<Span> {
+        let span = |stride| Span { offset, stride, count: element.count };
+        match element.name.as_str() {
+            "vertex" => self.vertices = span(self.vertex(input, element)?),
+            "face" => self.faces = span(self.face(input, element)?),
+            _ => return Ok(span(element.scalars().ok_or_else(|| element.refused(input))?)),
+        }
+        Ok(if element.name == "vertex" { self.vertices } else { self.faces })
+    }
+
+    fn vertex(&mut self, input: &Input, element: &Element) -> Result<u64> {
+        let stride = element.scalars().ok_or_else(|| element.refused(input))?;
+        for (field, name) in self.xyz.iter_mut().zip(["x", "y", "z"]) {
+            let missing = || input.bad(format!("vertices have no property \"{name}\""));
+            *field = element.field(|p| p.name == name).ok_or_else(missing)?;
+            if !field.scalar.is_real() {
+                return Err(input.unsupported(format!("vertices have a whole number as {name}")));
+            }
+        }
+        Ok(stride)
+    }
+
+    /// The stride of triangles; faces with other numbers of corners are found when read.
+    fn face(&mut self, input: &Input, element: &Element) -> Result<u64> {
+        let is_corners =
+            |p: &Property| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
+        let missing = || input.bad("faces have no property list \"vertex_indices\"");
+        let at = element.properties.iter().position(is_corners).ok_or_else(missing)?;
+        let list = &element.properties[at];
+        let length = list.length.ok_or_else(missing)?;
+        if length.is_real() || list.item.is_real() {
+            return Err(input.bad("vertex indices are not whole numbers"));
+        }
+        let (before, after) = (&element.properties[..at], &element.properties[at + 1..]);
+        let sizes = scalars(before).zip(scalars(after));
+        let (before, after) = sizes.ok_or_else(|| element.refused(input))?;
+        self.length = Field { offset: before, scalar: length };
+        self.item = Field { offset: before + length.bytes(), scalar: list.item };
+        Ok(self.item.offset + 3 * list.item.bytes() + after)
+    }
+}
+
+impl Element {
+    /// Bytes of a record, unless it has lists.
+    fn scalars(&self) -> Option<u64> {
+        scalars(&self.properties)
+    }
+
+    /// The first property like this, of an element without lists.
+    fn field(&self, is_it: impl Fn(&Property) -> bool) -> Option<Field> {
+        let at = self.properties.iter().position(is_it)?;
+        let offset = scalars(&self.properties[..at])?;
+        Some(Field { offset, scalar: self.properties[at].item })
+    }
+
+    fn refused(&self, input: &Input) -> Error {
+        let list = self.properties.iter().filter(|p| p.length.is_some());
+        let names: Vec<&str> = list.map(|p| p.name.as_str()).collect();
+        input.unsupported(format!("element \"{}\" has lists: {}", self.name, names.join(", ")))
+    }
+}
+
+fn scalars(properties: &[Property]) -> Option<u64> {
+    properties.iter().map(|p| p.length.is_none().then_some(p.item.bytes())).sum()
+}
+
+/// Where the records end, if they are all there.
+fn end(input: &Input, element: &Element, span: Span) -> Result<u64> {
+    let end = span.count.checked_mul(span.stride).and_then(|bytes| bytes.checked_add(span.offset));
+    end.filter(|&end| end <= input.bytes()).ok_or_else(|| {
+        let (count, bytes) = (element.count, input.bytes());
+        let message =
+            format!("{count} elements \"{}\" do not fit into {bytes} bytes", element.name);
+        input.bad(message).remedy("it is truncated, or has been written wrongly")
+    })
+}

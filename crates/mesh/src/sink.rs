@@ -1,0 +1,237 @@
+//! The sink behind every format: counts, checks, spools, and completes a file; an [`Encoder`] knows
+//! the bytes.
+
+use std::path::Path;
+
+use crate::out::Out;
+use crate::{MeshBatch, MeshCapacity, MeshSink, SinkOptions, capacity};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::atomic::AtomicFile;
+
+/// Vertices and triangles pushed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub(super) vertices: u64,
+    pub(super) triangles: u64,
+}
+
+/// The bytes of a format. A file is a header, the body in the order of the calls, and then what was
+/// put into the tail: a format that wants all vertices before the first triangle puts triangles
+/// there.
+pub(super) trait Encoder: Send {
+    /// Short format name of the registry.
+    fn name(&self) -> &'static str;
+
+    /// What the file can hold.
+    fn most(&self) -> MeshCapacity;
+
+    /// The header of a file of `counts`; it has the same length on every call, because it is
+    /// written first with counts of 0 and again at the end.
+    fn header(&self, counts: Counts) -> Vec<u8>;
+
+    /// True when batches must come with corners.
+    fn wants_corners(&self) -> bool {
+        false
+    }
+
+    /// Encodes a batch that was found sound.
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()>;
+
+    /// Appends to the body what can be known only at the end.
+    fn complete(&mut self, _body: &mut Out) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes one file with an encoder.
+pub(super) struct FileSink<E> {
+    encoder: E,
+    most: MeshCapacity,
+    header_bytes: u64,
+    counts: Counts,
+    target: AtomicFile,
+    body: Out,
+    tail: Out,
+    /// True while a push is under way, and for good once one has failed.
+    broken: bool,
+}
+
+impl<E: Encoder + 'static> FileSink<E> {
+    /// Starts the file at `path`.
+    pub(super) fn create(
+        path: &Path,
+        options: &SinkOptions,
+        encoder: E,
+    ) -> Result<Box<dyn MeshSink>> {
+        Ok(Box::new(Self::new(path, options, encoder)?))
+    }
+
+    fn new(path: &Path, options: &SinkOptions, encoder: E) -> Result<Self> {
+        let target = AtomicFile::create(path, options.overwrite)?;
+        let tail = Out::spool(temp_folder(path, options))?;
+        let handle = target.file().try_clone().map_err(|e| Error::write(path, e))?;
+        let mut body = Out::new(handle, path);
+        let header = encoder.header(Counts::default());
+        body.bytes(&header)?;
+        let header_bytes = header.len() as u64;
+        let (most, counts) = (encoder.most(), Counts::default());
+        Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
+    }
+
+    /// The counts with `batch`, once it is found to fit and to make sense.
+    fn admit(&self, batch: &MeshBatch<'_>) -> Result<Counts> {
+        let counts = Counts {
+            vertices: self.counts.vertices + batch.vertices.len() as u64,
+            triangles: self.counts.triangles + batch.triangles.len() as u64,
+        };
+        let name = self.encoder.name();
+        capacity::check(name, &self.most, self.header_bytes, counts.vertices, counts.triangles)?;
+        check_ids(batch.triangles, counts.vertices)?;
+        check_finite(batch, self.counts.vertices)?;
+        if self.encoder.wants_corners() && batch.corners.len() != batch.triangles.len() {
+            return Err(Error::usage(format!("{name} needs the corners of every triangle")));
+        }
+        Ok(counts)
+    }
+
+    fn check_whole(&self) -> Result<()> {
+        if self.broken {
+            let message = "an earlier write of this mesh failed; nothing is written";
+            return Err(Error::new(ErrorKind::CannotWrite, message));
+        }
+        Ok(())
+    }
+}
+
+impl<E: Encoder + 'static> MeshSink for FileSink<E> {
+    fn wants_corners(&self) -> bool {
+        self.encoder.wants_corners()
+    }
+
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+        self.check_whole()?;
+        self.broken = true;
+        let in_file = |e: Error| e.in_file(self.target.path());
+        let counts = self.admit(&batch).map_err(in_file)?;
+        self.encoder.encode(batch, &mut self.body, &mut self.tail).map_err(in_file)?;
+        self.counts = counts;
+        self.broken = false;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        self.check_whole()?;
+        let Self { mut encoder, header_bytes, counts, target, mut body, mut tail, .. } = *self;
+        encoder.complete(&mut body).map_err(|e| e.in_file(target.path()))?;
+        body.append(&mut tail)?;
+        let header = encoder.header(counts);
+        debug_assert_eq!(header.len() as u64, header_bytes);
+        body.rewrite_start(&header)?;
+        target.commit()
+    }
+}
+
+/// The folder for spools of a mesh at `path`.
+pub(super) fn temp_folder<'a>(path: &'a Path, options: &'a SinkOptions) -> &'a Path {
+    let beside = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    options.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."))
+}
+
+fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {
+    let largest = triangles.iter().flatten().fold(0, |largest, &id| largest.max(id));
+    if largest >= vertices && !triangles.is_empty() {
+        let message = format!("a triangle refers to vertex {largest} before it was pushed");
+        return Err(Error::usage(message));
+    }
+    Ok(())
+}
+
+fn check_finite(batch: &MeshBatch<'_>, first: u64) -> Result<()> {
+    let is_finite = |point: &[f64; 3]| point.iter().all(|c| c.is_finite());
+    let bad = batch.vertices.iter().position(|v| !is_finite(v));
+    if let Some(bad) = bad {
+        let vertex = first + bad as u64;
+        return Err(Error::bad_input(format!("vertex {vertex} of the mesh is not finite")));
+    }
+    if batch.corners.iter().flatten().all(is_finite) {
+        return Ok(());
+    }
+    Err(Error::bad_input("a corner of the mesh is not finite"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A format whose limits are small enough to meet in a test.
+    struct Tiny;
+
+    impl Encoder for Tiny {
+        fn name(&self) -> &'static str {
+            "Tiny"
+        }
+
+        fn most(&self) -> MeshCapacity {
+            let [vertices, triangles, bytes] = [4, 3, 100];
+            MeshCapacity { vertices, triangles, bytes, vertex_bytes: 10, triangle_bytes: 20 }
+        }
+
+        fn header(&self, _counts: Counts) -> Vec<u8> {
+            vec![b'h'; 20]
+        }
+
+        fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+            body.records(batch.vertices, |_| [b'v'; 10])?;
+            tail.records(batch.triangles, |_| [b't'; 20])
+        }
+    }
+
+    fn batch<'a>(vertices: &'a [[f64; 3]], triangles: &'a [[u64; 3]]) -> MeshBatch<'a> {
+        MeshBatch { vertices, triangles, corners: &[] }
+    }
+
+    fn refused(vertices: &[[f64; 3]], triangles: &[[u64; 3]]) -> Error {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tiny");
+        let mut sink = FileSink::create(&path, &SinkOptions::default(), Tiny).unwrap();
+        let error = sink.push(batch(vertices, triangles)).unwrap_err();
+        assert!(sink.push(batch(&[], &[])).is_err(), "a failed sink goes on");
+        assert!(sink.finish().is_err(), "a failed sink completes its file");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        assert_eq!(error.path(), Some(path.as_path()));
+        error
+    }
+
+    #[test]
+    fn each_limit_is_named_when_it_is_passed() {
+        let over = |vertices: usize, triangles: usize| {
+            let error = refused(&vec![[0.0; 3]; vertices], &vec![[0; 3]; triangles]);
+            assert_eq!(error.kind(), ErrorKind::CannotWrite);
+            error.to_string()
+        };
+        assert!(over(5, 0).contains("Tiny holds at most 4 vertices"));
+        assert!(over(1, 4).contains("Tiny holds at most 3 triangles"));
+        assert!(over(3, 3).contains("Tiny holds at most 100 bytes"), "20 + 30 + 60 are too many");
+        assert!(over(3, 3).ends_with("write PLY or OBJ or STL or GLB"));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        assert!(refused(&[[0.0; 3]], &[[0, 0, 1]]).to_string().contains("vertex 1"));
+        assert!(refused(&[], &[[0, 0, 0]]).to_string().contains("vertex 0"));
+        let bad = [[0.0; 3], [0.0, f64::NAN, 0.0]];
+        assert!(refused(&bad, &[]).to_string().contains("vertex 1 of the mesh is not finite"));
+    }
+
+    #[test]
+    fn exactly_full_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tiny");
+        let mut sink = FileSink::create(&path, &SinkOptions::default(), Tiny).unwrap();
+        sink.push(batch(&[[0.0; 3]; 4], &[[0, 1, 2]])).unwrap();
+        sink.push(batch(&[], &[[1, 2, 3]])).unwrap();
+        assert_eq!(sink.finish().unwrap(), 100);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text, ["h".repeat(20), "v".repeat(40), "t".repeat(40)].concat());
+    }
+}

@@ -1,0 +1,297 @@
+//! The outline of a mesh, found in bounded memory: edges that no second triangle shares.
+//!
+//! Because triangles arrive place by place, most edges meet their counterpart in a small table of
+//! recent edges. Those that the table has no room for wait in a buffer. A full buffer is sorted and
+//! rid of pairs; when that leaves it more than half full it goes to a file as a sorted run, and
+//! runs are merged (pairs cancelling) when there are many, and at the end.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::out::Out;
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// Slots of the table of recent edges, as a power of two: 768 KiB, to stay in cache.
+const RECENT_BITS: u32 = 14;
+/// Edges of the buffer: 10 MiB.
+const BUFFER_EDGES: usize = 1 << 18;
+/// Runs merged at once.
+const MOST_RUNS: usize = 32;
+
+/// A directed edge of a triangle: the surface lies on its left.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Edge {
+    /// Ids of the vertices it leads from and to.
+    pub(super) ids: [u64; 2],
+    /// Positions of both.
+    pub(super) ends: [[f32; 3]; 2],
+}
+
+const EDGE_BYTES: usize = size_of::<Edge>();
+
+/// Sorts both directions of an edge next to each other.
+type Key = (u64, u64, bool);
+
+impl Edge {
+    fn key(&self) -> Key {
+        let [from, to] = self.ids;
+        (from.min(to), from.max(to), from > to)
+    }
+
+    /// The slot of this edge, the same for both directions.
+    fn slot(&self) -> usize {
+        const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
+        let (low, high, _) = self.key();
+        ((low.wrapping_mul(MIX) ^ high).wrapping_mul(MIX) >> (64 - RECENT_BITS)) as usize
+    }
+
+    fn is_opposite(&self, other: &Edge) -> bool {
+        self.ids[0] == other.ids[1] && self.ids[1] == other.ids[0]
+    }
+}
+
+/// Collects edges and hands out those without a counterpart.
+pub(super) struct Outline {
+    recent: Vec<Option<Edge>>,
+    edges: Vec<Edge>,
+    runs: Vec<Run>,
+    capacity: usize,
+    folder: PathBuf,
+}
+
+impl Outline {
+    /// Runs go to anonymous files in `folder`.
+    pub(super) fn new(folder: &Path) -> Self {
+        Self::with_capacity(folder, BUFFER_EDGES)
+    }
+
+    fn with_capacity(folder: &Path, capacity: usize) -> Self {
+        let recent = vec![None; 1 << RECENT_BITS];
+        let folder = folder.to_path_buf();
+        Self { recent, edges: Vec::new(), runs: Vec::new(), capacity, folder }
+    }
+
+    /// Adds the edges of a triangle.
+    pub(super) fn push(&mut self, ids: [u64; 3], corners: [[f32; 3]; 3]) -> Result<()> {
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            self.add(Edge { ids: [ids[a], ids[b]], ends: [corners[a], corners[b]] });
+        }
+        if self.edges.len() >= self.capacity { self.relieve() } else { Ok(()) }
+    }
+
+    /// Cancels the edge with its counterpart, or keeps it in place of an older one.
+    fn add(&mut self, edge: Edge) {
+        let slot = &mut self.recent[edge.slot()];
+        if slot.is_some_and(|other| other.is_opposite(&edge)) {
+            *slot = None;
+        } else if let Some(older) = slot.replace(edge) {
+            self.edges.push(older);
+        }
+    }
+
+    /// Hands `each` every edge without a counterpart, sorted by ids whichever way they came.
+    pub(super) fn complete(mut self, mut each: impl FnMut(Edge) -> Result<()>) -> Result<()> {
+        self.edges.extend(self.recent.drain(..).flatten());
+        cancel_in_place(&mut self.edges);
+        if self.runs.is_empty() {
+            return self.edges.into_iter().try_for_each(each);
+        }
+        let last = self.spill()?;
+        self.runs.push(last);
+        merge(self.runs, &mut each)
+    }
+
+    /// Makes room in the buffer.
+    fn relieve(&mut self) -> Result<()> {
+        cancel_in_place(&mut self.edges);
+        if self.edges.len() > self.capacity / 2 {
+            let run = self.spill()?;
+            self.runs.push(run);
+        }
+        if self.runs.len() >= MOST_RUNS { self.merge_runs() } else { Ok(()) }
+    }
+
+    fn spill(&mut self) -> Result<Run> {
+        let mut out = Out::spool(&self.folder)?;
+        out.lines(&self.edges, |edge, buffer| buffer.extend_from_slice(bytemuck::bytes_of(edge)))?;
+        self.edges.clear();
+        Run::new(out, &self.folder)
+    }
+
+    fn merge_runs(&mut self) -> Result<()> {
+        let mut out = Out::spool(&self.folder)?;
+        let runs = std::mem::take(&mut self.runs);
+        merge(runs, &mut |edge| out.bytes(bytemuck::bytes_of(&edge)))?;
+        self.runs.push(Run::new(out, &self.folder)?);
+        Ok(())
+    }
+}
+
+/// Pairs edges off in order of their keys; what is left comes out sorted.
+#[derive(Default)]
+struct Pairing {
+    waiting: Vec<Edge>,
+}
+
+impl Pairing {
+    fn push(&mut self, edge: Edge, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+        match self.waiting.last() {
+            Some(last) if last.is_opposite(&edge) => {
+                self.waiting.pop();
+            }
+            Some(last) if last.ids == edge.ids => self.waiting.push(edge),
+            _ => {
+                self.complete(each)?;
+                self.waiting.push(edge);
+            }
+        }
+        Ok(())
+    }
+
+    fn complete(&mut self, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+        self.waiting.drain(..).try_for_each(each)
+    }
+}
+
+/// Sorts the edges and removes pairs of opposite ones.
+fn cancel_in_place(edges: &mut Vec<Edge>) {
+    edges.sort_unstable_by_key(Edge::key);
+    let mut kept = 0;
+    for i in 0..edges.len() {
+        let edge = edges[i];
+        if kept > 0 && edges[kept - 1].is_opposite(&edge) {
+            kept -= 1;
+        } else {
+            edges[kept] = edge;
+            kept += 1;
+        }
+    }
+    edges.truncate(kept);
+}
+
+/// A sorted sequence of edges in a file of its own.
+struct Run {
+    reader: BufReader<File>,
+    left: u64,
+    folder: PathBuf,
+}
+
+impl Run {
+    fn new(out: Out, folder: &Path) -> Result<Self> {
+        let file = out.into_file()?;
+        let left = file.metadata().map_err(|e| unreadable(folder, e))?.len() / EDGE_BYTES as u64;
+        let reader = BufReader::with_capacity(64 << 10, file);
+        Ok(Self { reader, left, folder: folder.to_path_buf() })
+    }
+
+    fn next(&mut self) -> Result<Option<Edge>> {
+        if self.left == 0 {
+            return Ok(None);
+        }
+        let mut bytes = [0; EDGE_BYTES];
+        self.reader.read_exact(&mut bytes).map_err(|e| unreadable(&self.folder, e))?;
+        self.left -= 1;
+        Ok(Some(bytemuck::pod_read_unaligned(&bytes)))
+    }
+}
+
+fn unreadable(folder: &Path, error: std::io::Error) -> Error {
+    Error::io(ErrorKind::Io, "read a temporary file back", error).in_file(folder)
+}
+
+/// Merges runs into `each`, pairs cancelling.
+fn merge(mut runs: Vec<Run>, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+    let mut heads = Vec::with_capacity(runs.len());
+    let mut queue = BinaryHeap::with_capacity(runs.len());
+    for (i, run) in runs.iter_mut().enumerate() {
+        let head = run.next()?;
+        queue.extend(head.map(|edge| Reverse((edge.key(), i))));
+        heads.push(head);
+    }
+    let mut pairing = Pairing::default();
+    while let Some(Reverse((_, i))) = queue.pop() {
+        let next = runs[i].next()?;
+        queue.extend(next.map(|edge| Reverse((edge.key(), i))));
+        if let Some(edge) = std::mem::replace(&mut heads[i], next) {
+            pairing.push(edge, each)?;
+        }
+    }
+    pairing.complete(each)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    /// The triangles of a lattice of `side` x `side` cells, every `hole`-th cell left out, in an
+    /// order that takes `step` cells at a time.
+    fn triangles(side: u64, hole: u64, step: u64) -> Vec<[u64; 3]> {
+        let cells = side * side;
+        let scattered = (0..cells).map(|i| i * step % cells).filter(|cell| cell % hole != 5);
+        let halves = scattered.flat_map(|cell| {
+            let a = cell / side * (side + 1) + cell % side;
+            let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
+            [[a, b, d], [d, c, a]]
+        });
+        halves.collect()
+    }
+
+    fn position(id: u64) -> [f32; 3] {
+        [id as f32, -(id as f32), 1.0]
+    }
+
+    /// The slow twin: all edges in a map.
+    fn outline_by_map(triangles: &[[u64; 3]]) -> Vec<[u64; 2]> {
+        let mut balance: HashMap<(u64, u64), i64> = HashMap::new();
+        for &[a, b, c] in triangles {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                *balance.entry((from.min(to), from.max(to))).or_default() +=
+                    if from < to { 1 } else { -1 };
+            }
+        }
+        let mut left: Vec<[u64; 2]> = Vec::new();
+        for ((low, high), n) in balance {
+            let edge = if n > 0 { [low, high] } else { [high, low] };
+            left.extend(std::iter::repeat_n(edge, n.unsigned_abs() as usize));
+        }
+        left.sort_by_key(|e| (e[0].min(e[1]), e[0].max(e[1]), e[0] > e[1]));
+        left
+    }
+
+    fn outline(triangles: &[[u64; 3]], capacity: usize) -> Vec<[u64; 2]> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut outline = Outline::with_capacity(folder.path(), capacity);
+        for &ids in triangles {
+            outline.push(ids, ids.map(position)).unwrap();
+            assert!(outline.edges.len() < capacity + 3 && outline.runs.len() < MOST_RUNS);
+        }
+        let mut found = Vec::new();
+        let keep = |edge: Edge| {
+            assert_eq!(edge.ends, edge.ids.map(position));
+            found.push(edge.ids);
+            Ok(())
+        };
+        outline.complete(keep).unwrap();
+        found
+    }
+
+    #[test]
+    fn the_outline_is_the_same_however_little_fits_in_memory() {
+        for step in [1, 7919] {
+            let mut triangles = triangles(120, 13, step);
+            triangles.extend([[0, 1, 122], [0, 1, 122], [50_000, 60_000, 70_000]]);
+            let expected = outline_by_map(&triangles);
+            assert!(expected.len() > 480);
+            for capacity in [100, 1000, 1 << 20] {
+                assert_eq!(outline(&triangles, capacity), expected, "capacity {capacity}");
+            }
+        }
+    }
+}

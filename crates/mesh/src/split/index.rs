@@ -1,0 +1,184 @@
+//! The index of a folder of meshes: GeoJSON that any GIS shows, and that a reader needs.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::MeshHeader;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_files::atomic::AtomicFile;
+
+/// The file's name in the folder.
+pub(super) const NAME: &str = "index.geojson";
+/// What the index calls itself, so that a folder of meshes can be told.
+const MARK: &str = "terrane mesh in blocks";
+
+/// One block's file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Block {
+    pub(super) file: String,
+    pub(super) vertices: u64,
+    pub(super) triangles: u64,
+    pub(super) bytes: u64,
+    /// World positions of its corners; triangles may reach beyond it on the right and below.
+    pub(super) ring: [[f64; 2]; 5],
+}
+
+/// All blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Index {
+    pub(super) format: String,
+    pub(super) epsg: Option<u32>,
+    pub(super) comments: Vec<String>,
+    pub(super) blocks: Vec<Block>,
+}
+
+impl Index {
+    pub(super) fn new(format: &str, header: &MeshHeader) -> Self {
+        let (epsg, comments) = (header.crs.epsg, header.comments.clone());
+        Self { format: format.to_owned(), epsg, comments, blocks: Vec::new() }
+    }
+
+    /// Writes the index into `folder`; returns its size.
+    pub(super) fn write(self, folder: &Path) -> Result<u64> {
+        let path = folder.join(NAME);
+        let fail = |e| Error::write(&path, e);
+        let mut file = BufWriter::new(AtomicFile::create(&path, false)?);
+        serde_json::to_writer(&mut file, &Collection::from(self)).map_err(|e| fail(e.into()))?;
+        file.into_inner().map_err(|e| fail(e.into_error()))?.commit()
+    }
+
+    /// Reads the index of `folder`.
+    pub(super) fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(NAME);
+        let fail = |e| Error::read(&path, e);
+        let bytes = std::fs::metadata(&path).map_err(fail)?.len();
+        limits::check("bytes of an index", bytes, limits::MAX_VRT_BYTES)
+            .map_err(|e| e.in_file(&path))?;
+        let file = BufReader::new(File::open(&path).map_err(fail)?);
+        let read: Option<Collection> = match serde_json::from_reader(file.take(bytes)) {
+            Err(error) if error.is_io() => return Err(fail(error.into())),
+            read => read.ok(),
+        };
+        read.and_then(Collection::index).ok_or_else(|| {
+            Error::bad_input("is not the index of a mesh in blocks")
+                .in_file(&path)
+                .remedy("make the folder again with terrane")
+        })
+    }
+}
+
+/// The index as it is in the file; keys are in the order of the alphabet.
+#[derive(Serialize, Deserialize)]
+struct Collection {
+    comments: Vec<String>,
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    crs: Option<Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    epsg: Option<u32>,
+    features: Vec<Feature>,
+    format: String,
+    name: String,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Feature {
+    geometry: Polygon,
+    properties: Properties,
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Polygon {
+    coordinates: [[[f64; 2]; 5]; 1],
+    #[serde(rename = "type", skip_deserializing)]
+    kind: &'static str,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Properties {
+    bytes: u64,
+    file: String,
+    triangles: u64,
+    vertices: u64,
+}
+
+impl From<Index> for Collection {
+    fn from(index: Index) -> Self {
+        let feature = |block: Block| {
+            let Block { file, vertices, triangles, bytes, ring } = block;
+            Feature {
+                geometry: Polygon { coordinates: [ring], kind: "Polygon" },
+                properties: Properties { bytes, file, triangles, vertices },
+                kind: "Feature",
+            }
+        };
+        let crs = |epsg| {
+            let name = format!("urn:ogc:def:crs:EPSG::{epsg}");
+            json!({ "type": "name", "properties": { "name": name } })
+        };
+        Self {
+            comments: index.comments,
+            crs: index.epsg.map(crs),
+            epsg: index.epsg,
+            features: index.blocks.into_iter().map(feature).collect(),
+            format: index.format,
+            name: MARK.to_owned(),
+            kind: "FeatureCollection",
+        }
+    }
+}
+
+impl Collection {
+    /// The index, if it is one and names nothing outside its folder.
+    fn index(self) -> Option<Index> {
+        let block = |feature: Feature| {
+            let Properties { bytes, file, triangles, vertices } = feature.properties;
+            let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
+            let [ring] = feature.geometry.coordinates;
+            is_name.then_some(Block { file, vertices, triangles, bytes, ring })
+        };
+        if self.name != MARK {
+            return None;
+        }
+        let blocks = self.features.into_iter().map(block).collect::<Option<_>>()?;
+        Some(Index { format: self.format, epsg: self.epsg, comments: self.comments, blocks })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comes_back_from_its_text_and_never_leads_out_of_its_folder() {
+        let ring = [[0.5, 1.0], [0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]];
+        let file = "block-0000-0001.ply".to_owned();
+        let block = Block { file, vertices: 4, triangles: 2, bytes: 99, ring };
+        let mut index = Index {
+            format: "PLY".into(),
+            epsg: Some(32631),
+            comments: vec!["max error 5".into()],
+            blocks: vec![block],
+        };
+        let text = |index: &Index| serde_json::to_string(&Collection::from(index.clone())).unwrap();
+        let read = |text: &str| serde_json::from_str::<Collection>(text).ok()?.index();
+        assert_eq!(read(&text(&index)).as_ref(), Some(&index));
+        let same = serde_json::from_str::<Value>(&text(&index)).unwrap().to_string();
+        assert_eq!(text(&index), same, "keys in order");
+        for name in ["../a.ply", "/etc/passwd", "b/a.ply", "..", ""] {
+            index.blocks[0].file = name.into();
+            assert_eq!(read(&text(&index)), None, "{name}");
+        }
+        index.blocks.clear();
+        assert_eq!(read(&text(&index)).as_ref(), Some(&index));
+        assert_eq!(read(&text(&index).replace(MARK, "mesh")), None);
+    }
+}

@@ -1,0 +1,263 @@
+//! A mesh in many files: a folder with a mesh for each block of the grid, and an index.
+//!
+//! A triangle belongs to the block in which its bounding box begins. Vertices on both sides of a
+//! border are in both files with the same coordinates, bit for bit, so the blocks fit together. The
+//! index is GeoJSON: a polygon for each block, in the coordinates of the mesh, with its file's name.
+
+mod buckets;
+mod index;
+mod source;
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use crate::{MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, prj_path, write_prj};
+use buckets::{Buckets, Record};
+use index::{Block, Index};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Affine, Point3};
+use terrane_files::atomic::AtomicFolder;
+
+pub(super) use source::open;
+
+/// Triangles handed to a block's file at a time.
+const BATCH: usize = 1 << 14;
+
+/// How a grid is cut into blocks.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocks {
+    /// Cells along a block's side; whole tiles.
+    pub cells: u32,
+    /// Columns and rows of the grid's samples.
+    pub samples: [u32; 2],
+    /// Grid position to world position.
+    pub to_world: Affine,
+}
+
+impl Blocks {
+    /// Columns and rows of blocks.
+    fn count(&self) -> [u32; 2] {
+        self.samples.map(|samples| (samples - 1).div_ceil(self.cells).max(1))
+    }
+
+    /// The share of the grid's cells that the largest block has.
+    pub fn largest_share(&self) -> f64 {
+        let share = |samples: u32| f64::from(self.cells.min(samples - 1)) / f64::from(samples - 1);
+        self.samples.map(share).iter().product()
+    }
+
+    /// Column and row of the block that a triangle belongs to.
+    fn of(&self, corners: &[Point3; 3]) -> [u32; 2] {
+        let places = corners.map(|[x, y, _]| self.to_world.invert(x, y).map(f64::round));
+        let count = self.count();
+        [0, 1].map(|axis| {
+            let first = places.iter().fold(f64::INFINITY, |first, place| first.min(place[axis]));
+            (first.max(0.0) as u32 / self.cells).min(count[axis] - 1)
+        })
+    }
+
+    /// World positions of the corners of a block, as a closed ring.
+    fn ring(&self, [col, row]: [u32; 2]) -> [[f64; 2]; 5] {
+        let span = |at: u32, samples: u32| {
+            [at * self.cells, ((at + 1) * self.cells).min(samples - 1)].map(f64::from)
+        };
+        let ([left, right], [top, bottom]) =
+            (span(col, self.samples[0]), span(row, self.samples[1]));
+        [(left, top), (left, bottom), (right, bottom), (right, top), (left, top)]
+            .map(|(col, row)| self.to_world.apply(col, row))
+    }
+}
+
+/// True for a folder that this room has made.
+pub fn is_split(path: &Path) -> bool {
+    path.is_dir() && Index::read(path).is_ok()
+}
+
+/// True for such a folder with nothing else in it, so that nothing of the user's goes with it.
+pub fn is_replaceable(path: &Path) -> bool {
+    let (Ok(files), Ok(mut entries)) = (files(path), std::fs::read_dir(path)) else { return false };
+    let own: HashSet<PathBuf> =
+        files.iter().cloned().chain(files.iter().skip(1).map(|mesh| prj_path(mesh))).collect();
+    entries.all(|entry| {
+        entry.is_ok_and(|entry| {
+            own.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
+        })
+    })
+}
+
+/// Starts a folder of meshes in `format` at `path`. Triangles must come in the order of the blocks'
+/// rows.
+pub fn create(
+    path: &Path,
+    format: &'static MeshFormat,
+    header: &MeshHeader,
+    options: &SinkOptions,
+    blocks: Blocks,
+) -> Result<Box<dyn MeshSink>> {
+    let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
+    let beside = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let spool = options.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
+    let buckets = Buckets::new(spool, blocks.count()[0])?;
+    let index = Index::new(format.name, header);
+    let temp_dir = Some(spool.to_path_buf());
+    let (header, options) =
+        (header.clone(), SinkOptions { overwrite: false, temp_dir, ..options.clone() });
+    Ok(Box::new(Split {
+        folder,
+        format,
+        header,
+        options,
+        blocks,
+        buckets,
+        index,
+        row: 0,
+        bytes: 0,
+    }))
+}
+
+/// The sink of a folder of meshes.
+struct Split {
+    folder: AtomicFolder,
+    format: &'static MeshFormat,
+    header: MeshHeader,
+    options: SinkOptions,
+    blocks: Blocks,
+    buckets: Buckets,
+    index: Index,
+    /// The row of blocks that triangles come for.
+    row: u32,
+    bytes: u64,
+}
+
+impl Split {
+    /// Writes the files of the blocks of a row, and goes on to the next.
+    fn finish_row(&mut self) -> Result<()> {
+        for col in 0..self.blocks.count()[0] {
+            if !self.buckets.is_empty(col) {
+                self.write_block([col, self.row])?;
+            }
+        }
+        self.row += 1;
+        self.buckets.clear()
+    }
+
+    fn write_block(&mut self, [col, row]: [u32; 2]) -> Result<()> {
+        let name = format!("block-{row:04}-{col:04}.{}", self.format.extensions[0]);
+        let path = self.folder.inside().join(&name);
+        let ring = self.blocks.ring([col, row]);
+        let mut piece = Piece::new((self.format.create)(&path, &self.header, &self.options)?);
+        self.buckets.read(col, |records| piece.push(records))?;
+        let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
+        let bytes = piece.sink.finish()?;
+        if self.options.solid_base.is_some() {
+            // With walls and a bottom.
+            triangles = crate::open_file(&path)?.info().triangles;
+        }
+        write_prj(&path, &self.header.crs, false)?;
+        self.bytes += bytes;
+        self.index.blocks.push(Block { file: name, vertices, triangles, bytes, ring });
+        Ok(())
+    }
+}
+
+impl MeshSink for Split {
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+        if batch.corners.len() != batch.triangles.len() {
+            return Err(Error::usage("a mesh in blocks needs the corners of every triangle"));
+        }
+        for (corners, ids) in batch.corners.iter().zip(batch.triangles) {
+            let [col, row] = self.blocks.of(corners);
+            if row < self.row {
+                return Err(Error::new(ErrorKind::Internal, "a triangle came after its block"));
+            }
+            while self.row < row {
+                self.finish_row()?;
+            }
+            self.buckets.push(col, Record { ids: *ids, corners: *corners })?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<u64> {
+        self.finish_row()?;
+        let index = self.index.write(self.folder.inside())?;
+        self.folder.commit()?;
+        Ok(self.bytes + index)
+    }
+}
+
+/// Ids of a page.
+const PAGE: u64 = 512;
+
+/// Ids in the whole mesh to ids in one block. Those of a tile follow each other, so pages are full:
+/// about 8 bytes for a vertex.
+#[derive(Default)]
+struct Ids {
+    /// Each id and 1, or 0 where there is none.
+    pages: HashMap<u64, Box<[u64; PAGE as usize]>>,
+    count: u64,
+}
+
+impl Ids {
+    /// The block's id for `id`, and whether it is a new one.
+    fn of(&mut self, id: u64) -> (u64, bool) {
+        let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
+        let found = &mut page[(id % PAGE) as usize];
+        let is_new = *found == 0;
+        if is_new {
+            self.count += 1;
+            *found = self.count;
+        }
+        (*found - 1, is_new)
+    }
+}
+
+/// One block's mesh in the making.
+struct Piece {
+    sink: Box<dyn MeshSink>,
+    ids: Ids,
+    triangles: u64,
+}
+
+impl Piece {
+    fn new(sink: Box<dyn MeshSink>) -> Self {
+        Self { sink, ids: Ids::default(), triangles: 0 }
+    }
+
+    fn push(&mut self, records: &[Record]) -> Result<()> {
+        for records in records.chunks(BATCH) {
+            let mut vertices = Vec::new();
+            let triangles: Vec<[u64; 3]> = records
+                .iter()
+                .map(|record| {
+                    [0, 1, 2].map(|corner| {
+                        let (id, is_new) = self.ids.of(record.ids[corner]);
+                        if is_new {
+                            vertices.push(record.corners[corner]);
+                        }
+                        id
+                    })
+                })
+                .collect();
+            let corners: Vec<[Point3; 3]> = match self.sink.wants_corners() {
+                true => records.iter().map(|record| record.corners).collect(),
+                false => Vec::new(),
+            };
+            self.triangles += triangles.len() as u64;
+            let batch = MeshBatch { vertices: &vertices, triangles: &triangles, corners: &corners };
+            self.sink.push(batch)?;
+        }
+        Ok(())
+    }
+}
+
+/// The index of a folder of meshes, and then the meshes.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    let index = Index::read(path)?;
+    let blocks = index.blocks.iter().map(|block| path.join(&block.file));
+    Ok([path.join(index::NAME)].into_iter().chain(blocks).collect())
+}

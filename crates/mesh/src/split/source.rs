@@ -1,0 +1,173 @@
+//! A folder of meshes read as one mesh of single triangles: three vertices each, found to be the same
+//! by their positions.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::index::Index;
+use crate::{MeshInfo, MeshSource};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point3;
+
+/// Blocks whose vertices are held at once.
+const MOST_HELD: usize = 4;
+/// Triangles of a block read at a time.
+const BATCH: usize = 1 << 12;
+
+/// A folder of meshes.
+struct SplitSource {
+    info: MeshInfo,
+    parts: Vec<Part>,
+    /// The blocks read last, by their place in `parts`; the latest last.
+    held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
+}
+
+struct Part {
+    path: PathBuf,
+    /// Its first triangle among those of all blocks, and
+    first: u64,
+    /// how many there are.
+    triangles: u64,
+}
+
+/// Opens the folder `path`.
+pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let index = Index::read(path)?;
+    let mut parts = Vec::new();
+    let (mut first, mut solid) = (0, false);
+    let mut info: Option<MeshInfo> = None;
+    for block in &index.blocks {
+        let path = path.join(&block.file);
+        // Not another folder: one that is in itself would never end.
+        let found = crate::open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
+        let found = found.info().clone();
+        if found.triangles != block.triangles {
+            return Err(Error::bad_input(format!(
+                "has {} triangles, its index says {}",
+                found.triangles, block.triangles
+            ))
+            .in_file(&path)
+            .remedy("make the folder again"));
+        }
+        parts.push(Part { path, first, triangles: found.triangles });
+        first += found.triangles;
+        solid |= found.solid;
+        info.get_or_insert(found);
+    }
+    let info = info.ok_or_else(|| {
+        Error::bad_input("its index names no mesh").in_file(path).remedy("make the folder again")
+    })?;
+    let mut details = info.details.clone();
+    details.push(("blocks".to_owned(), index.blocks.len().to_string()));
+    let comments = index.comments.iter().map(|comment| ("comment".to_owned(), comment.clone()));
+    details.extend(comments.filter(|comment| !info.details.contains(comment)));
+    let info =
+        MeshInfo { vertices: 3 * first, triangles: first, indexed: false, solid, details, ..info };
+    Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
+}
+
+impl SplitSource {
+    /// Calls `each` with the corners of `count` triangles from `first` on.
+    fn visit(&self, first: u64, count: u64, mut each: impl FnMut(&[Point3; 3])) -> Result<()> {
+        let mut part = self.parts.partition_point(|part| part.first <= first).saturating_sub(1);
+        let (mut at, end) = (first, first + count);
+        while at < end {
+            let Part { first, triangles, .. } = self.parts[part];
+            let last = end.min(first + triangles);
+            if at < last {
+                self.part(part)?.visit(at - first, last - first, &mut each)?;
+            }
+            (at, part) = (at.max(last), part + 1);
+        }
+        Ok(())
+    }
+
+    fn part(&self, part: usize) -> Result<Arc<OpenPart>> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
+            return Ok(Arc::clone(open));
+        }
+        if held.len() >= MOST_HELD {
+            held.remove(0);
+        }
+        let open = Arc::new(self.parts[part].open()?);
+        held.push((part, Arc::clone(&open)));
+        Ok(open)
+    }
+}
+
+impl Part {
+    fn open(&self) -> Result<OpenPart> {
+        let mesh = crate::open_file(&self.path)?;
+        let info = mesh.info();
+        if info.triangles != self.triangles {
+            return Err(changed(&self.path));
+        }
+        let count = if info.indexed { info.vertices } else { 0 };
+        let mut vertices = vec![[0.0; 3]; count as usize];
+        mesh.read_vertices(0, &mut vertices)?;
+        Ok(OpenPart { mesh, vertices, path: self.path.clone() })
+    }
+}
+
+/// A block that is being read.
+struct OpenPart {
+    mesh: Box<dyn MeshSource>,
+    /// Empty where every triangle has its own.
+    vertices: Vec<Point3>,
+    path: PathBuf,
+}
+
+impl OpenPart {
+    /// Calls `each` with the corners of the triangles `first .. end`.
+    fn visit(&self, first: u64, end: u64, each: &mut impl FnMut(&[Point3; 3])) -> Result<()> {
+        let mut corners = vec![[[0.0; 3]; 3]; BATCH.min((end - first) as usize)];
+        for at in (first..end).step_by(BATCH) {
+            let corners = &mut corners[..BATCH.min((end - at) as usize)];
+            self.read(at, corners)?;
+            corners.iter().for_each(&mut *each);
+        }
+        Ok(())
+    }
+
+    fn read(&self, first: u64, out: &mut [[Point3; 3]]) -> Result<()> {
+        if !self.mesh.info().indexed {
+            return self.mesh.read_vertices(3 * first, out.as_flattened_mut());
+        }
+        let mut ids = vec![[0; 3]; out.len()];
+        self.mesh.read_triangles(first, &mut ids)?;
+        let vertex = |id: &u64| self.vertices.get(*id as usize).copied();
+        for (out, id) in out.as_flattened_mut().iter_mut().zip(ids.as_flattened()) {
+            *out = vertex(id).ok_or_else(|| changed(&self.path))?;
+        }
+        Ok(())
+    }
+}
+
+fn changed(path: &Path) -> Error {
+    Error::bad_input("changed while it was read").in_file(path)
+}
+
+impl MeshSource for SplitSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        let (start, end) = (first / 3, (first + out.len() as u64).div_ceil(3));
+        let mut skip = (first % 3) as usize;
+        let mut left = out.iter_mut();
+        self.visit(start, end - start, |corners| {
+            for (corner, out) in corners[std::mem::take(&mut skip)..].iter().zip(&mut left) {
+                *out = *corner;
+            }
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        for (triangle, out) in (first..).zip(out) {
+            *out = [0, 1, 2].map(|corner| 3 * triangle + corner);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,400 @@
+//! Binary STL: triangles by position in f32, with a normal each. The origin stands in the header as
+//! `terrane origin X Y Z`, followed by `scale X Y Z` where stored units are not the world's, and behind it
+//! the bound, as `max error E`. Optionally the surface is closed with walls and a bottom.
+
+use std::path::Path;
+
+use crate::input::{Input, check_position, check_range};
+use crate::local::{Local, is_scale, to_world};
+use crate::out::Out;
+use crate::sink::{Counts, Encoder, FileSink, temp_folder};
+use crate::solid::{Edge, Outline};
+use crate::{
+    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
+    capacity, text,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point3;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "STL",
+    extensions: &["stl"],
+    about: "binary STL, f32 relative to an origin in the header; optionally closed to a solid",
+    single_precision: true,
+    most,
+    create,
+    open: |path| Ok(Box::new(StlSource::open(path)?)),
+    sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
+};
+
+const ORIGIN: &str = "terrane origin ";
+const SCALE: &str = " scale ";
+/// What a bound begins with, here and in the comments of a mesh.
+const BOUND: &str = "max error ";
+const TITLE_BYTES: usize = 80;
+const HEADER_BYTES: u64 = 84;
+const TRIANGLE_BYTES: usize = 50;
+
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: u64::MAX,
+        triangles: u32::MAX.into(),
+        bytes: u64::MAX,
+        vertex_bytes: 0,
+        triangle_bytes: TRIANGLE_BYTES as u64,
+    }
+}
+
+type Corners = [[f32; 3]; 3];
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let local = Local::new(header.origin, header.scale)?;
+    let title = title(header.origin, local.scale(), bound(&header.comments))?;
+    let solid = options.solid_base.map(|base| {
+        let (lowest, stored) = (header.bounds[0][2], (header.origin[2], header.scale[2]));
+        Solid::new(base, lowest, stored, Outline::new(temp_folder(path, options)))
+    });
+    let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
+    FileSink::create(path, options, encoder)
+}
+
+/// The bound that comments state, without its unit.
+fn bound(comments: &[String]) -> Option<&str> {
+    let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
+    stated.and_then(|rest| rest.split_whitespace().next())
+}
+
+/// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none.
+fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
+    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
+    let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
+    let mut text = format!("{ORIGIN}{}{scale}", numbers(origin));
+    if text.len() > TITLE_BYTES {
+        return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
+    }
+    let stated = bound.map_or(String::new(), |bound| format!(" {BOUND}{bound}"));
+    if text.len() + stated.len() <= TITLE_BYTES {
+        text += &stated;
+    }
+    let mut title = [b' '; TITLE_BYTES];
+    title[..text.len()].copy_from_slice(text.as_bytes());
+    Ok(title)
+}
+
+struct StlEncoder {
+    local: Local,
+    title: [u8; TITLE_BYTES],
+    solid: Option<Solid>,
+    /// Triangles written, those of the bottom included.
+    written: u64,
+}
+
+impl Encoder for StlEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    /// A solid has each triangle twice.
+    fn most(&self) -> MeshCapacity {
+        let surface = most();
+        let copies = if self.solid.is_some() { 2 } else { 1 };
+        MeshCapacity { triangles: surface.triangles / copies, ..surface }
+    }
+
+    fn header(&self, _counts: Counts) -> Vec<u8> {
+        let written = (self.written as u32).to_le_bytes();
+        [self.title.as_slice(), written.as_slice()].concat()
+    }
+
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, _tail: &mut Out) -> Result<()> {
+        let Self { local, .. } = self;
+        let mut place = |corners: &[Point3; 3]| corners.each_ref().map(|p| local.place(p));
+        match &mut self.solid {
+            None => body.records(batch.corners, |corners| record(&place(corners)))?,
+            Some(solid) => {
+                for (&ids, corners) in batch.triangles.iter().zip(batch.corners) {
+                    let top = place(corners);
+                    solid.outline.push(ids, top)?;
+                    body.records(&[top, solid.bottom(top)?], record)?;
+                }
+            }
+        }
+        let copies = if self.solid.is_some() { 2 } else { 1 };
+        self.written += copies * batch.corners.len() as u64;
+        self.local.check()
+    }
+
+    fn complete(&mut self, body: &mut Out) -> Result<()> {
+        let Some(Solid { base, outline, .. }) = self.solid.take() else { return Ok(()) };
+        outline.complete(|edge| {
+            self.written += 2;
+            body.records(&wall(&edge, base), record)
+        })?;
+        if self.written > u32::MAX.into() {
+            let limit = format!("{} triangles", u32::MAX);
+            return Err(capacity::too_much(FORMAT.name, &limit, 0, self.written));
+        }
+        Ok(())
+    }
+}
+
+/// What turns a surface into a solid: every triangle once more at the bottom, turned around, and
+/// two upright triangles under every edge of the outline. Each edge then has as many triangles one
+/// way as the other: one each, but two each where two voids touch at a corner, along the upright
+/// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
+/// that edge two; every loop of the outline has walls of its own, closed by themselves.
+struct Solid {
+    /// As it was given.
+    height: f64,
+    /// Relative to the origin, as stored.
+    base: f32,
+    /// Height of the origin.
+    origin: f64,
+    /// Stored units in one of the heights.
+    scale: f64,
+    outline: Outline,
+}
+
+impl Solid {
+    /// `lowest` is the smallest height that can come; NaN when that is unknown. `origin` is the
+    /// height that stored ones are relative to, and `scale` what they were multiplied by.
+    fn new(
+        height: f64,
+        lowest: f64,
+        (origin, scale): (f64, f64),
+        outline: Outline,
+    ) -> Result<Self> {
+        let base = ((height - origin) * scale) as f32;
+        if !base.is_finite() {
+            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
+        }
+        let solid = Self { height, base, origin, scale, outline };
+        let lowest = ((lowest - origin) * scale) as f32;
+        if lowest.is_nan() { Ok(solid) } else { solid.check(lowest).map(|()| solid) }
+    }
+
+    fn bottom(&self, top: Corners) -> Result<Corners> {
+        let [a, b, c] = top;
+        self.check(a[2].min(b[2]).min(c[2]))?;
+        Ok(beneath(top, self.base))
+    }
+
+    /// Fails unless a stored height is above the base.
+    fn check(&self, stored: f32) -> Result<()> {
+        if stored > self.base {
+            return Ok(());
+        }
+        let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
+        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
+        Err(Error::usage(message).remedy("choose a base below the lowest height"))
+    }
+}
+
+/// The triangle of the bottom under one of the surface.
+fn beneath([a, b, c]: Corners, base: f32) -> Corners {
+    [c, b, a].map(|p| lowered(p, base))
+}
+
+fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
+    [x, y, base]
+}
+
+/// The wall under an edge of the outline, which has the surface on its left.
+fn wall(edge: &Edge, base: f32) -> [Corners; 2] {
+    let [a, b] = edge.ends;
+    let [low_a, low_b] = edge.ends.map(|p| lowered(p, base));
+    [[b, a, low_a], [b, low_a, low_b]]
+}
+
+fn record(corners: &Corners) -> [u8; TRIANGLE_BYTES] {
+    let mut bytes = [0; TRIANGLE_BYTES];
+    let [a, b, c] = *corners;
+    let values = [normal(corners), a, b, c];
+    let (slots, _) = bytes.as_chunks_mut::<4>();
+    for (slot, value) in slots.iter_mut().zip(values.as_flattened()) {
+        *slot = value.to_le_bytes();
+    }
+    bytes
+}
+
+/// The unit normal of a triangle, or zeros where it has none.
+fn normal([a, b, c]: &Corners) -> [f32; 3] {
+    let minus = |p: &[f32; 3], q: &[f32; 3]| [0, 1, 2].map(|i| f64::from(p[i]) - f64::from(q[i]));
+    let (u, v) = (minus(b, a), minus(c, a));
+    let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let usable = length > 0.0 && length.is_finite();
+    if usable { n.map(|c| (c / length) as f32) } else { [0.0; 3] }
+}
+
+/// An open STL file. Every triangle has three vertices of its own.
+struct StlSource {
+    input: Input,
+    info: MeshInfo,
+}
+
+impl StlSource {
+    fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        let head = input.head(HEADER_BYTES as usize)?;
+        let (Some(title), Some(count)) =
+            (head.first_chunk::<TITLE_BYTES>(), head.last_chunk::<4>())
+        else {
+            return Err(refusal(&input, "too short for an STL file"));
+        };
+        let triangles = u64::from(u32::from_le_bytes(*count));
+        let expected = HEADER_BYTES + triangles * TRIANGLE_BYTES as u64;
+        if head.len() as u64 != HEADER_BYTES || input.bytes() != expected {
+            let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
+            return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
+        }
+        let known = place(title);
+        let (origin, scale) = known.unwrap_or(([0.0; 3], [1.0; 3]));
+        let title = String::from_utf8_lossy(title).trim_matches([' ', '\0']).to_owned();
+        let info = MeshInfo {
+            vertices: 3 * triangles,
+            triangles,
+            format: FORMAT.name,
+            origin,
+            scale,
+            single_precision: true,
+            indexed: false,
+            solid: known.is_some() && is_solid(&input, triangles)?,
+            crs: None,
+            details: Vec::new(),
+        };
+        let bound = title.split_once(BOUND).filter(|_| known.is_some());
+        let bound = bound.map(|(_, bound)| (BOUND.trim_end().to_owned(), bound.to_owned()));
+        let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
+        let info = MeshInfo { details, ..info };
+        Ok(Self { input, info })
+    }
+}
+
+/// True where the second of our triangles is the first one at the bottom: see [`Solid`]. No surface seen
+/// from above goes on like that.
+fn is_solid(input: &Input, triangles: u64) -> Result<bool> {
+    if triangles < 2 {
+        return Ok(false);
+    }
+    let mut first = [[[0.0; 3]; 3]; 2];
+    let bytes = HEADER_BYTES..HEADER_BYTES + 2 * TRIANGLE_BYTES as u64;
+    input.records(bytes, TRIANGLE_BYTES as u64, |place, record| {
+        first[place] = [0, 1, 2].map(|corner| corner_of(record, corner).unwrap_or_default());
+        Ok(())
+    })?;
+    let [top, bottom] = first;
+    let base = bottom[0][2];
+    Ok(top.iter().all(|p| p[2] > base) && bottom == beneath(top, base))
+}
+
+/// Why a file of the wrong length is not read.
+fn refusal(input: &Input, message: &str) -> Error {
+    match input.head(512) {
+        Ok(head) if is_ascii(&head) => {
+            input.unsupported("is an ASCII STL file").remedy("convert it to binary STL, PLY or OBJ")
+        }
+        _ => input.bad(message).remedy("write or copy it again"),
+    }
+}
+
+fn is_ascii(head: &[u8]) -> bool {
+    let text = head.trim_ascii_start();
+    text.starts_with(b"solid") && text.windows(5).any(|word| word == b"facet")
+}
+
+/// The origin and the scale in a title of ours.
+fn place(title: &[u8; TITLE_BYTES]) -> Option<(Point3, Point3)> {
+    let text = std::str::from_utf8(title).ok()?.strip_prefix(ORIGIN)?;
+    let scale = text.split_once(SCALE).map_or(Some([1.0; 3]), |(_, rest)| numbers(rest))?;
+    Some((numbers(text)?, scale)).filter(|(_, scale)| is_scale(scale))
+}
+
+/// Three finite numbers at the start of a text; other words may follow.
+fn numbers(text: &str) -> Option<Point3> {
+    let words = text.split_whitespace().take(3).map(|word| word.parse().ok());
+    let point: Point3 = words.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
+    point.iter().all(|c| c.is_finite()).then_some(point)
+}
+
+/// The position of corner `corner` in a triangle's record.
+fn corner_of(record: &[u8], corner: usize) -> Option<[f32; 3]> {
+    let (values, _) = record.get(12 + 12 * corner..)?.as_chunks::<4>();
+    let &[x, y, z] = values.first_chunk::<3>()?;
+    Some([x, y, z].map(f32::from_le_bytes))
+}
+
+impl MeshSource for StlSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let end = first + out.len() as u64;
+        let (from, to) = (first / 3, end.div_ceil(3));
+        let byte = |triangle: u64| HEADER_BYTES + triangle * TRIANGLE_BYTES as u64;
+        self.input.records(byte(from)..byte(to), TRIANGLE_BYTES as u64, |place, record| {
+            for corner in 0..3 {
+                let index = 3 * (from + place as u64) + corner as u64;
+                let slot = index.checked_sub(first).and_then(|i| out.get_mut(i as usize));
+                if let (Some(slot), Some(local)) = (slot, corner_of(record, corner)) {
+                    *slot = to_world(local.map(f64::from), self.info.origin, self.info.scale);
+                    check_position(index, slot)?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        for (triangle, ids) in (first..).zip(out) {
+            *ids = [0, 1, 2].map(|corner| 3 * triangle + corner);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_title_holds_any_origin_a_grid_can_have() {
+        for origin in [[500_000.5, -4e6, 0.0], [-1.234_567_890_123_456_7e-300, f64::MIN, 0.0]] {
+            let made = title(origin, None, Some("1.5")).unwrap();
+            assert_eq!(place(&made), Some((origin, [1.0; 3])));
+        }
+        let (origin, scale) = ([-124.515_625, 48.484_375, 4096.0], [74_123.45, 111_132.9, 0.3048]);
+        let made = title(origin, Some(scale), Some("1.5")).unwrap();
+        assert_eq!(place(&made), Some((origin, scale)));
+        assert!(title([-1.234_567_890_123_456_7e-300; 3], None, None).is_err());
+        for bad in ["1 2", "1 2 x", "1 2 3 scale 1 2", "1 2 3 scale 0 1 1", "1 2 3 scale -1 1 1"] {
+            let text = format!("{ORIGIN}{bad:<65}");
+            assert_eq!(place(text.as_bytes().try_into().unwrap()), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_title_holds_the_bound_where_there_is_room() {
+        let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
+        let made = title([500_000.0, 4e6, 0.0], None, bound(&comments)).unwrap();
+        assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
+        let full = [-1.234_567_890_123_456_7e-300, -1.234_567_890_123_456_7e-300, 1.5];
+        let made = title(full, None, bound(&comments)).unwrap();
+        assert!(!made.windows(3).any(|some| some == b"max"));
+        assert_eq!(bound(&["source a.tif".to_owned()]), None);
+    }
+
+    #[test]
+    fn normals_point_up_and_have_unit_length() {
+        let up = normal(&[[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
+        assert_eq!(up, [0.0, 0.0, 1.0]);
+        assert_eq!(normal(&[[1.0; 3]; 3]), [0.0; 3]);
+    }
+}

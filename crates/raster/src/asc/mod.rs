@@ -1,0 +1,319 @@
+//! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
+//! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
+
+mod header;
+mod tokens;
+
+use std::path::Path;
+
+use crate::cache::BlockCache;
+use crate::file::RawFile;
+use crate::sample::{Height, ToHeight};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, Window, only_band, prj};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+use terrane_base::limits;
+
+use header::Header;
+use tokens::Tokens;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "ESRI ASCII",
+    extensions: &["asc"],
+    about: "text grids with ncols/nrows header; a .prj beside it gives the CRS",
+    sniff: header::is_header,
+    open,
+};
+
+/// Samples of one block, about; at least one row.
+const BLOCK_SAMPLES: u64 = 1 << 16;
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let grid = AscGrid::open(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+/// An open text grid.
+struct AscGrid {
+    file: RawFile,
+    info: GridInfo,
+    /// Offset of each block's first value.
+    starts: Vec<u64>,
+    to_height: ToHeight,
+    cache: BlockCache,
+}
+
+impl AscGrid {
+    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+        only_band(options.band)?;
+        let file = RawFile::open(path)?;
+        let header = header::read(&mut Tokens::new(&file, 0, 1))?;
+        check_length(&header, &file)?;
+        let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
+        let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
+        limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
+        let scan = Scan::run(&file, &header, rows)?;
+        let samples = u64::from(header.width) * rows;
+        check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
+        let info = describe(path, &header, &scan, rows as u32, options)?;
+        let cache = BlockCache::new(options.cache_bytes);
+        Ok(Self { to_height: ToHeight::of(&info), starts: scan.starts, file, info, cache })
+    }
+
+    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window =
+            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
+        if rect.is_empty() {
+            return Ok(());
+        }
+        let rows = self.info.block.1;
+        for block in rect.row / rows..rect.end_row().div_ceil(rows) {
+            let samples = self.cache.get(u64::from(block), || self.parse(block))?;
+            let part = self.block_rect(block).intersect(&rect);
+            let size = self.info.sample_type.bytes();
+            for row in 0..part.height {
+                let down = (part.row - block * rows + row) as usize;
+                let start = (down * self.info.width as usize + part.col as usize) * size;
+                let bytes = &samples[start..][..part.width as usize * size];
+                self.to_height.convert(bytes, window.row(part, row));
+            }
+        }
+        Ok(())
+    }
+
+    fn block_rect(&self, block: u32) -> Rect {
+        let row = block * self.info.block.1;
+        let height = self.info.block.1.min(self.info.height - row);
+        Rect::new(0, row, self.info.width, height)
+    }
+
+    /// Parses block `block` into stored samples.
+    fn parse(&self, block: u32) -> Result<Vec<u8>> {
+        let rect = self.block_rect(block);
+        let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
+        let mut tokens = Tokens::new(&self.file, self.starts[block as usize], 1);
+        // The scan has made sure that whole numbers fit.
+        let found = match self.info.sample_type {
+            SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
+            SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
+            SampleType::F64 => fill(&mut tokens, &mut out, f64::to_ne_bytes),
+            _ => fill(&mut tokens, &mut out, |value| (value as f32).to_ne_bytes()),
+        };
+        match found {
+            Ok(true) => Ok(out),
+            Err(error) if error.kind() != ErrorKind::BadInput => Err(error),
+            _ => Err(self.changed(rect)),
+        }
+    }
+
+    /// The opening pass has seen a number for each sample.
+    fn changed(&self, rect: Rect) -> Error {
+        let error = Error::bad_input("file changed while it was open");
+        error.at(format_args!("rows from {}", rect.row)).in_file(self.file.path())
+    }
+}
+
+impl GridSource for AscGrid {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
+    }
+
+    /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
+    fn release(&self, rect: Rect) {
+        let rows = self.info.block.1;
+        let last = rect.end_row().min(self.info.height) / rows;
+        if rect.col == 0 && rect.width >= self.info.width {
+            (rect.row.div_ceil(rows)..last).for_each(|block| self.cache.forget(u64::from(block)));
+        }
+    }
+}
+
+/// Fills `out` with samples that `stored` makes of the next words; false when there are too few.
+fn fill<const N: usize>(
+    tokens: &mut Tokens<'_>,
+    out: &mut [u8],
+    stored: impl Fn(f64) -> [u8; N],
+) -> Result<bool> {
+    let samples = out.as_chunks_mut().0;
+    let count = samples.len() as u64;
+    let mut samples = samples.iter_mut();
+    let found = tokens.values(count, |value| {
+        if let Some(sample) = samples.next() {
+            *sample = stored(value);
+        }
+    })?;
+    Ok(found == count)
+}
+
+/// Each value takes a byte and a separator, so a file can be too short for its header.
+fn check_length(header: &Header, file: &RawFile) -> Result<()> {
+    let values = u64::from(header.width) * u64::from(header.height);
+    let room = (file.size() - header.data.0).div_ceil(2);
+    if values <= room {
+        return Ok(());
+    }
+    Err(Error::bad_input(format!(
+        "file is truncated: {values} values are declared and at most {room} fit in it"
+    )))
+}
+
+fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
+    if block_bytes <= cache_bytes as u64 {
+        return Ok(());
+    }
+    let message = format!(
+        "rows of {block_bytes} bytes do not fit in the {cache_bytes} bytes for cached blocks"
+    );
+    Err(Error::new(ErrorKind::Resource, message).remedy("give more --memory"))
+}
+
+/// What the pass over all values found.
+struct Scan {
+    starts: Vec<u64>,
+    sample_type: SampleType,
+}
+
+/// Range of the values seen, as far as they are whole numbers.
+struct Range {
+    whole: bool,
+    low: f64,
+    high: f64,
+}
+
+impl Range {
+    fn add(&mut self, value: f64) {
+        // Whole numbers beyond 32 bits are read as decimals are.
+        self.whole &= f64::from(value as i32) == value;
+        if value.is_finite() {
+            self.low = self.low.min(value);
+            self.high = self.high.max(value);
+        }
+    }
+
+    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does, unless one is
+    /// beyond its range.
+    fn sample_type(&self) -> SampleType {
+        let within = |low: f64, high: f64| low <= self.low && self.high <= high;
+        match self.whole {
+            false if within(f32::MIN.into(), f32::MAX.into()) => SampleType::F32,
+            false => SampleType::F64,
+            true if within(f64::from(i16::MIN), f64::from(i16::MAX)) => SampleType::I16,
+            true => SampleType::I32,
+        }
+    }
+}
+
+impl Scan {
+    /// Parses every value once, remembering only where each block of `rows` rows starts.
+    fn run(file: &RawFile, header: &Header, rows: u64) -> Result<Self> {
+        let values = u64::from(header.width) * u64::from(header.height);
+        let mut tokens = Tokens::new(file, header.data.0, header.data.1);
+        let mut range = Range { whole: true, low: 0.0, high: 0.0 };
+        let mut lines = Lines::default();
+        let mut starts = Vec::new();
+        for first in (0..values).step_by((u64::from(header.width) * rows) as usize) {
+            starts.push(tokens.offset());
+            let count = (values - first).min(u64::from(header.width) * rows);
+            for row in (first..first + count).step_by(header.width as usize) {
+                let found = lines.row(&mut tokens, header.width, |value| range.add(value))?;
+                if found < u64::from(header.width) {
+                    return Err(truncated(row + found, values).at(tokens.place()));
+                }
+            }
+        }
+        if tokens.next()?.is_some() {
+            let message = format!("there are more values than the {values} declared");
+            return Err(Error::bad_input(message).at(tokens.place()));
+        }
+        Ok(Self { starts, sample_type: range.sample_type() })
+    }
+}
+
+/// Whether rows are lines. They need not be, but where the first one is a line, a value too many or too
+/// few in another would move all that follow.
+#[derive(Default)]
+struct Lines {
+    rows: u64,
+    are_rows: bool,
+    /// Ends of lines before the last value.
+    end: u64,
+}
+
+impl Lines {
+    /// Hands a row of values to `each`; returns how many there were if the file ends before.
+    fn row(
+        &mut self,
+        tokens: &mut Tokens<'_>,
+        width: u32,
+        mut each: impl FnMut(f64),
+    ) -> Result<u64> {
+        let first = tokens.values(1, &mut each)?;
+        let (start, at) = (tokens.breaks(), tokens.offset());
+        let found = first + tokens.values(u64::from(width) - first, &mut each)?;
+        let (goes_on, is_line) = (start == self.end, tokens.breaks() == start);
+        self.end = tokens.breaks();
+        self.rows += 1;
+        match self.rows {
+            1 => self.are_rows = is_line,
+            2 if goes_on => self.are_rows = false,
+            _ if self.are_rows && found == u64::from(width) && (goes_on || !is_line) => {
+                let how = if goes_on { "more" } else { "fewer" };
+                return Err(uneven(width, how).at(format_args!("line {}", tokens.line_of(at))));
+            }
+            _ => {}
+        }
+        Ok(found)
+    }
+}
+
+fn uneven(width: u32, how: &str) -> Error {
+    Error::bad_input(format!("a line has {how} than the {width} values of the first one"))
+        .remedy("mend the line")
+}
+
+fn truncated(i: u64, values: u64) -> Error {
+    Error::bad_input(format!("file is truncated: it ends after {i} of {values} values"))
+}
+
+fn describe(
+    path: &Path,
+    header: &Header,
+    scan: &Scan,
+    rows: u32,
+    options: &OpenOptions,
+) -> Result<GridInfo> {
+    let registration = if header.is_centre { "centre" } else { "corner" };
+    Ok(GridInfo {
+        width: header.width,
+        height: header.height,
+        transform: header.transform,
+        georeferenced: true,
+        pixel_is_point: header.is_centre,
+        crs: prj::beside(path)?,
+        sample_type: scan.sample_type,
+        nodata: options.nodata.or(header.nodata),
+        scale: 1.0,
+        offset: 0.0,
+        block: (header.width, rows),
+        bands: 1,
+        band: 1,
+        format: FORMAT.name,
+        details: vec![
+            ("compression".to_owned(), "none (text)".to_owned()),
+            ("lower left".to_owned(), registration.to_owned()),
+        ],
+    })
+}

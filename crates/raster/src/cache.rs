@@ -1,0 +1,214 @@
+//! Decoded blocks kept within a fixed number of bytes, shared by threads. Blocks are decoded
+//! outside the lock, each by one thread; least recently used blocks go first.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use terrane_base::error::Result;
+
+/// A decoded block.
+pub(crate) type Block = Arc<Vec<u8>>;
+
+/// The cache. Keys are block numbers.
+#[derive(Debug)]
+pub(crate) struct BlockCache {
+    most: usize,
+    state: Mutex<State>,
+    /// Signalled whenever a block is ready or has failed.
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    slots: HashMap<u64, Slot>,
+    /// Stamp of last use to key; the first entry is the next to go.
+    order: BTreeMap<u64, u64>,
+    clock: u64,
+    bytes: usize,
+}
+
+#[derive(Debug)]
+enum Slot {
+    /// Some thread is at it.
+    Decoding,
+    Ready {
+        block: Block,
+        stamp: u64,
+    },
+}
+
+impl BlockCache {
+    /// A cache of at most `most` bytes.
+    pub(crate) fn new(most: usize) -> Self {
+        Self { most, state: Mutex::default(), changed: Condvar::new() }
+    }
+
+    /// The block `key`, decoded by `decode` unless it is here already.
+    pub(crate) fn get(&self, key: u64, decode: impl FnOnce() -> Result<Vec<u8>>) -> Result<Block> {
+        if let Some(block) = self.find_or_claim(key) {
+            return Ok(block);
+        }
+        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        let claim = Claim { cache: self, key };
+        let block = Arc::new(decode()?);
+        claim.fulfil(&block);
+        Ok(block)
+    }
+
+    /// Drops the block `key` if it is here.
+    pub(crate) fn forget(&self, key: u64) {
+        self.lock().remove_ready(key);
+    }
+
+    /// The ready block, or `None` after marking it as being decoded by this thread.
+    fn find_or_claim(&self, key: u64) -> Option<Block> {
+        let mut state = self.lock();
+        loop {
+            match state.slots.get(&key) {
+                Some(Slot::Ready { .. }) => return state.touch(key),
+                Some(Slot::Decoding) => {
+                    state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+                }
+                None => {
+                    state.slots.insert(key, Slot::Decoding);
+                    return None;
+                }
+            }
+        }
+    }
+
+    /// No code that can panic runs under the lock, so a poisoned state is still sound.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn touch(&mut self, key: u64) -> Option<Block> {
+        let Some(Slot::Ready { block, stamp }) = self.slots.get_mut(&key) else { return None };
+        self.clock += 1;
+        self.order.remove(stamp);
+        self.order.insert(self.clock, key);
+        *stamp = self.clock;
+        Some(block.clone())
+    }
+
+    fn insert(&mut self, key: u64, block: Block, most: usize) {
+        let bytes = block.len();
+        if bytes > most {
+            return;
+        }
+        while self.bytes + bytes > most {
+            let Some((_, oldest)) = self.order.first_key_value() else { break };
+            let oldest = *oldest;
+            self.remove_ready(oldest);
+        }
+        self.clock += 1;
+        self.bytes += bytes;
+        self.order.insert(self.clock, key);
+        self.slots.insert(key, Slot::Ready { block, stamp: self.clock });
+    }
+
+    fn remove_ready(&mut self, key: u64) {
+        if let Some(Slot::Ready { block, stamp }) = self.slots.get(&key) {
+            self.bytes -= block.len();
+            self.order.remove(stamp);
+            self.slots.remove(&key);
+        }
+    }
+}
+
+/// The right and duty of one thread to decode one block.
+struct Claim<'a> {
+    cache: &'a BlockCache,
+    key: u64,
+}
+
+impl Claim<'_> {
+    fn fulfil(self, block: &Block) {
+        let mut state = self.cache.lock();
+        state.slots.remove(&self.key);
+        state.insert(self.key, block.clone(), self.cache.most);
+    }
+}
+
+impl Drop for Claim<'_> {
+    fn drop(&mut self) {
+        let mut state = self.cache.lock();
+        if let Some(Slot::Decoding) = state.slots.get(&self.key) {
+            state.slots.remove(&self.key);
+        }
+        drop(state);
+        self.cache.changed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use terrane_base::error::Error;
+
+    fn filled(n: u8) -> Result<Vec<u8>> {
+        Ok(vec![n; 10])
+    }
+
+    #[test]
+    fn stays_within_its_bytes_and_drops_the_least_recently_used() {
+        let cache = BlockCache::new(25);
+        cache.get(1, || filled(1)).unwrap();
+        cache.get(2, || filled(2)).unwrap();
+        cache.get(1, || panic!("is cached")).unwrap();
+        cache.get(3, || filled(3)).unwrap();
+        assert_eq!(cache.lock().bytes, 20);
+        cache.get(1, || panic!("was used last")).unwrap();
+        let decoded = AtomicUsize::new(0);
+        cache.get(2, || Ok(vec![decoded.fetch_add(1, Ordering::Relaxed) as u8])).unwrap();
+        assert_eq!(decoded.into_inner(), 1);
+        cache.forget(1);
+        cache.forget(99);
+        let state = cache.lock();
+        assert_eq!(state.bytes, state.slots.len() * 10 - 9);
+        assert_eq!(state.order.len(), state.slots.len());
+    }
+
+    #[test]
+    fn blocks_larger_than_the_cache_are_handed_out_but_not_kept() {
+        let cache = BlockCache::new(5);
+        assert_eq!(cache.get(1, || filled(7)).unwrap()[0], 7);
+        let state = cache.lock();
+        assert_eq!((state.bytes, state.slots.len()), (0, 0));
+    }
+
+    #[test]
+    fn a_failed_or_panicking_decode_leaves_the_block_to_others() {
+        let cache = BlockCache::new(100);
+        assert!(cache.get(1, || Err(Error::bad_input("no"))).is_err());
+        let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _ = cache.get(1, || panic!("bug"));
+        }));
+        assert!(panicked.is_err());
+        assert_eq!(cache.get(1, || filled(4)).unwrap()[0], 4);
+    }
+
+    #[test]
+    fn many_threads_decode_each_block_once() {
+        let cache = BlockCache::new(1000);
+        let decoded = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for key in 0..50 {
+                        let block = cache.get(key, || {
+                            decoded.fetch_add(1, Ordering::Relaxed);
+                            std::thread::yield_now();
+                            filled(key as u8)
+                        });
+                        assert_eq!(block.unwrap()[9], key as u8);
+                    }
+                });
+            }
+        });
+        assert_eq!(decoded.into_inner(), 50);
+    }
+}

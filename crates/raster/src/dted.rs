@@ -1,0 +1,312 @@
+//! DTED levels 0 to 2 (MIL-PRF-89020B): one degree of heights in columns from west to east, each
+//! from south to north with a checksum. Every checksum is verified at opening, and the heights are
+//! kept in a temporary file.
+
+use std::path::Path;
+
+use crate::file::RawFile;
+use crate::spool::Spool;
+use crate::strided::{Layout, Strided};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::limits;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "DTED",
+    extensions: &["dt0", "dt1", "dt2"],
+    about: "levels 0 to 2; checksums are verified, missing columns of partial cells are void",
+    sniff: |head| head.starts_with(b"UHL1"),
+    open,
+};
+
+const LABEL_BYTES: u64 = 80;
+/// Tape labels that may precede the user header label.
+const MOST_LABELS: u64 = 8;
+const DSI_BYTES: u64 = 648;
+const ACC_BYTES: u64 = 2700;
+/// Before the heights of a column: sentinel, block count, longitude and latitude counts.
+const COLUMN_HEAD: usize = 8;
+const CHECKSUM_BYTES: usize = 4;
+const SENTINEL: u8 = 0xaa;
+const VOID: i16 = -32767;
+/// No height is lower; such a value was written in two's complement, against the standard.
+const LOWEST: i16 = -16000;
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let grid = read(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+    only_band(options.band)?;
+    let file = RawFile::open(path)?;
+    let header = Header::read(&file)?;
+    let spool = Columns { file: &file, header: &header }
+        .spool(Spool::new(path, options.temp_dir.as_deref())?)?;
+    let info = header.info(options);
+    let layout = Layout::columns(header.height, SampleType::I16.bytes());
+    Strided::new(spool, info, layout)
+}
+
+/// What the header records say.
+struct Header {
+    width: u32,
+    height: u32,
+    transform: Affine,
+    /// EPSG code of the datum's geographic system, and its name.
+    datum: (Option<u32>, String),
+    vertical_datum: String,
+    level: String,
+    /// True when the data set says that it covers part of its cell.
+    is_partial: bool,
+    /// Offset of the first column.
+    data: u64,
+}
+
+impl Header {
+    fn read(file: &RawFile) -> Result<Self> {
+        let start = label_start(file)?;
+        let label = file.read_vec(start, LABEL_BYTES)?;
+        let dsi = file.read_vec(start + LABEL_BYTES, DSI_BYTES)?;
+        let data = start + LABEL_BYTES + DSI_BYTES + ACC_BYTES;
+        let label = Text(&label);
+        let dsi = Text(&dsi);
+        if dsi.at(0, 3) != "DSI" {
+            return Err(Error::bad_input("there is no data set identification after the label"));
+        }
+        let (width, height) =
+            (label.side("longitude lines", 47)?, label.side("latitude points", 51)?);
+        let transform = transform(&label, width, height)?;
+        Ok(Self {
+            width,
+            height,
+            transform,
+            datum: datum(dsi.at(144, 5)),
+            vertical_datum: dsi.at(141, 3).trim().to_owned(),
+            level: dsi.at(59, 5).trim().to_owned(),
+            is_partial: !matches!(dsi.at(289, 2).trim(), "" | "00"),
+            data,
+        })
+    }
+
+    fn info(&self, options: &OpenOptions) -> GridInfo {
+        let crs = Crs {
+            epsg: self.datum.0,
+            citation: Some(self.datum.1.clone()),
+            geographic: Some(true),
+            vertical_unit: Some("metre".to_owned()),
+            vertical_unit_text: Some("m".to_owned()),
+            ..Crs::default()
+        };
+        GridInfo {
+            transform: self.transform,
+            georeferenced: true,
+            pixel_is_point: true,
+            crs,
+            nodata: Some(options.nodata.unwrap_or(f64::from(VOID))),
+            block: (1, self.height),
+            details: vec![
+                ("level".to_owned(), self.level.clone()),
+                ("vertical datum".to_owned(), self.vertical_datum.clone()),
+                ("byte order".to_owned(), "big-endian".to_owned()),
+            ],
+            ..GridInfo::plain(FORMAT.name, self.width, self.height, SampleType::I16)
+        }
+    }
+}
+
+/// Offset of the user header label, behind any tape labels.
+fn label_start(file: &RawFile) -> Result<u64> {
+    for i in 0..MOST_LABELS {
+        let label = file.read_vec(i * LABEL_BYTES, LABEL_BYTES)?;
+        if label.starts_with(b"UHL") {
+            return Ok(i * LABEL_BYTES);
+        }
+        if !label.starts_with(b"HDR") && !label.starts_with(b"VOL") {
+            break;
+        }
+    }
+    Err(Error::bad_input("is not DTED: there is no user header label (UHL) at its start"))
+}
+
+/// Fields of fixed width.
+struct Text<'a>(&'a [u8]);
+
+impl Text<'_> {
+    /// The field of `bytes` bytes at `offset`; empty when it is not there or not ASCII.
+    fn at(&self, offset: usize, bytes: usize) -> &str {
+        let field = self.0.get(offset..offset + bytes).unwrap_or_default();
+        std::str::from_utf8(field).ok().filter(|text| text.is_ascii()).unwrap_or_default()
+    }
+
+    fn side(&self, name: &str, offset: usize) -> Result<u32> {
+        match self.at(offset, 4).trim().parse() {
+            Ok(count) if count >= 2 => Ok(count),
+            _ => Err(Error::bad_input(format!("{name} is not a number of at least 2"))),
+        }
+    }
+
+    /// Degrees of a corner, written DDDMMSSH.
+    fn degrees(&self, offset: usize) -> Option<f64> {
+        let text = self.at(offset, 8);
+        let part = |from: usize, to: usize| text.get(from..to)?.trim().parse::<u32>().ok();
+        let (degrees, minutes, seconds) = (part(0, 3)?, part(3, 5)?, part(5, 7)?);
+        let size = f64::from(degrees) + f64::from(minutes) / 60.0 + f64::from(seconds) / 3600.0;
+        match text.get(7..)? {
+            "N" | "E" => Some(size),
+            "S" | "W" => Some(-size),
+            _ => None,
+        }
+    }
+
+    /// Degrees between samples, stored in tenths of a second.
+    fn interval(&self, offset: usize) -> Option<f64> {
+        let tenths: u32 = self.at(offset, 4).trim().parse().ok()?;
+        (tenths > 0).then(|| f64::from(tenths) / 36_000.0)
+    }
+}
+
+fn transform(label: &Text<'_>, width: u32, height: u32) -> Result<Affine> {
+    let bad = |what: &str| Error::bad_input(format!("its {what} is not readable"));
+    let west = label.degrees(4).ok_or_else(|| bad("origin's longitude"))?;
+    let south = label.degrees(12).ok_or_else(|| bad("origin's latitude"))?;
+    // Where intervals are left out, a cell is one degree.
+    let dx = label.interval(20).unwrap_or(1.0 / f64::from(width - 1));
+    let dy = label.interval(24).unwrap_or(1.0 / f64::from(height - 1));
+    let north = south + f64::from(height - 1) * dy;
+    Ok(Affine { x0: west, a: dx, b: 0.0, y0: north, d: 0.0, e: -dy })
+}
+
+fn datum(name: &str) -> (Option<u32>, String) {
+    match name.trim() {
+        "WGS84" => (Some(4326), "WGS 84".to_owned()),
+        "WGS72" => (Some(4322), "WGS 72".to_owned()),
+        "" => (None, "unknown datum".to_owned()),
+        other => (None, other.to_owned()),
+    }
+}
+
+/// The records of the columns.
+struct Columns<'a> {
+    file: &'a RawFile,
+    header: &'a Header,
+}
+
+impl Columns<'_> {
+    /// Verifies and decodes all columns, missing ones as voids, into columns from north to south.
+    fn spool(&self, mut spool: Spool) -> Result<RawFile> {
+        let count = self.count()?;
+        let bytes = self.record_bytes();
+        let column_bytes = u64::from(self.header.height) * 2;
+        spool.fill(
+            &VOID.to_ne_bytes(),
+            u64::from(self.header.width) * u64::from(self.header.height),
+        )?;
+        let (mut record, mut next) = (vec![0; bytes as usize], 0);
+        let mut in_order = true;
+        for i in 0..count {
+            self.file.read_at(self.header.data + i * bytes, &mut record)?;
+            let column = self.check(&record, i, next)?;
+            in_order &= u64::from(column) == i;
+            next = column + 1;
+            spool.replace(u64::from(column) * column_bytes, &decode(&record))?;
+        }
+        if count < u64::from(self.header.width) && in_order && !self.header.is_partial {
+            return Err(self.truncated());
+        }
+        spool.finish()
+    }
+
+    fn record_bytes(&self) -> u64 {
+        (COLUMN_HEAD + CHECKSUM_BYTES) as u64 + 2 * u64::from(self.header.height)
+    }
+
+    /// Whole records in the file, as many as columns at most.
+    fn count(&self) -> Result<u64> {
+        let (bytes, width) = (self.record_bytes(), u64::from(self.header.width));
+        let room = self.file.size().saturating_sub(self.header.data);
+        let count = (room / bytes).min(width);
+        if count == 0 || (count < width && !room.is_multiple_of(bytes)) {
+            return Err(self.truncated());
+        }
+        limits::check("columns", count, limits::MAX_SIDE)?;
+        match room - count * bytes {
+            0 => Ok(count),
+            more => Err(Error::bad_input(format!("{more} bytes follow its last column"))
+                .remedy("copy the file again")),
+        }
+    }
+
+    fn truncated(&self) -> Error {
+        let expected = self.header.data + self.record_bytes() * u64::from(self.header.width);
+        Error::bad_input(format!(
+            "file is truncated: {} columns need {expected} bytes and it has {}",
+            self.header.width,
+            self.file.size()
+        ))
+    }
+
+    /// The number of the column in `record`, which is at least `least`.
+    fn check(&self, record: &[u8], i: u64, least: u32) -> Result<u32> {
+        let place = format!("column {}", i + 1);
+        let (body, sum) = record.split_at(record.len() - CHECKSUM_BYTES);
+        if body.first() != Some(&SENTINEL) {
+            return Err(Error::bad_input("it does not begin with the sentinel 0xAA").at(place));
+        }
+        let stored = sum.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
+        let found = body.iter().fold(0, |sum: u32, byte| sum.wrapping_add(u32::from(*byte)));
+        if stored != found {
+            return Err(Error::bad_input(format!(
+                "its checksum is {found}, not {stored} as stored"
+            ))
+            .at(place)
+            .remedy("copy the file again"));
+        }
+        let column = u32::from(body[4]) << 8 | u32::from(body[5]);
+        if column < least || column >= self.header.width {
+            let message = format!(
+                "its longitude count is {column}, not one of {least} to {}",
+                self.header.width - 1
+            );
+            return Err(Error::bad_input(message).at(place));
+        }
+        Ok(column)
+    }
+}
+
+/// The heights of a record from north to south.
+fn decode(record: &[u8]) -> Vec<u8> {
+    let heights = &record[COLUMN_HEAD..record.len() - CHECKSUM_BYTES];
+    heights.as_chunks::<2>().0.iter().rev().flat_map(|h| height(*h).to_ne_bytes()).collect()
+}
+
+/// Heights have a sign bit, not two's complement.
+fn height(stored: [u8; 2]) -> i16 {
+    let bits = u16::from_be_bytes(stored);
+    let size = (bits & 0x7fff) as i16;
+    let signed = if bits & 0x8000 == 0 { size } else { -size };
+    if signed < LOWEST && signed != VOID { bits as i16 } else { signed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_have_a_sign_bit() {
+        assert_eq!(height([0, 5]), 5);
+        assert_eq!(height([0x80, 5]), -5);
+        assert_eq!(height([0xff, 0xff]), VOID);
+        assert_eq!(height([0xff, 0xf0]), -16, "two's complement of careless writers");
+    }
+
+    #[test]
+    fn corners_in_degrees() {
+        let label = Text(b"0063000W 123N");
+        assert_eq!(label.degrees(0), Some(-6.5));
+        assert_eq!(label.degrees(5), None);
+        assert_eq!(label.degrees(900), None);
+    }
+}

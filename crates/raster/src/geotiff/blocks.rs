@@ -1,0 +1,339 @@
+//! Blocks: where each lies in the file, and how it becomes samples of one band in native order.
+
+use crate::file::{RawFile, RowRun, to_usize};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+
+use super::codec::{Compression, Decoders, Fault, Scratch, with_scratch};
+use super::ifd::{Directory, IntArray, about};
+use super::layout::Layout;
+use super::lerc;
+use super::predictor::{self, Predictor};
+use super::tags;
+
+/// Up to this many blocks have their offsets held in memory (16 bytes each); those of larger files
+/// are read from the file one by one.
+const MOST_HELD: u64 = 1 << 18;
+
+/// Bytes that every file begins with, and no block lies in.
+const HEADER_BYTES: u64 = 8;
+
+/// Bytes beyond a full block that a deflate or zstd stream may carry.
+const PADDING: usize = 64 << 10;
+
+/// Bytes of compressed data worth reading for a block of so many bytes: no sound encoder makes
+/// data grow more.
+fn most_packed(plain: u64) -> u64 {
+    2 * plain + 4096
+}
+
+/// Where one block lies in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+/// Offsets or byte counts of all blocks.
+#[derive(Debug)]
+enum Index {
+    Held(Vec<u64>),
+    OnDisk(IntArray),
+}
+
+impl Index {
+    fn of(values: IntArray, file: &RawFile) -> Result<Self> {
+        if values.count > MOST_HELD {
+            return Ok(Self::OnDisk(values));
+        }
+        values.all(file).map(Self::Held)
+    }
+
+    fn get(&self, file: &RawFile, i: u64) -> Result<u64> {
+        match self {
+            Self::Held(values) => Ok(values.get(i as usize).copied().unwrap_or(0)),
+            Self::OnDisk(values) => values.get(file, i),
+        }
+    }
+}
+
+/// The blocks of the chosen band.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    pub(super) layout: Layout,
+    offsets: Index,
+    /// `None` when the file does not say, or says too little.
+    byte_counts: Option<Index>,
+    /// From 0.
+    band: u32,
+}
+
+impl Blocks {
+    /// Finds the arrays in `directory` and checks every block of the band against the file.
+    pub(super) fn read(
+        directory: &Directory<'_>,
+        layout: Layout,
+        band: u32,
+        file: &RawFile,
+    ) -> Result<Self> {
+        let blocks = layout.planes() * layout.blocks_across() * layout.blocks_down();
+        let (offsets_tag, counts_tag) = array_tags(directory, layout.tiled);
+        let Some(offsets) = directory.int_array(offsets_tag)? else {
+            return Err(about(offsets_tag, "is missing"));
+        };
+        if offsets.count < blocks {
+            let message = format!("has {} values for {blocks} blocks", offsets.count);
+            return Err(about(offsets_tag, message));
+        }
+        let counts = directory.int_array(counts_tag)?.filter(|counts| counts.count >= blocks);
+        let byte_counts = counts.map(|counts| Index::of(counts, file)).transpose()?;
+        let blocks = Self { layout, offsets: Index::of(offsets, file)?, byte_counts, band };
+        blocks.check_places(file)?;
+        Ok(blocks)
+    }
+
+    /// Finds truncated files at once, where the arrays are in memory anyway.
+    fn check_places(&self, file: &RawFile) -> Result<()> {
+        if matches!(self.offsets, Index::OnDisk(_)) {
+            return Ok(());
+        }
+        for by in 0..self.layout.blocks_down() as u32 {
+            for bx in 0..self.layout.blocks_across() as u32 {
+                self.place(bx, by, file)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of block (`bx`, `by`) of the chosen band, in the file's arrays.
+    pub(super) fn number(&self, bx: u32, by: u32) -> u64 {
+        let plane = if self.layout.separate { u64::from(self.band) } else { 0 };
+        self.layout.block_index(plane, bx, by)
+    }
+
+    /// Where block (`bx`, `by`) lies, inside the file; `None` when it is sparse.
+    pub(super) fn place(&self, bx: u32, by: u32, file: &RawFile) -> Result<Option<Place>> {
+        let number = self.number(bx, by);
+        self.find(number, by, file).map_err(|e| self.named(e, bx, by).in_file(file.path()))
+    }
+
+    fn find(&self, number: u64, by: u32, file: &RawFile) -> Result<Option<Place>> {
+        let plain = self.layout.block_bytes(self.layout.stored_rows(by));
+        let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
+        let offset = self.offsets.get(file, number)?;
+        let raw = self.layout.compression == Compression::None;
+        let bytes = match &self.byte_counts {
+            Some(counts) => counts.get(file, number)?,
+            None if raw => needed,
+            None => most_packed(plain).min(file.size().saturating_sub(offset)),
+        };
+        // GDAL leaves offsets where it takes bytes away.
+        if bytes == 0 || (offset == 0 && self.byte_counts.is_none()) {
+            return Ok(None);
+        }
+        if offset < HEADER_BYTES {
+            let message = format!("has {bytes} bytes at offset {offset}, in the file's header");
+            return Err(Error::bad_input(message).remedy("copy the file again"));
+        }
+        if raw && bytes < needed {
+            return Err(Error::bad_input(format!("has {bytes} of the {needed} bytes expected")));
+        }
+        let bytes = if raw { needed } else { bytes };
+        file.check_range(offset, bytes)?;
+        Ok(Some(Place { offset, bytes: bytes.min(most_packed(plain)) }))
+    }
+
+    fn named(&self, error: Error, bx: u32, by: u32) -> Error {
+        let Rect { col, row, .. } = self.layout.block_rect(bx, by);
+        let number = self.number(bx, by);
+        error.at(format_args!("block {number} (from column {col}, row {row})"))
+    }
+
+    /// Decodes block (`bx`, `by`) at `place`: `stored_rows` rows of `block_width` samples of the
+    /// chosen band, in native order.
+    pub(super) fn decode(&self, bx: u32, by: u32, place: Place, file: &RawFile) -> Result<Vec<u8>> {
+        with_scratch(|scratch| self.decode_with(scratch, by, place, file))
+            .map_err(|e| self.named(e, bx, by).in_file(file.path()))
+    }
+
+    fn decode_with(
+        &self,
+        scratch: &mut Scratch,
+        by: u32,
+        place: Place,
+        file: &RawFile,
+    ) -> Result<Vec<u8>> {
+        let layout = &self.layout;
+        let packed = grown(&mut scratch.packed, to_usize("block", place.bytes)?);
+        file.read_at(place.offset, packed)?;
+        let plain = to_usize("block", layout.block_bytes(layout.stored_rows(by)))?;
+        let samples = layout.block_width as usize * layout.stored_rows(by) as usize;
+        let mut out = vec![0; samples * layout.sample_type.bytes()];
+        if layout.one_bit {
+            let bits = grown(&mut scratch.plain, plain);
+            self.unpack(&mut scratch.decoders, packed, bits, by)?;
+            self.take_bits(bits, &mut out);
+        } else if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
+            self.unpack(&mut scratch.decoders, packed, &mut out, by)?;
+            self.undo_in_place(&mut out);
+        } else {
+            let sorted = grown(&mut scratch.plain, plain);
+            self.unpack(&mut scratch.decoders, packed, sorted, by)?;
+            self.undo_into(sorted, &mut out);
+        }
+        Ok(out)
+    }
+
+    /// Fills `out` from `packed`; rows of a tile below the image may be missing.
+    fn unpack(
+        &self,
+        decoders: &mut Decoders,
+        packed: &[u8],
+        out: &mut [u8],
+        by: u32,
+    ) -> Result<()> {
+        if let Compression::Lerc(packing) = self.layout.compression {
+            let shape = self.lerc_shape(by);
+            return decoders.lerc(packing, packed, shape, out).map_err(|fault| match fault {
+                Fault::Corrupt(message) => Error::bad_input(message),
+                Fault::TooLong => Error::bad_input("LERC data is longer than its samples allow"),
+            });
+        }
+        let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
+        match decoders.run(self.layout.compression, packed, out) {
+            Ok(bytes) if bytes as u64 >= needed => Ok(()),
+            Ok(bytes) => {
+                Err(Error::bad_input(format!("decodes to {bytes} of the {needed} bytes expected")))
+            }
+            Err(Fault::Corrupt(message)) => Err(Error::bad_input(message)),
+            Err(Fault::TooLong) => self.unpack_padded(decoders, packed, out),
+        }
+    }
+
+    fn lerc_shape(&self, by: u32) -> lerc::Shape {
+        let layout = &self.layout;
+        lerc::Shape {
+            kind: layout.sample_type,
+            width: layout.block_width as usize,
+            height: layout.stored_rows(by) as usize,
+            depth: layout.stride(),
+        }
+    }
+
+    /// Some writers pad the last strip to its full height, or blocks by a little more.
+    fn unpack_padded(&self, decoders: &mut Decoders, packed: &[u8], out: &mut [u8]) -> Result<()> {
+        let full = to_usize("block", self.layout.block_bytes(self.layout.block_height))?;
+        let mut room = vec![0; full + PADDING];
+        match decoders.run(self.layout.compression, packed, &mut room) {
+            Ok(bytes) if bytes >= out.len() => {
+                out.copy_from_slice(&room[..out.len()]);
+                Ok(())
+            }
+            _ => Err(Error::bad_input(format!("decodes to more than the {full} bytes expected"))),
+        }
+    }
+
+    /// Takes the chosen band out of rows of bits, high bits first: each becomes a byte, 0 or 1.
+    fn take_bits(&self, bits: &[u8], out: &mut [u8]) {
+        let (stride, band) = (self.layout.stride(), self.band_in_pixel());
+        let rows = bits.chunks_exact(self.layout.row_bytes() as usize);
+        for (bits, out) in rows.zip(out.chunks_exact_mut(self.layout.block_width as usize)) {
+            let places = (band..).step_by(stride);
+            out.iter_mut().zip(places).for_each(|(o, i)| *o = bits[i / 8] >> (7 - i % 8) & 1);
+        }
+    }
+
+    /// Byte order and horizontal predictor of a block of one band.
+    fn undo_in_place(&self, samples: &mut [u8]) {
+        let layout = &self.layout;
+        let size = layout.sample_type.bytes();
+        predictor::to_native(samples, size, layout.order);
+        if layout.effective_predictor() == Predictor::Horizontal {
+            let row = layout.block_width as usize * size;
+            samples.chunks_exact_mut(row).for_each(|r| predictor::undo_horizontal(r, size, 1));
+        }
+    }
+
+    /// Undoes the predictor of `plain` (overwriting it) and takes out the chosen band.
+    fn undo_into(&self, plain: &mut [u8], out: &mut [u8]) {
+        let layout = &self.layout;
+        let (size, stride) = (layout.sample_type.bytes(), layout.stride());
+        let band = self.band_in_pixel();
+        let predictor = layout.effective_predictor();
+        if predictor != Predictor::Float {
+            predictor::to_native(plain, size, layout.order);
+        }
+        let row = layout.block_width as usize * size;
+        for (plain, out) in plain.chunks_exact_mut(row * stride).zip(out.chunks_exact_mut(row)) {
+            match predictor {
+                Predictor::Float => predictor::undo_float(plain, out, size, stride, band),
+                Predictor::Horizontal => {
+                    predictor::undo_horizontal(plain, size, stride);
+                    predictor::gather_band(plain, out, size, stride, band);
+                }
+                Predictor::None => predictor::gather_band(plain, out, size, stride, band),
+            }
+        }
+    }
+
+    /// Position of the chosen band among the samples of a pixel.
+    fn band_in_pixel(&self) -> usize {
+        if self.layout.separate { 0 } else { self.band as usize }
+    }
+
+    /// Reads the samples of `part` (inside block (`bx`, `by`), uncompressed at `place`) straight
+    /// from the file, row by row and never the whole block; `each(row, samples)` gets them in native
+    /// order, rows counted from the part's first.
+    pub(super) fn read_raw(
+        &self,
+        (bx, by): (u32, u32),
+        place: Place,
+        part: Rect,
+        file: &RawFile,
+        mut each: impl FnMut(usize, &[u8]),
+    ) -> Result<()> {
+        let layout = &self.layout;
+        let (size, stride) = (layout.sample_type.bytes(), layout.stride());
+        let block = layout.block_rect(bx, by);
+        let pixel = size * stride;
+        let first_col = u64::from(part.col - block.col) * pixel as u64;
+        let first_row = u64::from(part.row - block.row) * layout.row_bytes();
+        let run = RowRun {
+            offset: place.offset + first_row + first_col,
+            pitch: layout.row_bytes(),
+            bytes: part.width as usize * pixel,
+            rows: part.height as usize,
+        };
+        let band = self.band_in_pixel();
+        with_scratch(|Scratch { packed, plain, .. }| {
+            let chosen = grown(plain, part.width as usize * size);
+            file.each_row(run, packed, |row, bytes| {
+                predictor::to_native(bytes, size, layout.order);
+                if stride == 1 {
+                    each(row, bytes);
+                } else {
+                    predictor::gather_band(bytes, chosen, size, stride, band);
+                    each(row, chosen);
+                }
+            })
+        })
+        .map_err(|e| self.named(e, bx, by))
+    }
+}
+
+/// Tags of the offsets and the byte counts. Some writers mix up the two pairs.
+fn array_tags(directory: &Directory<'_>, tiled: bool) -> (u16, u16) {
+    let tiles = (tags::TILE_OFFSETS, tags::TILE_BYTE_COUNTS);
+    let strips = (tags::STRIP_OFFSETS, tags::STRIP_BYTE_COUNTS);
+    let (own, other) = if tiled { (tiles, strips) } else { (strips, tiles) };
+    let pick = |own, other| if directory.has(own) || !directory.has(other) { own } else { other };
+    (pick(own.0, other.0), pick(own.1, other.1))
+}
+
+/// The first `bytes` bytes of `buffer`, grown where it is shorter.
+fn grown(buffer: &mut Vec<u8>, bytes: usize) -> &mut [u8] {
+    if buffer.len() < bytes {
+        buffer.resize(bytes, 0);
+    }
+    &mut buffer[..bytes]
+}

@@ -1,0 +1,310 @@
+//! Decompression of blocks: LZW (both kinds), deflate, packbits, zstd, LERC; all else by name.
+
+use std::cell::RefCell;
+
+use libdeflater::{DecompressionError, Decompressor};
+
+use super::{lerc, lzw};
+use terrane_base::error::{Error, Result};
+
+/// Scratch buffers larger than this are given back after use.
+const KEPT_SCRATCH: usize = 16 << 20;
+
+/// A compression that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Compression {
+    None,
+    Lzw,
+    Deflate,
+    PackBits,
+    Zstd,
+    Lerc(LercPacking),
+}
+
+/// How LERC data is packed once more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LercPacking {
+    None,
+    Deflate,
+    Zstd,
+}
+
+impl Compression {
+    /// From the value of the Compression tag and the second of LercParameters; others are refused by
+    /// name.
+    pub(super) fn from_code(code: u64, lerc_packing: u64) -> Result<Self> {
+        match code {
+            1 => Ok(Self::None),
+            5 => Ok(Self::Lzw),
+            8 | 32946 => Ok(Self::Deflate),
+            32773 => Ok(Self::PackBits),
+            50000 => Ok(Self::Zstd),
+            34887 => LercPacking::from_code(lerc_packing).map(Self::Lerc),
+            _ => Err(unsupported(code)),
+        }
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Lzw => "LZW",
+            Self::Deflate => "deflate",
+            Self::PackBits => "packbits",
+            Self::Zstd => "zstd",
+            Self::Lerc(LercPacking::None) => "LERC",
+            Self::Lerc(LercPacking::Deflate) => "LERC and deflate",
+            Self::Lerc(LercPacking::Zstd) => "LERC and zstd",
+        }
+    }
+
+    pub(super) fn is_lerc(self) -> bool {
+        matches!(self, Self::Lerc(_))
+    }
+}
+
+impl LercPacking {
+    fn from_code(code: u64) -> Result<Self> {
+        match code {
+            0 => Ok(Self::None),
+            1 => Ok(Self::Deflate),
+            2 => Ok(Self::Zstd),
+            _ => Err(Error::unsupported(format!("LERC with packing {code} is not supported"))
+                .remedy(REWRITE)),
+        }
+    }
+}
+
+/// What mends a file that cannot be decoded here.
+const REWRITE: &str = "rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT";
+
+fn unsupported(code: u64) -> Error {
+    let name = match code {
+        2 | 32771 => "CCITT run length",
+        3 => "CCITT group 3 fax",
+        4 => "CCITT group 4 fax",
+        6 => "old-style JPEG",
+        7 | 34892 => "JPEG",
+        32766 => "NeXT",
+        32809 => "ThunderScan",
+        32908 | 32909 => "Pixar",
+        33003 | 33004 | 33005 | 34712 => "JPEG 2000",
+        34661 => "JBIG",
+        34676 | 34677 => "SGI LogLuv",
+        34925 => "LZMA",
+        50001 => "WebP",
+        50002 | 52546 => "JPEG XL",
+        _ => "unknown",
+    };
+    Error::unsupported(format!("compression {name} (code {code}) is not supported")).remedy(REWRITE)
+}
+
+/// Why a block could not be decompressed.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Fault {
+    /// There is more data than the output holds.
+    TooLong,
+    /// The data is damaged: what the decoder said of it.
+    Corrupt(String),
+}
+
+/// Buffers and decoders of one thread, reused from block to block.
+pub(super) struct Scratch {
+    /// Compressed bytes.
+    pub(super) packed: Vec<u8>,
+    /// Decompressed bytes that still need sorting.
+    pub(super) plain: Vec<u8>,
+    /// Decoders.
+    pub(super) decoders: Decoders,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch {
+        packed: Vec::new(),
+        plain: Vec::new(),
+        decoders: Decoders { deflate: Decompressor::new(), zstd: None, lzw: None },
+    });
+}
+
+/// Runs `work` with this thread's scratch.
+pub(super) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
+    SCRATCH.with_borrow_mut(|scratch| {
+        let result = work(scratch);
+        for buffer in [&mut scratch.packed, &mut scratch.plain] {
+            if buffer.capacity() > KEPT_SCRATCH {
+                *buffer = Vec::new();
+            }
+        }
+        result
+    })
+}
+
+/// The decoders that are costly to set up.
+pub(super) struct Decoders {
+    deflate: Decompressor,
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
+    lzw: Option<Box<lzw::Table>>,
+}
+
+impl Decoders {
+    /// Decompresses `packed` into the start of `out` and returns the bytes written. LZW and
+    /// packbits stop when `out` is full; deflate and zstd report [`Fault::TooLong`].
+    pub(super) fn run(
+        &mut self,
+        compression: Compression,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> std::result::Result<usize, Fault> {
+        match compression {
+            // LERC is decoded by shape: `lerc`.
+            Compression::None | Compression::Lerc(_) => Ok(copy(packed, out)),
+            Compression::Lzw => self.unlzw(packed, out),
+            Compression::PackBits => packbits(packed, out),
+            Compression::Deflate => self.inflate(packed, out),
+            Compression::Zstd => self.unzstd(packed, out),
+        }
+    }
+
+    /// Decodes LERC data, packed once more or not, that fills `out`.
+    pub(super) fn lerc(
+        &mut self,
+        packing: LercPacking,
+        packed: &[u8],
+        shape: lerc::Shape,
+        out: &mut [u8],
+    ) -> std::result::Result<(), Fault> {
+        // Blocks of noise grow a little, and the mask comes on top.
+        let most = out.len() + out.len() / 2 + 4096;
+        let unpacked = match packing {
+            LercPacking::None => None,
+            LercPacking::Deflate => Some(unpacked(most, |room| self.inflate(packed, room))?),
+            LercPacking::Zstd => Some(unpacked(most, |room| self.unzstd(packed, room))?),
+        };
+        lerc::decode(unpacked.as_deref().unwrap_or(packed), shape, out).map_err(Fault::Corrupt)
+    }
+
+    fn inflate(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+        self.deflate.zlib_decompress(packed, out).map_err(|e| match e {
+            DecompressionError::InsufficientSpace => Fault::TooLong,
+            DecompressionError::BadData => Fault::Corrupt("invalid deflate data".to_owned()),
+        })
+    }
+
+    fn unzstd(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+        let corrupt = |e: std::io::Error| Fault::Corrupt(e.to_string());
+        let decoder = match &mut self.zstd {
+            Some(decoder) => decoder,
+            none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
+        };
+        decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
+            // The binding turns zstd's error code into its name.
+            "Destination buffer is too small" => Fault::TooLong,
+            _ => corrupt(e),
+        })
+    }
+    fn unlzw(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+        let table = self.lzw.get_or_insert_with(lzw::Table::new);
+        lzw::decode(packed, out, table)
+            .map_err(|lzw::InvalidCode| Fault::Corrupt("invalid LZW code".to_owned()))
+    }
+}
+
+/// Up to `most` bytes that `unpack` makes.
+fn unpacked(
+    most: usize,
+    unpack: impl FnOnce(&mut [u8]) -> std::result::Result<usize, Fault>,
+) -> std::result::Result<Vec<u8>, Fault> {
+    let mut room = vec![0; most];
+    let bytes = unpack(&mut room)?;
+    room.truncate(bytes);
+    Ok(room)
+}
+
+fn copy(packed: &[u8], out: &mut [u8]) -> usize {
+    let bytes = packed.len().min(out.len());
+    out[..bytes].copy_from_slice(&packed[..bytes]);
+    bytes
+}
+
+fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+    let mut written = 0;
+    while let (Some((head, rest)), true) = (packed.split_first(), written < out.len()) {
+        let room = out.len() - written;
+        packed = rest;
+        match *head as i8 {
+            -128 => {}
+            repeat @ ..0 => {
+                let bytes = (1 - repeat as isize) as usize;
+                let Some((value, rest)) = packed.split_first() else { break };
+                out[written..][..bytes.min(room)].fill(*value);
+                written += bytes.min(room);
+                packed = rest;
+            }
+            literal => {
+                let bytes = (literal as usize + 1).min(packed.len());
+                written += copy(&packed[..bytes], &mut out[written..]);
+                packed = &packed[bytes..];
+            }
+        }
+    }
+    Ok(written)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn run(
+        compression: Compression,
+        packed: &[u8],
+        bytes: usize,
+    ) -> std::result::Result<Vec<u8>, Fault> {
+        let mut out = vec![0; bytes];
+        let written = with_scratch(|s| s.decoders.run(compression, packed, &mut out))?;
+        out.truncate(written);
+        Ok(out)
+    }
+
+    #[test]
+    fn packbits_of_the_specification() {
+        let packed = [
+            0xFE, 0xAA, 0x02, 0x80, 0x00, 0x2A, 0xFD, 0xAA, 0x03, 0x80, 0x00, 0x2A, 0x22, 0xF7,
+            0xAA,
+        ];
+        let mut expected = vec![0xAA, 0xAA, 0xAA, 0x80, 0x00, 0x2A, 0xAA, 0xAA, 0xAA, 0xAA];
+        expected.extend([0x80, 0x00, 0x2A, 0x22]);
+        expected.extend([0xAA; 10]);
+        assert_eq!(run(Compression::PackBits, &packed, 24).unwrap(), expected);
+        assert_eq!(run(Compression::PackBits, &packed, 20).unwrap(), expected[..20]);
+        assert_eq!(run(Compression::PackBits, &[0x80, 0x05, 1, 2], 9).unwrap(), [1, 2]);
+    }
+
+    #[test]
+    fn deflate_and_zstd_tell_too_long_from_corrupt() {
+        let data = vec![7_u8; 5000];
+        let mut zlib = vec![0; 6000];
+        let level = libdeflater::CompressionLvl::default();
+        let bytes = libdeflater::Compressor::new(level).zlib_compress(&data, &mut zlib).unwrap();
+        let packed = [
+            (Compression::Deflate, zlib[..bytes].to_vec()),
+            (Compression::Zstd, zstd::bulk::compress(&data, 3).unwrap()),
+        ];
+        for (compression, mut packed) in packed {
+            assert_eq!(run(compression, &packed, 5000).unwrap(), data);
+            assert_eq!(run(compression, &packed, 6000).unwrap(), data);
+            assert_eq!(run(compression, &packed, 4999).unwrap_err(), Fault::TooLong);
+            packed[0] ^= 0x55;
+            assert!(matches!(run(compression, &packed, 5000), Err(Fault::Corrupt(_))));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_never_panics(packed in prop::collection::vec(any::<u8>(), 0..300)) {
+            use Compression::{Deflate, Lzw, PackBits, Zstd};
+            for compression in [Lzw, Deflate, PackBits, Zstd] {
+                let _ = run(compression, &packed, 500);
+            }
+        }
+    }
+}

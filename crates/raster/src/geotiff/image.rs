@@ -1,0 +1,119 @@
+//! One image of a TIFF, the grid or a mask of it, as rows of stored samples of one band.
+
+use std::sync::Arc;
+
+use crate::cache::BlockCache;
+use crate::file::RawFile;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+
+use super::blocks::{Blocks, Place};
+use super::ifd::Directory;
+use super::layout::Layout;
+
+/// An image that shares its cache with others of the same grid.
+pub(super) struct Image {
+    pub(super) file: Arc<RawFile>,
+    pub(super) blocks: Blocks,
+    /// Which of the images of the cache this is; its blocks' keys begin with it.
+    slot: u64,
+}
+
+/// Bits of a cache key that number a block: far more than [`terrane_base::limits::MAX_BLOCKS`].
+const BLOCK_BITS: u32 = 40;
+
+impl Image {
+    /// The band `band` (from 0) of the image that `directory` and `layout` describe.
+    pub(super) fn new(
+        file: &Arc<RawFile>,
+        directory: &Directory<'_>,
+        layout: Layout,
+        band: u32,
+        slot: usize,
+    ) -> Result<Self> {
+        let blocks = Blocks::read(directory, layout, band, file)?;
+        Ok(Self { file: file.clone(), blocks, slot: slot as u64 })
+    }
+
+    /// Hands each row of `rect` (inside the image), block by block, to `each(part, row, samples)`:
+    /// row `row` of `part`, in native order, or `None` for a block that was never written.
+    pub(super) fn each_row(
+        &self,
+        rect: Rect,
+        cache: &BlockCache,
+        mut each: impl FnMut(Rect, u32, Option<&[u8]>),
+    ) -> Result<()> {
+        let layout = &self.blocks.layout;
+        for (bx, by) in blocks_touching(layout, rect) {
+            let part = layout.block_rect(bx, by).intersect(&rect);
+            match self.blocks.place(bx, by, &self.file)? {
+                None => (0..part.height).for_each(|row| each(part, row, None)),
+                Some(place) if layout.is_read_by_rows() => {
+                    let each = |row, samples: &[u8]| each(part, row as u32, Some(samples));
+                    self.blocks.read_raw((bx, by), place, part, &self.file, each)?;
+                }
+                Some(place) => self.each_decoded((bx, by), place, part, cache, &mut each)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn each_decoded(
+        &self,
+        (bx, by): (u32, u32),
+        place: Place,
+        part: Rect,
+        cache: &BlockCache,
+        each: &mut impl FnMut(Rect, u32, Option<&[u8]>),
+    ) -> Result<()> {
+        let decode = || self.blocks.decode(bx, by, place, &self.file);
+        let samples = cache.get(self.key(bx, by), decode)?;
+        let block = self.blocks.layout.block_rect(bx, by);
+        let size = self.blocks.layout.sample_type.bytes();
+        let pitch = self.blocks.layout.block_width as usize * size;
+        let first = (part.col - block.col) as usize * size;
+        for row in 0..part.height {
+            let start = (part.row - block.row + row) as usize * pitch + first;
+            each(part, row, Some(&samples[start..][..part.width as usize * size]));
+        }
+        Ok(())
+    }
+
+    fn key(&self, bx: u32, by: u32) -> u64 {
+        self.slot << BLOCK_BITS | self.blocks.number(bx, by)
+    }
+
+    /// Forgets the cached blocks that lie wholly inside `rect`.
+    pub(super) fn forget(&self, rect: Rect, cache: &BlockCache) {
+        let layout = &self.blocks.layout;
+        for (bx, by) in blocks_touching(layout, rect) {
+            let block = layout.block_rect(bx, by);
+            if block.intersect(&rect) == block {
+                cache.forget(self.key(bx, by));
+            }
+        }
+    }
+}
+
+/// Blocks with samples in `rect` (inside the grid), row by row.
+fn blocks_touching(layout: &Layout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let (width, height) = (layout.block_width, layout.block_height);
+    let columns = rect.col / width..rect.end_col().div_ceil(width);
+    let rows = rect.row / height..rect.end_row().div_ceil(height);
+    let (columns, rows) = if rect.is_empty() { (0..0, 0..0) } else { (columns, rows) };
+    rows.flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
+}
+
+/// A block that is decoded whole has to fit.
+pub(super) fn check_cache(layout: &Layout, cache_bytes: usize) -> Result<()> {
+    let bytes = layout.decoded_bytes();
+    if layout.is_read_by_rows() || bytes <= cache_bytes as u64 {
+        return Ok(());
+    }
+    let message = format!(
+        "one block takes {bytes} bytes decoded, more than the {cache_bytes} bytes for cached blocks"
+    );
+    Err(Error::new(ErrorKind::Resource, message).remedy(
+        "give more --memory, or rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT",
+    ))
+}

@@ -1,0 +1,390 @@
+//! LZW as TIFF has it: codes of 9 to 12 bits, first bit first, each as wide as the codes known
+//! before it need (TIFF 6.0 section 13). Also the kind of TIFF 5 and before, last bit first.
+
+use terrane_base::limits::MAX_BLOCK_BYTES;
+
+/// Empties the table.
+const CLEAR: usize = 256;
+/// Ends the stream.
+const END: usize = 257;
+/// The first code that the stream defines.
+const FIRST: usize = 258;
+/// Codes there can be.
+const CODES: usize = 1 << WIDEST;
+const NARROWEST: u32 = 9;
+const WIDEST: u32 = 12;
+
+/// The stream has a code that stands for nothing yet.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct InvalidCode;
+
+/// Decodes `packed` into the start of `out` and returns the bytes written; it stops when `out` is
+/// full, at the end code, or where `packed` ends. What lies in `out` behind them is unspecified.
+/// Linear in `out`, which is at most [`MAX_BLOCK_BYTES`] long.
+pub(super) fn decode(
+    packed: &[u8],
+    out: &mut [u8],
+    table: &mut Table,
+) -> Result<usize, InvalidCode> {
+    // Both kinds begin with a clear code.
+    if matches!(packed, [0, second, ..] if second & 1 == 1) {
+        run::<true>(packed, out, table)
+    } else {
+        run::<false>(packed, out, table)
+    }
+}
+
+fn run<const OLD: bool>(
+    packed: &[u8],
+    out: &mut [u8],
+    table: &mut Table,
+) -> Result<usize, InvalidCode> {
+    let mut codes = Codes::<OLD>::new(packed);
+    let mut at = 0;
+    while at < out.len() {
+        codes.set_width(NARROWEST);
+        match codes.next() {
+            Some(CLEAR) => {}
+            None | Some(END) => break,
+            Some(byte @ 0..CLEAR) => {
+                out[at] = byte as u8;
+                match strings(&mut codes, Text::of(byte as u8), out, at, table)? {
+                    Stop::Clear(end) => at = end,
+                    Stop::End(end) => return Ok(end),
+                }
+            }
+            Some(_) => return Err(InvalidCode),
+        }
+    }
+    Ok(at)
+}
+
+/// Where the output ends, and whether more may follow.
+enum Stop {
+    Clear(usize),
+    End(usize),
+}
+
+/// Decodes up to the next clear code, or to the end, what follows the string `last` of one byte at
+/// `last_at`. Every code defines the next free one: the string before it and its own first byte.
+fn strings<const OLD: bool>(
+    codes: &mut Codes<'_, OLD>,
+    mut last: Text,
+    out: &mut [u8],
+    mut last_at: usize,
+    Table(table): &mut Table,
+) -> Result<Stop, InvalidCode> {
+    let mut at = last_at + 1;
+    let mut free = FIRST;
+    while at < out.len() {
+        let Some(code) = codes.next() else { break };
+        let text = match code {
+            CLEAR => return Ok(Stop::Clear(at)),
+            END => break,
+            _ if code < free => table[code],
+            // The very code that it defines: its first byte is that of the string before.
+            _ if code == free => last.then(last.first(), last_at, at),
+            _ => return Err(InvalidCode),
+        };
+        // With all codes taken this goes to the one that none reaches.
+        table[free] = last.then(text.first(), last_at, at);
+        free += 1;
+        if free >= codes.limit {
+            codes.set_width((codes.width + 1).min(WIDEST));
+            free = free.min(CODES);
+        }
+        (last, last_at) = (text, at);
+        at = text.write(out, at);
+    }
+    Ok(Stop::End(at))
+}
+
+/// The codes of a stream.
+struct Codes<'a, const OLD: bool> {
+    packed: &'a [u8],
+    /// Where the next one starts.
+    bit: usize,
+    width: u32,
+    /// The free code at which the width changes.
+    limit: usize,
+}
+
+impl<'a, const OLD: bool> Codes<'a, OLD> {
+    fn new(packed: &'a [u8]) -> Self {
+        Self { packed, bit: 0, width: 0, limit: 0 }
+    }
+
+    /// The limit is one code earlier than would be needed, but for the old kind.
+    fn set_width(&mut self, width: u32) {
+        self.width = width;
+        self.limit = match width {
+            WIDEST => CODES + 1,
+            _ if OLD => 1 << width,
+            _ => (1 << width) - 1,
+        };
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let word = match self.packed[self.bit / 8..].first_chunk() {
+            Some(bytes) => *bytes,
+            None => last_bytes(self.packed, self.bit, self.width)?,
+        };
+        let skip = self.bit % 8;
+        self.bit += self.width as usize;
+        let code = if OLD {
+            u32::from_le_bytes(word) >> skip & ((1 << self.width) - 1)
+        } else {
+            u32::from_be_bytes(word) << skip >> (u32::BITS - self.width)
+        };
+        Some(code as usize % CODES)
+    }
+}
+
+/// The bytes from bit `bit` on, where fewer than four are left, if a code of `width` bits is there.
+#[cold]
+fn last_bytes(packed: &[u8], bit: usize, width: u32) -> Option<[u8; 4]> {
+    let rest = &packed[bit / 8..];
+    let mut word = [0; 4];
+    word[..rest.len()].copy_from_slice(rest);
+    (bit + width as usize <= 8 * packed.len()).then_some(word)
+}
+
+/// The strings of the codes, and one that no code reaches.
+pub(super) struct Table([Text; CODES + 1]);
+
+impl Table {
+    /// The strings of one byte; a stream sets each of the others before it uses it.
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self(std::array::from_fn(|code| Text::of(code as u8))))
+    }
+}
+
+/// A string. The highest byte is its length, the others are its bytes from the lowest on. Of a
+/// string too long for them there is the first byte, the place in the output where it was written
+/// (4 bytes) and the length (2 bytes), with [`Text::LONG`] on top.
+#[derive(Clone, Copy)]
+struct Text(u64);
+
+// A place has four bytes.
+const _: () = assert!(MAX_BLOCK_BYTES <= u32::MAX as u64);
+
+impl Text {
+    const LONG: u64 = 8;
+    /// Bytes copied in one step.
+    const STEP: usize = 16;
+
+    fn of(byte: u8) -> Self {
+        Self(u64::from(byte) | 1 << 56)
+    }
+
+    #[inline(always)]
+    fn first(self) -> u8 {
+        self.0 as u8
+    }
+
+    /// This string, which was written to `start..end`, with `byte` behind it.
+    #[inline(always)]
+    fn then(self, byte: u8, start: usize, end: usize) -> Self {
+        let length = self.0 >> 56;
+        if length < Self::LONG - 1 {
+            return Self((self.0 + (1 << 56)) | u64::from(byte) << (8 * length));
+        }
+        let longer = (end - start + 1) as u64;
+        Self(self.0 & 0xFF | (start as u64) << 8 | longer << 40 | Self::LONG << 56)
+    }
+
+    /// Writes the string, or as much as there is room for, to `at` and returns where it ends.
+    /// Bytes behind its end change too.
+    #[inline(always)]
+    fn write(self, out: &mut [u8], at: usize) -> usize {
+        let length = (self.0 >> 56) as usize;
+        if length >= Self::LONG as usize {
+            return self.repeat(out, at);
+        }
+        let bytes = self.0.to_le_bytes();
+        match out[at..].first_chunk_mut() {
+            Some(room) => *room = bytes,
+            None => {
+                let room = length.min(out.len() - at);
+                out[at..at + room].copy_from_slice(&bytes[..room]);
+                return at + room;
+            }
+        }
+        at + length
+    }
+
+    /// Copies a long string from where it was written before.
+    #[inline(always)]
+    fn repeat(self, out: &mut [u8], at: usize) -> usize {
+        let start = (self.0 >> 8) as u32 as usize;
+        let length = (self.0 >> 40) as u16 as usize;
+        let end = at + length;
+        if end + Self::STEP > out.len() {
+            return repeat_last(out, start, at, length);
+        }
+        for done in (0..length).step_by(Self::STEP) {
+            let from = start + done;
+            out.copy_within(from..from + Self::STEP, at + done);
+        }
+        // The string of a code that defines itself ends with the first byte of this very copy.
+        if start + length > at {
+            out[end - 1] = self.first();
+        }
+        end
+    }
+}
+
+/// The same byte by byte, near the end of the output.
+#[cold]
+fn repeat_last(out: &mut [u8], start: usize, at: usize, length: usize) -> usize {
+    let end = out.len().min(at + length);
+    for to in at..end {
+        out[to] = out[start + to - at];
+    }
+    end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use weezl::{BitOrder, LzwStatus, decode::Configuration, encode::Encoder};
+
+    fn ours(packed: &[u8], bytes: usize) -> Result<Vec<u8>, InvalidCode> {
+        let mut out = vec![0; bytes];
+        let written = decode(packed, &mut out, &mut Table::new())?;
+        out.truncate(written);
+        Ok(out)
+    }
+
+    /// The twin.
+    fn theirs(packed: &[u8], bytes: usize) -> Result<Vec<u8>, InvalidCode> {
+        let old = matches!(packed, [0, second, ..] if second & 1 == 1);
+        let kind = match old {
+            true => Configuration::new(BitOrder::Lsb, 8),
+            false => Configuration::with_tiff_size_switch(BitOrder::Msb, 8),
+        };
+        let mut decoder = kind.with_yield_on_full_buffer(true).build();
+        let mut out = vec![0; bytes];
+        let (mut read, mut written) = (0, 0);
+        while written < bytes {
+            let step = decoder.decode_bytes(&packed[read..], &mut out[written..]);
+            (read, written) = (read + step.consumed_in, written + step.consumed_out);
+            match step.status {
+                Ok(LzwStatus::Ok) if step.consumed_in + step.consumed_out > 0 => {}
+                Ok(_) => break,
+                Err(_) => return Err(InvalidCode),
+            }
+        }
+        out.truncate(written);
+        Ok(out)
+    }
+
+    fn encoder(old: bool) -> Encoder {
+        match old {
+            true => Encoder::new(BitOrder::Lsb, 8),
+            false => Encoder::with_tiff_size_switch(BitOrder::Msb, 8),
+        }
+    }
+
+    /// Data of few or many kinds of bytes, with runs.
+    fn data() -> impl Strategy<Value = Vec<u8>> {
+        let run = |kinds| prop::collection::vec((0..=kinds, 1_usize..40), 0..400);
+        (1..=255_u8).prop_flat_map(run).prop_map(|runs| {
+            let bytes = runs
+                .into_iter()
+                .flat_map(|(byte, n)| std::iter::repeat_n(byte, if n < 30 { 1 } else { n * n }));
+            bytes.collect()
+        })
+    }
+
+    /// Packs codes as they would be read, first bit first; each is told by its part of the codes
+    /// there are by then, so that most are valid and many define themselves.
+    fn packed(parts: &[u16]) -> Vec<u8> {
+        let (mut bits, mut free, mut width) = (Vec::new(), 0, NARROWEST);
+        for part in std::iter::once(&0).chain(parts) {
+            let code = match part {
+                0 => CLEAR,
+                1 => END,
+                _ if free < FIRST => usize::from(part % 256),
+                2..2000 => free % CODES,
+                _ => match usize::from(*part) * free / usize::from(u16::MAX) % CODES {
+                    CLEAR | END => 0,
+                    code => code,
+                },
+            };
+            bits.extend((0..width).rev().map(|bit| code >> bit & 1 == 1));
+            free = if code == CLEAR { FIRST - 1 } else { (free + 1).min(CODES) };
+            width = (usize::BITS - (free + 1).leading_zeros()).clamp(NARROWEST, WIDEST);
+        }
+        let byte = |bits: &[bool]| {
+            bits.iter().enumerate().fold(0, |byte, (i, bit)| byte | u8::from(*bit) << (7 - i))
+        };
+        bits.chunks(8).map(byte).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_encoded_comes_back(
+            data in data(), old: bool, more in 0_usize..40, part in 0.0..1.0,
+        ) {
+            let packed = encoder(old).encode(&data).unwrap();
+            prop_assert_eq!(&ours(&packed, data.len() + more).unwrap(), &data);
+            let some = (data.len() as f64 * part) as usize;
+            prop_assert_eq!(&ours(&packed, some).unwrap(), &data[..some]);
+            let short = &packed[..(packed.len() as f64 * part) as usize];
+            prop_assert_eq!(ours(short, data.len()), theirs(short, data.len()));
+        }
+
+        #[test]
+        fn damaged_streams_give_what_the_twin_gives(
+            data in data(), old: bool,
+            damage in prop::collection::vec((0.0..1.0, any::<u8>()), 1..4),
+        ) {
+            let mut packed = encoder(old).encode(&data).unwrap();
+            for (place, bits) in damage {
+                let at = (packed.len() as f64 * place) as usize;
+                packed[at] ^= bits;
+            }
+            let bytes = 2 * data.len();
+            prop_assert_eq!(ours(&packed, bytes), theirs(&packed, bytes));
+        }
+
+        #[test]
+        fn any_codes_give_what_the_twin_gives(
+            parts in prop::collection::vec(0..=u16::MAX, 0..6000), bytes in 0_usize..200_000,
+        ) {
+            let packed = packed(&parts);
+            prop_assert_eq!(ours(&packed, bytes), theirs(&packed, bytes));
+        }
+
+        #[test]
+        fn any_bytes_give_what_the_twin_gives(
+            packed in prop::collection::vec(any::<u8>(), 0..300), bytes in 0_usize..3000,
+        ) {
+            prop_assert_eq!(ours(&packed, bytes), theirs(&packed, bytes));
+        }
+    }
+
+    #[test]
+    fn a_table_may_fill_up_and_serve_on() {
+        let parts: Vec<u16> = (0..20_000).map(|i| 3000 + i * 3).collect();
+        let packed = packed(&parts);
+        let full = ours(&packed, 1 << 22).unwrap();
+        assert_eq!(full, theirs(&packed, 1 << 22).unwrap());
+        assert!(full.len() > parts.len(), "{}", full.len());
+    }
+
+    #[test]
+    fn a_table_used_before_gives_the_same() {
+        let mut table = Table::new();
+        for shift in [3, 9, 0] {
+            let data: Vec<u8> = (0..9000_u32).map(|i| (i >> shift) as u8).collect();
+            let mut out = vec![0; data.len()];
+            let packed = encoder(false).encode(&data).unwrap();
+            assert_eq!(decode(&packed, &mut out, &mut table), Ok(data.len()));
+            assert_eq!(out, data);
+        }
+    }
+}

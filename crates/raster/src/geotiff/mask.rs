@@ -1,0 +1,152 @@
+//! What makes samples void beside nodata: an internal mask (TIFF 6.0, NewSubfileType bit 2), a mask
+//! in a `.msk` file beside the grid, and an alpha band. A sample is void where any of them is 0.
+
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::cache::BlockCache;
+use crate::file::RawFile;
+use crate::sample::Height;
+use crate::{Window, mask_beside};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_base::limits;
+
+use super::ifd::Directory;
+use super::image::{Image, check_cache};
+use super::layout::Layout;
+use super::tags;
+
+/// Bits of NewSubfileType.
+const REDUCED: u64 = 1;
+const MASK: u64 = 4;
+/// Values of ExtraSamples that mean alpha, multiplied into the colours or not.
+const ALPHA: [u64; 2] = [1, 2];
+
+/// One source of voids.
+pub(super) struct Mask {
+    pub(super) image: Image,
+    /// What it is, for `terrane info`.
+    pub(super) name: String,
+}
+
+/// The grid whose masks are sought.
+#[derive(Clone, Copy)]
+pub(super) struct Grid<'a> {
+    pub(super) file: &'a Arc<RawFile>,
+    pub(super) directory: &'a Directory<'a>,
+    pub(super) layout: &'a Layout,
+    /// The chosen band, from 0.
+    pub(super) band: u32,
+    pub(super) cache_bytes: usize,
+}
+
+/// All masks of a grid.
+pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
+    let mut masks = Vec::new();
+    if let Some(directory) = internal(grid.directory)? {
+        let mask = grid.mask(grid.file, &directory, "internal".to_owned(), 1);
+        masks.push(mask.map_err(|e| e.at("internal mask"))?);
+    }
+    if let Some(path) = mask_beside(grid.file.path()) {
+        masks.push(grid.beside(&path).map_err(|e| e.in_file(&path))?);
+    }
+    masks.extend(grid.alpha()?);
+    Ok(masks)
+}
+
+/// The first directory of a mask in full size.
+fn internal<'a>(first: &Directory<'a>) -> Result<Option<Directory<'a>>> {
+    let mut seen = HashSet::from([first.next]);
+    let mut next = first.following()?;
+    while let Some(directory) = next {
+        let kind = directory.int(tags::NEW_SUBFILE_TYPE)?.unwrap_or(0);
+        if kind & MASK != 0 && kind & REDUCED == 0 {
+            return Ok(Some(directory));
+        }
+        if !seen.insert(directory.next) {
+            break; // The chain is a ring, and all of it has been seen.
+        }
+        limits::check("number of directories", seen.len() as u64, limits::MAX_DIRECTORIES)?;
+        next = directory.following()?;
+    }
+    Ok(None)
+}
+
+impl Grid<'_> {
+    fn beside(&self, path: &Path) -> Result<Mask> {
+        let file = Arc::new(RawFile::open(path)?);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let directory = Directory::read(&file)?;
+        self.mask(&file, &directory, name, 2)
+    }
+
+    fn mask(
+        &self,
+        file: &Arc<RawFile>,
+        directory: &Directory<'_>,
+        name: String,
+        slot: usize,
+    ) -> Result<Mask> {
+        let layout = Layout::read_mask(directory)?;
+        self.check_shape(&layout)?;
+        check_cache(&layout, self.cache_bytes)?;
+        let band = if layout.bands == 1 { 0 } else { self.band };
+        Ok(Mask { image: Image::new(file, directory, layout, band, slot)?, name })
+    }
+
+    /// A mask has the size of the grid, and one band for all or one for each.
+    fn check_shape(&self, mask: &Layout) -> Result<()> {
+        let grid = self.layout;
+        let same_size = (mask.width, mask.height) == (grid.width, grid.height);
+        if same_size && (mask.bands == 1 || mask.bands == grid.bands) {
+            return Ok(());
+        }
+        let message = format!(
+            "a mask of {} x {} samples and {} bands for a grid of {} x {} and {} is not supported",
+            mask.width, mask.height, mask.bands, grid.width, grid.height, grid.bands
+        );
+        Err(Error::unsupported(message)
+            .remedy("write the grid without its mask: gdal_translate -mask none IN OUT"))
+    }
+
+    /// The last band, where it is declared to be alpha and is not the one that is read.
+    fn alpha(&self) -> Result<Option<Mask>> {
+        let last = self.layout.bands - 1;
+        let extra = self.directory.ints(tags::EXTRA_SAMPLES)?.unwrap_or_default();
+        if self.band == last || !extra.last().is_some_and(|kind| ALPHA.contains(kind)) {
+            return Ok(None);
+        }
+        let image = Image::new(self.file, self.directory, self.layout.clone(), last, 3)?;
+        Ok(Some(Mask { image, name: format!("alpha (band {})", last + 1) }))
+    }
+}
+
+impl Mask {
+    /// Voids the heights of `window`, which is `rect`, where the mask is 0 or was never written.
+    pub(super) fn apply<H: Height>(
+        &self,
+        rect: Rect,
+        cache: &BlockCache,
+        window: &mut Window<'_, H>,
+    ) -> Result<()> {
+        let size = self.image.blocks.layout.sample_type.bytes();
+        self.image.each_row(rect, cache, |part, row, samples| {
+            let heights = window.row(part, row);
+            match samples {
+                Some(samples) => void_zeros(samples, size, heights),
+                None => heights.fill(H::VOID),
+            }
+        })
+    }
+}
+
+/// Voids the heights whose sample of `size` bytes is 0.
+fn void_zeros<H: Height>(samples: &[u8], size: usize, heights: &mut [H]) {
+    for (height, sample) in heights.iter_mut().zip(samples.chunks_exact(size)) {
+        if sample.iter().all(|byte| *byte == 0) {
+            *height = H::VOID;
+        }
+    }
+}

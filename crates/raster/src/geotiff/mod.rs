@@ -1,0 +1,213 @@
+//! GeoTIFF and BigTIFF: our own directory parser and decode path, by window and out of core.
+//!
+//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed ones
+//! are read row by row straight from the file, whatever their size.
+
+mod blocks;
+mod codec;
+mod gdal;
+mod geokeys;
+mod georef;
+mod ifd;
+mod image;
+mod layout;
+mod lerc;
+mod lzw;
+mod mask;
+mod predictor;
+mod tags;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::cache::BlockCache;
+use crate::file::RawFile;
+use crate::sample::{Height, ToHeight};
+use crate::{
+    GridInfo, GridSource, OpenOptions, RasterFormat, Window, mask_beside, store, unit_and_text,
+    world,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, GeoKeys, Rect};
+
+use georef::Georeference;
+use ifd::Directory;
+use image::{Image, check_cache};
+use layout::Layout;
+use mask::Mask;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "GeoTIFF",
+    extensions: &["tif", "tiff", "gtiff", "btf", "tf8"],
+    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd, LERC",
+    sniff: ifd::is_tiff,
+    open,
+};
+
+/// Endings of the world file that places a TIFF which does not say where it lies itself.
+const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
+
+/// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
+/// beside it.
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let masked = mask_beside(path).is_some();
+    if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
+        return Ok(store);
+    }
+    let source = GeoTiff::open(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source))
+}
+
+/// An open GeoTIFF.
+struct GeoTiff {
+    image: Image,
+    masks: Vec<Mask>,
+    info: GridInfo,
+    to_height: ToHeight,
+    cache: BlockCache,
+}
+
+impl GeoTiff {
+    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+        let file = Arc::new(RawFile::open(path)?);
+        let directory = Directory::read(&file)?;
+        let layout = Layout::read(&directory)?;
+        check_band(options.band, layout.bands)?;
+        let (band, cache_bytes) = (options.band - 1, options.cache_bytes);
+        check_cache(&layout, cache_bytes)?;
+        let mut info = describe(path, &directory, &layout, options)?;
+        let image = Image::new(&file, &directory, layout, band, 0)?;
+        let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
+        let masks = mask::find(mask::Grid { file, directory, layout, band, cache_bytes })?;
+        info.details.extend(masks.iter().map(|mask| ("mask".to_owned(), mask.name.clone())));
+        let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
+        Ok(Self { image, masks, info, to_height, cache })
+    }
+
+    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window =
+            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.image.file.path()))?;
+        let sparse = self.sparse();
+        self.image.each_row(rect, &self.cache, |part, row, samples| {
+            let heights = window.row(part, row);
+            match samples {
+                Some(samples) => self.to_height.convert(samples, heights),
+                None => heights.fill(sparse),
+            }
+        })?;
+        self.masks.iter().try_for_each(|mask| mask.apply(rect, &self.cache, &mut window))
+    }
+
+    /// Blocks that were never written are nodata; without a declared nodata they are zeros.
+    fn sparse<H: Height>(&self) -> H {
+        match self.info.nodata {
+            Some(_) => H::VOID,
+            None => H::of_f64(self.info.offset),
+        }
+    }
+}
+
+impl GridSource for GeoTiff {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
+        let layouts = images.map(|image| &image.blocks.layout);
+        layouts.filter(|l| !l.is_read_by_rows()).map(Layout::decoded_bytes).max().unwrap_or(0)
+    }
+
+    /// Forgets the blocks that lie wholly inside `rect`.
+    fn release(&self, rect: Rect) {
+        let rect = rect.intersect(&self.info.bounds());
+        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
+        images.for_each(|image| image.forget(rect, &self.cache));
+    }
+}
+
+fn check_band(band: u32, bands: u32) -> Result<()> {
+    if (1..=bands).contains(&band) {
+        return Ok(());
+    }
+    let has = if bands == 1 { "1 band".to_owned() } else { format!("{bands} bands") };
+    Err(Error::usage(format!("band {band} is out of range: the file has {has}"))
+        .remedy(format!("give --band from 1 to {bands}")))
+}
+
+/// Everything the directory says of the grid.
+fn describe(
+    path: &Path,
+    directory: &Directory<'_>,
+    layout: &Layout,
+    options: &OpenOptions,
+) -> Result<GridInfo> {
+    let keys = geokeys::read(directory)?;
+    let pixel_is_point = keys.pixel_is_point();
+    let georeference = georef::read(directory, pixel_is_point)?;
+    let items = gdal::band_items(directory, options.band)?;
+    let nodata = match options.nodata {
+        Some(value) => Some(value),
+        None => gdal::nodata(directory)?,
+    };
+    let transform = match georeference {
+        Georeference::Affine(map) => Some(map),
+        _ => world::beside(path, &WORLD_ENDINGS)?,
+    };
+    Ok(GridInfo {
+        width: layout.width,
+        height: layout.height,
+        transform: transform.unwrap_or(Affine::LATTICE),
+        georeferenced: transform.is_some(),
+        pixel_is_point,
+        crs: crs(keys, &items),
+        sample_type: layout.sample_type,
+        nodata,
+        scale: items.scale,
+        offset: items.offset,
+        block: (layout.block_width, layout.block_height),
+        bands: layout.bands,
+        band: options.band,
+        format: FORMAT.name,
+        details: details(directory, layout, &items, georeference, transform.is_some()),
+    })
+}
+
+/// The band's own unit is preferred to that of the vertical system.
+fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
+    let mut crs = keys.into_crs();
+    if let Some(unit) = &items.unit {
+        let (unit, text) = unit_and_text(unit);
+        (crs.vertical_unit, crs.vertical_unit_text) = (Some(unit), text);
+    }
+    crs
+}
+
+fn details(
+    directory: &Directory<'_>,
+    layout: &Layout,
+    items: &gdal::BandItems,
+    georeference: Georeference,
+    is_placed: bool,
+) -> Vec<(String, String)> {
+    let kind = if directory.big { "BigTIFF" } else { "classic TIFF" };
+    let mut details = vec![("container".to_owned(), kind.to_owned())];
+    details.extend(layout.details());
+    if let Some(description) = &items.description {
+        details.push(("band description".to_owned(), description.clone()));
+    }
+    if georeference == Georeference::ControlPoints && !is_placed {
+        let ignored = "control points only, not used".to_owned();
+        details.push(("georeference".to_owned(), ignored));
+    }
+    details
+}

@@ -1,0 +1,283 @@
+//! The files of a mosaic that are open: a bounded number, within a bounded number of bytes of
+//! decoded blocks, least recently used ones closed first. Opened outside the lock, each by one
+//! thread.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use crate::GridSource;
+use terrane_base::error::Result;
+
+/// Most files open at once.
+const MOST_FILES: usize = 256;
+/// Of the files that a process may have open, the share for a mosaic: a file may need a second one
+/// (a mask, a temporary file), and the job has files of its own.
+const FILE_SHARE: u64 = 4;
+/// Files that the memory for blocks is enough for at least.
+const SHARES: usize = 8;
+
+/// An open file.
+pub(super) type Grid = Arc<dyn GridSource>;
+
+/// An open file and the most bytes that its blocks can take.
+pub(super) struct Open {
+    pub(super) grid: Grid,
+    pub(super) bytes: usize,
+}
+
+/// The open files of a mosaic and of all mosaics within it.
+pub(super) struct Pool {
+    most_files: usize,
+    most_bytes: usize,
+    share: usize,
+    keys: AtomicU64,
+    state: Mutex<State>,
+    /// Signalled whenever a file is open or could not be opened.
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    slots: HashMap<u64, Slot>,
+    /// Stamp of last use to key; the first entry is the next to go.
+    order: BTreeMap<u64, u64>,
+    clock: u64,
+    bytes: usize,
+}
+
+enum Slot {
+    /// Some thread is at it.
+    Opening,
+    Ready {
+        grid: Grid,
+        bytes: usize,
+        stamp: u64,
+    },
+}
+
+impl Pool {
+    /// For a mosaic of `files` files whose blocks may take `most_bytes` bytes together.
+    pub(super) fn new(files: usize, most_bytes: usize) -> Self {
+        Self::with(open_files_allowed(), files, most_bytes)
+    }
+
+    fn with(most_files: usize, files: usize, most_bytes: usize) -> Self {
+        Self {
+            most_files,
+            most_bytes,
+            share: most_bytes / files.clamp(1, SHARES),
+            keys: AtomicU64::new(0),
+            state: Mutex::default(),
+            changed: Condvar::new(),
+        }
+    }
+
+    /// Bytes of blocks that one file should keep to.
+    pub(super) fn share(&self) -> usize {
+        self.share
+    }
+
+    /// Bytes of blocks that one file may take when it cannot be read with less.
+    pub(super) fn most_bytes(&self) -> usize {
+        self.most_bytes
+    }
+
+    /// A key that no other file has.
+    pub(super) fn new_key(&self) -> u64 {
+        self.keys.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// The file `key`, opened by `open` unless it is open. `open` must not wait for other threads
+    /// that may want the same file.
+    pub(super) fn get(&self, key: u64, open: impl FnOnce() -> Result<Open>) -> Result<Grid> {
+        if let Some(grid) = self.find_or_claim(key) {
+            return Ok(grid);
+        }
+        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        let _claim = Claim { pool: self, key };
+        self.lock().make_room(1, 0, self.most_files, self.most_bytes);
+        let opened = open()?;
+        let grid = opened.grid.clone();
+        let mut state = self.lock();
+        state.make_room(1, opened.bytes, self.most_files, self.most_bytes);
+        state.insert(key, opened);
+        Ok(grid)
+    }
+
+    /// Keeps a file that happens to be open, if there is room for it.
+    pub(super) fn offer(&self, key: u64, opened: Open) {
+        let mut state = self.lock();
+        let room = self.most_bytes.saturating_sub(state.bytes);
+        if state.order.len() < self.most_files && opened.bytes <= room {
+            state.insert(key, opened);
+        }
+    }
+
+    /// The file `key` if it is open; it counts as no use of it.
+    pub(super) fn peek(&self, key: u64) -> Option<Grid> {
+        match self.lock().slots.get(&key) {
+            Some(Slot::Ready { grid, .. }) => Some(grid.clone()),
+            _ => None,
+        }
+    }
+
+    /// The open file, or `None` after marking it as being opened by this thread.
+    fn find_or_claim(&self, key: u64) -> Option<Grid> {
+        let mut state = self.lock();
+        loop {
+            match state.slots.get(&key) {
+                Some(Slot::Ready { .. }) => return state.touch(key),
+                Some(Slot::Opening) => {
+                    state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+                }
+                None => {
+                    state.slots.insert(key, Slot::Opening);
+                    return None;
+                }
+            }
+        }
+    }
+
+    /// No code that can panic runs under the lock, so a poisoned state is still sound.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn touch(&mut self, key: u64) -> Option<Grid> {
+        let Some(Slot::Ready { grid, stamp, .. }) = self.slots.get_mut(&key) else { return None };
+        self.clock += 1;
+        self.order.remove(stamp);
+        self.order.insert(self.clock, key);
+        *stamp = self.clock;
+        Some(grid.clone())
+    }
+
+    /// Closes files until `files` more with `bytes` bytes fit, or none is left.
+    fn make_room(&mut self, files: usize, bytes: usize, most_files: usize, most_bytes: usize) {
+        let is_full = |state: &Self| {
+            state.order.len() + files > most_files || state.bytes.saturating_add(bytes) > most_bytes
+        };
+        while is_full(self) {
+            let Some((_, oldest)) = self.order.pop_first() else { return };
+            if let Some(Slot::Ready { bytes, .. }) = self.slots.remove(&oldest) {
+                self.bytes -= bytes;
+            }
+        }
+    }
+
+    fn insert(&mut self, key: u64, Open { grid, bytes }: Open) {
+        self.clock += 1;
+        self.bytes += bytes;
+        self.order.insert(self.clock, key);
+        self.slots.insert(key, Slot::Ready { grid, bytes, stamp: self.clock });
+    }
+}
+
+/// The right and duty of one thread to open one file.
+struct Claim<'a> {
+    pool: &'a Pool,
+    key: u64,
+}
+
+impl Drop for Claim<'_> {
+    fn drop(&mut self) {
+        let mut state = self.pool.lock();
+        if let Some(Slot::Opening) = state.slots.get(&self.key) {
+            state.slots.remove(&self.key);
+        }
+        drop(state);
+        self.pool.changed.notify_all();
+    }
+}
+
+/// Files that a mosaic may have open.
+fn open_files_allowed() -> usize {
+    let share = open_files_limit().unwrap_or(u64::MAX) / FILE_SHARE;
+    (share as usize).clamp(1, MOST_FILES)
+}
+
+/// The limit of the process; `None` where there is none.
+#[cfg(unix)]
+fn open_files_limit() -> Option<u64> {
+    rustix::process::getrlimit(rustix::process::Resource::Nofile).current
+}
+
+#[cfg(not(unix))]
+fn open_files_limit() -> Option<u64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{OpenOptions, open};
+    use std::sync::atomic::AtomicUsize;
+    use terrane_base::error::Error;
+
+    fn file(bytes: usize) -> Result<Open> {
+        let grid = open("synth:rough,size=9", &OpenOptions::default())?;
+        Ok(Open { grid: grid.into(), bytes })
+    }
+
+    fn is_open(pool: &Pool, key: u64) -> bool {
+        pool.peek(key).is_some()
+    }
+
+    #[test]
+    fn the_least_recently_used_file_is_closed_first() {
+        let pool = Pool::with(2, 9, 100);
+        pool.get(1, || file(10)).unwrap();
+        pool.get(2, || file(10)).unwrap();
+        pool.get(1, || panic!("is open")).unwrap();
+        pool.get(3, || file(10)).unwrap();
+        assert_eq!([1, 2, 3].map(|key| is_open(&pool, key)), [true, false, true]);
+        pool.get(4, || file(95)).unwrap();
+        assert_eq!([1, 3, 4].map(|key| is_open(&pool, key)), [false, false, true]);
+        pool.get(5, || file(1000)).unwrap();
+        assert!(is_open(&pool, 5) && !is_open(&pool, 4), "the only one, though too large");
+        pool.offer(6, file(1).unwrap());
+        assert!(!is_open(&pool, 6), "no room");
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_opened_is_tried_again() {
+        let pool = Pool::with(2, 1, 100);
+        assert!(pool.get(1, || Err(Error::bad_input("no"))).is_err());
+        let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _ = pool.get(1, || panic!("bug"));
+        }));
+        assert!(caught.is_err());
+        assert!(pool.get(1, || file(1)).is_ok());
+    }
+
+    #[test]
+    fn many_threads_open_each_file_once() {
+        let pool = Pool::with(64, 50, 1 << 20);
+        let opened = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for key in 0..50 {
+                        let open = || {
+                            opened.fetch_add(1, Ordering::Relaxed);
+                            std::thread::yield_now();
+                            file(1)
+                        };
+                        pool.get(key, open).unwrap();
+                    }
+                });
+            }
+        });
+        assert_eq!(opened.into_inner(), 50);
+    }
+
+    #[test]
+    fn shares_and_limits() {
+        assert_eq!(Pool::with(2, 3, 90).share(), 30);
+        assert_eq!(Pool::with(2, 1000, 80).share(), 10);
+        assert!((1..=MOST_FILES).contains(&open_files_allowed()));
+    }
+}

@@ -1,0 +1,200 @@
+//! Opening the files of a mosaic: once in parallel to learn what they are, then again whenever they
+//! are read and have been closed meanwhile.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::{GridInfo, OpenOptions, SYNTH_PREFIX, SampleType};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::limits;
+use terrane_files::path_of;
+
+use super::cache::{Grid, Open, Pool};
+use super::{Source, changed, vrt};
+
+/// What a mosaic and all mosaics within it share.
+pub(super) struct Family {
+    pub(super) pool: Pool,
+    /// Files and sources so far.
+    members: AtomicU64,
+    /// Bytes of VRTs read so far.
+    vrt_bytes: AtomicU64,
+    /// Folder for what has to be unpacked first.
+    temp_dir: Option<PathBuf>,
+}
+
+/// A file that can be opened at any time.
+pub(super) struct File {
+    pub(super) key: u64,
+    name: String,
+    band: u32,
+    nodata: Option<f64>,
+    facts: Facts,
+    /// Bytes of its largest block that is decoded whole.
+    pub(super) block_bytes: u64,
+}
+
+/// What must stay as it was.
+#[derive(Clone, Copy, PartialEq)]
+struct Facts {
+    width: u32,
+    height: u32,
+    sample_type: SampleType,
+}
+
+impl Facts {
+    fn of(info: &GridInfo) -> Self {
+        Self { width: info.width, height: info.height, sample_type: info.sample_type }
+    }
+}
+
+/// Where in a nest of mosaics a file is looked for.
+#[derive(Clone)]
+pub(super) struct Nest {
+    pub(super) family: Arc<Family>,
+    /// The VRTs around, outermost first, by their real paths.
+    pub(super) around: Vec<PathBuf>,
+}
+
+/// A file as it was found.
+pub(super) struct Found {
+    pub(super) info: GridInfo,
+    pub(super) source: Source,
+}
+
+impl Family {
+    pub(super) fn new(files: usize, options: &OpenOptions) -> Arc<Self> {
+        Arc::new(Self {
+            pool: Pool::new(files, options.cache_bytes),
+            members: AtomicU64::new(0),
+            vrt_bytes: AtomicU64::new(0),
+            temp_dir: options.temp_dir.clone(),
+        })
+    }
+
+    /// Counts files in, all mosaics together.
+    pub(super) fn count_members(&self, more: u64) -> Result<()> {
+        let members = self.members.fetch_add(more, Ordering::Relaxed) + more;
+        limits::check("files of a mosaic", members, limits::MAX_MEMBERS)
+    }
+
+    /// Counts bytes of VRTs in, all mosaics together.
+    pub(super) fn count_vrt_bytes(&self, more: u64) -> Result<()> {
+        let bytes = self.vrt_bytes.fetch_add(more, Ordering::Relaxed).saturating_add(more);
+        limits::check("bytes of a VRT", bytes, limits::MAX_VRT_BYTES)
+    }
+
+    /// The open file.
+    pub(super) fn grid(&self, file: &File) -> Result<Grid> {
+        self.pool.get(file.key, || {
+            let (open, info) = open_file(self, &file.name, file.band, file.nodata)?;
+            if Facts::of(&info) != file.facts {
+                return Err(changed(&file.name));
+            }
+            Ok(open)
+        })
+    }
+}
+
+impl File {
+    /// The file's name, as it is opened by.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// As if the file declared `nodata`, whatever it does declare. One that is open as it is will
+    /// be opened anew.
+    pub(super) fn with_nodata(self, family: &Family, nodata: Option<f64>) -> Self {
+        Self { key: family.pool.new_key(), nodata, ..self }
+    }
+}
+
+/// Does `work` on a pool of `threads` threads; within another pool, as a mosaic in a mosaic is, on
+/// that one.
+pub(super) fn on_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
+    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
+    pool.map_err(no_threads)?.install(work)
+}
+
+/// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
+pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
+    if is_vrt(name)? {
+        let path = &*path_of(name);
+        let share = nest.family.pool.share();
+        let options = OpenOptions { band, nodata, cache_bytes: share, threads: 1, temp_dir: None };
+        let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
+        let info = grid.info().clone();
+        return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
+    }
+    let pool = &nest.family.pool;
+    let (open, info) = open_file(&nest.family, name, band, nodata)?;
+    let (key, facts) = (pool.new_key(), Facts::of(&info));
+    let block_bytes = open.grid.block_bytes();
+    pool.offer(key, open);
+    let file = File { key, name: name.to_owned(), band, nodata, facts, block_bytes };
+    Ok(Found { info, source: Source::File(file) })
+}
+
+fn is_vrt(name: &str) -> Result<bool> {
+    if name.starts_with(SYNTH_PREFIX) || crate::file_name(name) != name {
+        return Ok(false);
+    }
+    let path = path_of(name);
+    let head = crate::head_of(&path)?;
+    Ok(crate::format_of(&path, &head).is_some_and(|f| f.name == vrt::FORMAT.name))
+}
+
+/// Opens a file with its share of the memory, or with more where it cannot be read with that.
+fn open_file(
+    family: &Family,
+    name: &str,
+    band: u32,
+    nodata: Option<f64>,
+) -> Result<(Open, GridInfo)> {
+    let pool = &family.pool;
+    let with = |cache_bytes| {
+        let temp_dir = family.temp_dir.clone();
+        let options = OpenOptions { band, nodata, cache_bytes, threads: 1, temp_dir };
+        let grid = crate::open(name, &options)?;
+        let info = grid.info().clone();
+        let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
+        Ok((Open { grid: grid.into(), bytes }, info))
+    };
+    let opened: Result<_> = with(pool.share()).or_else(|e: Error| match e.kind() {
+        ErrorKind::Resource => with(pool.most_bytes()),
+        _ => Err(e),
+    });
+    opened.map_err(|e| e.in_file(&path_of(crate::file_name(name))))
+}
+
+/// Bytes of all decoded blocks of a file.
+fn block_bytes(info: &GridInfo) -> u64 {
+    let blocks =
+        |size: u32, block: u32| u64::from(size.div_ceil(block.max(1))) * u64::from(block.max(1));
+    let samples =
+        blocks(info.width, info.block.0).saturating_mul(blocks(info.height, info.block.1));
+    samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_has_the_threads_it_was_given() {
+        for threads in [1, 3] {
+            let seen = on_threads(threads, || Ok(rayon::current_num_threads())).unwrap();
+            assert_eq!(seen, threads);
+        }
+        let within = || on_threads(7, || Ok(rayon::current_num_threads()));
+        assert_eq!(on_threads(2, within).unwrap(), 2);
+    }
+}

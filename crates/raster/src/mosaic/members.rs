@@ -1,0 +1,240 @@
+//! The files of a grid: one, or those of a mosaic in the order in which later ones lie on top.
+
+use std::fmt;
+use std::path::Path;
+
+use crate::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
+use terrane_base::error::{Error, Result};
+use terrane_files::{Seek, name_of, path_of, shown};
+
+/// Formats of one file in another.
+const PACKED_ENDINGS: [&str; 2] = ["gz", "zip"];
+/// Endings of formats that also lie beside grids without being one: lists, tables, mosaics of the
+/// folder's files.
+const AMBIGUOUS_ENDINGS: [&str; 3] = ["txt", "csv", "vrt"];
+
+/// The names of one grid, as the user gave them: usually one file, else several that are one
+/// mosaic.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Inputs {
+    names: Vec<String>,
+    label: Option<String>,
+}
+
+impl Inputs {
+    /// The names.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The files that the names stand for, by absolute paths, still called what the user called them.
+    ///
+    /// # Errors
+    /// As [`files`], and paths that cannot be made absolute.
+    pub fn resolve(&self) -> Result<Self> {
+        let names = files(&self.names)?.iter().map(|name| absolute(name)).collect::<Result<_>>()?;
+        Ok(Self::labelled(names, self.to_string()))
+    }
+
+    /// Names that are shown to people as `label`.
+    pub fn labelled(names: Vec<String>, label: String) -> Self {
+        Self { names, label: Some(label) }
+    }
+}
+
+/// `input` with an absolute path in it, where it is a file.
+fn absolute(input: &str) -> Result<String> {
+    if input.starts_with(SYNTH_PREFIX) {
+        return Ok(input.to_owned());
+    }
+    let name = file_name(input);
+    let path = path_of(name);
+    let absolute = std::path::absolute(&path).map_err(|e| Error::read(&path, e))?;
+    Ok(input[..input.len() - name.len()].to_owned() + &name_of(absolute)?)
+}
+
+impl From<Vec<String>> for Inputs {
+    fn from(names: Vec<String>) -> Self {
+        Self { names, label: None }
+    }
+}
+
+impl From<String> for Inputs {
+    fn from(name: String) -> Self {
+        Self::from(vec![name])
+    }
+}
+
+impl From<&str> for Inputs {
+    fn from(name: &str) -> Self {
+        Self::from(vec![name.to_owned()])
+    }
+}
+
+impl From<&String> for Inputs {
+    fn from(name: &String) -> Self {
+        Self::from(vec![name.clone()])
+    }
+}
+
+/// The first name, and how many follow: "a.tif and 2 more".
+impl fmt::Display for Inputs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(label) = &self.label {
+            return f.write_str(label);
+        }
+        match self.names.as_slice() {
+            [] => write!(f, "nothing"),
+            [one] => write!(f, "{}", shown(one)),
+            [first, rest @ ..] => write!(f, "{} and {} more", shown(first), rest.len()),
+        }
+    }
+}
+
+/// What is looked for.
+const GRIDS: Seek = Seek {
+    what: "grid",
+    is_member: is_grid_name,
+    is_made: |input| input.starts_with(SYNTH_PREFIX),
+    file_name,
+};
+
+/// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
+/// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
+/// file that is there, and else a grid of points; `@` before its name makes any file a list.
+pub fn is_collection(input: &str) -> bool {
+    GRIDS.is_collection(input)
+}
+
+/// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+///
+/// # Errors
+/// A folder, list or pattern that yields no file or cannot be read; more than
+/// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
+pub fn files(inputs: &[String]) -> Result<Vec<String>> {
+    GRIDS.files(inputs)
+}
+
+/// As [`files`], with those in folders below the folders among `inputs`.
+///
+/// # Errors
+/// As [`files`].
+pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
+    GRIDS.files_below(inputs)
+}
+
+/// True for names that only grids have: not those of lists, of packed files of who knows what, of
+/// headers beside a grid, or hidden ones.
+fn is_grid_name(path: &Path) -> bool {
+    let ending = |path: &Path| {
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    };
+    let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let last = ending(path);
+    if hidden || AMBIGUOUS_ENDINGS.contains(&last.as_str()) || raw::is_header_name(path) {
+        return false;
+    }
+    if PACKED_ENDINGS.contains(&last.as_str()) {
+        return is_grid_name(&path.with_extension(""));
+    }
+    let known = |format: &RasterFormat| format.has_extension_of(path);
+    FORMATS.iter().any(known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Place(tempfile::TempDir);
+
+    impl Place {
+        fn new(names: &[&str]) -> Self {
+            let place = Self(tempfile::tempdir().unwrap());
+            names.iter().for_each(|name| place.write(name, "x"));
+            place
+        }
+
+        fn write(&self, name: &str, text: &str) {
+            std::fs::write(self.0.path().join(name), text).unwrap();
+        }
+
+        fn at(&self, name: &str) -> String {
+            self.0.path().join(name).display().to_string()
+        }
+
+        /// Names below the folder.
+        fn files(&self, inputs: &[&str]) -> Vec<String> {
+            let found = files(&inputs.iter().map(|i| (*i).to_owned()).collect::<Vec<_>>()).unwrap();
+            let start = format!("{}/", self.0.path().display());
+            found.iter().map(|name| name.strip_prefix(&start).unwrap_or(name).to_owned()).collect()
+        }
+
+        fn refused(&self, input: &str) -> String {
+            files(&[input.to_owned()]).unwrap_err().to_string()
+        }
+    }
+
+    #[test]
+    fn a_folder_gives_its_grids_by_name() {
+        let place = Place::new(&[
+            "b.TIF",
+            "a.hgt",
+            "c.hgt.zip",
+            "d.zip",
+            "readme.txt",
+            "all.vrt",
+            ".e.tif",
+            "f.tif.ovr",
+            "g.bil",
+            "g.hdr",
+            "g.prj",
+            "h.asc.gz",
+        ]);
+        std::fs::create_dir(place.0.path().join("sub.tif")).unwrap();
+        let folder = place.at("");
+        assert!(is_collection(&folder));
+        assert_eq!(place.files(&[&folder]), ["a.hgt", "b.TIF", "c.hgt.zip", "g.bil", "h.asc.gz"]);
+        let empty = Place::new(&["x.md"]);
+        assert!(empty.refused(&empty.at("")).contains("holds no grid"));
+    }
+
+    #[test]
+    fn a_list_is_told_from_points_by_what_it_names() {
+        let place = Place::new(&["a.tif", "b.tif"]);
+        place.write("list.txt", "\n# tiles\nb.tif\r\n  a.tif \n");
+        place.write("points.txt", "1 2 3\n2 2 4\n");
+        place.write("odd", "a.tif\n");
+        assert!(is_collection(&place.at("list.txt")) && !is_collection(&place.at("points.txt")));
+        assert_eq!(place.files(&[&place.at("list.txt")]), ["b.tif", "a.tif"]);
+        assert!(!is_collection(&place.at("odd")));
+        assert_eq!(place.files(&[&format!("@{}", place.at("odd"))]), ["a.tif"]);
+        place.write("list.txt", "a.tif\nnone.tif\n");
+        let told = place.refused(&place.at("list.txt"));
+        assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
+        assert!(place.refused("@nowhere").contains("cannot read"));
+        std::fs::write(place.0.path().join("raw"), [b'a', 0, 0xfe]).unwrap();
+        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not text"));
+    }
+
+    #[test]
+    fn several_inputs_keep_their_order() {
+        let place = Place::new(&["a.tif", "b.tif", "c.tif", "x[1].tif"]);
+        let (c, pattern) = (place.at("c.tif"), place.at("[ab].tif"));
+        assert_eq!(
+            place.files(&[&c, &pattern, "synth:rough"]),
+            ["c.tif", "a.tif", "b.tif", "synth:rough"]
+        );
+        assert!(
+            is_collection(&pattern) && !is_collection(&place.at("x[1].tif")),
+            "a file is a file"
+        );
+        assert!(place.refused(&place.at("z*.tif")).contains("matches no file"));
+    }
+
+    #[test]
+    fn inputs_are_told_in_short() {
+        assert_eq!(Inputs::from("a").to_string(), "a");
+        let three = Inputs::from(["a", "b", "c"].map(str::to_owned).to_vec());
+        assert_eq!(three.to_string(), "a and 2 more");
+    }
+}

@@ -1,0 +1,218 @@
+//! Many files that are one grid: placed on one lattice, later ones on top where they are valid, read
+//! by window. Files are opened when they are read and closed again, so that any number of them will
+//! do.
+
+mod agree;
+mod cache;
+mod find;
+mod index;
+mod layout;
+mod members;
+mod plain;
+mod recode;
+pub(super) mod vrt;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::sample::Height;
+use crate::{GridInfo, GridSource, Window};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_files::path_of;
+
+use cache::Grid;
+use find::{Family, File};
+use index::Index;
+pub use members::{Inputs, files, files_below, is_collection};
+pub(super) use plain::open;
+use recode::Recode;
+
+/// Most samples that are read apart before they are painted.
+const SCRATCH_SAMPLES: u32 = 1 << 19;
+
+/// A mosaic.
+struct Mosaic {
+    info: GridInfo,
+    /// Bottom to top.
+    parts: Vec<Part>,
+    index: Index,
+    family: Arc<Family>,
+}
+
+/// A rectangle of a file and where it goes.
+struct Part {
+    source: Source,
+    /// In the mosaic; not empty.
+    rect: Rect,
+    /// Column and row in the file of the rectangle's first sample.
+    from: [u32; 2],
+    /// True when voids let through what lies below.
+    transparent: bool,
+    recode: Option<Recode>,
+}
+
+/// Where samples come from.
+enum Source {
+    /// A file, opened when needed.
+    File(File),
+    /// A mosaic in the mosaic. It holds no file itself.
+    Nested { grid: Grid, path: PathBuf },
+}
+
+/// Heights that a grid can be asked for.
+trait Sample: Height {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
+    fn is_void(self) -> bool;
+}
+
+impl Sample for f32 {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f32]) -> Result<()> {
+        grid.read_f32(rect, out)
+    }
+
+    fn is_void(self) -> bool {
+        self.is_nan()
+    }
+}
+
+impl Sample for f64 {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f64]) -> Result<()> {
+        grid.read_f64(rect, out)
+    }
+
+    fn is_void(self) -> bool {
+        self.is_nan()
+    }
+}
+
+impl Mosaic {
+    fn new(info: GridInfo, parts: Vec<Part>, family: Arc<Family>) -> Self {
+        let index = Index::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
+        Self { info, parts, index, family }
+    }
+
+    fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        Window::new(&self.info, rect, out)?;
+        let found = self.index.find(&rect);
+        let parts: Vec<&Part> = found.iter().map(|i| &self.parts[*i as usize]).collect();
+        if let [only] = parts[..]
+            && only.recode.is_none()
+            && only.rect.intersect(&rect) == rect
+        {
+            return self.read_from(only, rect, out);
+        }
+        out.fill(H::VOID);
+        let mut window = Window::new(&self.info, rect, out)?;
+        parts.into_iter().try_for_each(|part| self.paint(part, &mut window, rect))
+    }
+
+    /// Puts what `part` has of `rect` into the window.
+    fn paint<H: Sample>(&self, part: &Part, window: &mut Window<'_, H>, rect: Rect) -> Result<()> {
+        let whole = part.rect.intersect(&rect);
+        let rows = (SCRATCH_SAMPLES / whole.width).max(1);
+        for row in (whole.row..whole.end_row()).step_by(rows as usize) {
+            let strip = Rect { row, height: rows, ..whole }.intersect(&whole);
+            match &part.recode {
+                // Scaling and rounding start from the exact value.
+                Some(recode) => self.paint_strip(part, window, strip, |height: f64| {
+                    H::of_f64(recode.height(height))
+                })?,
+                None => self.paint_strip(part, window, strip, |height: H| height)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn paint_strip<R: Sample, H: Sample>(
+        &self,
+        part: &Part,
+        window: &mut Window<'_, H>,
+        strip: Rect,
+        height: impl Fn(R) -> H,
+    ) -> Result<()> {
+        let mut heights = vec![R::VOID; strip.len()];
+        self.read_from(part, strip, &mut heights)?;
+        for (row, read) in heights.chunks_exact(strip.width as usize).enumerate() {
+            for (out, read) in window.row(strip, row as u32).iter_mut().zip(read) {
+                if !read.is_void() {
+                    *out = height(*read);
+                } else if !part.transparent {
+                    *out = H::VOID;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads `rect` (of the mosaic, inside the part) from the part's file.
+    fn read_from<H: Sample>(&self, part: &Part, rect: Rect, out: &mut [H]) -> Result<()> {
+        let there = part.in_source(rect);
+        match &part.source {
+            Source::Nested { grid, .. } => H::read(grid.as_ref(), there, out),
+            Source::File(file) => H::read(self.family.grid(file)?.as_ref(), there, out),
+        }
+    }
+}
+
+impl Part {
+    /// `rect` of the mosaic, inside the part, in the part's file.
+    fn in_source(&self, rect: Rect) -> Rect {
+        let col = self.from[0] + (rect.col - self.rect.col);
+        let row = self.from[1] + (rect.row - self.rect.row);
+        Rect { col, row, ..rect }
+    }
+}
+
+impl GridSource for Mosaic {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn block_bytes(&self) -> u64 {
+        let of = |part: &Part| match &part.source {
+            Source::Nested { grid, .. } => grid.block_bytes(),
+            Source::File(file) => file.block_bytes,
+        };
+        self.parts.iter().map(of).max().unwrap_or(0)
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        let of = |part: &Part| match &part.source {
+            Source::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
+            Source::File(file) => vec![path_of(file.name()).into_owned()],
+        };
+        let mut members: Vec<PathBuf> = self.parts.iter().flat_map(of).collect();
+        members.sort();
+        members.dedup();
+        members
+    }
+
+    fn release(&self, rect: Rect) {
+        for i in self.index.find(&rect) {
+            let part = &self.parts[i as usize];
+            let there = part.in_source(part.rect.intersect(&rect));
+            match &part.source {
+                Source::Nested { grid, .. } => grid.release(there),
+                Source::File(file) => {
+                    self.family.pool.peek(file.key).into_iter().for_each(|g| g.release(there));
+                }
+            }
+        }
+    }
+}
+
+/// The answer to a file that became another one while the mosaic was open.
+fn changed(name: &str) -> Error {
+    Error::bad_input("changed its size or type while it was in use")
+        .in_file(&path_of(name))
+        .remedy("run again when nothing writes to it")
+}

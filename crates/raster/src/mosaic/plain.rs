@@ -1,0 +1,159 @@
+//! Files that make a mosaic by where they say they lie: all on the lattice of the first one.
+
+use rayon::prelude::*;
+
+use crate::{GridInfo, GridSource, OpenOptions, SampleType};
+use terrane_base::error::{Error, Result, all};
+use terrane_base::geom::Rect;
+use terrane_files::path_of;
+
+use super::agree::{self, Named};
+use super::find::{Family, Found, Nest, find, on_threads};
+use super::layout::{Layout, Shape, lay_out};
+use super::recode::{Recode, void_range, wider};
+use super::{Mosaic, Part, Source, members};
+
+/// What a mosaic needs to remember of each file.
+struct Member {
+    source: Source,
+    shape: Shape,
+    sample_type: SampleType,
+    nodata: Option<f64>,
+    unit: Option<String>,
+}
+
+impl Member {
+    fn of(Found { info, source }: Found) -> Self {
+        let GridInfo { transform, width, height, sample_type, nodata, .. } = info;
+        let shape = Shape { transform, width, height };
+        Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit }
+    }
+}
+
+/// Opens `inputs` (files, folders, lists, patterns) as one grid, later files on top where they are
+/// valid.
+///
+/// # Errors
+/// Inputs that yield no file, a file that cannot be opened, two files that do not fit together.
+pub(crate) fn open(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let names = members::files(inputs)?;
+    match names.as_slice() {
+        [] => Err(nothing()),
+        [one] => crate::open(one, options),
+        _ => Ok(Box::new(mosaic(&names, options)?)),
+    }
+}
+
+fn nothing() -> Error {
+    Error::usage("no input is given").remedy("name a grid file")
+}
+
+fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
+    let family = Family::new(names.len(), options);
+    family.count_members(names.len() as u64)?;
+    let nest = Nest { family, around: Vec::new() };
+    let look = |name: &str| find(name, options.band, options.nodata, &nest);
+    let first = look(&names[0]).and_then(|found| match found.info.georeferenced {
+        true => Ok(found),
+        false => Err(agree::nowhere(&names[0])),
+    });
+    let info = first.as_ref().ok().map(|first| first.info.clone());
+    let member = |name: &String| {
+        let found = look(name)?;
+        if let Some(info) = &info {
+            let reference = Named { name: &names[0], info };
+            agree::check(reference, Named { name, info: &found.info })?;
+        }
+        Ok(Member::of(found))
+    };
+    let rest = || Ok(names[1..].par_iter().map(member).collect::<Vec<Result<Member>>>());
+    let mut looked = vec![first.map(Member::of)];
+    looked.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
+    let members = all(looked)?;
+    let info = info.ok_or_else(nothing)?;
+    let unit = unit(names, &members)?;
+    let layout = laid_out(names, &members)?;
+    let info = describe(info, &members, &layout, unit);
+    let parts = parts(members, &layout, &info);
+    Ok(Mosaic::new(info, parts, nest.family))
+}
+
+/// The one unit of height that files state; those that state none are taken to agree.
+fn unit(names: &[String], members: &[Member]) -> Result<Option<String>> {
+    let stated =
+        names.iter().zip(members).filter_map(|(n, m)| Some((n.as_str(), m.unit.as_deref()?)));
+    let mut stated = stated.peekable();
+    let Some(&first) = stated.peek() else { return Ok(None) };
+    stated.try_for_each(|other| agree::check_units(first, other))?;
+    Ok(Some(first.1.to_owned()))
+}
+
+fn laid_out(names: &[String], members: &[Member]) -> Result<Layout> {
+    let shapes: Vec<Shape> = members.iter().map(|member| member.shape).collect();
+    lay_out(&shapes).map_err(|e| e.in_file(&path_of(&names[0])))?.map_err(|(i, misfit)| {
+        agree::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
+    })
+}
+
+/// The mosaic as a grid: what the first file says, on the common lattice, in a type that holds all
+/// samples, with the nodata value of the first file that declares one.
+fn describe(
+    first: GridInfo,
+    members: &[Member],
+    layout: &Layout,
+    unit: Option<String>,
+) -> GridInfo {
+    let types = members.iter().map(|member| member.sample_type);
+    let mut info = GridInfo {
+        width: layout.width,
+        height: layout.height,
+        transform: layout.transform,
+        sample_type: types.fold(first.sample_type, wider),
+        nodata: members.iter().find_map(|member| member.nodata),
+        format: "mosaic",
+        details: facts(members.len(), &first),
+        block: (first.block.0.min(layout.width), first.block.1.min(layout.height)),
+        ..first
+    };
+    if info.crs.vertical_unit.is_none() {
+        info.crs.vertical_unit = unit;
+    }
+    info
+}
+
+fn parts(members: Vec<Member>, layout: &Layout, info: &GridInfo) -> Vec<Part> {
+    let placed = members.into_iter().zip(&layout.places);
+    let part = |(member, place): (Member, &[u32; 2])| Part {
+        recode: recode(member.nodata, info),
+        source: member.source,
+        rect: Rect::new(place[0], place[1], member.shape.width, member.shape.height),
+        from: [0, 0],
+        transparent: true,
+    };
+    placed.map(part).collect()
+}
+
+/// In a file with another nodata value, or none, samples at the mosaic's are void as well: its
+/// reader could not tell them apart.
+fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
+    let nodata = info.nodata?;
+    if own.is_some_and(|own| own == nodata || (own.is_nan() && nodata.is_nan())) {
+        return None;
+    }
+    let (low, high) = void_range(info.sample_type, nodata)?;
+    // Heights of all files are scaled alike, and just as here.
+    let height = |stored: f64| stored * info.scale + info.offset;
+    let (low, high) = (height(low), height(high));
+    Some(Recode { void: Some((low.min(high), low.max(high))), ..Recode::NONE })
+}
+
+/// How many files there are, and what the first is.
+fn facts(files: usize, first: &GridInfo) -> Vec<(String, String)> {
+    let compression = first.details.iter().find(|(name, _)| name == "compression").cloned();
+    let mut facts = vec![
+        ("files".to_owned(), files.to_string()),
+        ("format of the first".to_owned(), first.format.to_owned()),
+    ];
+    facts.extend(compression);
+    facts
+}

@@ -1,0 +1,255 @@
+//! GDAL virtual rasters (.vrt): rectangles of files, painted in order.
+//!
+//! A simple source covers what lies below it, its nodata included; a complex source with a nodata
+//! value lets through what lies below. Where nothing was painted, and where the band's nodata value
+//! was, there is a void.
+
+mod parse;
+mod path;
+
+use std::io::BufReader;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::file::RawFile;
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, unit_and_text};
+use terrane_base::error::{Error, Result, all};
+use terrane_base::geom::{Affine, Crs, Rect, wkt};
+use terrane_base::limits;
+use terrane_files::path_of;
+
+use super::find::{Family, Nest, find, on_threads};
+use super::recode::{Recode, holds, void_range};
+use super::{Mosaic, Part, Source as Samples};
+use parse::{Source, Vrt};
+
+/// The registry entry.
+pub(crate) const FORMAT: RasterFormat = RasterFormat {
+    name: "VRT",
+    extensions: &["vrt"],
+    about: "GDAL virtual rasters of simple and complex sources, files below their folder",
+    sniff: is_vrt,
+    open,
+};
+
+/// Deepest nesting of VRTs in VRTs.
+const MOST_DEPTH: usize = 8;
+/// Samples along a block where the VRT does not say: that is GDAL's.
+const BLOCK: u32 = 128;
+
+/// True for the start of a VRT, with or without an XML declaration.
+fn is_vrt(head: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(head);
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    text.starts_with("<VRTDataset") || (text.starts_with("<?xml") && text.contains("<VRTDataset"))
+}
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let vrt = read(path, options, None)?;
+    let family = Family::new(vrt.band.sources.len(), options);
+    let nest = Nest { family, around: Vec::new() };
+    nest.family.count_vrt_bytes(length(path)?)?;
+    Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
+}
+
+/// As the registry's entry, within other mosaics.
+pub(super) fn open_within(path: &Path, options: &OpenOptions, nest: &Nest) -> Result<Mosaic> {
+    let vrt = read(path, options, Some(nest))?;
+    mosaic(path, vrt, options, nest).map_err(|e| e.in_file(path))
+}
+
+fn length(path: &Path) -> Result<u64> {
+    Ok(RawFile::open(path)?.size())
+}
+
+fn read(path: &Path, options: &OpenOptions, nest: Option<&Nest>) -> Result<Vrt> {
+    let file = RawFile::open(path)?;
+    let within = match nest {
+        Some(nest) => nest.family.count_vrt_bytes(file.size()),
+        None => limits::check("bytes of a VRT", file.size(), limits::MAX_VRT_BYTES),
+    };
+    let text = BufReader::with_capacity(1 << 16, file.reader());
+    within.and_then(|()| parse::parse(text, options.band)).map_err(|e| e.in_file(path))
+}
+
+fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<Mosaic> {
+    let nest = deeper(path, nest)?;
+    nest.family.count_members(vrt.band.sources.len() as u64)?;
+    let mut info = describe(&vrt, options)?;
+    let canvas = Canvas { path, info: &info, nest: &nest };
+    let part = |source: &Source| {
+        canvas.part(source).map_err(|e| match e.path() {
+            // About the file, which only the VRT has named.
+            Some(_) => e.named_by(path),
+            None => e.at(&source.place),
+        })
+    };
+    let parts = || all(vrt.band.sources.par_iter().map(part).collect());
+    let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
+    let parts: Vec<Part> = parts.into_iter().flatten().collect();
+    info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
+    Ok(Mosaic::new(info, parts, nest.family))
+}
+
+/// The nest with this VRT around what follows.
+fn deeper(path: &Path, nest: &Nest) -> Result<Nest> {
+    let real = std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?;
+    if nest.around.contains(&real) {
+        return Err(Error::bad_input("refers to itself").in_file(path));
+    }
+    let depth = nest.around.len() as u64 + 1;
+    limits::check("depth of VRTs in VRTs", depth, MOST_DEPTH as u64)?;
+    let mut deeper = nest.clone();
+    deeper.around.push(real);
+    Ok(deeper)
+}
+
+fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
+    let Vrt { width, height, band, .. } = vrt;
+    let transform = vrt.transform.map(Affine::from_gdal);
+    if transform.is_some_and(|map| !map.is_valid()) {
+        return Err(Error::bad_input("GeoTransform is not finite or has no area"));
+    }
+    let unit = band.unit.as_deref().map(unit_and_text);
+    let (vertical_unit, vertical_unit_text) = unit.map_or((None, None), |(u, t)| (Some(u), t));
+    let [cols, rows] = band.block.unwrap_or([BLOCK; 2]);
+    Ok(GridInfo {
+        transform: transform.unwrap_or(Affine::LATTICE),
+        georeferenced: transform.is_some(),
+        pixel_is_point: vrt.is_point,
+        crs: Crs {
+            vertical_unit,
+            vertical_unit_text,
+            ..vrt.srs.as_deref().map(wkt::of_srs).unwrap_or_default()
+        },
+        nodata: options.nodata.or(band.nodata),
+        scale: band.scale,
+        offset: band.offset,
+        block: (cols.min(*width), rows.min(*height)),
+        bands: vrt.bands,
+        band: options.band,
+        ..GridInfo::plain(FORMAT.name, *width, *height, band.kind)
+    })
+}
+
+fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
+    a == b || matches!((a, b), (Some(a), Some(b)) if a.is_nan() && b.is_nan())
+}
+
+/// What sources are painted on.
+struct Canvas<'a> {
+    path: &'a Path,
+    info: &'a GridInfo,
+    nest: &'a Nest,
+}
+
+impl Canvas<'_> {
+    /// The part that `source` paints; `None` when that is none of the canvas.
+    fn part(&self, source: &Source) -> Result<Option<Part>> {
+        let name = path::resolve(self.path, &source.file, source.is_relative)?;
+        let found = find(&name, source.band, None, self.nest)?;
+        let Some((rect, from)) = self.place(source, &found.info) else { return Ok(None) };
+        let nodata = self.nodata(source, found.info.nodata);
+        let recode = self.recode(source, &found.info, nodata, &name)?;
+        let transparent = source.nodata.is_some() || source.use_mask;
+        let source = match (found.source, nodata) {
+            (samples, _) if is_same(found.info.nodata, nodata) => samples,
+            (Samples::File(file), _) => Samples::File(file.with_nodata(&self.nest.family, nodata)),
+            (Samples::Nested { .. }, _) => find(&name, source.band, nodata, self.nest)?.source,
+        };
+        Ok(Some(Part { source, rect, from, transparent, recode }))
+    }
+
+    /// The nodata value to read a file with that declares `own`.
+    fn nodata(&self, source: &Source, own: Option<f64>) -> Option<f64> {
+        match (source.nodata, source.use_mask) {
+            (Some(nodata), _) => Some(nodata),
+            // What the file says itself.
+            (None, true) => own,
+            // Nothing but the VRT's own value, which is one of changed samples.
+            (None, false) => {
+                let kept = self.info.nodata.filter(|_| !source.is_changed());
+                own.map(|_| kept.unwrap_or(f64::NAN))
+            }
+        }
+    }
+
+    /// Where the source goes, and the first sample of it in the file: what lies outside of either
+    /// is left out.
+    fn place(&self, source: &Source, file: &GridInfo) -> Option<(Rect, [u32; 2])> {
+        let size = [i64::from(file.width), i64::from(file.height)];
+        let to = source.to.unwrap_or([0, 0, size[0], size[1]]);
+        let from = source.from.unwrap_or([0, 0, to[2], to[3]]);
+        let end = [i64::from(self.info.width), i64::from(self.info.height)];
+        let mut first = [0; 2];
+        let mut count = [0; 2];
+        for axis in 0..2 {
+            // Samples skipped at the start so that both sides are at 0 or beyond.
+            let skip = (-to[axis]).max(-from[axis]).max(0);
+            let room = (end[axis] - to[axis]).min(size[axis] - from[axis]).min(to[axis + 2]);
+            first[axis] = skip;
+            count[axis] = room - skip;
+        }
+        if count[0] <= 0 || count[1] <= 0 {
+            return None;
+        }
+        // Between 0 and the sides of the file and the VRT.
+        let at = |from: [i64; 4]| [0, 1].map(|axis| (from[axis] + first[axis]) as u32);
+        let [col, row] = at(to);
+        Some((Rect::new(col, row, count[0] as u32, count[1] as u32), at(from)))
+    }
+
+    /// What happens to the file's heights; `None` when nothing does.
+    fn recode(
+        &self,
+        source: &Source,
+        file: &GridInfo,
+        nodata: Option<f64>,
+        name: &str,
+    ) -> Result<Option<Recode>> {
+        let band = self.info;
+        let is_changed = source.is_changed();
+        let is_plain = file.scale == 1.0 && file.offset == 0.0;
+        let is_alike = (file.scale, file.offset) == (band.scale, band.offset);
+        if !is_plain && (is_changed || !is_alike || !holds(band.sample_type, file.sample_type)) {
+            return Err(Error::unsupported(format!(
+                "its heights are stored x {} + {}, which the VRT changes to x {} + {}",
+                file.scale, file.offset, band.scale, band.offset
+            ))
+            .in_file(&path_of(name))
+            .remedy(format!("unscale it first: gdal_translate -unscale {name} OUT.tif")));
+        }
+        let kind =
+            (is_changed || !holds(band.sample_type, file.sample_type)).then_some(band.sample_type);
+        // Read with this very value, it is void already.
+        let is_void = kind.is_none() && is_same(nodata, band.nodata);
+        let void = band.nodata.filter(|_| !is_void);
+        let void = void.and_then(|nodata| void_range(band.sample_type, nodata));
+        let (scale, offset) = if is_plain { (band.scale, band.offset) } else { (1.0, 0.0) };
+        let in_heights = |v: f64| if is_plain { v } else { v * band.scale + band.offset };
+        let void = void.map(|(low, high)| (in_heights(low), in_heights(high)));
+        let void = void.map(|(low, high)| (low.min(high), low.max(high)));
+        let recode = Recode { ratio: source.ratio, shift: source.shift, kind, void, scale, offset };
+        Ok(Some(recode).filter(|recode| *recode != Recode::NONE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vrts_are_known_by_their_start() {
+        for head in [
+            "<VRTDataset rasterXSize=\"4\"",
+            "\u{feff}\n <VRTDataset>",
+            "<?xml version=\"1.0\"?>\n<VRTDataset rast",
+        ] {
+            assert!(is_vrt(head.as_bytes()), "{head}");
+        }
+        for head in ["", "<?xml version=\"1.0\"?><kml>", "<OGRVRTDataSource>", "VRTDataset"] {
+            assert!(!is_vrt(head.as_bytes()), "{head}");
+        }
+    }
+}

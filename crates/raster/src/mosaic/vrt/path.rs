@@ -1,0 +1,90 @@
+//! Which files a VRT may name: those in its folder and below, unless the user allows others.
+
+use std::path::{Component, Path, PathBuf};
+
+use terrane_base::error::{Error, Result};
+use terrane_files::name_of;
+
+/// Environment variable that allows a VRT to name files anywhere.
+const ALLOW: &str = "TERRANE_VRT_ALLOW_OUTSIDE";
+
+/// The path of the file that the VRT at `vrt` calls `name`: relative to the VRT's folder, or else
+/// to the current one. Links are the user's own and are followed.
+pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<String> {
+    let allowed = std::env::var_os(ALLOW).is_some_and(|value| value == "1");
+    resolve_with(vrt, name, is_relative, allowed)
+}
+
+fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Result<String> {
+    if name.to_ascii_lowercase().starts_with("/vsi") {
+        return Err(Error::unsupported(format!(
+            "a source is {}, a virtual file of GDAL",
+            short(name)
+        ))
+        .remedy("copy it to a plain file beside the VRT"));
+    }
+    let folder = vrt.parent().unwrap_or(Path::new(""));
+    let path = if is_relative { folder.join(name) } else { PathBuf::from(name) };
+    if !allowed && !is_inside(folder, &path) {
+        return Err(Error::bad_input(format!(
+            "a source is {}, outside the VRT's folder",
+            short(name)
+        ))
+        .remedy(format!("set {ALLOW}=1 if you trust this VRT")));
+    }
+    name_of(path)
+}
+
+fn is_inside(folder: &Path, path: &Path) -> bool {
+    match (normal(folder), normal(path)) {
+        (Some(folder), Some(path)) => path.starts_with(folder),
+        _ => false,
+    }
+}
+
+/// The absolute path without `.` and `..`; `None` where there is none.
+fn normal(path: &Path) -> Option<PathBuf> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    let mut normal = PathBuf::new();
+    for part in std::path::absolute(path).ok()?.components() {
+        match part {
+            Component::ParentDir if !normal.pop() => return None,
+            Component::ParentDir | Component::CurDir => {}
+            part => normal.push(part),
+        }
+    }
+    Some(normal)
+}
+
+fn short(name: &str) -> String {
+    name.chars().take(200).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(name: &str, is_relative: bool, allowed: bool) -> String {
+        match resolve_with(Path::new("/d/e/x.vrt"), name, is_relative, allowed) {
+            Ok(path) => path,
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn sources_stay_in_the_folder_unless_allowed() {
+        assert_eq!(told("a.tif", true, false), "/d/e/a.tif");
+        assert_eq!(told("f/../a.tif", true, false), "/d/e/f/../a.tif");
+        assert_eq!(told("/d/e/f/a.tif", false, false), "/d/e/f/a.tif");
+        for outside in ["../a.tif", "f/../../a.tif", "/etc/passwd", "/d/eve/a.tif"] {
+            let refused = told(outside, true, false);
+            assert!(
+                refused.contains("outside") && refused.contains("ALLOW_OUTSIDE=1"),
+                "{refused}"
+            );
+        }
+        assert!(told("a.tif", false, false).contains("outside"), "the current folder is another");
+        assert_eq!(told("../a.tif", true, true), "/d/e/../a.tif");
+        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("virtual file of GDAL"));
+    }
+}

@@ -1,0 +1,56 @@
+//! Nodata values that a file does not declare: heights no terrain has, which mean "nothing here".
+
+use crate::GridInfo;
+
+/// Stored values in use for nodata, below any land and any sea floor but the deepest.
+const USUAL: [f64; 5] = [-9999.0, -32_767.0, -32_768.0, -99_999.0, -999_999.0];
+/// Floats below this are the lowest of their type, or meant to be.
+const ABSURD: f64 = -1e30;
+
+/// The stored value to pass as `--nodata` when `lowest`, the lowest valid height of a grid or of a
+/// part of it, looks like a nodata value that the file does not declare. Exact for grids with scale
+/// and offset too, as long as the scale is positive.
+pub fn looks_like_nodata(lowest: f64, info: &GridInfo) -> Option<f64> {
+    let height = |stored: f64| stored * info.scale + info.offset;
+    let absurd = (lowest < ABSURD && lowest.is_finite()).then_some(lowest);
+    USUAL.into_iter().find(|stored| height(*stored) == lowest).or(absurd)
+}
+
+/// One line that tells the user of `samples` such samples.
+pub fn undeclared_nodata(samples: u64, stored: f64) -> String {
+    let value = if stored < ABSURD { format!("{stored:e}") } else { stored.to_string() };
+    let subject = if samples == 1 { "1 sample is" } else { &format!("{samples} samples are") };
+    format!("{subject} {value}, which looks like an undeclared nodata value; use --nodata {value}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{OpenOptions, open};
+
+    fn info() -> GridInfo {
+        open("synth:rough,size=9", &OpenOptions::default()).unwrap().info().clone()
+    }
+
+    #[test]
+    fn the_usual_values_and_the_lowest_floats_are_known() {
+        let plain = info();
+        for value in [-9999.0, -32_767.0, -32_768.0, -3.4e38, f64::from(f32::MIN)] {
+            assert_eq!(looks_like_nodata(value, &plain), Some(value));
+        }
+        for value in [-430.0, -9998.9, -10_994.0, 0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(looks_like_nodata(value, &plain), None);
+        }
+        let scaled = GridInfo { scale: 0.1, offset: 5.0, ..plain };
+        assert_eq!(looks_like_nodata(-32_768.0 * 0.1 + 5.0, &scaled), Some(-32_768.0));
+        assert_eq!(looks_like_nodata(-32_768.0, &scaled), None);
+    }
+
+    #[test]
+    fn the_line_says_what_to_pass() {
+        let line = undeclared_nodata(12, -32_767.0);
+        assert!(line.starts_with("12 samples are -32767,") && line.ends_with("--nodata -32767"));
+        let line = undeclared_nodata(1, f64::from(f32::MIN));
+        assert!(line.starts_with("1 sample is -3.4028234663852886e38,"), "{line}");
+    }
+}

@@ -1,0 +1,164 @@
+//! NumPy arrays (.npy, format versions 1 to 3) of two dimensions: rows, columns.
+
+use std::path::Path;
+
+use crate::file::RawFile;
+use crate::strided::{Layout, Strided, check_exact};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj, world};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+use terrane_base::limits;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "NumPy",
+    extensions: &["npy"],
+    about: "two-dimensional arrays; a .wld and .prj beside it place them",
+    sniff: |head| head.starts_with(MAGIC),
+    open,
+};
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+/// Most bytes of a header; those of plain arrays take 118.
+const MOST_HEADER: u64 = 64 << 10;
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let grid = read(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+    only_band(options.band)?;
+    let file = RawFile::open(path)?;
+    let (start, bytes) = header_range(&file)?;
+    limits::check("bytes of the header", bytes, MOST_HEADER)?;
+    let header = file.read_vec(start, bytes)?;
+    let header = Header::read(&String::from_utf8_lossy(&header))?;
+    let map = world::beside(path, &["npyw", "wld"])?;
+    let order = if header.by_column { "by column" } else { "by row" };
+    let info = GridInfo {
+        transform: map.unwrap_or(Affine::LATTICE),
+        georeferenced: map.is_some(),
+        crs: prj::beside(path)?,
+        nodata: options.nodata,
+        details: vec![
+            ("descr".to_owned(), header.descr.clone()),
+            ("order".to_owned(), order.to_owned()),
+        ],
+        ..GridInfo::plain(FORMAT.name, header.width, header.height, header.sample_type)
+    };
+    let size = header.sample_type.bytes();
+    let layout = match header.by_column {
+        true => Layout::columns(header.height, size),
+        false => Layout::rows(header.width, size),
+    };
+    let layout = Layout { offset: start + bytes, big_endian: header.big_endian, ..layout };
+    let end = layout.end(header.width, header.height, size);
+    check_exact(&file, end.as_ref().map(std::slice::from_ref))?;
+    Strided::new(file, info, layout)
+}
+
+/// Offset and bytes of the text that describes the array.
+fn header_range(file: &RawFile) -> Result<(u64, u64)> {
+    let head = file.head(12)?;
+    if !head.starts_with(MAGIC) {
+        return Err(Error::bad_input("is not a NumPy file: it does not begin with \\x93NUMPY"));
+    }
+    match head[MAGIC.len()..] {
+        [1, _, a, b, ..] => Ok((10, u64::from(u16::from_le_bytes([a, b])))),
+        [2 | 3, _, a, b, c, d] => Ok((12, u64::from(u32::from_le_bytes([a, b, c, d])))),
+        [version, ..] if version > 3 => {
+            Err(Error::unsupported(format!("NumPy format version {version} is not supported")))
+        }
+        _ => Err(Error::bad_input("file is truncated: its header is not complete")),
+    }
+}
+
+/// What the text says.
+#[derive(Debug, PartialEq)]
+struct Header {
+    descr: String,
+    sample_type: SampleType,
+    big_endian: bool,
+    by_column: bool,
+    width: u32,
+    height: u32,
+}
+
+impl Header {
+    /// Reads `{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }`.
+    fn read(text: &str) -> Result<Self> {
+        let descr = after_key(text, "descr")?;
+        if descr.starts_with('[') {
+            return Err(Error::unsupported("arrays of records are not supported"));
+        }
+        let mut quoted = descr.split(['\'', '"']);
+        let (Some(""), Some(descr)) = (quoted.next(), quoted.next()) else {
+            return Err(Error::bad_input("descr in the header is not a type"));
+        };
+        let (sample_type, big_endian) = sample_type(descr)?;
+        let order = after_key(text, "fortran_order")?;
+        let by_column = order.starts_with("True");
+        if !by_column && !order.starts_with("False") {
+            return Err(Error::bad_input("fortran_order in the header is neither True nor False"));
+        }
+        let (height, width) = shape(after_key(text, "shape")?)?;
+        Ok(Self { descr: descr.to_owned(), sample_type, big_endian, by_column, width, height })
+    }
+}
+
+/// The text after `'key':`.
+fn after_key<'a>(text: &'a str, key: &str) -> Result<&'a str> {
+    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+    let rest = quoted.iter().find_map(|key| text.split_once(key.as_str())).map(|pair| pair.1);
+    let value = rest.and_then(|rest| rest.trim_start().strip_prefix(':'));
+    value.map(str::trim_start).ok_or_else(|| Error::bad_input(format!("header lacks {key}")))
+}
+
+/// Type and byte order of a code such as "<f4".
+fn sample_type(descr: &str) -> Result<(SampleType, bool)> {
+    let big_endian = match descr.as_bytes().first() {
+        Some(b'>') => true,
+        Some(b'<') => false,
+        _ => cfg!(target_endian = "big"),
+    };
+    let kind = match descr.trim_start_matches(['<', '>', '|', '=']) {
+        "i1" => SampleType::I8,
+        "u1" => SampleType::U8,
+        "i2" => SampleType::I16,
+        "u2" => SampleType::U16,
+        "i4" => SampleType::I32,
+        "u4" => SampleType::U32,
+        "f2" => SampleType::F16,
+        "f4" => SampleType::F32,
+        "f8" => SampleType::F64,
+        "b1" => return Err(Error::unsupported("booleans are no heights")),
+        other => {
+            return Err(Error::unsupported(format!("arrays of type {other} are not supported"))
+                .remedy("save them as float32 or float64"));
+        }
+    };
+    Ok((kind, big_endian))
+}
+
+/// Rows and columns of "(3, 4)...".
+fn shape(text: &str) -> Result<(u32, u32)> {
+    let bad = || Error::bad_input("shape in the header is not a list of numbers");
+    let inside = text.strip_prefix('(').and_then(|t| t.split_once(')')).ok_or_else(bad)?.0;
+    let sides = inside.split(',').map(str::trim).filter(|side| !side.is_empty());
+    // Python 2 wrote long integers with an L.
+    let sides = sides.map(|side| side.trim_end_matches('L').parse().map_err(|_| bad()));
+    let sides: Vec<u64> = sides.collect::<Result<_>>()?;
+    let &[height, width] = sides.as_slice() else {
+        return Err(Error::unsupported(format!(
+            "arrays of {} dimensions are no grids",
+            sides.len()
+        )));
+    };
+    if height == 0 || width == 0 {
+        return Err(Error::bad_input(format!("the array is empty: {height} x {width}")));
+    }
+    limits::check("rows", height, limits::MAX_SIDE)?;
+    limits::check("columns", width, limits::MAX_SIDE)?;
+    Ok((height as u32, width as u32))
+}

@@ -1,0 +1,273 @@
+//! Grids in gzip files and zip archives: unpacked, with the small files beside them, into a
+//! temporary folder that is gone once the grid is open.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::MultiGzDecoder;
+use zip::ZipArchive;
+
+use crate::file::{self, RawFile};
+use crate::mosaic::vrt;
+use crate::spool::cannot_unpack;
+use crate::{
+    FORMATS, GridInfo, GridSource, OpenOptions, RasterFormat, mask_beside, open_path, pam, world,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_base::limits;
+
+/// Registry entry of gzip.
+pub(super) const GZIP: RasterFormat = RasterFormat {
+    name: "gzip",
+    extensions: &["gz"],
+    about: "any of the formats above, packed: dem.asc.gz",
+    sniff: |head| head.starts_with(b"\x1f\x8b\x08"),
+    open: |path, options| open(path, "gzip", unpack_gzip, options),
+};
+
+/// Registry entry of zip.
+pub(super) const ZIP: RasterFormat = RasterFormat {
+    name: "zip",
+    extensions: &["zip"],
+    about: "one grid of any of the formats above, with the files beside it: dem.flt.zip",
+    sniff: |head| head.starts_with(b"PK\x03\x04"),
+    open: |path, options| open(path, "zip", unpack_zip, options),
+};
+
+/// Files beside a grid that tell more of it.
+const SIDECARS: [&str; 8] = ["hdr", "prj", "wld", "pgw", "pngw", "npyw", "blw", "tfw"];
+/// Most files of an archive that are looked at.
+const MOST_ENTRIES: u64 = 65_535;
+
+/// Unpacks a file into a folder and returns the grid's path in it.
+type Unpack = fn(&RawFile, &Path) -> Result<PathBuf>;
+
+fn open(
+    path: &Path,
+    packing: &'static str,
+    unpack: Unpack,
+    options: &OpenOptions,
+) -> Result<Box<dyn GridSource>> {
+    let file = RawFile::open(path)?;
+    let folder = options.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = tempfile::Builder::new().prefix("terrane-").tempdir_in(folder);
+    let folder = folder.map_err(cannot_unpack)?;
+    let inner = unpack(&file, folder.path()).map_err(|e| e.in_file(path))?;
+    if is_packed(&inner)? {
+        return Err(Error::unsupported("is packed twice").in_file(path));
+    }
+    if is_vrt(&inner)? {
+        return Err(Error::unsupported("holds a VRT, which names files beside it")
+            .in_file(path)
+            .remedy("unpack it"));
+    }
+    // The grid keeps its file open, so the folder and its names can go at once.
+    let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
+    let mut info = grid.info().clone();
+    info.details.push(("packed".to_owned(), packing.to_owned()));
+    Ok(Box::new(Unpacked { grid, info, path: path.to_path_buf() }))
+}
+
+/// Opens `inner`, under the name of the packed file `outer` where only that tells its place.
+fn open_placed(inner: &Path, outer: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let grid = open_path(inner, options)?;
+    let name = Path::new(outer.file_stem().unwrap_or_default());
+    let renamed = inner.with_file_name(name);
+    let same_ending = name.extension().is_some() && name.extension() == inner.extension();
+    if grid.info().georeferenced || renamed == inner || !same_ending {
+        return Ok(grid);
+    }
+    std::fs::rename(inner, &renamed).map_err(cannot_unpack)?;
+    open_path(&renamed, options)
+}
+
+/// A grid that came out of a packed file, whose name its errors bear.
+struct Unpacked {
+    grid: Box<dyn GridSource>,
+    info: GridInfo,
+    path: PathBuf,
+}
+
+impl GridSource for Unpacked {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.grid.read_f32(rect, out).map_err(|e| e.renamed(&self.path))
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.grid.read_f64(rect, out).map_err(|e| e.renamed(&self.path))
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.grid.block_bytes()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.grid.release(rect);
+    }
+}
+
+fn is_packed(path: &Path) -> Result<bool> {
+    let head = RawFile::open(path)?.head(4)?;
+    Ok((GZIP.sniff)(&head) || (ZIP.sniff)(&head))
+}
+
+fn is_vrt(path: &Path) -> Result<bool> {
+    let head = super::head_of(path)?;
+    Ok(super::format_of(path, &head).is_some_and(|format| format.name == vrt::FORMAT.name))
+}
+
+fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
+    let mut decoder = MultiGzDecoder::new(BufReader::new(file.reader()));
+    // Browsers and servers leave out the second ending: the file's own is then that of its grid.
+    let name = file.path().file_name().unwrap_or_default().to_string_lossy();
+    let stem = match name.rsplit_once('.') {
+        Some((stem, ending)) if ending.eq_ignore_ascii_case("gz") => stem,
+        _ => name.as_ref(),
+    };
+    let target = folder.join(stem);
+    let most = limits::MAX_UNPACKED_BYTES;
+    let bytes = copy(&mut decoder, most.saturating_add(1), &target, "gzip file")?;
+    limits::check("bytes unpacked", bytes, most)?;
+    copy_sidecars(file.path(), &target)?;
+    Ok(target)
+}
+
+/// Copies the small files that lie beside the packed one.
+fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
+    let unpacked = packed.with_extension("");
+    for ending in SIDECARS {
+        let Some(sidecar) = world::sidecar(&unpacked, &[ending]) else { continue };
+        let file = RawFile::open(&sidecar)?;
+        limits::check("bytes of a sidecar", file.size(), limits::MAX_HEADER_BYTES)
+            .map_err(|e| e.in_file(&sidecar))?;
+        let bytes = file.head(limits::MAX_HEADER_BYTES)?;
+        std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
+    }
+    // By the name of the packed file, which GDAL goes by, or by that of the grid in it.
+    let beside = [pam::name(packed), pam::name(&unpacked)];
+    if let Some(sidecar) = beside.iter().find(|sidecar| sidecar.is_file()) {
+        copy_file(sidecar, &pam::name(target))?;
+    }
+    if let Some(mask) = mask_beside(&unpacked).or_else(|| mask_beside(packed)) {
+        let mut name = target.as_os_str().to_owned();
+        name.push(".msk");
+        copy_file(&mask, Path::new(&name))?;
+    }
+    Ok(())
+}
+
+fn copy_file(from: &Path, to: &Path) -> Result<()> {
+    let file = RawFile::open(from)?;
+    limits::check("bytes of a sidecar", file.size(), limits::MAX_UNPACKED_BYTES)
+        .map_err(|e| e.in_file(from))?;
+    copy(&mut file.reader(), file.size(), to, "sidecar").map(drop)
+}
+
+fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
+    let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged_zip)?;
+    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    let names: Vec<String> = archive.file_names().map(str::to_owned).collect();
+    let grid = the_grid(&names)?;
+    let stem = stem(grid);
+    let target = folder.join(base(grid));
+    let large = [".aux.xml", ".msk", ".MSK"].map(|ending| format!("{grid}{ending}"));
+    let is_large = |name: &String| name == grid || large.contains(name);
+    let sidecars = names.iter().filter(|name| !is_large(name) && is_sidecar(name, stem));
+    let sidecars = sidecars.take(SIDECARS.len()).chain(names.iter().filter(|n| large.contains(n)));
+    for name in sidecars.chain([grid]) {
+        let most =
+            if is_large(name) { limits::MAX_UNPACKED_BYTES } else { limits::MAX_HEADER_BYTES };
+        extract(&mut archive, name, most, &folder.join(base(name)))?;
+    }
+    Ok(target)
+}
+
+type Archive<'a> = ZipArchive<BufReader<file::Reader<'a>>>;
+
+/// Unpacks the file `name` as `target`; it must be as long as it is said to be.
+fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {
+    let mut entry = archive.by_name(name).map_err(damaged_zip)?;
+    let declared = entry.size();
+    limits::check(&format!("unpacked bytes of {name}"), declared, most)?;
+    let copied = copy(&mut entry, declared + 1, target, "zip archive")?;
+    if copied != declared {
+        return Err(Error::bad_input(format!(
+            "damaged zip archive: {name} should unpack to {declared} bytes and does not"
+        )));
+    }
+    Ok(())
+}
+
+/// The one file of an archive that is a grid by its ending.
+fn the_grid(names: &[String]) -> Result<&String> {
+    let is_grid = |name: &&String| {
+        let path = Path::new(name.as_str());
+        let other = [GZIP.name, ZIP.name, vrt::FORMAT.name];
+        let is_own = |f: &&RasterFormat| !other.contains(&f.name);
+        let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
+        let mut formats = FORMATS.iter().filter(is_own);
+        !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))
+    };
+    // Licences and notes are .txt too, so a grid of another ending comes first.
+    let is_text = |name: &&String| ending(name) == "txt" || ending(name) == "csv";
+    let mut grids: Vec<&String> = names.iter().filter(is_grid).collect();
+    if grids.iter().any(|name| !is_text(name)) {
+        grids.retain(|name| !is_text(name));
+    }
+    match grids.as_slice() {
+        [grid] => Ok(grid),
+        [] => Err(Error::unsupported("zip archive without a grid of a known ending in it")
+            .remedy("such as .hgt, .asc, .tif or .flt with its .hdr")),
+        [first, second, ..] => Err(Error::unsupported(format!(
+            "zip archive with {} grids ({first}, {second}, ...)",
+            grids.len()
+        ))
+        .remedy("unzip it and name one of them")),
+    }
+}
+
+fn is_header(name: &str) -> bool {
+    ending(name) == "hdr"
+}
+
+fn is_sidecar(name: &str, stem: &str) -> bool {
+    SIDECARS.contains(&ending(name).as_str())
+        && (self::stem(name) == stem || self::stem(self::stem(name)) == stem)
+}
+
+/// The name without folders.
+fn base(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// The name without its ending.
+fn stem(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |pair| pair.0)
+}
+
+fn ending(name: &str) -> String {
+    base(name).rsplit_once('.').map(|pair| pair.1.to_lowercase()).unwrap_or_default()
+}
+
+/// Copies up to `most` bytes into a new file, and returns how many there were.
+fn copy(from: &mut dyn Read, most: u64, target: &Path, what: &str) -> Result<u64> {
+    let mut out = File::create(target).map_err(cannot_unpack)?;
+    io::copy(&mut from.take(most), &mut out).map_err(|e| {
+        // A full disk has an error number of the system; the decoder's complaints have none.
+        if e.raw_os_error().is_some() {
+            cannot_unpack(e)
+        } else {
+            Error::bad_input(format!("damaged {what}: {e}")).remedy("copy it again")
+        }
+    })
+}
+
+fn damaged_zip(error: zip::result::ZipError) -> Error {
+    Error::bad_input(format!("damaged zip archive: {error}"))
+}

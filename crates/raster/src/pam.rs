@@ -1,0 +1,362 @@
+//! What GDAL keeps beside a grid in `FILE.aux.xml`, its "persistent auxiliary metadata": a place, a
+//! reference system, and nodata, scale, offset and unit of each band, for files that have no room for
+//! them or must not be changed. Which of the two is believed differs from format to format, as in
+//! GDAL (found by asking it, format by format).
+
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use crate::file::RawFile;
+use crate::sample::Height;
+use crate::xml::{self, Node, Tag, Xml};
+use crate::{
+    GridInfo, GridSource, OpenOptions, RasterFormat, Window, asc, dted, geotiff, hgt, png, raw,
+    unit_and_text, usgs, xyz,
+};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Affine, Crs, Rect, wkt};
+use terrane_base::limits;
+
+/// Most heights that are read apart before they are scaled.
+const SCRATCH_SAMPLES: u32 = 1 << 16;
+
+/// Whom to believe where both the file and its sidecar say something.
+#[derive(Clone, Copy, PartialEq)]
+enum Believe {
+    /// The file, also where it is silent.
+    File,
+    /// The sidecar where the file is silent.
+    FileFirst,
+    /// The sidecar.
+    Sidecar,
+}
+
+/// Whom to believe in what. Scale and offset are always the sidecar's.
+struct Rules {
+    place: Believe,
+    crs: Believe,
+    nodata: Believe,
+    unit: Believe,
+}
+
+/// Formats beside which a sidecar is read.
+const RULES: &[(&str, Rules)] = {
+    use Believe::{File, FileFirst, Sidecar};
+    &[
+        (
+            geotiff::FORMAT.name,
+            Rules { place: Sidecar, crs: Sidecar, nodata: Sidecar, unit: Sidecar },
+        ),
+        (hgt::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: File }),
+        (asc::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: Sidecar }),
+        (
+            raw::FORMAT.name,
+            Rules { place: FileFirst, crs: FileFirst, nodata: Sidecar, unit: Sidecar },
+        ),
+        (
+            png::FORMAT.name,
+            Rules { place: FileFirst, crs: Sidecar, nodata: FileFirst, unit: Sidecar },
+        ),
+        (dted::FORMAT.name, Rules { place: File, crs: Sidecar, nodata: File, unit: File }),
+        (usgs::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: File }),
+        (xyz::FORMAT.name, Rules { place: File, crs: Sidecar, nodata: Sidecar, unit: Sidecar }),
+    ]
+};
+
+/// GDAL gives ENVI grids without a place the identity, and so never looks further.
+const ENVI: Rules = Rules {
+    place: Believe::File,
+    crs: Believe::File,
+    nodata: Believe::Sidecar,
+    unit: Believe::Sidecar,
+};
+
+impl Believe {
+    /// `said` by the sidecar, unless the file is believed.
+    fn pick<T>(self, said: Option<T>, file_is_silent: bool) -> Option<T> {
+        said.filter(|_| self == Self::Sidecar || (self == Self::FileFirst && file_is_silent))
+    }
+}
+
+/// What a sidecar says of a grid and one band of it.
+#[derive(Debug, Default, PartialEq)]
+struct Said {
+    transform: Option<Affine>,
+    crs: Option<Crs>,
+    is_point: bool,
+    nodata: Option<f64>,
+    scale: Option<f64>,
+    offset: Option<f64>,
+    unit: Option<String>,
+}
+
+/// The name of the sidecar of the file at `path`.
+pub(super) fn name(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".aux.xml");
+    PathBuf::from(name)
+}
+
+/// Opens `path` by `open`, with what a sidecar says beside a file of `format`.
+///
+/// # Errors
+/// Whatever `open` finds; a sidecar that cannot be read, or that contradicts the scale of the file.
+pub(super) fn open(
+    path: &Path,
+    format: &RasterFormat,
+    options: &OpenOptions,
+    open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
+) -> Result<Box<dyn GridSource>> {
+    let sidecar = name(path);
+    let rules = RULES.iter().find(|(name, _)| *name == format.name).map(|(_, rules)| rules);
+    let Some(rules) = rules.filter(|_| sidecar.is_file()) else { return open(options) };
+    let said = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
+    let with = |nodata: Option<f64>| {
+        open(&OpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
+    };
+    let mut grid = with(rules.nodata.pick(said.nodata, false))?;
+    // Heights packed into colours are no stored values that a sidecar of the picture speaks of.
+    let is_packed = format.name == png::FORMAT.name && !is_plain(grid.info());
+    let missed = rules.nodata.pick(said.nodata, true).filter(|_| !is_packed);
+    if grid.info().nodata.is_none() && missed.is_some() {
+        grid = with(missed)?;
+    }
+    let said = if is_packed { Said { scale: None, offset: None, ..said } } else { said };
+    let info = said.amend(rules, grid.info(), &sidecar).map_err(|e| e.in_file(&sidecar))?;
+    Ok(Box::new(Amended { grid, info }))
+}
+
+/// Fails when a sidecar of an earlier file at `path` would change what is read of a new one there.
+pub(super) fn refuse_old(path: &Path) -> Result<()> {
+    let sidecar = name(path);
+    if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == Said::default()) {
+        return Ok(());
+    }
+    let message = "belongs to an earlier file and would be read with the new one";
+    Err(Error::new(ErrorKind::CannotWrite, message)
+        .in_file(&sidecar)
+        .remedy("remove it, or write to another name"))
+}
+
+fn is_plain(info: &GridInfo) -> bool {
+    (info.scale, info.offset) == (1.0, 0.0)
+}
+
+fn read(sidecar: &Path, band: u32) -> Result<Said> {
+    let file = RawFile::open(sidecar)?;
+    limits::check("bytes of an .aux.xml file", file.size(), limits::MAX_VRT_BYTES)?;
+    let mut xml = Xml::new(BufReader::with_capacity(1 << 16, file.reader()));
+    let said = Said::read(&mut xml, band);
+    said.map_err(|e| e.at(xml.place()).remedy("mend it, or move it away"))
+}
+
+impl Said {
+    /// What the sidecar says of band `band` (from 1); nothing if it is about something else.
+    fn read<R: std::io::BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Self> {
+        let mut said = Self::default();
+        if !xml.root()?.is("PAMDataset") {
+            xml.skip()?;
+            return xml.finish().map(|()| said);
+        }
+        while let Some(tag) = xml.child()? {
+            match tag.name.to_ascii_lowercase().as_str() {
+                "srs" => said.crs = Some(wkt::of_srs(&xml.node(tag)?.text)),
+                "geotransform" => said.transform = Some(place(&xml.node(tag)?)?),
+                "metadata" if tag.attribute("domain").is_none() => {
+                    said.is_point |= says_point(xml)?;
+                }
+                "pamrasterband" if is_band(&tag, band) => said.read_band(xml)?,
+                _ => xml.skip()?,
+            }
+        }
+        xml.finish().map(|()| said)
+    }
+
+    fn read_band<R: std::io::BufRead>(&mut self, xml: &mut Xml<R>) -> Result<()> {
+        while let Some(tag) = xml.child()? {
+            match tag.name.to_ascii_lowercase().as_str() {
+                "nodatavalue" => self.nodata = nodata(&xml.node(tag)?)?,
+                "scale" => self.scale = Some(xml.node(tag)?.finite()?),
+                "offset" => self.offset = Some(xml.node(tag)?.finite()?),
+                "unittype" => self.unit = Some(xml.node(tag)?.text).filter(|t| !t.is_empty()),
+                _ => xml.skip()?,
+            }
+        }
+        if self.scale == Some(0.0) {
+            return Err(Error::bad_input("band scale is 0"));
+        }
+        Ok(())
+    }
+
+    /// What the grid that says `own` of itself is with the sidecar.
+    fn amend(self, rules: &Rules, own: &GridInfo, sidecar: &Path) -> Result<GridInfo> {
+        let mut info = own.clone();
+        let is_envi = own.details.iter().any(|(name, kind)| name == "header" && kind == "ENVI");
+        let rules = if is_envi { &ENVI } else { rules };
+        let place = rules.place.pick(self.transform, !own.georeferenced);
+        if let Some(map) = place {
+            (info.transform, info.georeferenced) = (map, true);
+            info.pixel_is_point = self.is_point;
+        }
+        if let Some(crs) = rules.crs.pick(self.crs, own.crs.is_unknown()) {
+            let Crs { vertical_unit, vertical_unit_text, .. } = own.crs.clone();
+            let vertical_unit = vertical_unit.or(crs.vertical_unit);
+            info.crs = Crs { vertical_unit, vertical_unit_text, ..crs };
+        }
+        if let Some(unit) = rules.unit.pick(self.unit, own.crs.vertical_unit.is_none()) {
+            let (unit, text) = unit_and_text(&unit);
+            (info.crs.vertical_unit, info.crs.vertical_unit_text) = (Some(unit), text);
+        }
+        info.scale = self.scale.unwrap_or(own.scale);
+        info.offset = self.offset.unwrap_or(own.offset);
+        if !is_plain(own) && (info.scale, info.offset) != (own.scale, own.offset) {
+            return Err(Error::unsupported(format!(
+                "says that heights are stored x {} + {}, and the file says x {} + {}",
+                info.scale, info.offset, own.scale, own.offset
+            ))
+            .remedy("move it away, or take out its scale and offset"));
+        }
+        let name = sidecar.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        info.details.push(("sidecar".to_owned(), name));
+        Ok(info)
+    }
+}
+
+fn is_band(tag: &Tag, band: u32) -> bool {
+    tag.attribute("band").and_then(|number| number.trim().parse().ok()) == Some(band)
+}
+
+fn place(node: &Node) -> Result<Affine> {
+    let map = Affine::from_gdal(xml::geotransform(&node.text)?);
+    match map.is_valid() {
+        true => Ok(map),
+        false => Err(Error::bad_input("GeoTransform is not finite or has no area")),
+    }
+}
+
+fn says_point<R: std::io::BufRead>(xml: &mut Xml<R>) -> Result<bool> {
+    let mut found = false;
+    while let Some(tag) = xml.child()? {
+        let item = xml.node(tag)?;
+        found |= item.tag.attribute("key") == Some("AREA_OR_POINT") && item.text == "Point";
+    }
+    Ok(found)
+}
+
+/// The value, by its bits where they are given; `None` where there is no text.
+fn nodata(node: &Node) -> Result<Option<f64>> {
+    let bits = node.tag.attribute("le_hex_endian").filter(|hex| hex.len() == 16);
+    let bits = bits.and_then(|hex| u64::from_str_radix(hex, 16).ok());
+    match bits {
+        Some(bits) => Ok(Some(f64::from_bits(bits.swap_bytes()))),
+        None if node.text.is_empty() => Ok(None),
+        None => node.number().map(Some),
+    }
+}
+
+/// A grid with what its sidecar says of it.
+struct Amended {
+    grid: Box<dyn GridSource>,
+    info: GridInfo,
+}
+
+impl Amended {
+    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = Window::new(&self.info, rect, out)?;
+        let GridInfo { scale, offset, .. } = self.info;
+        let rows = (SCRATCH_SAMPLES / rect.width.max(1)).max(1);
+        for row in (rect.row..rect.end_row()).step_by(rows as usize) {
+            let strip = Rect { row, height: rows, ..rect }.intersect(&rect);
+            let mut stored = vec![0.0; strip.len()];
+            self.grid.read_f64(strip, &mut stored)?;
+            for (row, stored) in stored.chunks_exact(strip.width.max(1) as usize).enumerate() {
+                for (height, stored) in window.row(strip, row as u32).iter_mut().zip(stored) {
+                    *height = H::of_f64(stored * scale + offset);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// True when heights are those of the grid itself.
+    fn is_as_stored(&self) -> bool {
+        let own = self.grid.info();
+        (self.info.scale, self.info.offset) == (own.scale, own.offset)
+    }
+}
+
+impl GridSource for Amended {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        if self.is_as_stored() { self.grid.read_f32(rect, out) } else { self.read(rect, out) }
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        if self.is_as_stored() { self.grid.read_f64(rect, out) } else { self.read(rect, out) }
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.grid.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.grid.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.grid.release(rect);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(text: &str, band: u32) -> Result<Said> {
+        Said::read(&mut Xml::new(text.as_bytes()), band)
+    }
+
+    #[test]
+    fn what_is_said_of_a_band() {
+        let text = "<PAMDataset><SRS>EPSG:25832</SRS><GeoTransform>1, 2, 0, 9, 0, -2</GeoTransform>\
+            <Metadata domain='X'><MDI key='AREA_OR_POINT'>Point</MDI></Metadata>\
+            <PAMRasterBand band='2'><NoDataValue le_hex_endian='0000000000001440'>5</NoDataValue>\
+            <Scale>0.5</Scale><Offset>-1</Offset><UnitType>ft</UnitType><Histograms/>\
+            </PAMRasterBand></PAMDataset>";
+        let first = said(text, 1).unwrap();
+        assert_eq!((first.nodata, first.scale, first.is_point), (None, None, false));
+        assert_eq!(first.transform, Some(Affine::from_gdal([1.0, 2.0, 0.0, 9.0, 0.0, -2.0])));
+        let second = said(text, 2).unwrap();
+        assert_eq!(second.crs.unwrap().epsg, Some(25832));
+        assert_eq!(
+            (second.nodata, second.scale, second.offset),
+            (Some(5.0), Some(0.5), Some(-1.0))
+        );
+        assert_eq!(second.unit.as_deref(), Some("ft"));
+    }
+
+    #[test]
+    fn other_documents_say_nothing_and_damage_is_an_error() {
+        let band = |text: &str| {
+            said(
+                &format!("<PAMDataset><PAMRasterBand band='1'>{text}</PAMRasterBand></PAMDataset>"),
+                1,
+            )
+        };
+        assert_eq!(said("<Other><PAMRasterBand/></Other>", 1).unwrap(), Said::default());
+        assert_eq!(band("<NoDataValue/><Metadata/>").unwrap(), Said::default());
+        assert!(band("<NoDataValue>nan</NoDataValue>").unwrap().nodata.unwrap().is_nan());
+        for bad in
+            ["<NoDataValue>none</NoDataValue>", "<Scale>0</Scale>", "<Offset>inf</Offset>", "<"]
+        {
+            assert!(band(bad).is_err(), "{bad}");
+        }
+        for bad in ["1,2,3", "0,0,0,0,0,0"] {
+            let text = format!("<PAMDataset><GeoTransform>{bad}</GeoTransform></PAMDataset>");
+            assert!(said(&text, 1).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! PNG heights: grayscale samples, or heights packed into red, green and blue (terrain-RGB and
+//! terrarium). Decoded once at opening, row by row, into a temporary file.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
+
+use crate::file::{self, RawFile};
+use crate::spool::Spool;
+use crate::strided::{Layout, Strided};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj, world};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::limits;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "PNG",
+    extensions: &["png"],
+    about: "8 and 16-bit gray; terrain-RGB and terrarium by name or as terrarium:FILE",
+    sniff: |head| head.starts_with(b"\x89PNG\r\n\x1a\n"),
+    open: |path, options| open(path, None, options),
+};
+
+/// Most bytes the decoder may hold: a row and its buffers, or all of an interlaced picture.
+const MOST_MEMORY: u64 = 256 << 20;
+/// Most bytes that deflate makes of one.
+const MOST_RATIO: u64 = 1032;
+/// Stored where a picture with an alpha channel is transparent; no packed height reaches it.
+const TRANSPARENT: u32 = u32::MAX;
+const WEB_MERCATOR: u32 = 3857;
+
+/// How red, green and blue tell a height: `(R * 65536 + G * 256 + B) * scale + offset`.
+#[derive(Debug, PartialEq)]
+pub(super) struct Packing {
+    name: &'static str,
+    /// What names and input prefixes say, in lower case.
+    marks: &'static [&'static str],
+    pub(super) scale: f64,
+    pub(super) offset: f64,
+}
+
+pub(super) static PACKINGS: [Packing; 2] = [
+    Packing {
+        name: "terrain-RGB",
+        marks: &["terrain-rgb", "terrainrgb", "terrain_rgb"],
+        scale: 0.1,
+        offset: -10_000.0,
+    },
+    Packing { name: "terrarium", marks: &["terrarium"], scale: 1.0 / 256.0, offset: -32_768.0 },
+];
+
+impl Packing {
+    /// Its name for people.
+    pub(super) fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The packing that an input such as `terrarium:tile.png` states, and the file's name.
+    pub(super) fn stated(input: &str) -> Option<(&'static Self, &str)> {
+        let (mark, path) = input.split_once(':')?;
+        let stated = PACKINGS.iter().find(|p| p.marks.contains(&mark))?;
+        Some((stated, path))
+    }
+
+    /// The packing that the name of the file, or else of a folder above it, tells.
+    pub(super) fn named(path: &Path) -> Option<&'static Self> {
+        let parts = path.iter().rev().map(|part| part.to_string_lossy().to_lowercase());
+        let tells =
+            |part: String| PACKINGS.iter().find(|p| p.marks.iter().any(|mark| part.contains(mark)));
+        parts.filter_map(tells).next()
+    }
+}
+
+/// Opens the picture at `path`; `packing` is what the user stated.
+pub(super) fn open(
+    path: &Path,
+    packing: Option<&'static Packing>,
+    options: &OpenOptions,
+) -> Result<Box<dyn GridSource>> {
+    let grid = decode(path, packing, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+/// What a picture holds and how its samples are kept.
+struct Content {
+    packing: Option<&'static Packing>,
+    /// Bytes of a stored sample, and of those one for alpha (two in 16 bits).
+    color: ColorType,
+    wide: bool,
+    nodata: Option<f64>,
+}
+
+type Picture<'a> = Reader<BufReader<file::Reader<'a>>>;
+
+fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) -> Result<Strided> {
+    only_band(options.band)?;
+    let file = RawFile::open(path)?;
+    let memory = Limits { bytes: MOST_MEMORY as usize };
+    let mut decoder = Decoder::new_with_limits(BufReader::new(file.reader()), memory);
+    decoder.set_transformations(Transformations::IDENTITY);
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    let mut picture = decoder.read_info().map_err(damaged)?;
+    let (width, height) = (picture.info().width, picture.info().height);
+    limits::check("width", u64::from(width), limits::MAX_SIDE)?;
+    limits::check("height", u64::from(height), limits::MAX_SIDE)?;
+    let content = Content::of(&picture, path, stated, options)?;
+    check_size(&picture, file.size())?;
+    let spool = spool_rows(&mut picture, &content, Spool::new(path, options.temp_dir.as_deref())?)?;
+    let info = describe(path, (width, height), &content, &picture)?;
+    let layout = Layout::rows(width, info.sample_type.bytes());
+    Strided::new(spool, info, layout)
+}
+
+impl Content {
+    fn of(
+        picture: &Picture<'_>,
+        path: &Path,
+        stated: Option<&'static Packing>,
+        options: &OpenOptions,
+    ) -> Result<Self> {
+        let info = picture.info();
+        let wide = info.bit_depth == BitDepth::Sixteen;
+        if !wide && info.bit_depth != BitDepth::Eight {
+            let bits = info.bit_depth as u8;
+            return Err(Error::unsupported(format!("PNG samples of {bits} bits are no heights")));
+        }
+        let color = info.color_type;
+        let packing = match color {
+            ColorType::Grayscale | ColorType::GrayscaleAlpha => None,
+            ColorType::Indexed => {
+                return Err(Error::unsupported("a PNG with a palette holds colours, not heights"));
+            }
+            _ if wide => return Err(Error::unsupported("16-bit RGB PNGs are not supported")),
+            _ => Some(stated.or_else(|| Packing::named(path)).ok_or_else(|| ambiguous(path))?),
+        };
+        if let (Some(stated), None) = (stated, packing) {
+            return Err(Error::usage(format!("a gray PNG is not {}", stated.name)));
+        }
+        // A gray picture can name one transparent value.
+        let key = info.trns.as_deref().filter(|_| color == ColorType::Grayscale);
+        let key = key.map(|bytes| bytes.iter().fold(0.0, |v, b| v * 256.0 + f64::from(*b)));
+        Ok(Self { packing, color, wide, nodata: options.nodata.or(key) })
+    }
+
+    fn has_alpha(&self) -> bool {
+        matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
+    }
+
+    /// Samples that are packed or may be transparent need more room than they take in the picture.
+    fn sample_type(&self) -> SampleType {
+        match (self.packing.is_some() || self.has_alpha(), self.wide) {
+            (true, _) => SampleType::U32,
+            (false, true) => SampleType::U16,
+            (false, false) => SampleType::U8,
+        }
+    }
+
+    /// Appends a row of the picture to `out` as samples of [`sample_type`](Self::sample_type).
+    fn convert(&self, row: &[u8], out: &mut Vec<u8>) {
+        match self.sample_type() {
+            SampleType::U8 => out.extend_from_slice(row),
+            SampleType::U16 => {
+                let samples = row.as_chunks::<2>().0.iter();
+                out.extend(samples.flat_map(|s| u16::from_be_bytes(*s).to_ne_bytes()));
+            }
+            _ => {
+                let bytes = self.color.samples() * if self.wide { 2 } else { 1 };
+                let samples = row.chunks_exact(bytes);
+                out.extend(samples.flat_map(|sample| self.pack(sample).to_ne_bytes()));
+            }
+        }
+    }
+
+    /// The value of the bytes of one sample, its alpha last.
+    fn pack(&self, sample: &[u8]) -> u32 {
+        let alpha = if !self.has_alpha() { 0 } else { 1 + usize::from(self.wide) };
+        let (value, alpha) = sample.split_at(sample.len() - alpha);
+        let value = value.iter().fold(0, |v, byte| v << 8 | u32::from(*byte));
+        let transparent = !alpha.is_empty() && alpha.iter().all(|byte| *byte == 0);
+        let void = transparent || self.nodata == Some(f64::from(value));
+        if void && self.has_alpha() { TRANSPARENT } else { value }
+    }
+}
+
+fn ambiguous(path: &Path) -> Error {
+    let name = path.display();
+    Error::bad_input("an RGB PNG can hold heights in several ways, and its name does not tell")
+        .remedy(format!("give it as terrarium:{name} or terrain-rgb:{name}"))
+}
+
+/// Fails when the file is too short for the picture, or the picture too large.
+fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
+    let info = picture.info();
+    let row = info.raw_row_length_from_width(info.width) as u64;
+    let bytes = row.saturating_mul(u64::from(info.height));
+    limits::check("bytes unpacked", bytes, limits::MAX_UNPACKED_BYTES)?;
+    if info.interlaced {
+        limits::check("bytes of an interlaced PNG", bytes, MOST_MEMORY)?;
+    }
+    limits::check("bytes of a row", row, MOST_MEMORY)?;
+    if bytes / MOST_RATIO > file_bytes {
+        return Err(Error::bad_input(format!(
+            "file is truncated, or its header is wrong: {bytes} bytes of samples cannot be packed \
+             into {file_bytes}"
+        )));
+    }
+    Ok(())
+}
+
+fn spool_rows(picture: &mut Picture<'_>, content: &Content, mut spool: Spool) -> Result<RawFile> {
+    let mut samples = Vec::new();
+    if picture.info().interlaced {
+        let mut all = vec![0; picture.output_buffer_size().unwrap_or(0)];
+        let row = picture.next_frame(&mut all).map_err(damaged)?.line_size;
+        for row in all.chunks_exact(row) {
+            samples.clear();
+            content.convert(row, &mut samples);
+            spool.write(&samples)?;
+        }
+    } else {
+        while let Some(row) = picture.next_row().map_err(damaged)? {
+            samples.clear();
+            content.convert(row.data(), &mut samples);
+            spool.write(&samples)?;
+        }
+    }
+    // The checksum of the last chunk is read with the end of the picture.
+    picture.finish().map_err(damaged)?;
+    spool.finish()
+}
+
+fn damaged(error: DecodingError) -> Error {
+    match error {
+        DecodingError::LimitsExceeded => Error::limit("bytes to decode", "more", MOST_MEMORY),
+        DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Error::bad_input("file is truncated: the picture ends early")
+        }
+        other => Error::bad_input(format!("damaged PNG: {other}")),
+    }
+}
+
+fn describe(
+    path: &Path,
+    size: (u32, u32),
+    content: &Content,
+    picture: &Picture<'_>,
+) -> Result<GridInfo> {
+    let (map, crs) = place(path, size)?;
+    let nodata = if content.has_alpha() { Some(f64::from(TRANSPARENT)) } else { content.nodata };
+    let packing = content.packing;
+    let interlace = if picture.info().interlaced { "Adam7" } else { "none" };
+    Ok(GridInfo {
+        transform: map.unwrap_or(Affine::LATTICE),
+        georeferenced: map.is_some(),
+        crs,
+        nodata,
+        scale: packing.map_or(1.0, |p| p.scale),
+        offset: packing.map_or(0.0, |p| p.offset),
+        details: vec![
+            ("compression".to_owned(), "deflate".to_owned()),
+            ("colours".to_owned(), format!("{:?}", content.color)),
+            ("heights".to_owned(), packing.map_or("gray", |p| p.name).to_owned()),
+            ("interlace".to_owned(), interlace.to_owned()),
+        ],
+        ..GridInfo::plain(FORMAT.name, size.0, size.1, content.sample_type())
+    })
+}
+
+/// From a world file, else from a z/x/y address.
+fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Crs)> {
+    if let Some(map) = world::beside(path, &["pgw", "pngw", "wld"])? {
+        return Ok((Some(map), prj::beside(path)?));
+    }
+    let Some(tile) = world::Tile::of_path(path) else { return Ok((None, prj::beside(path)?)) };
+    let crs = Crs {
+        epsg: Some(WEB_MERCATOR),
+        citation: Some("WGS 84 / Pseudo-Mercator".to_owned()),
+        geographic: Some(false),
+        ..Crs::default()
+    };
+    Ok((Some(tile.transform(width, height)), crs))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_prefixes_tell_the_packing() {
+        let named = |path: &str| Packing::named(Path::new(path)).map(|p| p.name);
+        assert_eq!(named("a/Terrarium_5.png"), Some("terrarium"));
+        assert_eq!(named("terrarium/mapbox-terrain-rgb.png"), Some("terrain-RGB"));
+        assert_eq!(named("terrainrgb/1/1/0.png"), Some("terrain-RGB"));
+        assert_eq!(named("a/terrain.png"), None);
+        let (stated, path) = Packing::stated("terrain-rgb:c:/a.png").unwrap();
+        assert_eq!((stated.name, path), ("terrain-RGB", "c:/a.png"));
+        assert!(Packing::stated("c:/terrarium.png").is_none());
+    }
+
+    #[test]
+    fn alpha_and_nodata_are_void() {
+        let content = |color, wide, nodata| Content { packing: None, color, wide, nodata };
+        let rgba = content(ColorType::Rgba, false, Some(65793.0));
+        assert_eq!(rgba.pack(&[1, 2, 3, 255]), 0x1_0203);
+        assert_eq!(rgba.pack(&[1, 2, 3, 0]), TRANSPARENT);
+        assert_eq!(rgba.pack(&[1, 1, 1, 9]), TRANSPARENT);
+        let gray = content(ColorType::GrayscaleAlpha, true, None);
+        assert_eq!((gray.pack(&[1, 2, 0, 1]), gray.pack(&[1, 2, 0, 0])), (258, TRANSPARENT));
+        assert_eq!(content(ColorType::Rgb, false, Some(1.0)).pack(&[0, 0, 1]), 1);
+    }
+}

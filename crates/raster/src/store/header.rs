@@ -1,0 +1,229 @@
+//! The facts a store's directory is made of: from a grid, to a grid, and to TIFF tags.
+
+use super::crs::GeoKeys;
+use super::layout::Layout;
+use super::metadata::Metadata;
+use super::tags::{Front, Values};
+use super::{FORMAT, MARK};
+use crate::write::BandName;
+use crate::{GridInfo, SampleType};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+
+/// Numbers of the tags a store has.
+pub(crate) mod tag {
+    pub(crate) const WIDTH: u16 = 256;
+    pub(crate) const HEIGHT: u16 = 257;
+    pub(crate) const BITS: u16 = 258;
+    pub(crate) const COMPRESSION: u16 = 259;
+    pub(crate) const PHOTOMETRIC: u16 = 262;
+    pub(crate) const SAMPLES_PER_PIXEL: u16 = 277;
+    pub(crate) const PLANAR: u16 = 284;
+    pub(crate) const SOFTWARE: u16 = 305;
+    pub(crate) const TILE_WIDTH: u16 = 322;
+    pub(crate) const TILE_HEIGHT: u16 = 323;
+    pub(crate) const TILE_OFFSETS: u16 = 324;
+    pub(crate) const TILE_BYTES: u16 = 325;
+    pub(crate) const SAMPLE_FORMAT: u16 = 339;
+    pub(crate) const PIXEL_SCALE: u16 = 33_550;
+    pub(crate) const TIEPOINT: u16 = 33_922;
+    pub(crate) const MATRIX: u16 = 34_264;
+    pub(crate) const GEO_KEYS: u16 = 34_735;
+    pub(crate) const GEO_DOUBLES: u16 = 34_736;
+    pub(crate) const GEO_ASCII: u16 = 34_737;
+    pub(crate) const GDAL_METADATA: u16 = 42_112;
+    pub(crate) const GDAL_NODATA: u16 = 42_113;
+}
+
+/// How a store says where it lies.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Position {
+    Nowhere,
+    /// Cell size in x and y, and the world position of sample (0, 0), the centre of its cell.
+    North {
+        scale: [f64; 2],
+        origin: [f64; 2],
+    },
+    /// The 4 x 4 matrix to world: from cell corners, or from samples where these are points.
+    Matrix(Vec<f64>),
+}
+
+/// The facts. `Front` is made of nothing else.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Header {
+    pub(super) layout: Layout,
+    pub(super) position: Position,
+    pub(super) keys: GeoKeys,
+    pub(super) metadata: Metadata,
+    /// As text, so that it is kept to the letter.
+    pub(super) nodata: Option<String>,
+}
+
+impl Header {
+    /// The facts of a grid, with tiles of `side`.
+    pub(super) fn new(info: &GridInfo, side: u32) -> Result<Self> {
+        let layout = Layout::new(info.width, info.height, side, info.sample_type)?;
+        check_place(info)?;
+        let position = Position::new(info);
+        let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
+        let metadata = Metadata::new(info, matches!(position, Position::Matrix(_)));
+        Ok(Self { layout, position, keys, metadata, nodata: info.nodata.map(number) })
+    }
+
+    /// The grid these facts describe; `None` when they contradict each other.
+    pub(super) fn info(&self) -> Option<GridInfo> {
+        let Layout { width, height, tile_width, tile_height, sample_type } = self.layout;
+        let transform = self.transform()?;
+        Some(GridInfo {
+            width,
+            height,
+            transform,
+            georeferenced: self.position != Position::Nowhere,
+            pixel_is_point: self.keys.is_point(),
+            crs: self.metadata.crs(&self.keys)?,
+            sample_type,
+            nodata: self.nodata.as_ref().map(|text| text.parse()).transpose().ok()?,
+            scale: self.metadata.scale()?,
+            offset: self.metadata.offset()?,
+            block: (tile_width, tile_height),
+            bands: 1,
+            band: 1,
+            format: FORMAT,
+            details: vec![
+                ("compression".to_owned(), "none".to_owned()),
+                ("tiles".to_owned(), format!("{tile_width}x{tile_height}")),
+                ("access".to_owned(), "memory-mapped".to_owned()),
+            ],
+        })
+    }
+
+    fn transform(&self) -> Option<Affine> {
+        let transform = match &self.position {
+            Position::Nowhere => Affine::LATTICE,
+            Position::North { scale, origin } => {
+                let ([a, e], [x0, y0]) = (*scale, *origin);
+                Affine { x0, a, b: 0.0, y0, d: 0.0, e: -e }
+            }
+            Position::Matrix(m) => {
+                let [x0, y0] = self.metadata.origin()?;
+                let (a, b, d, e) = (*m.first()?, *m.get(1)?, *m.get(4)?, *m.get(5)?);
+                Affine { x0, a, b, y0, d, e }
+            }
+        };
+        transform.is_valid().then_some(transform)
+    }
+
+    /// Everything before the tiles.
+    pub(super) fn front(&self) -> Front {
+        Front::new(|data| self.tags(data))
+    }
+
+    fn tags(&self, data: u64) -> Vec<(u16, Values)> {
+        let layout = &self.layout;
+        let (bits, format) = sample_tags(layout.sample_type);
+        let (count, step) = (layout.tiles(), layout.tile_bytes());
+        let short = |value| Values::Short(vec![value]);
+        let long = |value| Values::Long(vec![value]);
+        let mut tags = vec![
+            (tag::WIDTH, long(layout.width)),
+            (tag::HEIGHT, long(layout.height)),
+            (tag::BITS, short(bits)),
+            (tag::COMPRESSION, short(1)),
+            (tag::PHOTOMETRIC, short(1)),
+            (tag::SAMPLES_PER_PIXEL, short(1)),
+            (tag::PLANAR, short(1)),
+            (tag::SOFTWARE, Values::Ascii(MARK.to_owned())),
+            (tag::TILE_WIDTH, long(layout.tile_width)),
+            (tag::TILE_HEIGHT, long(layout.tile_height)),
+            (tag::TILE_OFFSETS, Values::Table { count, first: data, step }),
+            (tag::TILE_BYTES, Values::Table { count, first: step, step: 0 }),
+            (tag::SAMPLE_FORMAT, short(format)),
+        ];
+        tags.extend(self.position.tags(self.keys.is_point()));
+        tags.extend(self.keys.tags());
+        tags.extend(self.metadata.xml().map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
+        tags.extend(self.nodata.clone().map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
+        tags
+    }
+}
+
+impl Position {
+    fn new(info: &GridInfo) -> Self {
+        let t = info.transform;
+        if !info.georeferenced && t == Affine::LATTICE {
+            return Self::Nowhere;
+        }
+        if t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0 {
+            return Self::North { scale: [t.a, -t.e], origin: [t.x0, t.y0] };
+        }
+        let [corner_x, a, b, corner_y, d, e] = t.to_gdal();
+        let point = info.pixel_is_point;
+        let [x, y] = if point { [t.x0, t.y0] } else { [corner_x, corner_y] };
+        let rows = [[a, b, 0.0, x], [d, e, 0.0, y], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+        Self::Matrix(rows.concat())
+    }
+
+    /// Samples that are areas are tied at the centre of their cell.
+    fn tags(&self, point: bool) -> Vec<(u16, Values)> {
+        let tie = if point { 0.0 } else { 0.5 };
+        match self {
+            Self::Nowhere => Vec::new(),
+            Self::North { scale: [a, e], origin: [x, y] } => vec![
+                (tag::PIXEL_SCALE, Values::Double(vec![*a, *e, 0.0])),
+                (tag::TIEPOINT, Values::Double(vec![tie, tie, 0.0, *x, *y, 0.0])),
+            ],
+            Self::Matrix(matrix) => vec![(tag::MATRIX, Values::Double(matrix.clone()))],
+        }
+    }
+}
+
+/// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit, nodata, and
+/// what its bands are called.
+pub(crate) fn facts(info: &GridInfo, bands: &[BandName]) -> Result<Vec<(u16, Values)>> {
+    check_place(info)?;
+    let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
+    let mut tags = Position::new(info).tags(keys.is_point());
+    tags.extend(keys.tags());
+    let xml = Metadata::of_bands(info, bands).xml();
+    tags.extend(xml.map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
+    let nodata = info.nodata.map(number);
+    tags.extend(nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
+    Ok(tags)
+}
+
+fn check_place(info: &GridInfo) -> Result<()> {
+    if info.transform.is_valid() {
+        return Ok(());
+    }
+    Err(Error::bad_input("the grid's transform cannot be inverted"))
+}
+
+/// BitsPerSample and SampleFormat.
+pub(crate) fn sample_tags(sample_type: SampleType) -> (u16, u16) {
+    use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
+    let format = match sample_type {
+        U8 | U16 | U32 => 1,
+        I8 | I16 | I32 => 2,
+        F16 | F32 | F64 => 3,
+    };
+    (8 * sample_type.bytes() as u16, format)
+}
+
+/// The sample type of BitsPerSample and SampleFormat.
+pub(super) fn sample_type(bits: u16, format: u16) -> Option<SampleType> {
+    use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
+    let all = [I8, U8, I16, U16, I32, U32, F16, F32, F64];
+    all.into_iter().find(|&sample| sample_tags(sample) == (bits, format))
+}
+
+/// The shortest text that reads back as the same number, in the manner of GDAL ("-9999", "nan").
+pub(crate) fn number(value: f64) -> String {
+    if value.is_nan() {
+        return "nan".to_owned();
+    }
+    if value.fract() == 0.0 && value.abs() < 1e15 {
+        format!("{value}")
+    } else {
+        format!("{value:?}")
+    }
+}

@@ -1,0 +1,57 @@
+//! Heights that a sample type does not hold: why, where, and what the user can do.
+
+use crate::SampleType;
+use terrane_base::error::Error;
+
+/// Why a height cannot be stored, and which one of the run it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Misfit {
+    /// A void, but no value is declared to stand for voids.
+    Void(usize),
+    /// A height beyond the range of the sample type.
+    Beyond(usize, f64),
+    /// A height between two values of the sample type.
+    Between(usize, f64),
+    /// A height that would be taken for the value for voids.
+    Nodata(usize, f64),
+}
+
+const CHOOSE_FOR_VOIDS: &str =
+    "pass a value with --nodata or --out-nodata that the type holds and no sample has";
+const CHOOSE_NODATA: &str = "pass another value for voids with --out-nodata";
+const CHOOSE_TYPE: &str = "choose a wider type with --type";
+const ROUND: &str = "pass --round to store the nearest value, or choose another type with --type";
+
+impl Misfit {
+    /// The error, for a run that begins at (`col`, `row`) of a grid of such samples.
+    pub(super) fn error(
+        self,
+        sample_type: SampleType,
+        nodata: Option<f64>,
+        (col, row): (u32, u32),
+    ) -> Error {
+        let name = sample_type.name();
+        let (at, message, remedy) = match (self, nodata) {
+            (Self::Void(at), Some(value)) => {
+                let message =
+                    format!("a void, but the nodata value {value} cannot be stored as {name}");
+                (at, message, CHOOSE_FOR_VOIDS)
+            }
+            (Self::Void(at), None) => {
+                (at, "a void, but no nodata value is declared".to_owned(), CHOOSE_FOR_VOIDS)
+            }
+            (Self::Beyond(at, height), _) => {
+                (at, format!("the height {height} is beyond what {name} holds"), CHOOSE_TYPE)
+            }
+            (Self::Between(at, height), _) => {
+                (at, format!("{name} does not hold the height {height} exactly"), ROUND)
+            }
+            (Self::Nodata(at, height), _) => {
+                (at, format!("the height {height} would be read as nodata"), CHOOSE_NODATA)
+            }
+        };
+        Error::bad_input(message)
+            .at(format_args!("column {}, row {row}", u64::from(col) + at as u64))
+            .remedy(remedy)
+    }
+}

@@ -1,0 +1,468 @@
+//! From stored bytes to heights and back, for every sample type.
+
+use half::f16;
+
+use super::misfit::Misfit;
+use crate::{GridInfo, SampleType};
+use terrane_base::error::Error;
+
+/// What stored samples mean: height = stored * scale + offset, one value stands for voids.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Codec {
+    sample_type: SampleType,
+    nodata: Option<f64>,
+    scale: f64,
+    offset: f64,
+    rounding: Rounding,
+}
+
+/// What becomes of heights that the sample type does not hold as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Rounding {
+    /// They are refused.
+    #[default]
+    Exact,
+    /// The nearest value stands for them.
+    Nearest,
+    /// The same, and one that happens to be the value for voids moves aside: for means, which no
+    /// file of the user holds.
+    Aside,
+}
+
+/// Calls a generic method for the type of the samples.
+macro_rules! by_type {
+    ($codec:expr, $method:ident, $($argument:expr),*) => {
+        match $codec.sample_type {
+            SampleType::I8 => $codec.$method::<i8, _>($($argument),*),
+            SampleType::U8 => $codec.$method::<u8, _>($($argument),*),
+            SampleType::I16 => $codec.$method::<i16, _>($($argument),*),
+            SampleType::U16 => $codec.$method::<u16, _>($($argument),*),
+            SampleType::I32 => $codec.$method::<i32, _>($($argument),*),
+            SampleType::U32 => $codec.$method::<u32, _>($($argument),*),
+            SampleType::F16 => $codec.$method::<f16, _>($($argument),*),
+            SampleType::F32 => $codec.$method::<f32, _>($($argument),*),
+            SampleType::F64 => $codec.$method::<f64, _>($($argument),*),
+        }
+    };
+}
+
+impl Codec {
+    pub(crate) fn new(info: &GridInfo) -> Self {
+        let GridInfo { sample_type, nodata, scale, offset, .. } = *info;
+        Self { sample_type, nodata, scale, offset, rounding: Rounding::Exact }
+    }
+
+    /// The same with another way of rounding.
+    pub(crate) fn rounding(self, rounding: Rounding) -> Self {
+        Self { rounding, ..self }
+    }
+
+    /// Heights of stored bytes (as many as `out` holds); voids become NaN.
+    pub(super) fn decode<H: Height>(&self, stored: &[u8], out: &mut [H]) {
+        by_type!(self, decode_as, stored, out);
+    }
+
+    fn decode_as<T: Stored, H: Height>(&self, stored: &[u8], out: &mut [H]) {
+        let (scale, offset) = (self.scale, self.offset);
+        match (T::exactly(self.nodata), self.is_plain()) {
+            (None, true) => decode_run(stored, out, |v: T| v.is_hole(), H::of),
+            (Some(n), true) => decode_run(stored, out, |v: T| v.is_hole() | (v == n), H::of),
+            (nodata, false) => {
+                let is_hole = |v: T| v.is_hole() | (Some(v) == nodata);
+                decode_run(stored, out, is_hole, |v: T| H::of_f64(v.to_f64() * scale + offset));
+            }
+        }
+    }
+
+    fn is_plain(&self) -> bool {
+        self.scale == 1.0 && self.offset == 0.0
+    }
+
+    /// Stored bytes of heights. `bytes` may be longer: the rest is padded with voids (zeros where
+    /// no value is declared for them).
+    pub(crate) fn encode<H: Height>(&self, heights: &[H], bytes: &mut [u8]) -> Result<(), Misfit> {
+        by_type!(self, encode_as, heights, bytes)
+    }
+
+    fn encode_as<T: Stored, H: Height>(
+        &self,
+        heights: &[H],
+        bytes: &mut [u8],
+    ) -> Result<(), Misfit> {
+        let fill = T::exactly(self.nodata).or(T::HOLE);
+        let (bytes, padding) = bytes.split_at_mut(heights.len() * T::BYTES);
+        let mut sound = true;
+        for (bytes, height) in bytes.chunks_exact_mut(T::BYTES).zip(heights) {
+            let (value, fits) = self.store::<T, H>(*height, fill);
+            value.write(bytes);
+            sound &= fits;
+        }
+        for bytes in padding.chunks_exact_mut(T::BYTES) {
+            fill.unwrap_or(T::ZERO).write(bytes);
+        }
+        if sound { Ok(()) } else { Err(self.misfit(heights, fill)) }
+    }
+
+    /// What a reader will get of `height`, for formats that write numbers their own way.
+    pub(crate) fn fit(&self, height: f64) -> Result<f64, Misfit> {
+        let (mut bytes, mut out) = ([0; 8], [0.0]);
+        let bytes = &mut bytes[..self.sample_type.bytes()];
+        self.encode(&[height], bytes)?;
+        self.decode(bytes, &mut out);
+        Ok(out[0])
+    }
+
+    #[inline(always)]
+    fn store<T: Stored, H: Height>(&self, height: H, fill: Option<T>) -> (T, bool) {
+        if height.is_void() {
+            return (fill.unwrap_or(T::ZERO), fill.is_some());
+        }
+        let wanted = self.wanted::<T>(height.to_f64());
+        let (value, held) = T::nearest(wanted);
+        let meets = fill.is_some_and(|fill| value.meets(fill));
+        match self.rounding {
+            Rounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
+            Rounding::Nearest => (value, held & !meets),
+            Rounding::Aside => (if meets { value.aside() } else { value }, held),
+        }
+    }
+
+    /// What would have to be stored for `height`.
+    #[inline(always)]
+    fn wanted<T: Stored>(&self, height: f64) -> f64 {
+        if self.is_plain() { height } else { T::unscale(height, self.scale, self.offset) }
+    }
+
+    /// True when `value` is `wanted`, but for what scale and offset have rounded.
+    #[inline(always)]
+    fn is_close<T: Stored>(&self, value: T, wanted: f64) -> bool {
+        let apart = (value.to_f64() - wanted).abs();
+        apart <= if self.is_plain() { 0.0 } else { T::slack(wanted, self.offset / self.scale) }
+    }
+
+    /// Finds what [`encode`](Self::encode) stumbled over.
+    fn misfit<T: Stored, H: Height>(&self, heights: &[H], fill: Option<T>) -> Misfit {
+        let bad = |height: &H| !self.store::<T, H>(*height, fill).1;
+        let at = heights.iter().position(bad).unwrap_or_default();
+        let Some(height) = heights.get(at).filter(|height| !height.is_void()) else {
+            return Misfit::Void(at);
+        };
+        let height = height.to_f64();
+        let (value, held) = T::nearest(self.wanted::<T>(height));
+        match (held, fill.is_some_and(|fill| value.meets(fill))) {
+            (false, _) => Misfit::Beyond(at, height),
+            (true, true) => Misfit::Nodata(at, height),
+            (true, false) => Misfit::Between(at, height),
+        }
+    }
+
+    /// The error of a misfit in a run that begins at (`col`, `row`): what, where and what to do.
+    pub(crate) fn refusal(&self, misfit: Misfit, col: u32, row: u32) -> Error {
+        misfit.error(self.sample_type, self.nodata, (col, row))
+    }
+}
+
+/// True when `sample_type` has this very value to stand for voids (NaN is a value of floats).
+pub(crate) fn holds(sample_type: SampleType, value: f64) -> bool {
+    let info = GridInfo::plain("", 1, 1, sample_type);
+    let codec = Codec::new(&GridInfo { nodata: Some(value), ..info });
+    codec.encode(&[f64::NAN], &mut [0; 8][..sample_type.bytes()]).is_ok()
+}
+
+#[inline(always)]
+fn decode_run<T: Stored, H: Height>(
+    stored: &[u8],
+    out: &mut [H],
+    is_hole: impl Fn(T) -> bool,
+    height: impl Fn(T) -> H,
+) {
+    for (out, bytes) in out.iter_mut().zip(stored.chunks_exact(T::BYTES)) {
+        let value = T::read(bytes);
+        *out = if is_hole(value) { H::VOID } else { height(value) };
+    }
+}
+
+/// A float that heights are handed out in.
+pub(crate) trait Height: Copy {
+    const VOID: Self;
+    fn of<T: Stored>(value: T) -> Self;
+    fn of_f64(value: f64) -> Self;
+    fn to_f64(self) -> f64;
+    fn is_void(self) -> bool;
+}
+
+impl Height for f32 {
+    const VOID: Self = f32::NAN;
+
+    #[inline(always)]
+    fn of<T: Stored>(value: T) -> Self {
+        value.to_f32()
+    }
+
+    #[inline(always)]
+    fn of_f64(value: f64) -> Self {
+        value as f32
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+
+    #[inline(always)]
+    fn is_void(self) -> bool {
+        self.is_nan()
+    }
+}
+
+impl Height for f64 {
+    const VOID: Self = f64::NAN;
+
+    #[inline(always)]
+    fn of<T: Stored>(value: T) -> Self {
+        value.to_f64()
+    }
+
+    #[inline(always)]
+    fn of_f64(value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+
+    #[inline(always)]
+    fn is_void(self) -> bool {
+        self.is_nan()
+    }
+}
+
+/// A sample type.
+pub(crate) trait Stored: Copy + PartialEq {
+    const BYTES: usize;
+    const ZERO: Self;
+    /// A value that is void by itself (NaN).
+    const HOLE: Option<Self>;
+    fn read(bytes: &[u8]) -> Self;
+    fn write(self, bytes: &mut [u8]);
+    fn to_f32(self) -> f32;
+    fn to_f64(self) -> f64;
+    /// NaN and infinities.
+    fn is_hole(self) -> bool;
+    /// The nearest value of this type, and whether `value` is within its range.
+    fn nearest(value: f64) -> (Self, bool);
+
+    /// This very value, where the type has it.
+    fn exactly(value: Option<f64>) -> Option<Self>;
+
+    /// The stored value with `value * scale + offset == height`, about.
+    fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
+        (height - offset) / scale
+    }
+
+    /// How far scale and offset (in stored units) may have moved a value of this type.
+    fn slack(wanted: f64, offset: f64) -> f64;
+
+    /// True when readers take this value for `nodata`.
+    fn meets(self, nodata: Self) -> bool;
+
+    /// A value near this one that does not meet it.
+    fn aside(self) -> Self;
+}
+
+/// The little-endian bytes of a value, to and fro.
+macro_rules! bytes_of {
+    ($t:ty) => {
+        const BYTES: usize = size_of::<$t>();
+
+        #[inline(always)]
+        fn read(bytes: &[u8]) -> Self {
+            <$t>::from_le_bytes(bytes.try_into().unwrap_or_default())
+        }
+
+        #[inline(always)]
+        fn write(self, bytes: &mut [u8]) {
+            bytes.copy_from_slice(&self.to_le_bytes());
+        }
+    };
+}
+
+macro_rules! stored_integer {
+    ($($t:ty),*) => {$(
+        impl Stored for $t {
+            bytes_of!($t);
+            const ZERO: Self = 0;
+            const HOLE: Option<Self> = None;
+
+            #[inline(always)]
+            fn to_f32(self) -> f32 {
+                self as f32
+            }
+
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+
+            #[inline(always)]
+            fn is_hole(self) -> bool {
+                false
+            }
+
+            #[inline(always)]
+            fn nearest(value: f64) -> (Self, bool) {
+                // 1.5 * 2^52: adding and taking it away rounds to a whole number.
+                const ROUND: f64 = 6_755_399_441_055_744.0;
+                let whole = (value + ROUND) - ROUND;
+                (whole as $t, f64::from(whole as $t) == whole)
+            }
+
+            #[inline(always)]
+            fn slack(_wanted: f64, _offset: f64) -> f64 {
+                1e-3
+            }
+
+            #[inline(always)]
+            fn meets(self, nodata: Self) -> bool {
+                self == nodata
+            }
+
+            fn aside(self) -> Self {
+                if self == <$t>::MAX { self - 1 } else { self + 1 }
+            }
+
+            fn exactly(value: Option<f64>) -> Option<Self> {
+                value.map(|v| v as $t).filter(|near| Some(f64::from(*near)) == value)
+            }
+        }
+    )*};
+}
+
+stored_integer!(i8, u8, i16, u16, i32, u32);
+
+/// What floats have in common: how near nodata readers (GDAL and our own) take them for it, and a
+/// step that leaves that range towards zero.
+macro_rules! float_rules {
+    ($epsilon:expr, $step:literal) => {
+        #[inline(always)]
+        fn slack(wanted: f64, offset: f64) -> f64 {
+            1e-9 * (wanted.abs() + offset.abs())
+        }
+
+        #[inline(always)]
+        fn meets(self, nodata: Self) -> bool {
+            let nodata = Stored::to_f64(nodata);
+            (Stored::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
+        }
+
+        fn aside(self) -> Self {
+            let value = Stored::to_f64(self);
+            Self::nearest(if value == 0.0 { $step } else { value * (1.0 - $step) }).0
+        }
+    };
+}
+
+impl Stored for f32 {
+    bytes_of!(f32);
+    float_rules!(f64::from(f32::EPSILON), 1e-5);
+    const ZERO: Self = 0.0;
+    const HOLE: Option<Self> = Some(f32::NAN);
+
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+
+    #[inline(always)]
+    fn is_hole(self) -> bool {
+        !self.is_finite()
+    }
+
+    #[inline(always)]
+    fn nearest(value: f64) -> (Self, bool) {
+        let near = value as f32;
+        (near, near.is_finite())
+    }
+
+    /// A declared value such as -3.4e38 is meant as the `f32` nearest to it.
+    fn exactly(value: Option<f64>) -> Option<Self> {
+        value.map(|v| v as f32).filter(|v| v.is_finite())
+    }
+}
+
+impl Stored for f16 {
+    bytes_of!(f16);
+    float_rules!(0.0, 2e-3);
+    const ZERO: Self = f16::ZERO;
+    const HOLE: Option<Self> = Some(f16::NAN);
+
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        f16::to_f32(self)
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f16::to_f64(self)
+    }
+
+    #[inline(always)]
+    fn is_hole(self) -> bool {
+        !self.is_finite()
+    }
+
+    #[inline(always)]
+    fn nearest(value: f64) -> (Self, bool) {
+        let near = f16::from_f64(value);
+        (near, near.is_finite())
+    }
+
+    fn exactly(value: Option<f64>) -> Option<Self> {
+        value.map(f16::from_f64).filter(|v| v.is_finite())
+    }
+}
+
+impl Stored for f64 {
+    bytes_of!(f64);
+    float_rules!(f64::EPSILON, 1e-9);
+    const ZERO: Self = 0.0;
+    const HOLE: Option<Self> = Some(f64::NAN);
+
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self as f32
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+
+    #[inline(always)]
+    fn is_hole(self) -> bool {
+        !self.is_finite()
+    }
+
+    #[inline(always)]
+    fn nearest(value: f64) -> (Self, bool) {
+        (value, value.is_finite())
+    }
+
+    fn exactly(value: Option<f64>) -> Option<Self> {
+        value.filter(|v| v.is_finite())
+    }
+
+    /// Division may miss the value by its last bit: the neighbours are tried as well.
+    fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
+        let near = (height - offset) / scale;
+        let tries = [near, near.next_down(), near.next_up()];
+        tries.into_iter().find(|v| v * scale + offset == height).unwrap_or(near)
+    }
+}

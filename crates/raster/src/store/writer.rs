@@ -1,0 +1,190 @@
+//! Writing a store: tiles in any order, from any thread, and the same bytes whatever the order.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::header::Header;
+use super::layout::Layout;
+use super::map;
+use super::misfit::Misfit;
+use super::sample::{Codec, Height, Rounding};
+use super::tags::Front;
+use crate::{GridInfo, mask_beside, pam};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+use terrane_files::atomic::AtomicFile;
+
+/// Heights handed to a [`StoreWriter`]; voids are NaN.
+#[derive(Clone, Copy, Debug)]
+pub enum Heights<'a> {
+    /// Exact for the types of [`GridInfo::exact_in_f32`].
+    F32(&'a [f32]),
+    /// Exact for every type.
+    F64(&'a [f64]),
+}
+
+/// A store in the making. It appears under its name in [`finish`](Self::finish), whole; dropping
+/// the writer before that leaves nothing.
+#[derive(Debug)]
+pub struct StoreWriter {
+    file: AtomicFile,
+    layout: Layout,
+    front: Front,
+    codec: Codec,
+    /// Samples written so far.
+    written: AtomicU64,
+}
+
+impl StoreWriter {
+    /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one
+    /// of [`TILE_SIDES`](super::TILE_SIDES)), after making sure that the disk has room for it. Size, transform,
+    /// CRS, sample type, nodata, scale and offset are taken from `info`. Fails where a mask or an
+    /// .aux.xml of an earlier file lies beside `path`: it would change what is read of the store.
+    pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
+        refuse_old_sidecars(path)?;
+        let header = Header::new(info, side).map_err(|e| e.in_file(path))?;
+        let file = AtomicFile::create(path, overwrite)?;
+        let (layout, front) = (header.layout, header.front());
+        let length = layout.tile_bytes().checked_mul(layout.tiles());
+        let length = length.and_then(|tiles| tiles.checked_add(front.data));
+        let length = length.ok_or_else(|| Error::usage("the store is too large").in_file(path))?;
+        set_length(path, file.file(), length)?;
+        Ok(Self { file, layout, front, codec: Codec::new(info), written: AtomicU64::new(0) })
+    }
+
+    /// The writer with its heights rounded to what the sample type holds.
+    pub(crate) fn rounding(self, rounding: Rounding) -> Self {
+        Self { codec: self.codec.rounding(rounding), ..self }
+    }
+
+    /// Columns and rows of a tile.
+    pub fn tile(&self) -> (u32, u32) {
+        (self.layout.tile_width, self.layout.tile_height)
+    }
+
+    /// Writes the heights of `rect`: some rows of one tile, in the whole width that the tile has
+    /// inside the grid. May be called from several threads, in any order, once for each sample.
+    /// `scratch` is a buffer to be used again.
+    pub fn write(&self, rect: Rect, heights: Heights<'_>, scratch: &mut Vec<u8>) -> Result<()> {
+        match heights {
+            Heights::F32(heights) => self.write_heights(rect, heights, scratch),
+            Heights::F64(heights) => self.write_heights(rect, heights, scratch),
+        }
+    }
+
+    fn write_heights<H: Height>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        scratch: &mut Vec<u8>,
+    ) -> Result<()> {
+        let place = self.place(rect, heights.len())?;
+        let row_bytes = self.layout.row_bytes() as usize;
+        scratch.clear();
+        scratch.resize(place.rows as usize * row_bytes, 0);
+        // Rows beyond the grid's last one are encoded from no heights: all padding.
+        let lines = heights.chunks_exact(rect.width as usize).chain(std::iter::repeat(&[][..]));
+        for ((row, line), bytes) in (rect.row..).zip(lines).zip(scratch.chunks_exact_mut(row_bytes))
+        {
+            let encoded = self.codec.encode(line, bytes);
+            encoded.map_err(|misfit| self.refuse(misfit, rect.col, row))?;
+        }
+        write_all_at(self.file.file(), scratch, place.byte)
+            .map_err(|e| Error::write(self.file.path(), e))?;
+        self.written.fetch_add(rect.len() as u64, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Where the rows of `rect` go.
+    fn place(&self, rect: Rect, values: usize) -> Result<Place> {
+        let Layout { tile_width, tile_height, .. } = self.layout;
+        let (across, down) = (rect.col / tile_width, rect.row / tile_height);
+        let inside = across < self.layout.across() && down < self.layout.down();
+        let tile = if inside { self.layout.tile_rect(across, down) } else { Rect::new(0, 0, 0, 0) };
+        let whole_rows = (tile.col, tile.width) == (rect.col, rect.width);
+        if rect.is_empty() || !whole_rows || tile.intersect(&rect) != rect || values != rect.len() {
+            return Err(Error::usage(format!(
+                "{rect:?} with {values} values is not part of a tile"
+            )));
+        }
+        let from = rect.row - tile.row;
+        let last = rect.end_row() == self.layout.height;
+        let rows = if last { tile_height - from } else { rect.height };
+        let tile = self.front.data + self.layout.tile(across, down) * self.layout.tile_bytes();
+        Ok(Place { byte: tile + u64::from(from) * self.layout.row_bytes(), rows })
+    }
+
+    fn refuse(&self, misfit: Misfit, col: u32, row: u32) -> Error {
+        self.codec.refusal(misfit, col, row).in_file(self.file.path())
+    }
+
+    /// Completes the store, puts it under its name, and returns its size in bytes. Fails when
+    /// samples are missing.
+    pub fn finish(self) -> Result<u64> {
+        let Layout { width, height, .. } = self.layout;
+        let (all, written) = (u64::from(width) * u64::from(height), self.written.into_inner());
+        if written != all {
+            let message = format!("{written} of {all} samples were written to the store");
+            return Err(Error::usage(message).in_file(self.file.path()));
+        }
+        let mut place = 0;
+        for piece in self.front.pieces() {
+            write_all_at(self.file.file(), &piece, place)
+                .map_err(|e| Error::write(self.file.path(), e))?;
+            place += piece.len() as u64;
+        }
+        self.file.commit()
+    }
+}
+
+/// Fails when a file beside `path` would be read with a new one there.
+pub(crate) fn refuse_old_sidecars(path: &Path) -> Result<()> {
+    pam::refuse_old(path)?;
+    let Some(mask) = mask_beside(path) else { return Ok(()) };
+    let message = "is the mask of an earlier file and would void samples of the new one";
+    Err(Error::new(ErrorKind::CannotWrite, message)
+        .in_file(&mask)
+        .remedy("remove it, or write to another name"))
+}
+
+/// Bytes in the file, and how many rows of a tile go there.
+struct Place {
+    byte: u64,
+    rows: u32,
+}
+
+/// Gives `file`, which `path` is told for, its length, if the disk has room for it.
+pub(crate) fn set_length(path: &Path, file: &File, length: u64) -> Result<()> {
+    map::set_length(file, length).map_err(|e| no_room(path, length, e))
+}
+
+/// Fails when the disk that `file`, which `path` is told for, is on has no room for `bytes` more.
+pub(crate) fn check_room(path: &Path, file: &File, bytes: u64) -> Result<()> {
+    map::check_room(file, bytes).map_err(|e| no_room(path, bytes, e))
+}
+
+fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
+    let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
+    let error = Error::write(path, error).at(format!("making room for {length} bytes"));
+    if full { error.remedy("free some space, or write to another disk") } else { error }
+}
+
+#[cfg(unix)]
+pub(crate) fn write_all_at(file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, place)
+}
+
+#[cfg(windows)]
+pub(crate) fn write_all_at(file: &File, mut bytes: &[u8], mut place: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let written = std::os::windows::fs::FileExt::seek_write(file, bytes, place)?;
+        if written == 0 {
+            return Err(io::ErrorKind::WriteZero.into());
+        }
+        bytes = &bytes[written..];
+        place += written as u64;
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! Numbers of a USGS model, which may touch where one fills its field ("  100-32767").
+
+use crate::file::RawFile;
+use terrane_base::error::{Error, Result};
+
+/// Bytes read at a time.
+const CHUNK: u64 = 64 << 10;
+/// Bytes of the field of a height, alone and with the padding of the record before it.
+const FIELDS: [usize; 2] = [6, 10];
+/// No number is longer.
+const MOST_WORD: usize = 64;
+
+/// A reader of numbers, one after the other.
+pub(super) struct Fields<'a> {
+    file: &'a RawFile,
+    buffer: Vec<u8>,
+    /// Next byte in `buffer`.
+    next: usize,
+    /// Offset in the file of the end of `buffer`.
+    end: u64,
+}
+
+impl<'a> Fields<'a> {
+    /// From `offset` on.
+    pub(super) fn new(file: &'a RawFile, offset: u64) -> Self {
+        Self { file, buffer: Vec::new(), next: 0, end: offset }
+    }
+
+    /// Moves to the next multiple of `record` bytes after `start`, past blanks.
+    pub(super) fn align(&mut self, start: u64, record: u64) -> Result<()> {
+        let at = start + (self.offset() - start).div_ceil(record) * record;
+        self.skip_blanks(at)?;
+        if self.offset() < at.min(self.file.size()) {
+            return Err(Error::bad_input("more follows its last height"));
+        }
+        Ok(())
+    }
+
+    /// Fails where more is left than blanks and a record of at most `most` bytes, which tells of
+    /// accuracy.
+    pub(super) fn finish(&mut self, most: u64) -> Result<()> {
+        self.skip_blanks(self.file.size())?;
+        match self.file.size() - self.offset() {
+            left if left <= most => Ok(()),
+            left => Err(Error::bad_input(format!("{left} bytes follow its last profile"))
+                .remedy("copy the file again")),
+        }
+    }
+
+    /// Moves to the first byte that is no blank, `end` at most.
+    fn skip_blanks(&mut self, end: u64) -> Result<()> {
+        while self.offset() < end && self.peek()?.is_some_and(|byte| byte.is_ascii_whitespace()) {
+            self.next += 1;
+        }
+        Ok(())
+    }
+
+    /// A whole number.
+    pub(super) fn integer(&mut self) -> Result<i64> {
+        let word = self.word()?;
+        let text = std::str::from_utf8(&word).ok();
+        text.and_then(|t| t.parse().ok()).ok_or_else(|| not_a("whole number", &word))
+    }
+
+    /// A number as Fortran writes it: "0.557945011821133D+06".
+    pub(super) fn decimal(&mut self) -> Result<f64> {
+        let word = self.word()?;
+        decimal(&word).ok_or_else(|| not_a("number", &word))
+    }
+
+    fn offset(&self) -> u64 {
+        self.end - (self.buffer.len() - self.next) as u64
+    }
+
+    fn word(&mut self) -> Result<Vec<u8>> {
+        let (mut word, mut before) = (Vec::new(), 0);
+        while let Some(byte) = self.peek()? {
+            if byte.is_ascii_whitespace() {
+                self.next += 1;
+                if word.is_empty() {
+                    before += 1;
+                    continue;
+                }
+                return Ok(word);
+            }
+            let is_sign = matches!(byte, b'-' | b'+');
+            if is_sign && word.last().is_some_and(|last| !b"DdEe".contains(last)) {
+                return Ok(word);
+            }
+            if word.len() == MOST_WORD {
+                return Err(not_a("number", &word));
+            }
+            word.push(byte);
+            self.next += 1;
+        }
+        // A number that ends with the file must fill its field, or digits may be missing.
+        if word.is_empty() || !FIELDS.contains(&(before + word.len())) {
+            let found = self.file.size();
+            let message = format!("file is truncated: more is expected and it has {found} bytes");
+            return Err(Error::bad_input(message));
+        }
+        Ok(word)
+    }
+
+    fn peek(&mut self) -> Result<Option<u8>> {
+        if self.next == self.buffer.len() {
+            let bytes = (self.file.size() - self.end).min(CHUNK);
+            self.buffer = self.file.read_vec(self.end, bytes)?;
+            self.next = 0;
+            self.end += bytes;
+        }
+        Ok(self.buffer.get(self.next).copied())
+    }
+}
+
+/// A finite number with an exponent after D or E.
+pub(super) fn decimal(word: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(word).ok()?.trim().replace(['D', 'd'], "E");
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+fn not_a(what: &str, word: &[u8]) -> Error {
+    let word = String::from_utf8_lossy(word).into_owned();
+    Error::bad_input(format!("{word:?} is not a {what}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::path::Path;
+
+    #[test]
+    fn numbers_that_touch_and_records() {
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7               8").unwrap();
+        let file = RawFile::of(file, Path::new("t.dem")).unwrap();
+        let mut fields = Fields::new(&file, 0);
+        assert_eq!(fields.integer().unwrap(), 12);
+        assert_eq!(fields.integer().unwrap(), -32767);
+        assert_eq!(fields.integer().unwrap(), 5);
+        assert_eq!(fields.decimal().unwrap(), 5.0);
+        assert_eq!(fields.decimal().unwrap(), -0.25);
+        assert_eq!(fields.integer().unwrap(), 7);
+        fields.align(0, 40).unwrap();
+        assert_eq!(fields.integer().unwrap(), 8);
+        fields.align(0, 1000).unwrap();
+        let error = fields.integer().unwrap_err().to_string();
+        assert!(error.contains("it has 46 bytes"), "{error}");
+        assert!(Fields::new(&file, 32).integer().is_err());
+        let mut fields = Fields::new(&file, 0);
+        fields.integer().unwrap();
+        assert!(fields.align(0, 40).unwrap_err().to_string().contains("more follows"));
+        assert!(fields.finish(41).unwrap_err().to_string().contains("42 bytes follow"));
+        assert!(fields.finish(42).is_ok());
+    }
+}

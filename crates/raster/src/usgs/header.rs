@@ -1,0 +1,222 @@
+//! The first record of a USGS model: fields at fixed columns.
+
+use super::fields::{Fields, decimal};
+use crate::SampleType;
+use crate::file::RawFile;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+use terrane_base::limits;
+
+/// Bytes of a record, without a newline.
+const RECORD: u64 = 1024;
+/// Where the profiles of the old form begin, whose records are not padded.
+const OLD_START: u64 = 893;
+const ARC_SECONDS: f64 = 3600.0;
+
+/// What the record says.
+pub(super) struct Header {
+    pub(super) name: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) transform: Affine,
+    /// Positions in the file are divided by this: 3600 for arc seconds.
+    pub(super) divisor: f64,
+    pub(super) geographic: bool,
+    pub(super) epsg: Option<u32>,
+    /// The name of the system.
+    pub(super) system: String,
+    pub(super) vertical_unit: &'static str,
+    /// Height of one stored unit.
+    pub(super) resolution: f64,
+    /// Offset of the first profile.
+    pub(super) data: u64,
+    /// Bytes of a record with its newline, where profiles begin with a record.
+    pub(super) record_bytes: Option<u64>,
+}
+
+impl Header {
+    pub(super) fn read(file: &RawFile) -> Result<Self> {
+        let record = Record(file.head(RECORD)?);
+        if record.0.len() < 864 {
+            return Err(Error::bad_input(format!(
+                "file is truncated: its first record has 1024 bytes and the file {}",
+                file.size()
+            )));
+        }
+        let (data, record_bytes) = data_start(file)?;
+        let grid = Grid::read(&record, file, data)?;
+        let datum = if record_bytes.is_some() { record.text(890, 2) } else { "1" };
+        // Geographic models leave the zone blank.
+        let zone = if grid.system == 0 { 0 } else { record.integer("zone", 162, 6)? };
+        let (epsg, system) = system(grid.system, zone, datum);
+        let vertical_unit = match record.integer("unit of heights", 534, 6)? {
+            1 => "foot",
+            2 => "metre",
+            other => {
+                return Err(Error::unsupported(format!("unit {other} of heights is not known")));
+            }
+        };
+        Ok(Self {
+            name: record.text(0, 40).split_whitespace().collect::<Vec<_>>().join(" "),
+            width: grid.width,
+            height: grid.height,
+            transform: grid.transform,
+            divisor: grid.divisor,
+            geographic: grid.system == 0,
+            epsg,
+            system,
+            vertical_unit,
+            resolution: grid.resolution,
+            data,
+            record_bytes,
+        })
+    }
+
+    /// Whole metres are `int16`, all else `float32`, as GDAL reads them.
+    pub(super) fn sample_type(&self) -> SampleType {
+        let whole = self.vertical_unit == "metre" && self.resolution >= 1.0;
+        if whole { SampleType::I16 } else { SampleType::F32 }
+    }
+}
+
+/// Size and place.
+struct Grid {
+    /// 0 geographic, 1 UTM, 2 state plane.
+    system: i64,
+    width: u32,
+    height: u32,
+    transform: Affine,
+    divisor: f64,
+    resolution: f64,
+}
+
+impl Grid {
+    fn read(record: &Record, file: &RawFile, data: u64) -> Result<Self> {
+        let system = record.integer("reference system", 156, 6)?;
+        let (dx, dy) =
+            (record.decimal("x spacing", 816, 12)?, record.decimal("y spacing", 828, 12)?);
+        let resolution = record.decimal("height resolution", 840, 12)?;
+        if dx <= 0.0 || dy <= 0.0 || resolution <= 0.0 {
+            return Err(Error::bad_input(format!(
+                "spacing {dx} x {dy} and height resolution {resolution} must be above 0"
+            )));
+        }
+        let corner = |i: usize| record.decimal("corner", 546 + 24 * i, 24);
+        let west = corner(0)?.min(corner(2)?);
+        let mut south = corner(1)?.min(corner(7)?);
+        let mut north = corner(3)?.max(corner(5)?);
+        let geographic = system == 0;
+        // Other than in degrees, the samples lie on multiples of the spacing.
+        let west = if geographic { west } else { first_x(file, data)? };
+        if !geographic {
+            (south, north) = ((south / dy).floor() * dy, (north / dy).ceil() * dy);
+        }
+        let divisor = if geographic { ARC_SECONDS } else { 1.0 };
+        let transform = Affine {
+            x0: west / divisor,
+            a: dx / divisor,
+            b: 0.0,
+            y0: north / divisor,
+            d: 0.0,
+            e: -dy / divisor,
+        };
+        let rows = ((north - south) / dy + 1.5).floor();
+        let profiles = record.integer("number of profiles", 858, 6)?;
+        if !transform.is_valid() || profiles < 1 || rows.is_nan() || rows < 1.0 {
+            return Err(Error::bad_input("corners and spacing in the header make no grid"));
+        }
+        limits::check("rows", rows as u64, limits::MAX_SIDE)?;
+        limits::check("profiles", profiles as u64, limits::MAX_SIDE)?;
+        check_room(profiles as u64, rows as u64, file.size())?;
+        let (width, height) = (profiles as u32, rows as u32);
+        Ok(Self { system, width, height, transform, divisor, resolution })
+    }
+}
+
+/// A profile takes at least its head of 144 bytes, and a grid of voids is no grid.
+fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
+    let least = profiles * 144;
+    if least > bytes {
+        return Err(Error::bad_input(format!(
+            "file is truncated: {profiles} profiles need {least} bytes and it has {bytes}"
+        )));
+    }
+    limits::check("samples for each byte of the file", profiles * rows / bytes, 1000)
+}
+
+/// The x of the first profile.
+fn first_x(file: &RawFile, data: u64) -> Result<f64> {
+    let mut fields = Fields::new(file, data);
+    for _ in 0..4 {
+        fields.integer().map_err(|e| e.at("profile 1"))?;
+    }
+    fields.decimal().map_err(|e| e.at("profile 1"))
+}
+
+/// Offset of the first profile, and the bytes of a record unless the file has the old form.
+fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
+    let starts_at = |offset: u64| {
+        if offset >= file.size() {
+            return false;
+        }
+        let mut fields = Fields::new(file, offset);
+        matches!((fields.integer(), fields.integer()), (Ok(1), Ok(1)))
+    };
+    if starts_at(RECORD) {
+        let after = file.read_vec(RECORD, 2.min(file.size() - RECORD))?;
+        let newline = after.iter().take_while(|byte| matches!(byte, b'\n' | b'\r')).count() as u64;
+        return Ok((RECORD + newline, Some(RECORD + newline)));
+    }
+    if starts_at(OLD_START) {
+        return Ok((OLD_START, None));
+    }
+    Err(Error::bad_input("is not a USGS model: its first profile is not found at byte 1024 or 893"))
+}
+
+/// EPSG code and name of the system.
+fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
+    // Geographic code, then what the UTM codes of north and south begin with.
+    let (name, geographic, north, south) = match datum.trim() {
+        "2" => ("WGS 72", 4322, 32200, 32300),
+        "3" => ("WGS 84", 4326, 32600, 32700),
+        "4" => ("NAD83", 4269, 26900, 0),
+        _ => ("NAD27", 4267, 26700, 0),
+    };
+    let utm = |zone: i64| {
+        let base = if zone > 0 { north } else { south };
+        let most = if base < 30_000 { 23 } else { 60 };
+        let number = u32::try_from(zone.abs()).ok().filter(|z| (1..=most).contains(z))?;
+        (base > 0).then_some(base + number)
+    };
+    match system {
+        0 => (Some(geographic), name.to_owned()),
+        1 => (
+            utm(zone),
+            format!("{name} / UTM zone {}{}", zone.abs(), if zone < 0 { "S" } else { "N" }),
+        ),
+        2 => (None, format!("{name} / state plane zone {zone}")),
+        other => (None, format!("{name} / reference system {other}")),
+    }
+}
+
+/// The record's bytes.
+struct Record(Vec<u8>);
+
+impl Record {
+    fn text(&self, offset: usize, bytes: usize) -> &str {
+        let field = self.0.get(offset..self.0.len().min(offset + bytes)).unwrap_or_default();
+        std::str::from_utf8(field).unwrap_or_default()
+    }
+
+    fn decimal(&self, what: &str, offset: usize, bytes: usize) -> Result<f64> {
+        let text = self.text(offset, bytes);
+        decimal(text.as_bytes())
+            .ok_or_else(|| Error::bad_input(format!("{what} is {:?}, not a number", text.trim())))
+    }
+
+    fn integer(&self, what: &str, offset: usize, bytes: usize) -> Result<i64> {
+        let text = self.text(offset, bytes).trim();
+        text.parse()
+            .map_err(|_| Error::bad_input(format!("{what} is {text:?}, not a whole number")))
+    }
+}

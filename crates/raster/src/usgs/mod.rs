@@ -1,0 +1,164 @@
+//! USGS ASCII elevation models (.dem): profiles of heights from south to north, which need not
+//! start on the same row. Decoded once at opening into a temporary file.
+
+mod fields;
+mod header;
+
+use std::path::Path;
+
+use crate::file::RawFile;
+use crate::spool::Spool;
+use crate::strided::{Layout, Strided};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, raw};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
+
+use fields::Fields;
+use header::Header;
+
+/// The registry entry.
+pub(super) const FORMAT: RasterFormat = RasterFormat {
+    name: "USGS DEM",
+    extensions: &["dem"],
+    about: "ASCII quads with or without newlines; binary .dem with a .hdr is read as raw",
+    sniff: |_| false,
+    open,
+};
+
+/// What a sample without a height holds.
+const VOID: f64 = -32767.0;
+/// Most bytes of a record, with its newline.
+const MOST_RECORD: u64 = 1024 + 2;
+/// Part of a cell that a profile may lie off its place.
+const SLACK: f64 = 0.05;
+
+fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    // Old global grids are raw data that ends in .dem.
+    if raw::header_beside(path).is_some() && !is_text(path)? {
+        return raw::open(path, options);
+    }
+    let grid = read(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(grid))
+}
+
+/// True when the file begins as text does.
+fn is_text(path: &Path) -> Result<bool> {
+    let head = RawFile::open(path)?.head(144)?;
+    Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
+}
+
+fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+    only_band(options.band)?;
+    let file = RawFile::open(path)?;
+    let header = Header::read(&file)?;
+    let spool = Spool::new(path, options.temp_dir.as_deref())?;
+    let spool = unpack(&file, &header, spool)?;
+    let layout = Layout::columns(header.height, header.sample_type().bytes());
+    Strided::new(spool, info(&header, options), layout)
+}
+
+fn info(header: &Header, options: &OpenOptions) -> GridInfo {
+    let crs = Crs {
+        epsg: header.epsg,
+        citation: Some(header.system.clone()),
+        geographic: Some(header.geographic),
+        vertical_unit: Some(header.vertical_unit.to_owned()),
+        vertical_unit_text: Some(
+            if header.vertical_unit == "metre" { "m" } else { "ft" }.to_owned(),
+        ),
+        ..Crs::default()
+    };
+    GridInfo {
+        transform: header.transform,
+        georeferenced: true,
+        pixel_is_point: true,
+        crs,
+        nodata: Some(options.nodata.unwrap_or(VOID)),
+        block: (1, header.height),
+        details: vec![
+            ("compression".to_owned(), "none (text)".to_owned()),
+            ("name".to_owned(), header.name.clone()),
+            ("height resolution".to_owned(), header.resolution.to_string()),
+        ],
+        ..GridInfo::plain(FORMAT.name, header.width, header.height, header.sample_type())
+    }
+}
+
+/// Decodes every profile into a column from north to south.
+fn unpack(file: &RawFile, header: &Header, mut spool: Spool) -> Result<RawFile> {
+    let mut fields = Fields::new(file, header.data);
+    let mut column = Vec::new();
+    for i in 0..header.width {
+        let place = format!("profile {} of {}", i + 1, header.width);
+        let heights = profile(&mut fields, header, i).map_err(|e| e.at(&place))?;
+        column.clear();
+        heights.iter().for_each(|height| push(&mut column, *height, header.sample_type()));
+        spool.write(&column)?;
+        if let Some(record) = header.record_bytes {
+            fields.align(header.data, record).map_err(|e| e.at(&place))?;
+        }
+    }
+    fields.finish(MOST_RECORD)?;
+    spool.finish()
+}
+
+fn push(out: &mut Vec<u8>, height: f64, kind: SampleType) {
+    match kind {
+        SampleType::I16 => out.extend_from_slice(&(height as i16).to_ne_bytes()),
+        _ => out.extend_from_slice(&(height as f32).to_ne_bytes()),
+    }
+}
+
+/// The heights of profile `i` from north to south, void where it has none.
+fn profile(fields: &mut Fields<'_>, header: &Header, i: u32) -> Result<Vec<f64>> {
+    let (_, number) = (fields.integer()?, fields.integer()?);
+    if number != i64::from(i) + 1 {
+        return Err(Error::bad_input(format!("it says to be number {number}")));
+    }
+    let (rows, columns) = (fields.integer()?, fields.integer()?);
+    if columns != 1 || !(0..=i64::from(header.height)).contains(&rows) {
+        return Err(Error::bad_input(format!(
+            "it claims {rows} x {columns} heights, where the grid has {} rows",
+            header.height
+        )));
+    }
+    let (x, y) = (fields.decimal()? / header.divisor, fields.decimal()? / header.divisor);
+    let datum = fields.decimal()?;
+    let (_, _) = (fields.decimal()?, fields.decimal()?);
+    let [col, bottom] = header.transform.invert(x, y);
+    if (col - f64::from(i)).abs() > SLACK {
+        let [expected, _] = header.transform.apply(f64::from(i), 0.0);
+        let message = format!("it lies at x {x}, where the header says {expected}");
+        return Err(Error::bad_input(message));
+    }
+    let first = bottom.round();
+    if !(first < f64::from(header.height) && first - rows as f64 >= -1.0) {
+        return Err(Error::bad_input(format!(
+            "its {rows} heights from y {y} upwards do not lie in the grid of {} rows",
+            header.height
+        )));
+    }
+    let mut heights = vec![VOID; header.height as usize];
+    let (first, rows) = (first.max(0.0) as usize, rows as usize);
+    for up in 0..rows {
+        heights[first - up] = height(fields, header, datum)?;
+    }
+    Ok(heights)
+}
+
+fn height(fields: &mut Fields<'_>, header: &Header, datum: f64) -> Result<f64> {
+    let stored = fields.integer()? as f64;
+    if stored == VOID {
+        return Ok(VOID);
+    }
+    let height = stored * header.resolution + datum;
+    match header.sample_type() {
+        SampleType::I16 => {
+            let whole = height.round();
+            let fits = (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&whole);
+            let bad = || Error::bad_input(format!("height {height} is out of range"));
+            if fits { Ok(whole) } else { Err(bad()) }
+        }
+        _ => Ok(height),
+    }
+}

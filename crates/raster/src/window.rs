@@ -1,0 +1,42 @@
+//! The window a caller wants filled: checked once, then handed out row by row.
+
+use crate::GridInfo;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+
+/// A rectangle of samples and the memory it is read into.
+pub(crate) struct Window<'a, H> {
+    rect: Rect,
+    out: &'a mut [H],
+}
+
+impl<'a, H> Window<'a, H> {
+    /// Checks that `rect` lies inside the grid and that `out` has its size.
+    pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
+        let ends_inside =
+            |first: u32, count: u32, of: u32| first.checked_add(count).is_some_and(|end| end <= of);
+        let inside = ends_inside(rect.col, rect.width, info.width)
+            && ends_inside(rect.row, rect.height, info.height);
+        if !inside || rect.len() != out.len() {
+            return Err(Error::usage(format!(
+                "window of {} x {} samples at column {}, row {} does not fit the grid of {} x {} \
+                 or its buffer of {}",
+                rect.width,
+                rect.height,
+                rect.col,
+                rect.row,
+                info.width,
+                info.height,
+                out.len()
+            )));
+        }
+        Ok(Self { rect, out })
+    }
+
+    /// The memory of row `row` of `part`, which lies inside the window.
+    pub(crate) fn row(&mut self, part: Rect, row: u32) -> &mut [H] {
+        let down = (part.row - self.rect.row + row) as usize;
+        let start = down * self.rect.width as usize + (part.col - self.rect.col) as usize;
+        &mut self.out[start..][..part.width as usize]
+    }
+}

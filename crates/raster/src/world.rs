@@ -1,0 +1,126 @@
+//! Where a picture lies, told by a file or by its name: world files, and z/x/y tile addresses.
+
+use std::path::{Path, PathBuf};
+
+use crate::file::RawFile;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+use terrane_base::limits;
+
+/// Most bytes of a world file: six numbers.
+const MOST_BYTES: u64 = 4096;
+/// Half the side of the world in web mercator (EPSG:3857), in metres.
+const HALF_WORLD: f64 = 20_037_508.342_789_244;
+/// Deepest zoom level of a tile address.
+const MOST_ZOOM: u32 = 30;
+
+/// The file beside `path` with one of `endings` in place of its own, in lower or upper case.
+pub(super) fn sidecar(path: &Path, endings: &[&str]) -> Option<PathBuf> {
+    let both = endings.iter().flat_map(|e| [(*e).to_owned(), e.to_uppercase()]);
+    both.map(|ending| path.with_extension(ending)).find(|sidecar| sidecar.is_file())
+}
+
+/// The start of a small text file.
+pub(super) fn small_text(path: &Path, what: &str, most: u64) -> Result<String> {
+    let file = RawFile::open(path)?;
+    limits::check(what, file.size(), most).map_err(|e| e.in_file(path))?;
+    Ok(String::from_utf8_lossy(&file.head(most)?).into_owned())
+}
+
+/// Reads the world file beside `path`, if there is one: six numbers that place the centre of the
+/// first sample.
+///
+/// # Errors
+/// A world file that is not six numbers, or whose map cannot be inverted.
+pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
+    let Some(world) = sidecar(path, endings) else { return Ok(None) };
+    let text = small_text(&world, "bytes of a world file", MOST_BYTES)?;
+    let numbers: Option<Vec<f64>> =
+        text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
+    let map = match numbers.as_deref() {
+        Some(&[a, d, b, e, x0, y0]) => Affine { x0, a, b, y0, d, e },
+        _ => return Err(Error::bad_input("a world file is six numbers").in_file(&world)),
+    };
+    if !map.is_valid() {
+        return Err(Error::bad_input("its numbers do not place the grid").in_file(&world));
+    }
+    Ok(Some(map))
+}
+
+/// A square of the web mercator pyramid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Tile {
+    /// Zoom level: the world is 2^zoom tiles wide.
+    pub(super) zoom: u32,
+    /// From the west.
+    pub(super) x: u32,
+    /// From the north.
+    pub(super) y: u32,
+}
+
+impl Tile {
+    /// From a path that ends in zoom/x/y.ending (also y@2x.ending).
+    pub(super) fn of_path(path: &Path) -> Option<Self> {
+        let mut parts = path.iter().rev();
+        let file = Path::new(parts.next()?).file_stem()?.to_str()?;
+        let y = digits(file.strip_suffix("@2x").unwrap_or(file))?;
+        let x = digits(parts.next()?.to_str()?)?;
+        let zoom = digits(parts.next()?.to_str()?)?;
+        let inside = zoom <= MOST_ZOOM && x < 1 << zoom && y < 1 << zoom;
+        inside.then_some(Self { zoom, x, y })
+    }
+
+    /// Of a grid of `width` x `height` samples that fills the tile.
+    pub(super) fn transform(&self, width: u32, height: u32) -> Affine {
+        let side = 2.0 * HALF_WORLD / f64::from(1_u32 << self.zoom);
+        let west = f64::from(self.x) * side - HALF_WORLD;
+        let north = HALF_WORLD - f64::from(self.y) * side;
+        let (dx, dy) = (side / f64::from(width), side / f64::from(height));
+        Affine::from_gdal([west, dx, 0.0, north, 0.0, -dy])
+    }
+}
+
+fn digits(text: &str) -> Option<u32> {
+    text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse().ok())?
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_in_paths() {
+        let of = |path: &str| Tile::of_path(Path::new(path));
+        assert_eq!(of("a/10/163/357.png"), Some(Tile { zoom: 10, x: 163, y: 357 }));
+        assert_eq!(of("0/0/0@2x.png"), Some(Tile { zoom: 0, x: 0, y: 0 }));
+        for path in
+            ["10/163/a.png", "357.png", "1/2/0.png", "31/0/0.png", "a/1/1/.png", "-1/0/0.png"]
+        {
+            assert_eq!(of(path), None, "{path}");
+        }
+    }
+
+    #[test]
+    fn tiles_cover_the_world() {
+        let map = Tile { zoom: 1, x: 1, y: 0 }.transform(256, 256);
+        let [west, dx, _, north, _, dy] = map.to_gdal();
+        assert!(west.abs() < 1e-6 && (north - HALF_WORLD).abs() < 1e-6);
+        assert!((dx * 256.0 - HALF_WORLD).abs() < 1e-6 && (dx + dy).abs() < 1e-12);
+    }
+
+    #[test]
+    fn world_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let grid = folder.path().join("a.png");
+        let read = |text: &str| {
+            std::fs::write(folder.path().join("a.PGW"), text).unwrap();
+            beside(&grid, &["pgw", "wld"])
+        };
+        assert_eq!(beside(&grid, &["pgw"]).unwrap(), None);
+        let map = read("30\n0\n0\n-30\n500\n700\n").unwrap().unwrap();
+        assert_eq!(map, Affine { x0: 500.0, a: 30.0, b: 0.0, y0: 700.0, d: 0.0, e: -30.0 });
+        for text in ["1 2 3", "a b c d e f", "0 0 0 0 0 0", "nan 0 0 1 0 0", "1 0 0 1 0 0 0"] {
+            assert!(read(text).is_err(), "{text}");
+        }
+    }
+}

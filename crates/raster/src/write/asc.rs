@@ -1,0 +1,161 @@
+//! ESRI ASCII grids: heights as text, each with the fewest digits that tell it from its neighbours.
+
+use std::fmt::Write;
+use std::sync::Mutex;
+
+use super::packed::{Stream, lock, unlocked};
+use super::sidecar::{self, Sidecars, check_north_up, lower_left};
+use super::{GridFormat, GridSink, Order};
+use crate::store::Heights;
+use crate::store::header::number;
+use crate::store::misfit::Misfit;
+use crate::store::sample::{Codec, Height};
+use crate::{GridInfo, SampleType};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_files::atomic::AtomicFile;
+
+/// The registry entry.
+pub(super) const FORMAT: GridFormat = GridFormat {
+    name: "AAIGrid",
+    extensions: &["asc"],
+    about: "ESRI ASCII text with .prj; scale and offset are applied",
+    options: &[],
+    several_bands: false,
+    holds_types: false,
+    bytes_per_sample: 48,
+    create: |order| Ok(Box::new(AscSink::new(order)?)),
+};
+
+/// Samples of a block, about; at least one row.
+const BLOCK_SAMPLES: u32 = 1 << 17;
+
+/// A text grid in the making.
+struct AscSink {
+    target: AtomicFile,
+    info: GridInfo,
+    nodata: f64,
+    nodata_text: String,
+    /// Where a type was asked for: what its values may be.
+    codec: Option<Codec>,
+    sidecars: Sidecars,
+    text: Mutex<Stream>,
+}
+
+impl AscSink {
+    fn new(order: &Order<'_>) -> Result<Self> {
+        check_north_up(&order.info.transform, FORMAT.name)?;
+        let wide = order.heights(SampleType::F64)?;
+        let nodata = wide.nodata.unwrap_or_default();
+        let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
+        let info = GridInfo { sample_type, ..wide };
+        let codec = Codec::new(&GridInfo { nodata: None, ..info.clone() });
+        let codec = order.options.sample_type.map(|_| codec.rounding(order.rounding()));
+        let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
+        sidecars.add_prj(&info.crs)?;
+        let mut text = Stream::of(&target, 0)?;
+        text.write(header(&info, nodata).as_bytes())?;
+        let (text, nodata_text) = (Mutex::new(text), number(nodata));
+        Ok(Self { target, info, nodata, nodata_text, codec, sidecars, text })
+    }
+
+    fn write_rows<H: Height + std::fmt::Display>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        out: &mut String,
+    ) -> Result<()> {
+        for (row, line) in (rect.row..).zip(heights.chunks_exact(rect.width as usize)) {
+            for (col, height) in (rect.col..).zip(line) {
+                self.write_sample(*height, out).map_err(|misfit| self.refuse(misfit, col, row))?;
+            }
+            out.pop();
+            out.push('\n');
+        }
+        Ok(())
+    }
+
+    /// One sample and a space.
+    fn write_sample<H: Height + std::fmt::Display>(
+        &self,
+        height: H,
+        out: &mut String,
+    ) -> std::result::Result<(), Misfit> {
+        if height.is_void() {
+            out.push_str(&self.nodata_text);
+            out.push(' ');
+            return Ok(());
+        }
+        if height.to_f64() == self.nodata {
+            return Err(Misfit::Nodata(0, self.nodata));
+        }
+        // Writing to a string does not fail.
+        let _ = match &self.codec {
+            Some(codec) => write!(out, "{} ", codec.fit(height.to_f64())?),
+            None => write!(out, "{height} "),
+        };
+        Ok(())
+    }
+
+    fn refuse(&self, misfit: Misfit, col: u32, row: u32) -> terrane_base::error::Error {
+        Codec::new(&self.info).refusal(misfit, col, row).in_file(self.target.path())
+    }
+}
+
+fn header(info: &GridInfo, nodata: f64) -> String {
+    let half = if info.pixel_is_point { 0.0 } else { 0.5 };
+    let place = if info.pixel_is_point { "center" } else { "corner" };
+    let [x, y] = lower_left(info, half);
+    let (dx, dy) = (info.transform.a, -info.transform.e);
+    let cell = match dx == dy {
+        true => format!("cellsize {}\n", number(dx)),
+        false => format!("dx {}\ndy {}\n", number(dx), number(dy)),
+    };
+    let (width, height) = (info.width, info.height);
+    let (x, y, nodata) = (number(x), number(y), number(nodata));
+    format!(
+        "ncols {width}\nnrows {height}\nxll{place} {x}\nyll{place} {y}\n{cell}NODATA_value {nodata}\n"
+    )
+}
+
+impl GridSink for AscSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
+    }
+
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        let mut text = String::new();
+        match heights {
+            Heights::F32(heights) => self.write_rows(rect, heights, &mut text)?,
+            Heights::F64(heights) => self.write_rows(rect, heights, &mut text)?,
+        }
+        *out = text.into_bytes();
+        Ok(())
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        lock(&self.text).write(bytes)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        sidecar::lost(&self.info)
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        let Self { target, sidecars, text, .. } = *self;
+        unlocked(text).into_file()?;
+        sidecars.commit()?;
+        target.commit()
+    }
+}

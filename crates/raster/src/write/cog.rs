@@ -1,0 +1,251 @@
+//! Cloud-optimised GeoTIFF: all directories first, then the overviews from the smallest, then the
+//! image. Blocks are coded as they come and wait in unnamed files, because overviews and the sizes of
+//! all blocks come before them in the file.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::sync::Mutex;
+
+use super::compress::Compression;
+use super::creation::Accepts::{Whole, Words};
+use super::directory::{Directory, Form, Places};
+use super::level::{self, Level, Resampling};
+use super::packed::{Packed, copy_all, lock, unlocked};
+use super::tiff::{self, Coding, Image};
+use super::{BandName, Creation, CreationOption, GridFormat, GridSink, Order};
+use crate::store::Heights;
+use crate::store::header::{facts, number, tag};
+use crate::store::sample::{Codec, Height, Rounding};
+use crate::store::tags::Values;
+use crate::store::writer::check_room;
+use crate::{GridInfo, GridSource};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_files::atomic::AtomicFile;
+
+/// The registry entry.
+pub(super) const FORMAT: GridFormat = GridFormat {
+    name: "COG",
+    extensions: &["tif", "tiff"],
+    about: "cloud-optimised GeoTIFF with overviews",
+    options: &[
+        tiff::COMPRESS,
+        tiff::LEVEL,
+        tiff::PREDICTOR,
+        CreationOption {
+            key: "BLOCKSIZE",
+            accepts: Whole { least: 64, most: 4096, step: 16 },
+            about: "side of a tile [512]",
+        },
+        CreationOption {
+            key: "OVERVIEWS",
+            accepts: Words(&["AUTO", "NONE"]),
+            about: "levels of half the size each until one tile holds all [AUTO]",
+        },
+        CreationOption {
+            key: "OVERVIEW_RESAMPLING",
+            accepts: Words(&["AVERAGE", "NEAREST"]),
+            about: "mean of the valid of four samples, or the upper left one [AVERAGE]",
+        },
+        CreationOption {
+            key: "RESAMPLING",
+            accepts: Words(&["AVERAGE", "NEAREST"]),
+            about: "the same, where OVERVIEW_RESAMPLING is not given",
+        },
+        tiff::BIGTIFF,
+    ],
+    several_bands: true,
+    holds_types: true,
+    bytes_per_sample: 40,
+    create: |order| Ok(Box::new(CogSink::new(order)?)),
+};
+
+const TILE: u32 = 512;
+
+/// A COG in the making.
+struct CogSink {
+    target: AtomicFile,
+    info: GridInfo,
+    bands: Vec<BandName>,
+    creation: Creation,
+    /// From the full resolution down.
+    layers: Vec<Layer>,
+    /// The layer that is being fed.
+    current: usize,
+    codec: Codec,
+    how: Resampling,
+}
+
+/// One resolution.
+struct Layer {
+    image: Image,
+    blocks: Mutex<Packed>,
+    /// The heights it is made from, band by band, until it is the current one; those of the first come
+    /// from outside.
+    heights: Vec<Level>,
+}
+
+impl CogSink {
+    fn new(order: &Order<'_>) -> Result<Self> {
+        let info = order.stored()?;
+        let creation = order.creation.clone();
+        let side = creation.number("BLOCKSIZE").unwrap_or(TILE);
+        let coding = Coding::of(&creation, info.sample_type, "DEFLATE")?;
+        let image = Image {
+            width: info.width,
+            height: info.height,
+            block: (side, side),
+            tiled: true,
+            sample_type: info.sample_type,
+            coding,
+            bands: order.options.band_count(),
+        };
+        image.check()?;
+        let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        let (path, folder) = (target.path(), order.options.temp_dir.as_deref());
+        let sizes = below(&creation, &image)?;
+        let below: Vec<Image> =
+            sizes.iter().map(|&(width, height)| Image { width, height, ..image }).collect();
+        check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
+        let spool = || Packed::spool(path, folder).map(Mutex::new);
+        let mut layers = vec![Layer { image, blocks: spool()?, heights: Vec::new() }];
+        for image in below {
+            let size = (image.width, image.height);
+            let level = || Level::new(path, folder, size, order.info.exact_in_f32());
+            let heights = (0..image.bands).map(|_| level()).collect::<Result<_>>()?;
+            layers.push(Layer { image, blocks: spool()?, heights });
+        }
+        let (codec, how) = (order.codec(&info), resampling(&creation));
+        let bands = order.options.bands.clone();
+        Ok(Self { target, info, bands, creation, layers, current: 0, codec, how })
+    }
+
+    fn encode_heights<H: Height>(
+        &self,
+        band: u32,
+        rect: Rect,
+        heights: &[H],
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        self.layers[self.current].image.encode(&self.codec, rect, heights, out)?;
+        let below = self.layers.get(self.current + 1);
+        match below.and_then(|layer| layer.heights.get(band as usize)) {
+            Some(level) => level.put(rect, heights, self.how),
+            None => Ok(()),
+        }
+    }
+
+    /// Each layer's directory; overviews say nothing of the grid but nodata.
+    fn directories(&self) -> Result<Vec<Directory>> {
+        let nodata = self.info.nodata.map(number);
+        let nodata = nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text)));
+        let mut all = vec![self.layers[0].image.directory(facts(&self.info, &self.bands)?, false)];
+        let overviews = self.layers.iter().skip(1);
+        all.extend(overviews.map(|l| l.image.directory(nodata.iter().cloned().collect(), true)));
+        Ok(all)
+    }
+}
+
+/// Bytes that are known to be needed beside the output, whatever compression makes of its blocks:
+/// uncompressed ones are there twice in the end, the second time as the spool, which may be
+/// `elsewhere`. The heights of overviews find their room by themselves.
+fn room(image: &Image, below: &[Image], elsewhere: bool) -> u64 {
+    if image.coding.compression != Compression::None {
+        return 0;
+    }
+    let plain =
+        below.iter().chain([image]).fold(0_u64, |sum, i| sum.saturating_add(i.plain_bytes()));
+    if elsewhere { plain } else { plain.saturating_mul(2) }
+}
+
+/// Sizes of the overviews.
+fn below(creation: &Creation, image: &Image) -> Result<Vec<(u32, u32)>> {
+    if creation.word("OVERVIEWS") == Some("NONE") {
+        for key in ["OVERVIEW_RESAMPLING", "RESAMPLING"] {
+            creation.refuse(key, "without overviews")?;
+        }
+        return Ok(Vec::new());
+    }
+    Ok(level::sizes(image.width, image.height, image.block.0))
+}
+
+fn resampling(creation: &Creation) -> Resampling {
+    let words = ["OVERVIEW_RESAMPLING", "RESAMPLING"].map(|key| creation.word(key));
+    match words.into_iter().flatten().next() {
+        Some("NEAREST") => Resampling::Nearest,
+        _ => Resampling::Average,
+    }
+}
+
+impl GridSink for CogSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        self.layers[self.current].image.block
+    }
+
+    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+        match heights {
+            Heights::F32(heights) => self.encode_heights(band, rect, heights, out),
+            Heights::F64(heights) => self.encode_heights(band, rect, heights, out),
+        }
+        .map_err(|e| e.in_file(self.target.path()))
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        lock(&self.layers[self.current].blocks).append(bytes)
+    }
+
+    fn next_level(&mut self) -> Result<Option<Vec<Box<dyn GridSource>>>> {
+        let Some(next) = self.layers.get_mut(self.current + 1) else { return Ok(None) };
+        let heights = std::mem::take(&mut next.heights);
+        self.current += 1;
+        if self.how == Resampling::Average {
+            self.codec = self.codec.rounding(Rounding::Aside);
+        }
+        heights.into_iter().map(Level::into_source).collect::<Result<_>>().map(Some)
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        let directories = self.directories()?;
+        let Self { target, creation, layers, .. } = *self;
+        let bytes: u64 = layers.iter().map(|layer| lock(&layer.blocks).bytes()).sum();
+        let exact = |form| front(&directories, form).saturating_add(bytes);
+        let plain: u64 = layers.iter().map(|layer| layer.image.plain_bytes()).sum();
+        let form = tiff::form(&creation, Some(exact(Form::Classic)), plain)?;
+        let finished = |layer: Layer| unlocked(layer.blocks).finish(layer.image.blocks());
+        let spools = layers.into_iter().map(finished).collect::<Result<Vec<_>>>()?;
+        assemble(target.file(), form, &directories, spools)
+            .map_err(|e| Error::write(target.path(), e))?;
+        target.commit()
+    }
+}
+
+/// Bytes before the first block.
+fn front(directories: &[Directory], form: Form) -> u64 {
+    form.start() + directories.iter().map(|directory| directory.bytes(form)).sum::<u64>()
+}
+
+/// Writes the file: directories from the full resolution down, blocks from the smallest up.
+fn assemble(
+    file: &File,
+    form: Form,
+    directories: &[Directory],
+    mut spools: Vec<(File, Vec<u32>)>,
+) -> io::Result<()> {
+    let mut out = BufWriter::new(file);
+    out.write_all(&form.header())?;
+    let (mut at, mut end) = (form.start(), front(directories, form));
+    end += spools.iter().flat_map(|(_, sizes)| sizes).map(|size| u64::from(*size)).sum::<u64>();
+    for (i, (directory, (_, sizes))) in directories.iter().zip(&spools).enumerate() {
+        end -= sizes.iter().map(|size| u64::from(*size)).sum::<u64>();
+        let after = at + directory.bytes(form);
+        let next = if i + 1 < directories.len() { after } else { 0 };
+        directory.write(&mut out, form, Places { at, next, data: end }, sizes)?;
+        at = after;
+    }
+    let mut file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    spools.iter_mut().rev().try_for_each(|(spool, _)| copy_all(spool, &mut file))
+}

@@ -1,0 +1,159 @@
+//! Plain GeoTIFF, in tiles or strips: room for the directory first, then the blocks as they come, and
+//! the directory at the end of the work.
+
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::sync::Mutex;
+
+use super::compress::Compression;
+use super::creation::Accepts::{Whole, Words};
+use super::directory::{Directory, Form, Places};
+use super::packed::{Packed, Stream, lock, unlocked};
+use super::tiff::{self, Coding, Image};
+use super::{Creation, CreationOption, GridFormat, GridSink, Order};
+use crate::GridInfo;
+use crate::store::Heights;
+use crate::store::header::facts;
+use crate::store::sample::Codec;
+use crate::store::writer::check_room;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_files::atomic::AtomicFile;
+
+/// The registry entry.
+pub(super) const FORMAT: GridFormat = GridFormat {
+    name: "GTiff",
+    extensions: &["tif", "tiff"],
+    about: "plain GeoTIFF in strips or tiles",
+    options: &[
+        tiff::COMPRESS,
+        tiff::LEVEL,
+        tiff::PREDICTOR,
+        CreationOption {
+            key: "TILED",
+            accepts: Words(&["YES", "NO"]),
+            about: "tiles rather than strips [NO]",
+        },
+        CreationOption {
+            key: "BLOCKXSIZE",
+            accepts: Whole { least: 16, most: 4096, step: 16 },
+            about: "columns of a tile [256]",
+        },
+        CreationOption {
+            key: "BLOCKYSIZE",
+            accepts: Whole { least: 1, most: 4096, step: 1 },
+            about: "rows of a tile, a multiple of 16 [256], or of a strip [about 64 KiB]",
+        },
+        tiff::BIGTIFF,
+    ],
+    several_bands: true,
+    holds_types: true,
+    bytes_per_sample: 40,
+    create: |order| Ok(Box::new(GeoTiffSink::new(order)?)),
+};
+
+const TILE: u32 = 256;
+/// About the bytes of a strip.
+const STRIP_BYTES: u64 = 64 << 10;
+
+/// A GeoTIFF in the making.
+struct GeoTiffSink {
+    target: AtomicFile,
+    info: GridInfo,
+    image: Image,
+    codec: Codec,
+    directory: Directory,
+    form: Form,
+    blocks: Mutex<Packed>,
+}
+
+impl GeoTiffSink {
+    fn new(order: &Order<'_>) -> Result<Self> {
+        let info = order.stored()?;
+        let image = image(&order.creation, &info, order.options.band_count())?;
+        image.check()?;
+        let directory = image.directory(facts(&info, &order.options.bands)?, false);
+        let plain = image.plain_bytes();
+        let exact = match image.coding.compression {
+            Compression::None => Some(front(&directory, Form::Classic).saturating_add(plain)),
+            _ => None,
+        };
+        let form = tiff::form(&order.creation, exact, plain)?;
+        let target = AtomicFile::create(order.path, order.options.overwrite)?;
+        check_room(target.path(), target.file(), exact.unwrap_or(0))?;
+        let blocks = Packed::new(Stream::of(&target, front(&directory, form))?);
+        let codec = order.codec(&info);
+        Ok(Self { target, info, image, codec, directory, form, blocks: Mutex::new(blocks) })
+    }
+}
+
+/// Bytes before the first block.
+fn front(directory: &Directory, form: Form) -> u64 {
+    form.start() + directory.bytes(form)
+}
+
+fn image(creation: &Creation, info: &GridInfo, bands: u32) -> Result<Image> {
+    let GridInfo { width, height, sample_type, .. } = *info;
+    let coding = Coding::of(creation, sample_type, "NONE")?;
+    let tiled = creation.word("TILED") == Some("YES");
+    let rows = creation.number("BLOCKYSIZE");
+    let block = if tiled {
+        if let Some(rows) = rows.filter(|rows| !rows.is_multiple_of(16)) {
+            return Err(Error::usage(format!("BLOCKYSIZE={rows} is no height of a tile"))
+                .remedy("choose a multiple of 16"));
+        }
+        (creation.number("BLOCKXSIZE").unwrap_or(TILE), rows.unwrap_or(TILE))
+    } else {
+        creation.refuse("BLOCKXSIZE", "on strips: add --co TILED=YES")?;
+        let row_bytes = u64::from(width) * sample_type.bytes() as u64;
+        let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
+        (width, rows.unwrap_or(usual).min(height))
+    };
+    Ok(Image { width, height, block, tiled, sample_type, coding, bands })
+}
+
+impl GridSink for GeoTiffSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        self.image.block
+    }
+
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        match heights {
+            Heights::F32(heights) => self.image.encode(&self.codec, rect, heights, out),
+            Heights::F64(heights) => self.image.encode(&self.codec, rect, heights, out),
+        }
+        .map_err(|e| e.in_file(self.target.path()))
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        let mut blocks = lock(&self.blocks);
+        blocks.append(bytes)?;
+        if front(&self.directory, self.form) + blocks.bytes() > self.form.most() {
+            return Err(tiff::too_large().in_file(self.target.path()));
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        let Self { target, image, directory, form, blocks, .. } = *self;
+        let (file, sizes) = unlocked(blocks).finish(image.blocks())?;
+        let mut out = BufWriter::new(file);
+        let data = front(&directory, form);
+        let places = Places { at: form.start(), next: 0, data };
+        out.seek(SeekFrom::Start(0))
+            .and_then(|_| out.write_all(&form.header()))
+            .and_then(|()| directory.write(&mut out, form, places, &sizes))
+            .and_then(|()| out.flush())
+            .map_err(|e| Error::write(target.path(), e))?;
+        target.commit()
+    }
+}

@@ -1,0 +1,72 @@
+//! terrane's own store as one of the formats: its tiles may be written in any order.
+
+use super::creation::Accepts::Words;
+use super::{CreationOption, GridFormat, GridSink, Order};
+use crate::GridInfo;
+use crate::store::{DEFAULT_TILE, Heights, StoreWriter};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+
+/// The registry entry.
+pub(super) const FORMAT: GridFormat = GridFormat {
+    name: "store",
+    extensions: &["tif", "tiff"],
+    about: "uncompressed tiled BigTIFF that terrane maps into memory; the default for .tif",
+    options: &[CreationOption {
+        key: "BLOCKSIZE",
+        accepts: Words(&["256", "512", "1024"]),
+        about: "side of a tile [512]",
+    }],
+    several_bands: false,
+    holds_types: true,
+    bytes_per_sample: 16,
+    create: |order| Ok(Box::new(StoreSink::new(order)?)),
+};
+
+/// A store in the making.
+struct StoreSink {
+    info: GridInfo,
+    writer: StoreWriter,
+}
+
+impl StoreSink {
+    fn new(order: &Order<'_>) -> Result<Self> {
+        let info = order.stored()?;
+        let side = order.creation.number("BLOCKSIZE").unwrap_or(DEFAULT_TILE);
+        let writer = StoreWriter::create(order.path, &info, side, order.options.overwrite)?;
+        Ok(Self { info, writer: writer.rounding(order.rounding()) })
+    }
+}
+
+impl GridSink for StoreSink {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn block(&self) -> (u32, u32) {
+        self.writer.tile()
+    }
+
+    fn in_order(&self) -> bool {
+        false
+    }
+
+    /// Writes the piece to its place; `out` is a buffer.
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        self.writer.write(rect, heights, out)
+    }
+
+    fn append(&self, _bytes: &[u8]) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        self.writer.finish()
+    }
+}

@@ -1,0 +1,56 @@
+//! What a file will hold of a grid: sample type, nodata, scale and offset, by the options and by what
+//! the format knows.
+
+use super::Order;
+use crate::store::sample::{Codec, Rounding, holds};
+use crate::{GridInfo, SampleType};
+use terrane_base::error::{Error, Result};
+
+/// Stands for voids where a format has to name a value and the grid names none.
+const USUAL_NODATA: f64 = -9999.0;
+
+impl Order<'_> {
+    /// For formats that hold stored values: scale and offset stay.
+    pub(super) fn stored(&self) -> Result<GridInfo> {
+        let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
+        let kept = self
+            .info
+            .nodata
+            .filter(|value| sample_type == self.info.sample_type || holds(sample_type, *value));
+        let info = GridInfo { sample_type, nodata: kept, ..self.info.clone() };
+        self.with_nodata(info)
+    }
+
+    /// For formats that hold heights: scale and offset are applied, and a value for voids is always
+    /// named, `-9999` where nothing else is. `sample_type` is what the format holds.
+    pub(super) fn heights(&self, sample_type: SampleType) -> Result<GridInfo> {
+        let is_plain = (self.info.scale, self.info.offset) == (1.0, 0.0);
+        let own = self.info.nodata.filter(|value| is_plain && value.is_finite());
+        let nodata = own.filter(|v| holds(sample_type, *v)).or(Some(USUAL_NODATA));
+        let info = GridInfo { sample_type, nodata, scale: 1.0, offset: 0.0, ..self.info.clone() };
+        self.with_nodata(info)
+    }
+
+    fn with_nodata(&self, info: GridInfo) -> Result<GridInfo> {
+        match self.options.nodata {
+            None => Ok(info),
+            Some(value) if holds(info.sample_type, value) => {
+                Ok(GridInfo { nodata: Some(value), ..info })
+            }
+            Some(value) => {
+                let name = info.sample_type.name();
+                Err(Error::usage(format!("the nodata value {value} cannot be stored as {name}"))
+                    .remedy("pass one with --out-nodata that the type holds"))
+            }
+        }
+    }
+
+    /// What heights become stored values by.
+    pub(super) fn codec(&self, info: &GridInfo) -> Codec {
+        Codec::new(info).rounding(self.rounding())
+    }
+
+    pub(super) fn rounding(&self) -> Rounding {
+        if self.options.round { Rounding::Nearest } else { Rounding::Exact }
+    }
+}

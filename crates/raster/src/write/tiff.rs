@@ -1,0 +1,267 @@
+//! What GeoTIFF and COG share: how an image is cut into blocks, how a block is coded, and its tags.
+
+use super::compress::Compression;
+use super::creation::Accepts::{Whole, Words};
+use super::directory::{Directory, Form};
+use super::{Creation, CreationOption, predict};
+use crate::SampleType;
+use crate::store::header::{sample_tags, tag};
+use crate::store::sample::{Codec, Height};
+use crate::store::tags::Values;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_base::limits;
+
+pub(super) const COMPRESS: CreationOption = CreationOption {
+    key: "COMPRESS",
+    accepts: Words(&["NONE", "DEFLATE", "ZSTD", "LZW", "PACKBITS"]),
+    about: "compression [COG: DEFLATE, GTiff: NONE]",
+};
+pub(super) const LEVEL: CreationOption = CreationOption {
+    key: "LEVEL",
+    accepts: Whole { least: 1, most: 22, step: 1 },
+    about: "of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
+};
+pub(super) const PREDICTOR: CreationOption = CreationOption {
+    key: "PREDICTOR",
+    accepts: Words(&["NO", "YES", "STANDARD", "FLOATING_POINT", "1", "2", "3"]),
+    about: "2 is STANDARD, 3 FLOATING_POINT, YES the one of the sample type [YES]",
+};
+pub(super) const BIGTIFF: CreationOption = CreationOption {
+    key: "BIGTIFF",
+    accepts: Words(&["YES", "NO", "IF_NEEDED", "IF_SAFER"]),
+    about: "64-bit offsets, for files beyond 4 GiB [IF_NEEDED]",
+};
+
+const SUBFILE_TYPE: u16 = 254;
+const STRIP_OFFSETS: u16 = 273;
+const ROWS_PER_STRIP: u16 = 278;
+const STRIP_BYTES: u16 = 279;
+const PREDICTOR_TAG: u16 = 317;
+const EXTRA_SAMPLES: u16 = 338;
+/// The bands after the first are neither colours nor opacity.
+const UNSPECIFIED: u16 = 0;
+/// Bands side by side in one block, or in blocks of their own.
+const CHUNKY: u16 = 1;
+const PLANAR: u16 = 2;
+
+/// How samples are coded, by COMPRESS, LEVEL and PREDICTOR.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Coding {
+    pub(super) compression: Compression,
+    /// The value of the Predictor tag.
+    predictor: u16,
+}
+
+impl Coding {
+    /// By the options; `default` is the compression when none is given.
+    pub(super) fn of(creation: &Creation, sample_type: SampleType, default: &str) -> Result<Self> {
+        let compression = Compression::of(creation, default)?;
+        let word = creation.word("PREDICTOR");
+        let plain = matches!(word, Some("NO" | "1"));
+        if !compression.predicts() && !plain {
+            creation.refuse("PREDICTOR", "without DEFLATE, ZSTD or LZW")?;
+        }
+        let predictor = match word {
+            _ if plain || !compression.predicts() => 1,
+            Some("STANDARD" | "2") => 2,
+            Some("FLOATING_POINT" | "3") => 3,
+            _ if is_float(sample_type) => 3,
+            _ => 2,
+        };
+        if predictor == 3 && !is_float(sample_type) {
+            let message = format!("PREDICTOR=3 is for floats, and samples are {sample_type:?}");
+            return Err(Error::usage(message).remedy("choose PREDICTOR=2"));
+        }
+        Ok(Self { compression, predictor })
+    }
+}
+
+fn is_float(sample_type: SampleType) -> bool {
+    matches!(sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64)
+}
+
+/// One image: its size, its blocks, and how they are coded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Image {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Columns and rows of a block; strips are as wide as the image.
+    pub(super) block: (u32, u32),
+    pub(super) tiled: bool,
+    pub(super) sample_type: SampleType,
+    pub(super) coding: Coding,
+    /// Bands, each with blocks of its own.
+    pub(super) bands: u32,
+}
+
+impl Image {
+    /// Fails when there are more blocks, or larger ones, than the limits allow.
+    pub(super) fn check(&self) -> Result<()> {
+        limits::check("number of blocks", self.blocks(), limits::MAX_BLOCKS)?;
+        let bytes = self.row_bytes() as u64 * u64::from(self.block.1);
+        limits::check("bytes of one block", bytes, limits::MAX_BLOCK_BYTES)
+    }
+
+    /// Number of blocks, of all bands.
+    pub(super) fn blocks(&self) -> u64 {
+        let across = u64::from(self.width.div_ceil(self.block.0));
+        across * u64::from(self.height.div_ceil(self.block.1)) * u64::from(self.bands)
+    }
+
+    /// Bytes of all blocks without compression; the last strip ends with the image.
+    pub(super) fn plain_bytes(&self) -> u64 {
+        let rows = match self.tiled {
+            true => self.blocks() * u64::from(self.block.1),
+            false => u64::from(self.height) * u64::from(self.bands),
+        };
+        rows.saturating_mul(self.row_bytes() as u64)
+    }
+
+    /// Bytes of one row of a block.
+    fn row_bytes(&self) -> usize {
+        self.block.0 as usize * self.sample_type.bytes()
+    }
+
+    /// The directory, with `facts` about the grid.
+    pub(super) fn directory(&self, facts: Vec<(u16, Values)>, is_overview: bool) -> Directory {
+        let (bits, format) = sample_tags(self.sample_type);
+        let short = |value| Values::Short(vec![value]);
+        let long = |value| Values::Long(vec![value]);
+        let by_band = |value| Values::Short(vec![value; self.bands as usize]);
+        let mut tags = facts;
+        tags.extend([
+            (tag::WIDTH, long(self.width)),
+            (tag::HEIGHT, long(self.height)),
+            (tag::BITS, by_band(bits)),
+            (tag::COMPRESSION, short(self.coding.compression.code())),
+            (tag::PHOTOMETRIC, short(1)),
+            (tag::SAMPLES_PER_PIXEL, short(self.bands as u16)),
+            (tag::PLANAR, short(if self.bands == 1 { CHUNKY } else { PLANAR })),
+            (tag::SAMPLE_FORMAT, by_band(format)),
+        ]);
+        if self.bands > 1 {
+            tags.push((EXTRA_SAMPLES, Values::Short(vec![UNSPECIFIED; self.bands as usize - 1])));
+        }
+        if is_overview {
+            tags.push((SUBFILE_TYPE, long(1)));
+        }
+        if self.coding.predictor != 1 {
+            tags.push((PREDICTOR_TAG, short(self.coding.predictor)));
+        }
+        let (block_width, block_height) = self.block;
+        if !self.tiled {
+            tags.push((ROWS_PER_STRIP, long(block_height)));
+            let tables = [STRIP_OFFSETS, STRIP_BYTES];
+            return Directory::new(tags, tables, self.blocks(), self.bands);
+        }
+        tags.extend([(tag::TILE_WIDTH, long(block_width)), (tag::TILE_HEIGHT, long(block_height))]);
+        let tables = [tag::TILE_OFFSETS, tag::TILE_BYTES];
+        Directory::new(tags, tables, self.blocks(), self.bands)
+    }
+
+    /// Codes the block of the heights of `rect` into `out`; tiles are filled up with voids.
+    pub(super) fn encode<H: Height>(
+        &self,
+        codec: &Codec,
+        rect: Rect,
+        heights: &[H],
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        let rows = if self.tiled { self.block.1 } else { rect.height };
+        let mut plain = vec![0; self.row_bytes() * rows as usize];
+        let lines = heights.chunks_exact(rect.width as usize).chain(std::iter::repeat(&[][..]));
+        let bytes = plain.chunks_exact_mut(self.row_bytes());
+        for ((row, line), bytes) in (rect.row..).zip(lines).zip(bytes) {
+            codec.encode(line, bytes).map_err(|misfit| codec.refusal(misfit, rect.col, row))?;
+        }
+        self.predict(&mut plain);
+        self.coding.compression.run(&plain, self.row_bytes(), out)
+    }
+
+    fn predict(&self, plain: &mut [u8]) {
+        let size = self.sample_type.bytes();
+        let rows = plain.chunks_exact_mut(self.row_bytes());
+        match self.coding.predictor {
+            2 => rows.for_each(|row| predict::horizontal(row, size)),
+            3 => {
+                let mut scratch = Vec::new();
+                rows.for_each(|row| predict::float(row, size, &mut scratch));
+            }
+            _ => (),
+        }
+    }
+}
+
+/// From this many bytes of samples on, compressed files are written with 64-bit offsets when nobody
+/// can know how large they will be: no compression makes twice as many bytes.
+const SAFE_BYTES: u64 = 2 << 30;
+
+/// Chooses the kind of TIFF by BIGTIFF: for a file of `exact` bytes in the classic form where that is
+/// known, or else of about `plain` bytes before compression.
+///
+/// # Errors
+/// Usage: BIGTIFF=NO, and the file is known to be too large.
+pub(super) fn form(creation: &Creation, exact: Option<u64>, plain: u64) -> Result<Form> {
+    let fits = exact.map_or(plain <= SAFE_BYTES, |bytes| bytes <= Form::Classic.most());
+    match creation.word("BIGTIFF").unwrap_or("IF_NEEDED") {
+        "YES" => Ok(Form::Big),
+        "NO" if exact.is_some() && !fits => Err(too_large()),
+        "NO" => Ok(Form::Classic),
+        "IF_SAFER" if plain > SAFE_BYTES => Ok(Form::Big),
+        _ if fits => Ok(Form::Classic),
+        _ => Ok(Form::Big),
+    }
+}
+
+/// The file does not fit into a classic TIFF.
+pub(super) fn too_large() -> Error {
+    Error::usage("the file is larger than the 4 GiB of a classic TIFF")
+        .remedy("leave out --co BIGTIFF=NO")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn creation(given: &[(&str, &str)]) -> Creation {
+        const OPTIONS: &[CreationOption] = &[COMPRESS, LEVEL, PREDICTOR, BIGTIFF];
+        let given: Vec<_> = given.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
+        Creation::new("X", OPTIONS, &given).unwrap()
+    }
+
+    #[test]
+    fn sixty_four_bits_by_need() {
+        let (none, yes, no) = (&[][..], &[("BIGTIFF", "YES")][..], &[("BIGTIFF", "NO")][..]);
+        let safer = &[("BIGTIFF", "IF_SAFER")][..];
+        let of = |given, exact, plain| form(&creation(given), exact, plain).ok();
+        let (most, safe) = (u64::from(u32::MAX), SAFE_BYTES);
+        for (given, exact, plain, expected) in [
+            (none, Some(most), most, Some(Form::Classic)),
+            (none, Some(most + 1), 0, Some(Form::Big)),
+            (none, None, safe, Some(Form::Classic)),
+            (none, None, safe + 1, Some(Form::Big)),
+            (yes, Some(1), 1, Some(Form::Big)),
+            (no, Some(most + 1), 0, None),
+            (no, None, safe + 1, Some(Form::Classic)),
+            (safer, Some(safe), safe, Some(Form::Classic)),
+            (safer, Some(safe + 1), safe + 1, Some(Form::Big)),
+        ] {
+            assert_eq!(of(given, exact, plain), expected, "{given:?} {exact:?} {plain}");
+        }
+    }
+
+    #[test]
+    fn the_predictor_follows_the_samples() {
+        let of = |given: &[(&str, &str)], sample_type| {
+            Coding::of(&creation(given), sample_type, "DEFLATE").map(|coding| coding.predictor)
+        };
+        assert_eq!(of(&[], SampleType::I16).unwrap(), 2);
+        assert_eq!(of(&[], SampleType::F32).unwrap(), 3);
+        assert_eq!(of(&[("COMPRESS", "NONE")], SampleType::F32).unwrap(), 1);
+        assert_eq!(of(&[("PREDICTOR", "no")], SampleType::F32).unwrap(), 1);
+        assert_eq!(of(&[("PREDICTOR", "2")], SampleType::F32).unwrap(), 2);
+        assert!(of(&[("PREDICTOR", "3")], SampleType::I16).is_err());
+        assert!(of(&[("PREDICTOR", "2"), ("COMPRESS", "PACKBITS")], SampleType::I16).is_err());
+    }
+}

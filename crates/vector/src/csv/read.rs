@@ -1,0 +1,405 @@
+//! Reading, line by line. Consecutive rows of one id are a feature, of one part a line of it; without
+//! ids an empty line ends a feature.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::crs;
+use crate::feature::{Feature, Id, Layer, Properties, Value};
+use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::number;
+use crate::source::{FeatureSource, OpenOptions};
+use crate::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Most bytes of a line.
+const MOST_LINE: u64 = 1 << 20;
+
+/// Names of columns with a meaning, lower case.
+const X: &[&str] = &["x", "lon", "long", "lng", "longitude", "easting", "east"];
+const Y: &[&str] = &["y", "lat", "latitude", "northing", "north"];
+const Z: &[&str] = &["z", "ele", "elevation", "height", "altitude", "alt"];
+const M: &[&str] = &["m", "measure"];
+const ID: &[&str] = &["id", "line_id", "lineid"];
+const PART: &[&str] = &["part", "part_id", "segment"];
+
+/// Opens a file.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let window = Window::open(path)?;
+    let layer = Layer { crs: crs::beside(path)?, ..Layer::default() };
+    let mut source = Source {
+        window,
+        delimiter: b',',
+        columns: Columns::default(),
+        layer,
+        line: 0,
+        first_line: 0,
+        row: Row::default(),
+        count: 0,
+        has_row: false,
+        is_over: false,
+        notes: Vec::new(),
+    };
+    source.header()?;
+    Ok(Box::new(source))
+}
+
+/// Which column is what.
+#[derive(Default)]
+struct Columns {
+    x: usize,
+    y: usize,
+    z: Option<usize>,
+    m: Option<usize>,
+    id: Option<usize>,
+    part: Option<usize>,
+    /// All others.
+    properties: Vec<(usize, Arc<str>)>,
+}
+
+/// A line of the file.
+#[derive(Default)]
+struct Row {
+    cells: Vec<String>,
+}
+
+struct Source {
+    window: Window,
+    /// A space stands for any white space.
+    delimiter: u8,
+    columns: Columns,
+    layer: Layer,
+    /// Lines read.
+    line: u64,
+    /// Where the last feature began.
+    first_line: u64,
+    row: Row,
+    /// Cells of the first line, and so of all.
+    count: usize,
+    /// True where `row` is the first of the feature to come.
+    has_row: bool,
+    is_over: bool,
+    notes: Vec<String>,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        if !self.has_row && !self.first_row()? {
+            return Ok(None);
+        }
+        self.has_row = false;
+        self.first_line = self.line;
+        let (id, mut part) = (self.cell(self.columns.id), self.cell(self.columns.part));
+        let properties = self.properties();
+        let mut found = Coordinates::default();
+        self.position(&mut found)?;
+        while self.next_row()? {
+            if self.row.cells.is_empty() {
+                // Without ids an empty line ends a feature.
+                if self.columns.id.is_none() {
+                    break;
+                }
+                continue;
+            }
+            if self.cell(self.columns.id) != id {
+                self.has_row = true;
+                break;
+            }
+            let now = self.cell(self.columns.part);
+            if now != part {
+                found.end_part();
+                part = now;
+            }
+            self.position(&mut found)?;
+        }
+        let kind = match (found.xy.len(), found.ends.len()) {
+            (1, _) => Kind::Point,
+            (_, 0) => Kind::LineString,
+            _ => Kind::MultiLineString,
+        };
+        found.end_part();
+        let whole = |id: String| id.parse().map_or_else(|_| Id::Text(id), Id::Int);
+        let geometry = Geometry::new(kind, found)?;
+        let id = id.filter(|id| !id.is_empty()).map(whole);
+        Ok(Some(Feature { id, properties, geometry, foreign: Vec::new() }))
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
+    fn place(&self) -> String {
+        format!("from line {}", self.first_line.max(1))
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+}
+
+impl Source {
+    /// Finds the delimiter, and what columns are; a first line of numbers is a row.
+    fn header(&mut self) -> Result<()> {
+        loop {
+            let Some(line) = self.text()? else {
+                return Err(Error::bad_input("holds no rows"));
+            };
+            if line.is_empty() {
+                continue;
+            }
+            // What is between quotation marks divides nothing.
+            let bare: String = line.split('"').step_by(2).collect();
+            let found = [b'\t', b';', b','].into_iter().find(|d| bare.as_bytes().contains(d));
+            self.delimiter = found.unwrap_or(b' ');
+            self.row.cells = self.cells(&line)?;
+            self.count = self.row.cells.len();
+            break;
+        }
+        let names: Vec<String> =
+            self.row.cells.iter().map(|name| name.trim().to_ascii_lowercase()).collect();
+        if names.first().is_some_and(|first| number::whole(first.as_bytes()).is_some()) {
+            self.has_row = true;
+            return self.without_names(names.len());
+        }
+        self.name_columns(&names)
+    }
+
+    fn without_names(&mut self, count: usize) -> Result<()> {
+        if !(2..=4).contains(&count) {
+            let message = format!("line {}: {count} columns without names", self.line);
+            return Err(Error::bad_input(message).remedy("begin it with a line such as x,y,z,id"));
+        }
+        let there = |at: usize| (at < count).then_some(at);
+        self.columns = Columns { x: 0, y: 1, z: there(2), m: there(3), ..Columns::default() };
+        Ok(())
+    }
+
+    fn name_columns(&mut self, names: &[String]) -> Result<()> {
+        let find = |known: &[&str]| {
+            known.iter().find_map(|known| names.iter().position(|name| name == known))
+        };
+        let (Some(x), Some(y)) = (find(X), find(Y)) else {
+            let found = names.join(", ").chars().take(200).collect::<String>();
+            let message = format!("line {}: no columns x and y among {found:?}", self.line);
+            return Err(Error::bad_input(message).remedy("name them x and y, or lon and lat"));
+        };
+        let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
+        let known = [Some(x), Some(y), z, m, id, part];
+        let others = (0..names.len()).filter(|at| !known.contains(&Some(*at)));
+        let original = &self.row.cells;
+        let properties = others.map(|at| (at, original[at].trim().into())).collect();
+        if names[x].starts_with("lon") && self.layer.crs.is_unknown() {
+            self.layer.crs = crs::wgs84();
+            self.notes.push("longitude and latitude are taken to be in WGS 84".to_owned());
+        }
+        self.columns = Columns { x, y, z, m, id, part, properties };
+        Ok(())
+    }
+
+    /// The next line without white space around it; comments (#) are passed over.
+    fn text(&mut self) -> Result<Option<String>> {
+        loop {
+            let Some(bytes) = self.window.line()? else { return Ok(None) };
+            self.line += 1;
+            let line = self.line;
+            limits::check("bytes of a line", bytes as u64, MOST_LINE)
+                .map_err(|e| e.at(format!("line {line}")))?;
+            let text = std::str::from_utf8(&self.window.text()[..bytes]);
+            let text = text.map_err(|_| self.bad("is not UTF-8"))?;
+            // White space may be what divides columns.
+            let text = text.trim_end_matches(['\r', ' ']).trim_start_matches(' ').to_owned();
+            if text.contains('\r') {
+                return Err(self.bad("has a carriage return within it").remedy("mend the line"));
+            }
+            self.window.advance(bytes + 1);
+            if !text.starts_with('#') {
+                return Ok(Some(text));
+            }
+        }
+    }
+
+    /// Goes to the first row of a feature.
+    fn first_row(&mut self) -> Result<bool> {
+        while self.next_row()? {
+            if !self.row.cells.is_empty() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Goes to the next row; an empty line has no cells.
+    fn next_row(&mut self) -> Result<bool> {
+        if self.is_over {
+            return Ok(false);
+        }
+        let Some(line) = self.text()? else {
+            self.is_over = true;
+            return Ok(false);
+        };
+        self.row.cells = if line.trim().is_empty() { Vec::new() } else { self.cells(&line)? };
+        let found = self.row.cells.len();
+        if found > 0 && found != self.count {
+            let message = format!("has {found} columns, where the first line has {}", self.count);
+            return Err(self.bad(message).remedy("mend the line"));
+        }
+        Ok(true)
+    }
+
+    /// The cells of a line.
+    fn cells(&self, line: &str) -> Result<Vec<String>> {
+        if self.delimiter == b' ' {
+            return Ok(line.split_whitespace().map(str::to_owned).collect());
+        }
+        if !line.contains('"') {
+            return Ok(line.split(char::from(self.delimiter)).map(str::to_owned).collect());
+        }
+        let mut cells = vec![String::new()];
+        let mut quoted = false;
+        let mut characters = line.chars().peekable();
+        while let Some(c) = characters.next() {
+            let last = cells.len() - 1;
+            match c {
+                '"' if quoted && characters.peek() == Some(&'"') => {
+                    characters.next();
+                    cells[last].push('"');
+                }
+                '"' if quoted => {
+                    quoted = false;
+                    if characters.peek().is_some_and(|next| *next != char::from(self.delimiter)) {
+                        return Err(self.bad("something follows a quotation mark in its cell"));
+                    }
+                }
+                '"' if cells[last].trim().is_empty() => {
+                    quoted = true;
+                    cells[last].clear();
+                }
+                '"' => {
+                    return Err(self.bad("a quotation mark is within a cell that has none before"));
+                }
+                c if c == char::from(self.delimiter) && !quoted => cells.push(String::new()),
+                c => cells[last].push(c),
+            }
+        }
+        if quoted {
+            return Err(self.bad("a quotation mark is not closed on its line"));
+        }
+        Ok(cells)
+    }
+
+    fn cell(&self, column: Option<usize>) -> Option<String> {
+        column.and_then(|at| self.row.cells.get(at)).map(|cell| cell.trim().to_owned())
+    }
+
+    /// Those of the first row of a feature.
+    fn properties(&self) -> Properties {
+        let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
+            _ if text.is_empty() => Value::Null,
+            (Ok(whole), _) => Value::Int(whole),
+            (_, Some(real)) if real.is_finite() => Value::Real(real),
+            _ => Value::Text(text.to_owned()),
+        };
+        let cell = |at: usize| self.row.cells.get(at).map_or("", |cell| cell.trim());
+        let named = self.columns.properties.iter();
+        Properties(named.map(|(at, name)| (name.clone(), value(cell(*at)))).collect())
+    }
+
+    fn position(&self, to: &mut Coordinates) -> Result<()> {
+        let Columns { x, y, z, m, .. } = self.columns;
+        let (x, y) = (self.number("x", x)?, self.number("y", y)?);
+        let there = |at: Option<usize>| {
+            at.filter(|at| self.row.cells.get(*at).is_some_and(|cell| !cell.trim().is_empty()))
+        };
+        let z = there(z).map(|at| self.number("z", at)).transpose()?;
+        let m = there(m).map(|at| self.number("m", at)).transpose()?;
+        to.push([x, y], z, m);
+        Ok(())
+    }
+
+    fn number(&self, name: &str, at: usize) -> Result<f64> {
+        let Some(cell) = self.row.cells.get(at) else {
+            let count = self.row.cells.len();
+            return Err(self.bad(format!("has {count} columns, and {name} is column {}", at + 1)));
+        };
+        let value = number::whole(cell.as_bytes()).filter(|value| value.is_finite());
+        value.ok_or_else(|| {
+            let cell: String = cell.trim().chars().take(40).collect();
+            self.bad(format!("{name} is no finite number: {cell:?}")).remedy("take the line out")
+        })
+    }
+
+    fn bad(&self, message: impl std::fmt::Display) -> Error {
+        Error::bad_input(message.to_string()).at(format!("line {}", self.line))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{OpenOptions, open};
+
+    fn read(text: &str) -> Result<Vec<Feature>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        std::fs::write(&path, text).unwrap();
+        let mut source = open(&path, &OpenOptions::default())?;
+        std::iter::from_fn(|| source.next().transpose()).collect()
+    }
+
+    #[test]
+    fn delimiters_and_names_are_found() {
+        for text in [
+            "x,y,z\n1,2,3\n4,5,6\n",
+            "X;Y;Z\r\n1;2;3\r\n4;5;6\r\n",
+            "# made by hand\nlon\tlat\tele\n1\t2\t3\n4\t5\t6",
+            "1 2   3\n 4 5 6\n\n",
+            "name,z,y,x\n\"a,b\",3,2,1\n,6,5,4\n",
+        ] {
+            let found = read(text).unwrap();
+            assert_eq!(found.len(), 1, "{text}");
+            let line = found[0].geometry.coordinates();
+            assert_eq!(
+                (&line.xy, &line.z),
+                (&vec![[1.0, 2.0], [4.0, 5.0]], &vec![3.0, 6.0]),
+                "{text}"
+            );
+        }
+        let named = read("name,z,y,x\n\"a,\"\"b\",3,2,1\n").unwrap();
+        assert_eq!(named[0].properties.get("name"), Some(&Value::Text("a,\"b".to_owned())));
+    }
+
+    #[test]
+    fn ids_parts_and_empty_lines_divide() {
+        let found = read("id,part,x,y\n7,0,1,1\n7,0,2,2\n7,1,3,3\n7,1,4,4\n\nb,0,5,5\n").unwrap();
+        assert_eq!(
+            (found[0].id.clone(), found[1].id.clone()),
+            (Some(Id::Int(7)), Some(Id::Text("b".into())))
+        );
+        assert_eq!(found[0].geometry.coordinates().ends, [2, 4]);
+        assert_eq!(found[1].geometry.kind(), Kind::Point);
+        assert_eq!(read("1,1\n2,2\n\n\n3,3\n4,4\n").unwrap().len(), 2);
+    }
+
+    #[test]
+    fn what_is_no_number_is_told_with_its_line() {
+        for (text, told) in [
+            ("x,y\n1,2\nnan,3\n", "line 3: x is no finite number: \"nan\""),
+            ("x,y\n1,\n", "line 2: y is no"),
+            ("x,y\n1,1e999\n", "line 2"),
+            ("x,y\n1\n", "line 2: has 1 columns"),
+            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, where the first line has 2"),
+            ("1 2 3\n1 2\n", "line 2: has 2 columns, where the first line has 3"),
+            ("x,y\n6\r1,2\n", "line 2: has a carriage return"),
+            ("x,y\n8\"9\",2\n", "line 2: a quotation mark is within a cell"),
+            ("x,y\n\"8\"9,2\n", "line 2: something follows a quotation mark"),
+            ("a,b\n1,2\n", "no columns x and y"),
+            ("1,2,3,4,5\n", "5 columns without names"),
+            ("x,y\n\"1,2\n", "line 2: a quotation mark"),
+            ("\n\n", "holds no rows"),
+        ] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(error.contains(told), "{error}");
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Writing: features wait until all columns are known.
+
+use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+use crate::crs;
+use crate::feature::{Feature, Layer, Member, Value};
+use crate::geometry::Kind;
+use crate::number;
+use crate::out::Out;
+use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::table::{Row, Rows, Table, id_of, push_text};
+use terrane_base::error::{Error, Result};
+use terrane_files::atomic::Sidecar;
+
+/// Starts a file.
+pub(super) fn create(
+    path: &Path,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    Ok(Box::new(Sink {
+        out: Out::create(path, options.overwrite)?,
+        prj: crs::prj(path, &layer.crs, options.overwrite)?,
+        notes: crs::notes(&layer.crs),
+        table: Table::new(path, layer, options.temp_dir.as_deref())?,
+        ids: Ids::default(),
+        has_z: false,
+        has_m: false,
+        path: path.to_path_buf(),
+    }))
+}
+
+struct Sink {
+    out: Out,
+    prj: Sidecar,
+    notes: Vec<String>,
+    table: Table,
+    ids: Ids,
+    has_z: bool,
+    has_m: bool,
+    path: PathBuf,
+}
+
+impl FeatureSink for Sink {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        let kind = feature.geometry.kind();
+        let place = format!("feature {}", self.table.len() + 1);
+        if !matches!(kind, Kind::Null | Kind::Point | Kind::LineString | Kind::MultiLineString) {
+            return Err(Error::usage(format!("CSV holds points and lines, no {}", kind.name()))
+                .in_file(&self.path)
+                .at(place)
+                .remedy("write GeoJSON or FlatGeobuf"));
+        }
+        self.has_z |= feature.geometry.has_z();
+        self.has_m |= feature.geometry.has_m();
+        if !feature.geometry.is_empty() {
+            self.ids.add(feature);
+        }
+        self.table.push(feature, usize::MAX).map_err(|e| e.at(place).in_file(&self.path))
+    }
+
+    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+        let this = *self;
+        let mut rows = this.table.finish()?;
+        let mut out = this.out;
+        let numbers = this.ids.numbers(rows.len());
+        let mut notes = this.notes;
+        notes.append(&mut rows.notes);
+        if numbers.is_none() {
+            notes.push(format!(
+                "ids come more than once: features are numbered, and ids are in the column {}",
+                own_name(&rows)
+            ));
+        }
+        let mut pen = Pen::new(&rows, numbers);
+        (pen.has_z, pen.has_m) = (this.has_z, this.has_m);
+        pen.head(&rows, &mut out.buffer);
+        let mut empty = 0;
+        for at in 0..rows.len() {
+            let row = rows.get(at)?;
+            empty += u64::from(row.geometry.is_empty());
+            pen.row(at, &row, &mut out.buffer);
+            out.settle()?;
+        }
+        if empty > 0 {
+            notes.push(format!(
+                "{empty} features without a vertex are left out: CSV has a line for each vertex"
+            ));
+        }
+        let (path, mut bytes) = out.commit()?;
+        let mut files = vec![path];
+        this.prj.commit()?;
+        if let Some((path, more)) = this.prj.place() {
+            files.push(path);
+            bytes += more;
+        }
+        Ok(Written { features: rows.len() as u64 - empty, bytes, files, notes })
+    }
+}
+
+/// Which ids features have: rows of one id are one feature.
+#[derive(Default)]
+struct Ids {
+    /// Digests of all ids; where two ids share one, features are numbered without need.
+    seen: HashSet<u64>,
+    repeat: bool,
+    /// The largest whole number.
+    largest: i64,
+}
+
+impl Ids {
+    fn add(&mut self, feature: &Feature) {
+        let Some(id) = id_of(feature) else { return };
+        let mut cell = Vec::new();
+        push_text(&id, &mut cell);
+        let text = String::from_utf8_lossy(&cell).replace(['\n', '\r'], " ");
+        let (text, whole) = (text.trim(), text.trim().parse::<i64>());
+        if text.is_empty() {
+            return;
+        }
+        // 03 is read as 3.
+        let text = whole.as_ref().map_or_else(|_| text.to_owned(), i64::to_string);
+        let mut hasher = DefaultHasher::new();
+        text.hash(&mut hasher);
+        self.repeat |= !self.seen.insert(hasher.finish());
+        self.largest = self.largest.max(whole.unwrap_or(0));
+    }
+
+    /// What the numbers of features without an id follow, so that they are nobody's id; `None` where ids
+    /// do not tell features apart, so that all are numbered.
+    fn numbers(&self, features: usize) -> Option<i64> {
+        let has_room = self.largest.checked_add(features as i64).is_some();
+        (!self.repeat && has_room).then_some(self.largest)
+    }
+}
+
+/// The column that ids are in where features are numbered.
+fn own_name(rows: &Rows) -> String {
+    let mut name = ORIGINAL_ID.to_owned();
+    while rows.columns.iter().any(|column| column.name.eq_ignore_ascii_case(&name)) {
+        name.push('_');
+    }
+    name
+}
+
+/// Name of the column that ids are in where features are numbered; underscores follow where a property
+/// has it.
+const ORIGINAL_ID: &str = "original_id";
+
+struct Pen {
+    /// The column of ids.
+    id: Option<usize>,
+    /// What the numbers of features without an id follow; `None` where all are numbered.
+    numbers: Option<i64>,
+    columns: usize,
+    has_z: bool,
+    has_m: bool,
+    /// The cells behind a feature's vertices.
+    tail: Vec<u8>,
+}
+
+impl Pen {
+    fn new(rows: &Rows, numbers: Option<i64>) -> Self {
+        let id = rows.columns.iter().position(|column| *column.name == *"id");
+        let columns = rows.columns.len();
+        Self { id, numbers, columns, has_z: false, has_m: false, tail: Vec::new() }
+    }
+
+    /// Whether a column comes behind the vertices.
+    fn is_behind(&self, column: usize) -> bool {
+        self.numbers.is_none() || Some(column) != self.id
+    }
+
+    fn head(&self, rows: &Rows, text: &mut Vec<u8>) {
+        text.extend_from_slice(b"id,part,x,y");
+        if self.has_z {
+            text.extend_from_slice(b",z");
+        }
+        if self.has_m {
+            text.extend_from_slice(b",m");
+        }
+        for (at, column) in rows.columns.iter().enumerate() {
+            if self.is_behind(at) {
+                text.push(b',');
+                match Some(at) == self.id {
+                    true => text.extend_from_slice(own_name(rows).as_bytes()),
+                    false => push_cell(column.name.as_bytes(), text),
+                }
+            }
+        }
+        text.push(b'\n');
+    }
+
+    fn row(&mut self, number: usize, row: &Row, text: &mut Vec<u8>) {
+        let mut cells = vec![Vec::new(); self.columns];
+        row.values.iter().for_each(|(at, value)| push_text(value, &mut cells[*at]));
+        let mut id = Vec::new();
+        let own = self.id.filter(|_| self.numbers.is_some()).map(|at| &cells[at]);
+        match own.filter(|cell| !String::from_utf8_lossy(cell).trim().is_empty()) {
+            Some(own) => push_cell(own, &mut id),
+            None => {
+                let number = self.numbers.unwrap_or(0) + number as i64 + 1;
+                push_text(&Value::Int(number), &mut id);
+            }
+        }
+        self.tail.clear();
+        for (at, cell) in cells.iter().enumerate() {
+            if self.is_behind(at) {
+                self.tail.push(b',');
+                push_cell(cell, &mut self.tail);
+            }
+        }
+        let found = row.geometry.coordinates();
+        let mut part = 0;
+        for at in 0..found.xy.len() {
+            part += usize::from(found.ends.get(part) == Some(&at));
+            text.extend_from_slice(&id);
+            text.push(b',');
+            push_text(&Value::Int(part as i64), text);
+            for value in found.xy[at] {
+                text.push(b',');
+                number::push(value, text);
+            }
+            for (is_there, values) in [(self.has_z, &found.z), (self.has_m, &found.m)] {
+                if is_there {
+                    text.push(b',');
+                    if let Some(value) = values.get(at).filter(|value| !value.is_nan()) {
+                        number::push(*value, text);
+                    }
+                }
+            }
+            text.extend_from_slice(&self.tail);
+            text.push(b'\n');
+        }
+    }
+}
+
+/// Appends a cell, in quotation marks where it must be: a line that begins with # is a comment. Line
+/// breaks become spaces.
+fn push_cell(cell: &[u8], text: &mut Vec<u8>) {
+    let is_special = |byte| matches!(byte, b',' | b'"' | b'\n' | b'\r' | b';' | b'\t');
+    let is_plain = !cell.starts_with(b"#") && !cell.iter().any(|&byte| is_special(byte));
+    if is_plain {
+        text.extend_from_slice(cell);
+        return;
+    }
+    text.push(b'"');
+    for &byte in cell {
+        match byte {
+            b'"' => text.extend_from_slice(b"\"\""),
+            b'\n' | b'\r' => text.push(b' '),
+            byte => text.push(byte),
+        }
+    }
+    text.push(b'"');
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{Coordinates, Geometry, Id, OpenOptions, Properties, open};
+
+    fn feature(at: usize, id: Option<Id>, as_property: bool) -> Feature {
+        let x = at as f64;
+        let kind = if at.is_multiple_of(3) { Kind::Point } else { Kind::LineString };
+        let xy = vec![[x, 0.5], [x, 7.0]][..if kind == Kind::Point { 1 } else { 2 }].to_vec();
+        let ends = vec![xy.len()];
+        let geometry = Geometry::new(kind, Coordinates { xy, ends, ..Coordinates::default() });
+        let mut properties = Properties(vec![("n;o".into(), Value::Int(at as i64))]);
+        if let Some(id) = id.clone().filter(|_| as_property) {
+            let value = match id {
+                Id::Int(id) => Value::Int(id),
+                Id::Real(id) => Value::Real(id),
+                Id::Text(id) => Value::Text(id),
+            };
+            properties.0.push(("id".into(), value));
+        }
+        let id = id.filter(|_| !as_property);
+        Feature { id, properties, geometry: geometry.unwrap(), foreign: Vec::new() }
+    }
+
+    fn there_and_back(features: &[Feature]) -> (Vec<Feature>, Written) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let mut sink = create(&path, &Layer::default(), &WriteOptions::default()).unwrap();
+        features.iter().for_each(|feature| sink.write(feature).unwrap());
+        let written = sink.finish(&[]).unwrap();
+        let mut source = open(&path, &OpenOptions::default()).unwrap();
+        (std::iter::from_fn(|| source.next().unwrap()).collect(), written)
+    }
+
+    /// What a table says of an id.
+    fn shown(value: Option<Value>) -> String {
+        let mut text = Vec::new();
+        value.iter().for_each(|value| push_text(value, &mut text));
+        String::from_utf8(text).unwrap().trim().replace('\n', " ")
+    }
+
+    fn ids() -> impl Strategy<Value = Option<Id>> {
+        let texts = ["a", " a", "#a", " ", "\u{a0}", "", "2", "x,\"y\"", "b\nc", "b c", "03"];
+        prop_oneof![
+            2 => Just(None),
+            3 => (0..9_i64).prop_map(|id| Some(Id::Int(id))),
+            3 => prop::sample::select(texts.to_vec()).prop_map(|id| Some(Id::Text(id.to_owned()))),
+            1 => prop::sample::select(vec![i64::MAX, i64::MIN, -1]).prop_map(|id| Some(Id::Int(id))),
+            1 => prop::sample::select(vec![1.0, 2.5]).prop_map(|id| Some(Id::Real(id))),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+        #[test]
+        fn features_with_any_ids_stay_apart(
+            ids in prop::collection::vec((ids(), any::<bool>()), 1..7)
+        ) {
+            let features: Vec<Feature> =
+                (0..).zip(ids).map(|(at, (id, with))| feature(at, id, with)).collect();
+            let (found, written) = there_and_back(&features);
+            prop_assert_eq!(found.len(), features.len());
+            prop_assert_eq!(written.features, features.len() as u64);
+            let mut known = HashSet::new();
+            for (old, new) in features.iter().zip(&found) {
+                prop_assert_eq!(
+                    &new.geometry.coordinates().xy, &old.geometry.coordinates().xy
+                );
+                prop_assert_eq!(new.properties.get("n;o"), old.properties.get("n;o"));
+                let id = shown(new.id.as_ref().map(|_| id_of(new).unwrap()));
+                let own = shown(id_of(old));
+                let moved = new.properties.get(ORIGINAL_ID);
+                // Its own, in the one column or the other; a number where it has none.
+                match moved {
+                    Some(moved) => prop_assert_eq!(number(&shown(Some(moved.clone()))), number(&own)),
+                    None if own.is_empty() => prop_assert!(id.parse::<i64>().is_ok()),
+                    None => prop_assert_eq!(number(&id), number(&own)),
+                }
+                prop_assert!(known.insert(id), "an id comes twice");
+            }
+        }
+    }
+
+    /// Cells are all alike: 03 is read as 3.
+    fn number(text: &str) -> String {
+        text.parse::<f64>().map_or_else(|_| text.to_owned(), |number| number.to_string())
+    }
+
+    #[test]
+    fn ids_stay_in_their_column_where_they_tell_features_apart() {
+        let ids = |all: &[Option<i64>]| -> Vec<(String, String)> {
+            let features: Vec<Feature> =
+                (0..).zip(all).map(|(at, id)| feature(at, id.map(Id::Int), false)).collect();
+            let of = |found: &Feature| {
+                let moved = found.properties.get(ORIGINAL_ID).cloned();
+                (shown(id_of(found)), shown(moved))
+            };
+            there_and_back(&features).0.iter().map(of).collect()
+        };
+        let plain = |all: &[&str]| -> Vec<(String, String)> {
+            all.iter().map(|id| ((*id).to_owned(), String::new())).collect()
+        };
+        assert_eq!(ids(&[None, None]), plain(&["1", "2"]));
+        assert_eq!(ids(&[Some(7), Some(3)]), plain(&["7", "3"]));
+        assert_eq!(ids(&[Some(2), None]), plain(&["2", "4"]), "2 is its neighbour's");
+        let numbered = [("1", "5"), ("2", ""), ("3", "5")];
+        let numbered = numbered.map(|(id, own)| (id.to_owned(), own.to_owned()));
+        assert_eq!(ids(&[Some(5), None, Some(5)]), numbered);
+    }
+}

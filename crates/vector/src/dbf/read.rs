@@ -1,0 +1,181 @@
+//! Reading of tables.
+
+use std::path::{Path, PathBuf};
+
+use super::encoding::Encoding;
+use super::{DELETED, HEADER_BYTES, HEADER_END};
+use crate::feature::{Field, FieldKind, Properties, Value};
+use crate::number;
+use crate::pages::Pages;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// A table being read.
+pub(crate) struct Reader {
+    pages: Pages,
+    path: PathBuf,
+    schema: Vec<Field>,
+    /// What each field is and where in a record it ends.
+    columns: Vec<(u8, usize)>,
+    encoding: Encoding,
+    header_bytes: u64,
+    record_bytes: u64,
+    records: u64,
+    deleted: u64,
+}
+
+impl Reader {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        Self::try_open(path).map_err(|e| e.in_file(path))
+    }
+
+    fn try_open(path: &Path) -> Result<Self> {
+        let mut pages = Pages::open(path)?;
+        let head = pages.get(0, HEADER_BYTES)?;
+        let records = u64::from(u32::from_le_bytes([head[4], head[5], head[6], head[7]]));
+        let header_bytes = u64::from(u16::from_le_bytes([head[8], head[9]]));
+        let record_bytes = u64::from(u16::from_le_bytes([head[10], head[11]]));
+        let encoding = Encoding::find(path, head[29]);
+        let fields = header_bytes.checked_sub(HEADER_BYTES);
+        let fields = fields.ok_or_else(|| Error::bad_input("is not a dBASE table"))?;
+        let descriptions = pages.get(HEADER_BYTES, fields)?;
+        let mut end = 1;
+        let (mut schema, mut columns) = (Vec::new(), Vec::new());
+        for description in descriptions.as_chunks::<32>().0 {
+            if description[0] == HEADER_END {
+                break;
+            }
+            let width = usize::from(description[16]);
+            end += width;
+            columns.push((description[11].to_ascii_uppercase(), end));
+            schema.push(field(description, &encoding)?);
+        }
+        limits::check("fields of a table", schema.len() as u64, limits::MAX_FIELDS)?;
+        if end as u64 > record_bytes {
+            return Err(Error::bad_input(format!(
+                "its fields take {end} bytes and its records {record_bytes}"
+            )));
+        }
+        let path = path.to_path_buf();
+        let deleted = 0;
+        Ok(Self {
+            pages,
+            path,
+            schema,
+            columns,
+            encoding,
+            header_bytes,
+            record_bytes,
+            records,
+            deleted,
+        })
+    }
+
+    pub(crate) fn schema(&self) -> &[Field] {
+        &self.schema
+    }
+
+    /// Records passed over because they are marked as deleted.
+    pub(crate) fn deleted(&self) -> u64 {
+        self.deleted
+    }
+
+    /// The values of a record; `None` where it is marked as deleted.
+    pub(crate) fn get(&mut self, record: u64) -> Result<Option<Properties>> {
+        self.try_get(record).map_err(|e| e.in_file(&self.path))
+    }
+
+    fn try_get(&mut self, record: u64) -> Result<Option<Properties>> {
+        if record >= self.records {
+            return Err(Error::bad_input(format!(
+                "has {} records, and there are more shapes than that",
+                self.records
+            ))
+            .remedy("mend the pair, or take the .dbf away: there are no properties then"));
+        }
+        let offset = self.header_bytes + record * self.record_bytes;
+        let bytes = self.pages.get(offset, self.record_bytes)?;
+        if bytes[0] == DELETED {
+            self.deleted += 1;
+            return Ok(None);
+        }
+        let mut properties = Properties::default();
+        properties.0.reserve(self.schema.len());
+        let mut start = 1;
+        for (field, &(kind, end)) in self.schema.iter().zip(&self.columns) {
+            let value = value(field, kind, &bytes[start..end], &self.encoding);
+            let value = value.map_err(|e| match e.kind() {
+                terrane_base::ErrorKind::BadInput => {
+                    Error::bad_input(format!("field {:?}: {e}", field.name))
+                }
+                _ => e,
+            })?;
+            properties.0.push((field.name.clone(), value));
+            start = end;
+        }
+        Ok(Some(properties))
+    }
+}
+
+/// A field from its description.
+fn field(description: &[u8; 32], encoding: &Encoding) -> Result<Field> {
+    let name = description[..11].split(|&byte| byte == 0).next().unwrap_or_default();
+    let name = encoding.text(name)?.trim().into();
+    let (width, decimals) = (u32::from(description[16]), u32::from(description[17]));
+    let kind = match description[11].to_ascii_uppercase() {
+        b'L' => FieldKind::Bool,
+        b'D' => FieldKind::Date,
+        b'N' if decimals == 0 => FieldKind::Int,
+        b'N' | b'F' => FieldKind::Real,
+        b'C' => FieldKind::Text,
+        other => {
+            let other = char::from(other);
+            return Err(Error::unsupported(format!("fields of type {other:?} are not supported"))
+                .remedy("take the .dbf away: there are no properties then"));
+        }
+    };
+    Ok(Field { name, kind, width: Some(width), decimals: Some(decimals) })
+}
+
+fn value(field: &Field, kind: u8, bytes: &[u8], encoding: &Encoding) -> Result<Value> {
+    let blank = |byte: &u8| matches!(byte, b' ' | 0);
+    let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);
+    // Numbers are written to the right, texts to the left.
+    let bytes = &bytes[..end];
+    let plain = &bytes[bytes.iter().take_while(|byte| blank(byte)).count()..];
+    let wrong = |what: &str| {
+        let text: String = String::from_utf8_lossy(plain).chars().take(40).collect();
+        Error::bad_input(format!("{text:?} is no {what}"))
+    };
+    match kind {
+        b'C' if bytes.is_empty() => Ok(Value::Null),
+        b'C' => Ok(Value::Text(encoding.text(bytes)?.into_owned())),
+        b'L' => match plain {
+            b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(Value::Bool(true)),
+            b"F" | b"f" | b"N" | b"n" | b"0" => Ok(Value::Bool(false)),
+            b"" | b"?" => Ok(Value::Null),
+            _ => Err(wrong("truth value")),
+        },
+        b'D' => match plain {
+            b"" | b"00000000" => Ok(Value::Null),
+            _ if plain.len() == 8 && plain.is_ascii() => {
+                let [year, month, day] = [&plain[..4], &plain[4..6], &plain[6..]]
+                    .map(|part| String::from_utf8_lossy(part));
+                Ok(Value::Date(format!("{year}-{month}-{day}")))
+            }
+            _ => Err(wrong("date")),
+        },
+        // Asterisks are what dBASE writes where a number does not fit.
+        _ if plain.iter().all(|&byte| byte == b'*') => Ok(Value::Null),
+        _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
+    }
+}
+
+/// A whole number, where it is written like one in a field of such.
+fn number(text: &[u8], kind: FieldKind) -> Option<Value> {
+    let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
+    match whole {
+        Some(whole) if kind == FieldKind::Int => Some(Value::Int(whole)),
+        _ => number::whole(text).filter(|v| v.is_finite()).map(Value::Real),
+    }
+}

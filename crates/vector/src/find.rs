@@ -1,0 +1,47 @@
+//! The files of features that inputs stand for.
+
+use std::path::Path;
+
+use super::FORMATS;
+use terrane_base::error::Result;
+use terrane_files::Seek;
+
+/// Endings that also lie beside files of features without being one: lists, tables, notes.
+const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
+
+/// What is looked for.
+const FEATURES: Seek = Seek {
+    what: "file of features",
+    is_member,
+    is_made: |input| input.starts_with("synth:"),
+    file_name: |input| input,
+};
+
+/// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+///
+/// # Errors
+/// A folder, list or pattern that yields no file or cannot be read; more than
+/// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
+pub fn files(inputs: &[String]) -> Result<Vec<String>> {
+    FEATURES.files(inputs)
+}
+
+/// True when `input` names files other than itself: a folder, a list of files, or a pattern.
+pub fn is_collection(input: &str) -> bool {
+    FEATURES.is_collection(input)
+}
+
+/// As [`files`], with those in folders below the folders among `inputs`.
+///
+/// # Errors
+/// As [`files`].
+pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
+    FEATURES.files_below(inputs)
+}
+
+fn is_member(path: &Path) -> bool {
+    let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_known = FORMATS.iter().any(|format| format.extensions.contains(&ending.as_str()));
+    is_known && !hidden && !AMBIGUOUS_ENDINGS.contains(&ending.as_str())
+}

@@ -1,0 +1,180 @@
+//! FlatBuffers tables into bytes, from the front to the back: a table first, then what it points to.
+
+/// A buffer behind its size; places are counted from the size on, as the alignment of FlatBuffers is.
+pub(super) struct Build {
+    pub(super) bytes: Vec<u8>,
+}
+
+/// A field of a table.
+pub(super) enum Slot {
+    /// Not there.
+    None,
+    U8(u8),
+    U16(u16),
+    I32(i32),
+    U64(u64),
+    /// An offset that is set later.
+    Link,
+}
+
+impl Slot {
+    fn size(&self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::U8(_) => 1,
+            Self::U16(_) => 2,
+            Self::I32(_) | Self::Link => 4,
+            Self::U64(_) => 8,
+        }
+    }
+}
+
+impl Build {
+    /// An empty buffer whose root is the table that is appended next.
+    pub(super) fn new() -> Self {
+        // The size, and the place of the root.
+        Self { bytes: vec![0; 8] }
+    }
+
+    /// The buffer with its size.
+    pub(super) fn finish(mut self) -> Option<Vec<u8>> {
+        let size = u32::try_from(self.bytes.len() - 4).ok()?;
+        self.bytes[..4].copy_from_slice(&size.to_le_bytes());
+        Some(self.bytes)
+    }
+
+    fn align(&mut self, to: usize) {
+        self.bytes.resize(self.bytes.len().next_multiple_of(to), 0);
+    }
+
+    /// Appends a table and gives the place of each field, for [`link`](Self::link).
+    pub(super) fn table(&mut self, slots: &[Slot]) -> (usize, Vec<usize>) {
+        // Large fields first, so that each is aligned without gaps; the table's own place is aligned
+        // so that what stands behind its first four bytes is.
+        let list = 4 + 2 * slots.len();
+        self.align(8);
+        while !(self.bytes.len() + list + 4).is_multiple_of(8) {
+            self.bytes.push(0);
+        }
+        let start = self.bytes.len();
+        let table = start + list;
+        let mut places = vec![0; slots.len()];
+        let mut end = table + 4;
+        for size in [8, 4, 2, 1] {
+            for (place, _) in places.iter_mut().zip(slots).filter(|(_, slot)| slot.size() == size) {
+                *place = end;
+                end += size;
+            }
+        }
+        self.bytes.resize(end, 0);
+        self.set(start, &(list as u16).to_le_bytes());
+        self.set(start + 2, &((end - table) as u16).to_le_bytes());
+        self.set(table, &(list as i32).to_le_bytes());
+        for (at, (slot, &place)) in slots.iter().zip(&places).enumerate() {
+            let offset = if place == 0 { 0 } else { place - table };
+            self.set(start + 4 + 2 * at, &(offset as u16).to_le_bytes());
+            match slot {
+                Slot::None | Slot::Link => {}
+                Slot::U8(value) => self.set(place, &value.to_le_bytes()),
+                Slot::U16(value) => self.set(place, &value.to_le_bytes()),
+                Slot::I32(value) => self.set(place, &value.to_le_bytes()),
+                Slot::U64(value) => self.set(place, &value.to_le_bytes()),
+            }
+        }
+        (table, places)
+    }
+
+    fn set(&mut self, at: usize, bytes: &[u8]) {
+        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    /// Makes the field at `place` point to `target`, behind it. Buffers too long for that are refused
+    /// when they are finished.
+    pub(super) fn link(&mut self, place: usize, target: usize) {
+        self.set(place, &((target - place) as u32).to_le_bytes());
+    }
+
+    /// Makes a table the root.
+    pub(super) fn set_root(&mut self, table: usize) {
+        self.link(4, table);
+    }
+
+    /// Appends a list of `count` items of `size` bytes, to which `place` points from now on.
+    pub(super) fn list(
+        &mut self,
+        place: usize,
+        count: usize,
+        size: usize,
+        items: impl Iterator<Item = u8>,
+    ) {
+        while !(self.bytes.len() + 4).is_multiple_of(size.max(4)) {
+            self.bytes.push(0);
+        }
+        self.link(place, self.bytes.len());
+        self.bytes.extend_from_slice(&(count as u32).to_le_bytes());
+        self.bytes.extend(items);
+    }
+
+    /// Appends a list of numbers.
+    pub(super) fn numbers(&mut self, place: usize, numbers: &[f64]) {
+        let bytes = numbers.iter().flat_map(|number| number.to_le_bytes());
+        self.list(place, numbers.len(), 8, bytes);
+    }
+
+    /// Appends a text, with the zero behind it that FlatBuffers want.
+    pub(super) fn text(&mut self, place: usize, text: &str) {
+        self.list(place, text.len(), 1, text.bytes());
+        self.bytes.push(0);
+    }
+
+    /// Appends a list of `count` places of tables, and gives each.
+    pub(super) fn links(&mut self, place: usize, count: usize) -> Vec<usize> {
+        self.list(place, count, 4, std::iter::repeat_n(0, count * 4));
+        let first = self.bytes.len() - count * 4;
+        (0..count).map(|at| first + at * 4).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flatgeobuf::view::View;
+
+    #[test]
+    fn what_is_built_is_seen() {
+        let mut build = Build::new();
+        let slots = [
+            Slot::Link,
+            Slot::U8(7),
+            Slot::None,
+            Slot::U64(9),
+            Slot::U16(3),
+            Slot::Link,
+            Slot::I32(-2),
+        ];
+        let (root, places) = build.table(&slots);
+        build.set_root(root);
+        assert!(places[3] % 8 == 0 && places[4] % 2 == 0 && places[6] % 4 == 0);
+        build.text(places[0], "é");
+        for link in build.links(places[5], 2) {
+            let (table, places) = build.table(&[Slot::Link]);
+            build.link(link, table);
+            build.numbers(places[0], &[1.5]);
+        }
+        let bytes = build.finish().unwrap();
+        let view = View::root(&bytes[4..]).unwrap();
+        assert_eq!(
+            (view.text(0).unwrap(), view.u8(1).unwrap(), view.u8(2).unwrap()),
+            (Some("é"), 7, 0)
+        );
+        assert_eq!(view.number(3).unwrap().map(u64::from_le_bytes), Some(9));
+        assert_eq!(view.number(6).unwrap().map(i32::from_le_bytes), Some(-2));
+        assert_eq!(view.u8(40).unwrap(), 0);
+        let tables: Vec<_> =
+            view.tables(5).unwrap().map(|t| t.unwrap().list(0, 8).unwrap()).collect();
+        assert_eq!(tables, [1.5_f64.to_le_bytes(), 1.5_f64.to_le_bytes()]);
+        for end in 0..bytes.len() - 4 {
+            let _ = View::root(&bytes[4..4 + end]).and_then(|view| view.text(0).map(|_| ()));
+        }
+    }
+}

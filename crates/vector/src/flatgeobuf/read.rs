@@ -1,0 +1,318 @@
+//! Reading: the header, then features in the order of the file; the index is passed over.
+
+use std::path::Path;
+
+use super::view::View;
+use super::{KINDS, MAGIC, slot, value};
+use crate::feature::{Feature, Field, Layer};
+use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::pages::{Pages, numbers, pairs};
+use crate::source::{FeatureSource, OpenOptions};
+use crate::tree::levels;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, wkt};
+use terrane_base::limits;
+
+/// Bytes of a node of the index.
+const NODE_BYTES: u64 = 40;
+
+/// Opens a file.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let mut pages = Pages::open(path)?;
+    let head = pages.get(0, 12)?;
+    if head[..4] != MAGIC[..4] {
+        let message = "is not a FlatGeobuf of version 3";
+        return Err(Error::unsupported(message).remedy("write it anew with GDAL 3.1 or later"));
+    }
+    let bytes = u64::from(u32::from_le_bytes([head[8], head[9], head[10], head[11]]));
+    limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+    let header = Header::read(View::root(pages.get(12, bytes)?)?)?;
+    let offset = 12 + bytes + header.index_bytes()?;
+    if offset > pages.len() {
+        return Err(Error::bad_input("file is truncated: it ends in its index"));
+    }
+    Ok(Box::new(Source { pages, header, offset, at: 0, count: 0, has_binary: false }))
+}
+
+struct Header {
+    layer: Layer,
+    types: Vec<u8>,
+    kind: Option<Kind>,
+    count: u64,
+    node: u64,
+}
+
+impl Header {
+    fn read(view: View<'_>) -> Result<Self> {
+        let mut fields = Vec::new();
+        let mut types = Vec::new();
+        for column in view.tables(slot::HEADER_COLUMNS)? {
+            let (field, code) = column_of(column?)?;
+            fields.push(field);
+            types.push(code);
+            limits::check("fields of a table", fields.len() as u64, limits::MAX_FIELDS)?;
+        }
+        let envelope = numbers(view.list(slot::HEADER_ENVELOPE, 8)?);
+        let extent = envelope.first_chunk().copied();
+        let count = view.number(slot::HEADER_COUNT)?.map_or(0, u64::from_le_bytes);
+        let node = view.number(slot::HEADER_NODE)?.map_or(16, u16::from_le_bytes);
+        let layer = Layer {
+            name: view.text(slot::HEADER_NAME)?.filter(|name| !name.is_empty()).map(str::to_owned),
+            crs: view.table(slot::HEADER_CRS)?.map_or(Ok(Crs::default()), crs)?,
+            schema: Some(fields),
+            extent: extent.filter(|b: &[f64; 4]| b[0] <= b[2] && b[1] <= b[3]),
+            features: (count > 0).then_some(count),
+            ..Layer::default()
+        };
+        let kind = kind_of(view.u8(slot::HEADER_KIND)?)?;
+        Ok(Self { layer, types, kind, count, node: node.into() })
+    }
+
+    fn index_bytes(&self) -> Result<u64> {
+        if self.node == 0 || self.count == 0 {
+            return Ok(0);
+        }
+        if self.node == 1 {
+            return Err(Error::bad_input("nodes of its index hold one rectangle each"));
+        }
+        let most = u64::MAX / NODE_BYTES / 4;
+        limits::check("features", self.count, most)?;
+        Ok(levels(self.count, self.node).iter().sum::<u64>() * NODE_BYTES)
+    }
+}
+
+fn column_of(view: View<'_>) -> Result<(Field, u8)> {
+    let name = view.text(slot::COLUMN_NAME)?;
+    let name = name.ok_or_else(|| Error::bad_input("a column has no name"))?;
+    let code = view.u8(slot::COLUMN_TYPE)?;
+    let number = |slot: usize| -> Result<Option<u32>> {
+        Ok(view.number(slot)?.map(i32::from_le_bytes).and_then(|n| u32::try_from(n).ok()))
+    };
+    let (width, decimals) = (number(slot::COLUMN_WIDTH)?, number(slot::COLUMN_SCALE)?);
+    Ok((Field { name: name.into(), kind: value::kind_of(code)?, width, decimals }, code))
+}
+
+fn crs(view: View<'_>) -> Result<Crs> {
+    let code = view.number(slot::CRS_CODE)?.map_or(0, i32::from_le_bytes);
+    let org = view.text(slot::CRS_ORG)?.unwrap_or("EPSG");
+    if code > 0 && org.eq_ignore_ascii_case("EPSG") {
+        return Ok(wkt::of_srs(&format!("EPSG:{code}")));
+    }
+    Ok(match (view.text(slot::CRS_WKT)?, view.text(slot::CRS_NAME)?) {
+        (Some(text), _) if !text.is_empty() => wkt::of_srs(text),
+        (_, name) => Crs { citation: name.map(str::to_owned), ..Crs::default() },
+    })
+}
+
+/// The kind of a number; `None` for 0.
+fn kind_of(code: u8) -> Result<Option<Kind>> {
+    match KINDS.iter().find(|(known, _)| *known == code) {
+        Some((_, kind)) => Ok(Some(*kind)),
+        None if code == 0 => Ok(None),
+        None => Err(Error::unsupported(format!("geometries of type {code} are not supported"))
+            .remedy("turn curves and surfaces into lines and polygons")),
+    }
+}
+
+struct Source {
+    pages: Pages,
+    header: Header,
+    /// Where the next feature begins.
+    offset: u64,
+    /// Where the last one began.
+    at: u64,
+    count: u64,
+    has_binary: bool,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        self.at = self.offset;
+        if self.offset == self.pages.len() {
+            let (count, claimed) = (self.count, self.header.count);
+            if claimed > count {
+                let message = format!("file is truncated: {count} features of {claimed}");
+                return Err(Error::bad_input(message).remedy("copy it again"));
+            }
+            return Ok(None);
+        }
+        let size = self.pages.get(self.offset, 4)?;
+        let size = u64::from(u32::from_le_bytes([size[0], size[1], size[2], size[3]]));
+        let bytes = self.pages.get(self.offset + 4, size)?;
+        let view = View::root(bytes)?;
+        let mut budget = bytes.len();
+        let geometry = match view.table(slot::FEATURE_GEOMETRY)? {
+            Some(table) => geometry(table, self.header.kind, 0, &mut budget)?,
+            None => Geometry::null(),
+        };
+        let layer = &self.header.layer;
+        let (mut fields, mut types) =
+            (layer.schema.as_deref().unwrap_or_default(), &self.header.types);
+        // A feature may have columns of its own.
+        let mut own = (Vec::new(), Vec::new());
+        for column in view.tables(slot::FEATURE_COLUMNS)? {
+            let (field, code) = column_of(column?)?;
+            own.0.push(field);
+            own.1.push(code);
+        }
+        if !own.0.is_empty() {
+            (fields, types) = (&own.0, &own.1);
+        }
+        let bytes = view.list(slot::FEATURE_PROPERTIES, 1)?;
+        let (properties, has_binary) = value::properties(bytes, fields, types)?;
+        self.has_binary |= has_binary;
+        self.offset += 4 + size;
+        self.count += 1;
+        Ok(Some(Feature { properties, geometry, ..Feature::default() }))
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.header.layer
+    }
+
+    fn place(&self) -> String {
+        format!("byte {}", self.at)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let note = "values of bytes without a form (type Binary) are left out".to_owned();
+        self.has_binary.then_some(note).into_iter().collect()
+    }
+}
+
+/// A geometry within `depth` collections, no deeper than these may be nested. Tables may be shared, so
+/// a small feature could stand for a huge one: `budget` is what bytes of the feature are left, each
+/// of which counts once.
+fn geometry(
+    view: View<'_>,
+    known: Option<Kind>,
+    depth: u64,
+    budget: &mut usize,
+) -> Result<Geometry> {
+    limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
+    let own = kind_of(view.u8(slot::GEOMETRY_KIND)?)?;
+    let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
+    if matches!(kind, Kind::Collection | Kind::MultiPolygon) {
+        let part = (kind == Kind::MultiPolygon).then_some(Kind::Polygon);
+        let mut parts = Vec::new();
+        for table in view.tables(slot::GEOMETRY_PARTS)? {
+            spend(budget, 8)?;
+            let count = parts.len() as u64;
+            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+            parts.push(geometry(table?, part, depth + 1, budget)?);
+        }
+        return match kind {
+            Kind::Collection => Geometry::collection(parts),
+            _ => joined(&parts),
+        };
+    }
+    let xy = view.list(slot::GEOMETRY_XY, 8)?;
+    let (z, m) = (view.list(slot::GEOMETRY_Z, 8)?, view.list(slot::GEOMETRY_M, 8)?);
+    let ends = view.list(slot::GEOMETRY_ENDS, 4)?;
+    spend(budget, xy.len() + z.len() + m.len() + ends.len())?;
+    let wrong = || Error::bad_input("the lists of a geometry do not fit together");
+    let mut found =
+        Coordinates { xy: pairs(xy), z: numbers(z), m: numbers(m), ..Coordinates::default() };
+    let count = found.xy.len();
+    let fits = |values: &[f64]| values.is_empty() || values.len() == count;
+    if !fits(&found.z) || !fits(&found.m) || xy.len() % 16 != 0 {
+        return Err(wrong());
+    }
+    if matches!(kind, Kind::Polygon | Kind::MultiLineString) {
+        let mut last = 0;
+        for end in ends.as_chunks().0 {
+            let end = u32::from_le_bytes(*end) as usize;
+            if end < last || end > count {
+                return Err(wrong());
+            }
+            if end > last {
+                found.ends.push(end);
+            }
+            last = end;
+        }
+        if !ends.is_empty() && last != count {
+            return Err(wrong());
+        }
+    }
+    // A layer with heights has a number for each vertex, which is none where there is no height.
+    for values in [&mut found.z, &mut found.m] {
+        if values.iter().all(|value| value.is_nan()) {
+            values.clear();
+        }
+    }
+    // GDAL writes an empty point as NaN.
+    if kind == Kind::Point && found.xy.first().is_some_and(|xy| xy.iter().all(|c| c.is_nan())) {
+        found = Coordinates::default();
+    }
+    Geometry::new(kind, found)
+}
+
+fn spend(budget: &mut usize, bytes: usize) -> Result<()> {
+    *budget = budget.checked_sub(bytes).ok_or_else(|| {
+        Error::bad_input("parts of a geometry share their coordinates, which is not supported")
+    })?;
+    Ok(())
+}
+
+/// The polygons as one geometry.
+fn joined(parts: &[Geometry]) -> Result<Geometry> {
+    let has_z = parts.iter().any(Geometry::has_z);
+    let has_m = parts.iter().any(Geometry::has_m);
+    let mut found = Coordinates::default();
+    for part in parts {
+        if part.kind() != Kind::Polygon {
+            return Err(Error::bad_input("a part of a MultiPolygon is no polygon"));
+        }
+        let from = part.coordinates();
+        let first = found.xy.len();
+        found.xy.extend_from_slice(&from.xy);
+        let there = |values: &[f64], at: usize| values.get(at).copied().unwrap_or(f64::NAN);
+        for at in 0..from.xy.len() {
+            if has_z {
+                found.z.push(there(&from.z, at));
+            }
+            if has_m {
+                found.m.push(there(&from.m, at));
+            }
+        }
+        found.ends.extend(from.ends.iter().map(|end| first + end));
+        found.end_polygon();
+    }
+    Geometry::new(Kind::MultiPolygon, found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flatgeobuf::build::{Build, Slot};
+
+    /// Collections within one another, each with ten members that are one and the same table.
+    fn shared(levels: usize) -> Vec<u8> {
+        let mut build = Build::new();
+        let collection = |build: &mut Build| {
+            let none = || Slot::None;
+            let slots = [none(), none(), none(), none(), none(), none(), Slot::U8(7), Slot::Link];
+            build.table(&slots)
+        };
+        let (table, mut places) = collection(&mut build);
+        build.set_root(table);
+        for _ in 0..levels {
+            let links = build.links(places[slot::GEOMETRY_PARTS], 10);
+            let (table, inner) = collection(&mut build);
+            links.into_iter().for_each(|link| build.link(link, table));
+            places = inner;
+        }
+        build.links(places[slot::GEOMETRY_PARTS], 0);
+        build.finish().unwrap()
+    }
+
+    #[test]
+    fn shared_parts_and_deep_ones_are_refused() {
+        let read = |bytes: &[u8]| {
+            geometry(View::root(&bytes[4..]).unwrap(), None, 0, &mut (bytes.len() - 4))
+        };
+        assert_eq!(read(&shared(1)).unwrap().members().len(), 10);
+        assert!(read(&shared(9)).unwrap_err().to_string().contains("share"));
+        assert!(read(&shared(40)).unwrap_err().to_string().contains("depth"));
+    }
+}

@@ -1,0 +1,134 @@
+//! Values of properties: the number of a column, and bytes after its type.
+
+use crate::feature::Field;
+use crate::feature::{FieldKind, Properties, Value};
+use crate::pages::Bytes;
+use crate::table::push_text;
+use terrane_base::error::{Error, Result};
+
+/// Numbers of the types of columns that are written.
+const BOOL: u8 = 2;
+const LONG: u8 = 7;
+const DOUBLE: u8 = 10;
+const TEXT: u8 = 11;
+const JSON: u8 = 12;
+const DATE_TIME: u8 = 13;
+/// Bytes of any form, which are passed over.
+pub(super) const BINARY: u8 = 14;
+
+/// The type that holds a kind. Days have no type of their own.
+pub(super) fn type_of(kind: FieldKind) -> u8 {
+    match kind {
+        FieldKind::Bool => BOOL,
+        FieldKind::Int => LONG,
+        FieldKind::Real => DOUBLE,
+        FieldKind::Text => TEXT,
+        FieldKind::Json => JSON,
+        FieldKind::Date | FieldKind::DateTime => DATE_TIME,
+    }
+}
+
+/// What the values of a column of a type are.
+pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
+    match code {
+        BOOL => Ok(FieldKind::Bool),
+        0 | 1 | 3..=8 => Ok(FieldKind::Int),
+        9 | DOUBLE => Ok(FieldKind::Real),
+        TEXT | BINARY => Ok(FieldKind::Text),
+        JSON => Ok(FieldKind::Json),
+        DATE_TIME => Ok(FieldKind::DateTime),
+        _ => Err(Error::unsupported(format!("columns of type {code} are not supported"))),
+    }
+}
+
+/// The properties in `bytes`, one for each column; those that are not there are null. The last result
+/// is true where bytes of any form were passed over.
+pub(super) fn properties(
+    bytes: &[u8],
+    fields: &[Field],
+    types: &[u8],
+) -> Result<(Properties, bool)> {
+    let nulls = fields.iter().map(|field| (field.name.clone(), Value::Null));
+    let mut found = Properties(nulls.collect());
+    let mut bytes = Bytes(bytes);
+    let mut has_binary = false;
+    while !bytes.0.is_empty() {
+        let column = usize::from(bytes.u16()?);
+        let code = types.get(column).ok_or_else(|| {
+            Error::bad_input(format!("a property of column {column}, of {}", types.len()))
+        })?;
+        has_binary |= *code == BINARY;
+        found.0[column].1 = value(*code, &mut bytes)?;
+    }
+    Ok((found, has_binary))
+}
+
+fn value(code: u8, bytes: &mut Bytes<'_>) -> Result<Value> {
+    let real = |value: f64| match value.is_finite() {
+        true => Value::Real(value),
+        false => Value::Null,
+    };
+    Ok(match code {
+        0 => Value::Int(i8::from_le_bytes(bytes.array()?).into()),
+        1 => Value::Int(bytes.u8()?.into()),
+        BOOL => Value::Bool(bytes.u8()? != 0),
+        3 => Value::Int(i16::from_le_bytes(bytes.array()?).into()),
+        4 => Value::Int(bytes.u16()?.into()),
+        5 => Value::Int(i32::from_le_bytes(bytes.array()?).into()),
+        6 => Value::Int(bytes.u32()?.into()),
+        LONG => Value::Int(i64::from_le_bytes(bytes.array()?)),
+        8 => {
+            let value = bytes.u64()?;
+            i64::try_from(value).map_or_else(|_| Value::Json(value.to_string()), Value::Int)
+        }
+        9 => real(f32::from_le_bytes(bytes.array()?).into()),
+        DOUBLE => real(bytes.f64()?),
+        _ => {
+            let length = bytes.u32()? as usize;
+            let taken = bytes.take(length)?;
+            if code == BINARY {
+                return Ok(Value::Null);
+            }
+            let text = std::str::from_utf8(taken);
+            let text = text.map_err(|_| Error::bad_input("a text is not UTF-8"))?.to_owned();
+            match code {
+                JSON => Value::Json(sound(text)?),
+                DATE_TIME if text.len() == 10 => Value::Date(text),
+                DATE_TIME => Value::DateTime(text),
+                _ => Value::Text(text),
+            }
+        }
+    })
+}
+
+/// JSON on one line.
+fn sound(json: String) -> Result<String> {
+    match serde_json::from_str::<serde::de::IgnoredAny>(&json) {
+        Ok(_) => Ok(crate::json::compact(&json)),
+        Err(e) => Err(Error::bad_input(format!("a property is not JSON: {e}"))),
+    }
+}
+
+/// Appends a value of a column of `kind`; nothing for null.
+pub(super) fn put(column: u16, kind: FieldKind, value: &Value, out: &mut Vec<u8>) {
+    if *value == Value::Null {
+        return;
+    }
+    out.extend_from_slice(&column.to_le_bytes());
+    match (kind, value) {
+        (FieldKind::Bool, Value::Bool(value)) => out.push(u8::from(*value)),
+        (FieldKind::Int, Value::Int(value)) => out.extend_from_slice(&value.to_le_bytes()),
+        (FieldKind::Real, Value::Real(value)) => out.extend_from_slice(&value.to_le_bytes()),
+        (FieldKind::Real, Value::Int(value)) => {
+            out.extend_from_slice(&(*value as f64).to_le_bytes());
+        }
+        _ => {
+            let at = out.len();
+            out.extend_from_slice(&[0; 4]);
+            push_text(value, out);
+            // A text beyond 4 GiB is refused with its feature, which is longer still.
+            let length = (out.len() - at - 4) as u32;
+            out[at..at + 4].copy_from_slice(&length.to_le_bytes());
+        }
+    }
+}

@@ -1,0 +1,517 @@
+//! Writing: features wait until all columns and rectangles are known, then the header, the index and
+//! the features are written, in the order of the index.
+
+use std::path::{Path, PathBuf};
+
+use super::build::{Build, Slot};
+use super::{KINDS, MAGIC, slot, value};
+use crate::crs;
+use crate::feature::{Feature, FieldKind, Layer, Member};
+use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::out::Out;
+use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::table::{Column, Row, Table};
+use crate::tree::{Bounds, NODE, NOTHING, Tree, around, hilbert_order};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Crs;
+
+/// Starts a file.
+pub(super) fn create(
+    path: &Path,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    Ok(Box::new(Sink {
+        out: Out::create(path, options.overwrite)?,
+        table: Table::new(path, layer, options.temp_dir.as_deref())?,
+        name: layer.name.clone().unwrap_or_else(|| stem(path)),
+        crs: layer.crs.clone(),
+        bounds: Vec::new(),
+        shape: Shape::default(),
+        is_indexed: options.index,
+        path: path.to_path_buf(),
+    }))
+}
+
+struct Sink {
+    out: Out,
+    table: Table,
+    name: String,
+    crs: Crs,
+    /// Of each feature.
+    bounds: Vec<Bounds>,
+    shape: Shape,
+    is_indexed: bool,
+    path: PathBuf,
+}
+
+impl FeatureSink for Sink {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        let geometry = &feature.geometry;
+        self.shape.add(geometry);
+        self.bounds.push(geometry.bounds().unwrap_or(NOTHING));
+        let number = self.table.len() + 1;
+        let pushed = self.table.push(feature, u32::MAX as usize);
+        pushed.map_err(|e| e.at(format!("feature {number}")).in_file(&self.path))
+    }
+
+    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+        let this = *self;
+        let mut rows = this.table.finish()?;
+        let too_large = |message: &str| {
+            Error::new(ErrorKind::CannotWrite, message)
+                .in_file(&this.path)
+                .remedy("write GeoJSON, or divide it")
+        };
+        if u32::try_from(rows.len()).is_err() || rows.columns.len() > usize::from(u16::MAX) {
+            return Err(too_large("more features or properties than a FlatGeobuf can hold"));
+        }
+        let form = this.shape.form();
+        rows.notes.extend(this.shape.notes());
+        let extent = this.bounds.iter().fold(NOTHING, |all, one| around(&all, one));
+        let is_indexed = this.is_indexed && !this.bounds.is_empty();
+        let order = match is_indexed {
+            true => hilbert_order(&this.bounds, &extent),
+            false => (0..rows.len() as u32).collect(),
+        };
+        let head = Head {
+            name: &this.name,
+            extent: (extent[0] <= extent[2]).then_some(extent),
+            form,
+            columns: &rows.columns,
+            count: rows.len() as u64,
+            is_indexed,
+            crs: &this.crs,
+        };
+        let header = head.bytes().ok_or_else(|| too_large("its header is too long"))?;
+        let mut out = this.out;
+        let kinds: Vec<FieldKind> =
+            rows.columns.iter().map(|column| column.kind.unwrap_or(FieldKind::Text)).collect();
+        // Places of features come before the features: their lengths are found by making each twice,
+        // which takes less than keeping them.
+        let mut encode = |row: u32| -> Result<Vec<u8>> {
+            let bytes = feature(&rows.get(row as usize)?, &kinds, form);
+            bytes.ok_or_else(|| {
+                too_large("a feature takes more than 4 GiB").at(format!("feature {}", row + 1))
+            })
+        };
+        out.buffer.extend_from_slice(&MAGIC);
+        out.buffer.extend_from_slice(&header);
+        if is_indexed {
+            let mut place = 0;
+            let mut places = Vec::with_capacity(order.len());
+            for &row in &order {
+                places.push(place);
+                place += encode(row)?.len() as u64;
+            }
+            let bounds: Vec<Bounds> = order.iter().map(|&row| this.bounds[row as usize]).collect();
+            for (bounds, to, is_leaf) in Tree::new(&bounds).nodes() {
+                let to = if is_leaf { places[to] } else { to as u64 };
+                out.buffer.extend(bounds.iter().flat_map(|bound| bound.to_le_bytes()));
+                out.buffer.extend_from_slice(&to.to_le_bytes());
+                out.settle()?;
+            }
+        }
+        for &row in &order {
+            let bytes = encode(row)?;
+            out.buffer.extend_from_slice(&bytes);
+            out.settle()?;
+        }
+        let (path, bytes) = out.commit()?;
+        let features = order.len() as u64;
+        let notes = [crs::notes(&this.crs), std::mem::take(&mut rows.notes)].concat();
+        Ok(Written { features, bytes, files: vec![path], notes })
+    }
+}
+
+/// The name of a file without its ending.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What all geometries of a layer are: programs go by the header, not by each feature.
+#[derive(Clone, Copy)]
+struct Form {
+    /// Null where there are several.
+    kind: Kind,
+    has_z: bool,
+    has_m: bool,
+}
+
+/// What was seen of the geometries of a layer.
+#[derive(Default)]
+struct Shape {
+    /// Features of each kind, by its place in [`Kind::ALL`].
+    kinds: [u64; Kind::ALL.len()],
+    /// Features with vertices, of these with heights, and with measures.
+    placed: u64,
+    with_z: u64,
+    with_m: u64,
+}
+
+impl Shape {
+    fn add(&mut self, geometry: &Geometry) {
+        let at = Kind::ALL.iter().position(|kind| *kind == geometry.kind());
+        self.kinds[at.unwrap_or_default()] += 1;
+        self.placed += u64::from(!geometry.is_empty());
+        self.with_z += u64::from(geometry.has_z());
+        self.with_m += u64::from(geometry.has_m());
+    }
+
+    fn count(&self, kind: Kind) -> u64 {
+        Kind::ALL.iter().zip(self.kinds).find(|(known, _)| **known == kind).map_or(0, |(_, n)| n)
+    }
+
+    /// A feature without a place is one of any kind. With heights or measures, what is there once or
+    /// several times is told as several: a layer of any kind with heights is one that few programs open.
+    fn form(&self) -> Form {
+        let (has_z, has_m) = (self.with_z > 0, self.with_m > 0);
+        let found = || Kind::ALL.into_iter().filter(|&k| k != Kind::Null && self.count(k) > 0);
+        let mut kind = found().next().unwrap_or_default();
+        if has_z || has_m {
+            kind = found().find(|k| several(*k) == *k).unwrap_or(kind);
+        }
+        let is_one = |k: Kind| k == kind || ((has_z || has_m) && several(k) == kind);
+        Form { kind: if found().all(is_one) { kind } else { Kind::Null }, has_z, has_m }
+    }
+
+    /// What a user should know of geometries that are not as they were.
+    fn notes(&self) -> Vec<String> {
+        let form = self.form();
+        let mut notes = Vec::new();
+        let has_more = if form.has_z { "heights" } else { "measures" };
+        for (there, with, what) in
+            [(form.has_z, self.with_z, "heights"), (form.has_m, self.with_m, "measures")]
+        {
+            if there && with < self.placed {
+                let count = self.placed - with;
+                notes.push(format!(
+                    "{count} features without {what} have NaN for them, as others have some"
+                ));
+            }
+        }
+        let single = [Kind::Point, Kind::LineString, Kind::Polygon];
+        for kind in single.into_iter().filter(|k| several(*k) == form.kind && self.count(*k) > 0) {
+            let (count, name, more) = (self.count(kind), kind.name(), form.kind.name());
+            notes.push(format!(
+                "{count} {name} features are {more} of one, as a layer with {has_more} has one type"
+            ));
+        }
+        let kinds = self.kinds.iter().zip(Kind::ALL).filter(|(n, k)| **n > 0 && *k != Kind::Null);
+        if form.kind == Kind::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
+            notes.push(format!(
+                "several types of geometry in a layer with {has_more}: some programs do not open \
+                 that; write a file for each type"
+            ));
+        }
+        notes
+    }
+}
+
+/// The kind that holds several of a kind: itself, where it does.
+fn several(kind: Kind) -> Kind {
+    match kind {
+        Kind::Point => Kind::MultiPoint,
+        Kind::LineString => Kind::MultiLineString,
+        Kind::Polygon => Kind::MultiPolygon,
+        other => other,
+    }
+}
+
+fn code_of(kind: Kind) -> u8 {
+    KINDS.iter().find(|(_, known)| *known == kind).map_or(0, |(code, _)| *code)
+}
+
+/// What the header says.
+struct Head<'a> {
+    name: &'a str,
+    extent: Option<Bounds>,
+    form: Form,
+    columns: &'a [Column],
+    count: u64,
+    is_indexed: bool,
+    crs: &'a Crs,
+}
+
+impl Head<'_> {
+    fn bytes(&self) -> Option<Vec<u8>> {
+        let mut build = Build::new();
+        let has_crs = self.crs.is_named();
+        let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+        let (root, places) = build.table(&[
+            Slot::Link,
+            link(self.extent.is_some()),
+            Slot::U8(code_of(self.form.kind)),
+            Slot::U8(self.form.has_z.into()),
+            Slot::U8(self.form.has_m.into()),
+            Slot::None,
+            Slot::None,
+            Slot::Link,
+            Slot::U64(self.count),
+            Slot::U16(if self.is_indexed { NODE as u16 } else { 0 }),
+            link(has_crs),
+        ]);
+        build.set_root(root);
+        build.text(places[slot::HEADER_NAME], self.name);
+        if let Some(extent) = self.extent {
+            build.numbers(places[slot::HEADER_ENVELOPE], &extent);
+        }
+        let links = build.links(places[slot::HEADER_COLUMNS], self.columns.len());
+        for (column, link) in self.columns.iter().zip(links) {
+            let code = value::type_of(column.kind.unwrap_or(FieldKind::Text));
+            let (table, places) = build.table(&[Slot::Link, Slot::U8(code)]);
+            build.link(link, table);
+            build.text(places[slot::COLUMN_NAME], &column.name);
+        }
+        if has_crs {
+            self.put_crs(&mut build, places[slot::HEADER_CRS]);
+        }
+        build.finish()
+    }
+
+    fn put_crs(&self, build: &mut Build, place: usize) {
+        let text = self.crs.to_wkt();
+        let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+        // Readers that find a code ask for no text, and a code says nothing of heights.
+        let code = self.crs.epsg.filter(|_| self.crs.vertical_epsg.is_none() || text.is_none());
+        let code = code.and_then(|code| i32::try_from(code).ok());
+        let (table, places) = build.table(&[
+            link(code.is_some()),
+            code.map_or(Slot::None, Slot::I32),
+            link(self.crs.citation.is_some()),
+            Slot::None,
+            link(text.is_some()),
+        ]);
+        build.link(place, table);
+        if code.is_some() {
+            build.text(places[slot::CRS_ORG], "EPSG");
+        }
+        if let Some(name) = &self.crs.citation {
+            build.text(places[slot::CRS_NAME], name);
+        }
+        if let Some(text) = text {
+            build.text(places[slot::CRS_WKT], &text);
+        }
+    }
+}
+
+/// A feature with its size; `None` beyond 4 GiB.
+fn feature(row: &Row, kinds: &[FieldKind], form: Form) -> Option<Vec<u8>> {
+    let mut properties = Vec::new();
+    for (column, value) in &row.values {
+        value::put(*column as u16, kinds[*column], value, &mut properties);
+    }
+    let mut build = Build::new();
+    let is_null = row.geometry.kind() == Kind::Null;
+    let (root, places) = build.table(&[
+        if is_null { Slot::None } else { Slot::Link },
+        if properties.is_empty() { Slot::None } else { Slot::Link },
+    ]);
+    build.set_root(root);
+    if !is_null {
+        let kind = if form.kind == Kind::Null { row.geometry.kind() } else { form.kind };
+        let form = Form { kind, ..form };
+        put_geometry(&mut build, places[slot::FEATURE_GEOMETRY], &row.geometry, form);
+    }
+    if !properties.is_empty() {
+        let place = places[slot::FEATURE_PROPERTIES];
+        build.list(place, properties.len(), 1, properties.into_iter());
+    }
+    build.finish()
+}
+
+/// Appends a geometry as one of the form's kind. Collections are nested no deeper than their
+/// constructor allows.
+fn put_geometry(build: &mut Build, place: usize, geometry: &Geometry, form: Form) {
+    let kind = form.kind;
+    match kind {
+        Kind::Collection => {
+            for (link, member) in parts(build, place, kind, geometry.members().len())
+                .into_iter()
+                .zip(geometry.members())
+            {
+                put_geometry(build, link, member, Form { kind: member.kind(), ..form });
+            }
+        }
+        Kind::MultiPolygon => {
+            let from = geometry.coordinates();
+            let links = parts(build, place, kind, from.polygons.len());
+            let mut first = 0;
+            for (link, &end) in links.into_iter().zip(&from.polygons) {
+                put_leaf(build, link, Form { kind: Kind::Polygon, ..form }, from, first..end);
+                first = end;
+            }
+        }
+        _ => {
+            let from = geometry.coordinates();
+            put_leaf(build, place, form, from, 0..from.ends.len());
+        }
+    }
+}
+
+/// A geometry of `count` others; gives the place of each.
+fn parts(build: &mut Build, place: usize, kind: Kind, count: usize) -> Vec<usize> {
+    let none = || Slot::None;
+    let code = Slot::U8(code_of(kind));
+    let slots = [none(), none(), none(), none(), none(), none(), code, Slot::Link];
+    let (table, places) = build.table(&slots);
+    build.link(place, table);
+    build.links(places[slot::GEOMETRY_PARTS], count)
+}
+
+/// A geometry of some parts of `from`, or of all its positions where it has no parts. In a layer with
+/// heights or measures each position has one: readers of it count on that.
+fn put_leaf(
+    build: &mut Build,
+    place: usize,
+    form: Form,
+    from: &Coordinates,
+    parts: std::ops::Range<usize>,
+) {
+    let start = if parts.start == 0 { 0 } else { from.ends[parts.start - 1] };
+    let ends = &from.ends[parts];
+    let end =
+        ends.last().copied().unwrap_or(if from.ends.is_empty() { from.xy.len() } else { start });
+    let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+    // Of one ring the end needs no word; of one line of several some readers want it.
+    let has_ends = ends.len() > 1 || form.kind == Kind::MultiLineString;
+    let (table, places) = build.table(&[
+        link(has_ends),
+        Slot::Link,
+        link(form.has_z),
+        link(form.has_m),
+        Slot::None,
+        Slot::None,
+        Slot::U8(code_of(form.kind)),
+    ]);
+    build.link(place, table);
+    if has_ends {
+        let bytes = ends.iter().flat_map(|end| ((end - start) as u32).to_le_bytes());
+        build.list(places[slot::GEOMETRY_ENDS], ends.len(), 4, bytes);
+    }
+    build.numbers(places[slot::GEOMETRY_XY], from.xy[start..end].as_flattened());
+    let mut values = |is_there: bool, slot: usize, values: &[f64]| match values.is_empty() {
+        _ if !is_there => {}
+        true => build.numbers(places[slot], &vec![f64::NAN; end - start]),
+        false => build.numbers(places[slot], &values[start..end]),
+    };
+    values(form.has_z, slot::GEOMETRY_Z, &from.z);
+    values(form.has_m, slot::GEOMETRY_M, &from.m);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flatgeobuf::view::View;
+    use crate::{OpenOptions, open};
+
+    /// Kinds of features, whether each has heights and measures, and the type of the layer with the kinds
+    /// that come back.
+    type Case<'a> = (&'a [(Kind, bool, bool)], (Kind, bool, bool), &'a [Kind]);
+
+    fn geometry(kind: Kind, has_z: bool, has_m: bool) -> Geometry {
+        let mut found = Coordinates::default();
+        for (at, [x, y]) in [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].into_iter().enumerate()
+        {
+            if at == 0 || kind != Kind::Point {
+                found.push([x, y], has_z.then_some(x + 1.0), has_m.then_some(y));
+            }
+        }
+        if kind == Kind::Null { Geometry::null() } else { Geometry::new(kind, found).unwrap() }
+    }
+
+    fn written(path: &Path, features: &[(Kind, bool, bool)]) -> Written {
+        let mut sink = create(path, &Layer::default(), &WriteOptions::default()).unwrap();
+        for &(kind, has_z, has_m) in features {
+            let geometry = geometry(kind, has_z, has_m);
+            sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
+        }
+        sink.finish(&[]).unwrap()
+    }
+
+    #[test]
+    fn a_layer_is_what_readers_go_by() {
+        use Kind::{LineString, MultiLineString, MultiPolygon, Null, Point, Polygon};
+        let cases: &[Case<'_>] = &[
+            (&[(LineString, false, false)], (LineString, false, false), &[LineString]),
+            (
+                &[(LineString, false, false), (LineString, true, false)],
+                (LineString, true, false),
+                &[LineString, LineString],
+            ),
+            (
+                &[(Polygon, true, false), (MultiPolygon, false, false), (Null, false, false)],
+                (MultiPolygon, true, false),
+                &[MultiPolygon, MultiPolygon, Null],
+            ),
+            (
+                &[(MultiLineString, false, true), (LineString, false, false)],
+                (MultiLineString, false, true),
+                &[MultiLineString, MultiLineString],
+            ),
+            (
+                &[(LineString, false, false), (MultiLineString, false, false)],
+                (Null, false, false),
+                &[LineString, MultiLineString],
+            ),
+            (&[(Point, true, true), (Polygon, true, false)], (Null, true, true), &[Point, Polygon]),
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        for (features, layer, kinds) in cases {
+            let path = folder.path().join("name of it.fgb");
+            let notes = written(&path, features).notes;
+            let bytes = std::fs::read(&path).unwrap();
+            let header = View::root(&bytes[12..]).unwrap();
+            let flag = |slot: usize| header.u8(slot).unwrap() == 1;
+            let type_of = header.u8(slot::HEADER_KIND).unwrap();
+            let (kind, has_z, has_m) = *layer;
+            assert_eq!((type_of, flag(3), flag(4)), (code_of(kind), has_z, has_m), "{features:?}");
+            assert_eq!(header.text(slot::HEADER_NAME).unwrap(), Some("name of it"));
+            let is_as_it_was = features.iter().zip(*kinds).all(|((was, z, m), is)| {
+                was == is && ((*z, *m) == (has_z, has_m) || *was == Kind::Null)
+            });
+            let is_plain = (is_as_it_was && kind != Kind::Null) || (!has_z && !has_m);
+            assert_eq!(notes.is_empty(), is_plain, "{notes:?}");
+            let mut source = open(&path, &OpenOptions::default()).unwrap();
+            let mut found = Vec::new();
+            while let Some(feature) = source.next().unwrap() {
+                found.push(feature.geometry);
+            }
+            let tell = |g: &Geometry| format!("{:?} {:?} {:?}", g.kind(), g.has_z(), g.has_m());
+            let mut told: Vec<String> = found.iter().map(tell).collect();
+            let mut wanted: Vec<String> = features
+                .iter()
+                .zip(*kinds)
+                .map(|((was, z, m), kind)| {
+                    format!("{kind:?} {:?} {:?}", *z && *was != Null, *m && *was != Null)
+                })
+                .collect();
+            told.sort();
+            wanted.sort();
+            assert_eq!(told, wanted);
+            std::fs::remove_file(&path).unwrap();
+        }
+    }
+
+    #[test]
+    fn every_vertex_of_a_layer_with_heights_has_a_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fgb");
+        let mut sink =
+            create(&path, &Layer::default(), &WriteOptions { index: false, ..Default::default() })
+                .unwrap();
+        for has_z in [false, true] {
+            let geometry = geometry(Kind::LineString, has_z, false);
+            sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
+        }
+        sink.finish(&[]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let size = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        let first = 12 + size(8);
+        for at in [first, first + 4 + size(first)] {
+            let feature = View::root(&bytes[at + 4..]).unwrap();
+            let geometry = feature.table(slot::FEATURE_GEOMETRY).unwrap().unwrap();
+            assert_eq!(geometry.list(slot::GEOMETRY_Z, 8).unwrap().len(), 4 * 8);
+        }
+    }
+}

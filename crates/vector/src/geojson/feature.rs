@@ -1,0 +1,204 @@
+//! The text of one feature or geometry.
+
+use std::sync::Arc;
+
+use crate::feature::{Feature, Id, Member, Properties, Value};
+use crate::geometry::{Geometry, Kind};
+use crate::json::{Cursor, Token, compact};
+use crate::number;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Reads features; names of properties that come again and again are kept once.
+#[derive(Default)]
+pub(crate) struct Reader {
+    /// Those of the feature before.
+    names: Vec<Arc<str>>,
+}
+
+impl Reader {
+    /// A feature, or a geometry alone, from the text of an object.
+    pub(super) fn feature(&mut self, text: &[u8], base: u64) -> Result<Feature> {
+        let mut cursor = Cursor::new(text, base);
+        let mut feature = Feature::default();
+        let (mut is_first, mut is_feature, mut is_geometry) = (true, false, false);
+        cursor.expect(b'{')?;
+        while let Some(name) = cursor.member(&mut is_first)? {
+            match &*name {
+                "type" => {
+                    let kind = cursor.string()?;
+                    if Kind::by_name(&kind).is_some_and(|kind| kind != Kind::Null) {
+                        return bare(text, base);
+                    }
+                    is_feature = kind == "Feature";
+                    if !is_feature {
+                        return Err(cursor.bad(format!("type {:?} is no feature", short(&kind))));
+                    }
+                }
+                "geometry" => feature.geometry = geometry(&mut cursor, 0)?,
+                "properties" => feature.properties = self.properties(&mut cursor)?,
+                "id" => feature.id = id(&mut cursor)?,
+                _ => {
+                    is_geometry |= matches!(&*name, "coordinates" | "geometries");
+                    let count = feature.foreign.len() as u64;
+                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
+                    feature.foreign.push(member(&name, &mut cursor)?);
+                }
+            }
+        }
+        match (is_feature, is_geometry) {
+            (true, _) => Ok(feature),
+            (false, true) => bare(text, base),
+            (false, false) => Err(cursor.bad("an object has no known type")),
+        }
+    }
+
+    /// An object of properties, or null.
+    pub(crate) fn properties(&mut self, cursor: &mut Cursor<'_>) -> Result<Properties> {
+        let mut properties = Properties::default();
+        if cursor.peek() != Some(b'{') {
+            return match cursor.value()? {
+                Token::Null => Ok(properties),
+                _ => Err(cursor.bad("properties are no object")),
+            };
+        }
+        cursor.expect(b'{')?;
+        properties.0.reserve(self.names.len());
+        let mut is_first = true;
+        while let Some(name) = cursor.member(&mut is_first)? {
+            let at = properties.0.len();
+            limits::check("properties of a feature", at as u64, limits::MAX_FIELDS)?;
+            let known = self.names.get(at).filter(|known| ***known == *name);
+            let name = known.cloned().unwrap_or_else(|| Arc::from(&*name));
+            properties.0.push((name, value(cursor.value()?)));
+        }
+        if self.names.len() != properties.0.len()
+            || self.names.iter().zip(&properties.0).any(|(a, (b, _))| !Arc::ptr_eq(a, b))
+        {
+            self.names = properties.0.iter().map(|(name, _)| name.clone()).collect();
+        }
+        Ok(properties)
+    }
+}
+
+/// A member that is passed on.
+pub(crate) fn member(name: &str, cursor: &mut Cursor<'_>) -> Result<Member> {
+    let json = match cursor.value()? {
+        Token::Null => "null".to_owned(),
+        Token::Bool(value) => value.to_string(),
+        Token::Number(text) => text.to_owned(),
+        Token::Text(text) => serde_json::Value::from(&*text).to_string(),
+        Token::Nested(json) => compact(json),
+    };
+    Ok(Member { name: name.to_owned(), json })
+}
+
+/// The id of a feature.
+pub(crate) fn id(cursor: &mut Cursor<'_>) -> Result<Option<Id>> {
+    match value(cursor.value()?) {
+        Value::Null => Ok(None),
+        Value::Int(id) => Ok(Some(Id::Int(id))),
+        Value::Real(id) => Ok(Some(Id::Real(id))),
+        Value::Text(id) => Ok(Some(Id::Text(id))),
+        _ => Err(cursor.bad("an id is neither a number nor a text")),
+    }
+}
+
+fn value(token: Token<'_>) -> Value {
+    match token {
+        Token::Null => Value::Null,
+        Token::Bool(value) => Value::Bool(value),
+        Token::Text(text) => Value::Text(text.into_owned()),
+        Token::Nested(json) => Value::Json(compact(json)),
+        Token::Number(text) => {
+            let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
+            let whole = text.parse().ok().filter(|_| is_whole).map(Value::Int);
+            let real = || number::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
+            whole
+                .or_else(|| real().map(Value::Real))
+                .unwrap_or_else(|| Value::Json(text.to_owned()))
+        }
+    }
+}
+
+/// A geometry that is no part of a feature.
+fn bare(text: &[u8], base: u64) -> Result<Feature> {
+    let geometry = geometry(&mut Cursor::new(text, base), 0)?;
+    Ok(Feature { geometry, ..Feature::default() })
+}
+
+/// A geometry object, or null, within `depth` collections: it calls itself no deeper than collections
+/// may be nested.
+fn geometry(cursor: &mut Cursor<'_>, depth: u64) -> Result<Geometry> {
+    limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
+    if cursor.peek() != Some(b'{') {
+        return match cursor.value()? {
+            Token::Null => Ok(Geometry::null()),
+            _ => Err(cursor.bad("a geometry is no object")),
+        };
+    }
+    cursor.expect(b'{')?;
+    let (mut kind, mut coordinates, mut members) = (None, None, None);
+    let mut is_first = true;
+    while let Some(name) = cursor.member(&mut is_first)? {
+        match &*name {
+            "type" => {
+                let name = cursor.string()?;
+                kind = Kind::by_name(&name);
+                if kind.is_none() {
+                    return Err(cursor.bad(format!("type {:?} is no geometry", short(&name))));
+                }
+            }
+            "coordinates" => coordinates = Some(cursor.coordinates()?),
+            "geometries" => members = Some(geometries(cursor, depth)?),
+            _ => _ = cursor.value()?,
+        }
+    }
+    let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
+    match (kind.ok_or_else(|| missing("type"))?, coordinates, members) {
+        (Kind::Collection, _, members) => {
+            Geometry::collection(members.ok_or_else(|| missing("geometries"))?)
+        }
+        (kind, coordinates, _) => {
+            let (found, coordinates) = coordinates.ok_or_else(|| missing("coordinates"))?;
+            check_depth(kind, found).map_err(|e| cursor.bad(e))?;
+            Geometry::new(kind, coordinates)
+        }
+    }
+}
+
+fn geometries(cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
+    cursor.expect(b'[')?;
+    let (mut is_first, mut members) = (true, Vec::new());
+    while cursor.item(&mut is_first)? {
+        let count = members.len() as u64;
+        limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+        members.push(geometry(cursor, depth + 1)?);
+    }
+    Ok(members)
+}
+
+/// Fails unless positions are as deep as in a `kind`; 0 is that of no positions.
+pub(crate) fn check_depth(kind: Kind, found: usize) -> std::result::Result<(), String> {
+    let deep = match kind {
+        Kind::Point => 1,
+        Kind::MultiPoint | Kind::LineString => 2,
+        Kind::MultiLineString | Kind::Polygon => 3,
+        Kind::MultiPolygon => 4,
+        Kind::Null | Kind::Collection => 0,
+    };
+    if found == deep || found == 0 {
+        return Ok(());
+    }
+    Err(format!("positions are {found} lists deep, and {deep} in a {}", kind.name()))
+}
+
+/// Enough of a word to recognise it by.
+pub(crate) fn short(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+/// A feature that is no object.
+pub(super) fn no_object(place: u64) -> Error {
+    Error::bad_input(format!("byte {place}: a feature is missing, or a comma too many"))
+}

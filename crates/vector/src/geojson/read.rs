@@ -1,0 +1,320 @@
+//! Reading: the text of each feature is found, and taken apart by itself.
+
+use std::path::Path;
+
+use super::feature::{self, Reader, no_object};
+use crate::crs;
+use crate::feature::{Feature, Layer, Member};
+use crate::json::{Cursor, Extent};
+use crate::source::{FeatureSource, OpenOptions};
+use crate::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Opens a file.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let mut source = Source {
+        window: Window::open(path)?,
+        layer: Layer { crs: crs::wgs84(), ..Layer::default() },
+        reader: Reader::default(),
+        state: State::Between,
+        is_first: true,
+        objects: 0,
+        at: 0,
+        notes: Vec::new(),
+    };
+    source.go_on()?;
+    if source.objects == 0 {
+        return Err(Error::bad_input("holds no JSON object"));
+    }
+    Ok(Box::new(source))
+}
+
+/// Where the reader is.
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    /// Between two objects at the outermost level.
+    Between,
+    /// At the start of an object that is one feature or geometry.
+    Single,
+    /// In the list of features of a collection.
+    Features,
+    /// Among the members of a collection, behind its features.
+    Behind,
+    /// At the end.
+    End,
+}
+
+struct Source {
+    window: Window,
+    layer: Layer,
+    reader: Reader,
+    state: State,
+    /// True before the first feature of a collection.
+    is_first: bool,
+    /// Objects at the outermost level that were begun.
+    objects: u64,
+    /// Where the last feature began.
+    at: u64,
+    notes: Vec<String>,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        loop {
+            match self.state {
+                State::End => return Ok(None),
+                State::Single => {
+                    let feature = self.feature()?;
+                    self.state = State::Between;
+                    return Ok(Some(feature));
+                }
+                State::Features => {
+                    if self.is_at_feature()? {
+                        return self.feature().map(Some);
+                    }
+                    self.state = State::Behind;
+                }
+                State::Between | State::Behind => self.go_on()?,
+            }
+        }
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
+    fn place(&self) -> String {
+        format!("byte {}", self.at)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+}
+
+impl Source {
+    /// Passes over what is between features.
+    fn go_on(&mut self) -> Result<()> {
+        match self.state {
+            State::Between => self.begin(),
+            State::Behind => {
+                self.members(true)?;
+                self.state = State::Between;
+                Ok(())
+            }
+            State::Single | State::Features | State::End => Ok(()),
+        }
+    }
+
+    /// The next byte that is neither white space nor the mark before a text of a sequence.
+    fn peek(&mut self) -> Result<Option<u8>> {
+        loop {
+            let text = self.window.text();
+            let blank =
+                text.iter().take_while(|b| matches!(b, b' ' | b'\n' | b'\r' | b'\t' | 0x1e));
+            let blank = blank.count();
+            let found = text.get(blank).copied();
+            self.window.advance(blank);
+            if found.is_some() || !self.window.more()? {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// Begins the next object at the outermost level.
+    fn begin(&mut self) -> Result<()> {
+        match self.peek()? {
+            None => self.state = State::End,
+            Some(b'{') => {
+                self.objects += 1;
+                self.state = State::Single;
+                self.is_first = true;
+                if self.members(false)? {
+                    self.state = State::Features;
+                }
+            }
+            Some(_) => {
+                let place = self.window.offset();
+                return Err(Error::bad_input(format!("byte {place}: is not a JSON object")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the members of the object at hand. Ahead of the features it stops at their
+    /// list, passes over it all and gives true; or at what only a single feature or geometry has,
+    /// passes over nothing and gives false. Behind the features it reads to the end of the object.
+    fn members(&mut self, is_behind: bool) -> Result<bool> {
+        let mut at = usize::from(!is_behind);
+        let mut foreign = Vec::new();
+        let mut is_first = !is_behind;
+        loop {
+            at = self.blank(at)?;
+            match self.window.byte(at)? {
+                Some(b'}') if is_behind => {
+                    self.window.advance(at + 1);
+                    self.take_members(foreign, true)?;
+                    return Ok(false);
+                }
+                Some(b'}') => return Ok(false),
+                Some(b',') if !is_first => at = self.blank(at + 1)?,
+                _ if !is_first => return Err(self.damaged(at)),
+                _ => {}
+            }
+            is_first = false;
+            let name_end = self.string_end(at)?;
+            let colon = self.blank(name_end)?;
+            if self.window.byte(colon)? != Some(b':') {
+                return Err(self.damaged(colon));
+            }
+            let value = self.blank(colon + 1)?;
+            let base = self.window.offset() + at as u64;
+            let name = Cursor::new(&self.window.text()[at..name_end], base).string()?.into_owned();
+            let opens = self.window.byte(value)?;
+            match name.as_str() {
+                "features" if opens == Some(b'[') && !is_behind => {
+                    self.window.advance(value + 1);
+                    self.take_members(foreign, false)?;
+                    return Ok(true);
+                }
+                "coordinates" | "geometry" | "geometries" | "properties" if !is_behind => {
+                    return Ok(false);
+                }
+                _ => {}
+            }
+            let end = self.value_end(value)?;
+            limits::check("bytes of a header", end as u64, limits::MAX_HEADER_BYTES)?;
+            let base = self.window.offset() + value as u64;
+            let mut cursor = Cursor::new(&self.window.text()[value..end], base);
+            foreign.push(feature::member(&name, &mut cursor)?);
+            at = end;
+        }
+    }
+
+    /// Takes what a collection says of itself.
+    fn take_members(&mut self, members: Vec<Member>, is_behind: bool) -> Result<()> {
+        let is_only = self.objects == 1;
+        for member in members {
+            match member.name.as_str() {
+                "type" | "features" => {}
+                "crs" => self.take_crs(&member.json, is_behind)?,
+                "name" if member.json.starts_with('"') && !is_behind && is_only => {
+                    self.layer.name = serde_json::from_str(&member.json).ok();
+                }
+                _ if is_only => self.layer.foreign.push(member),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn take_crs(&mut self, json: &str, is_behind: bool) -> Result<()> {
+        let found = crs::of_member(json);
+        if self.objects == 1 && !is_behind {
+            if found.epsg.is_none() {
+                let what = "the CRS is named in a way that is not known";
+                self.notes.push(format!("{what}: {}", feature::short(json)));
+            }
+            self.layer.crs = found;
+            return Ok(());
+        }
+        if found.agrees(&self.layer.crs) {
+            return Ok(());
+        }
+        Err(Error::unsupported("the \"crs\" member stands behind features that it is to apply to")
+            .remedy("move it to the front of the collection"))
+    }
+
+    /// True where a feature is next in the list; its end is passed over.
+    fn is_at_feature(&mut self) -> Result<bool> {
+        let next = self.peek()?;
+        if next == Some(b']') {
+            self.window.advance(1);
+            return Ok(false);
+        }
+        if !std::mem::take(&mut self.is_first) {
+            if next != Some(b',') {
+                return Err(self.damaged(0));
+            }
+            self.window.advance(1);
+        }
+        match self.peek()? {
+            Some(b'{') => Ok(true),
+            Some(_) => Err(no_object(self.window.offset())),
+            None => Err(self.damaged(0)),
+        }
+    }
+
+    /// The object at hand, as a feature.
+    fn feature(&mut self) -> Result<Feature> {
+        self.at = self.window.offset();
+        let end = self.value_end(0)?;
+        let feature = self.reader.feature(&self.window.text()[..end], self.at)?;
+        self.window.advance(end);
+        Ok(feature)
+    }
+
+    /// The first place from `at` on that is no white space.
+    fn blank(&mut self, mut at: usize) -> Result<usize> {
+        while matches!(self.window.byte(at)?, Some(b' ' | b'\n' | b'\r' | b'\t')) {
+            at += 1;
+        }
+        Ok(at)
+    }
+
+    /// Behind the string that begins at `at`.
+    fn string_end(&mut self, at: usize) -> Result<usize> {
+        if self.window.byte(at)? != Some(b'"') {
+            return Err(self.damaged(at));
+        }
+        let mut end = at + 1;
+        loop {
+            match self.window.byte(end)? {
+                Some(b'"') => return Ok(end + 1),
+                Some(b'\\') => end += 2,
+                Some(_) => end += 1,
+                None => return Err(self.damaged(end)),
+            }
+            let bytes = (end - at) as u64;
+            limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+        }
+    }
+
+    /// Behind the value that begins at `at`.
+    fn value_end(&mut self, at: usize) -> Result<usize> {
+        match self.window.byte(at)? {
+            Some(b'"') => self.string_end(at),
+            Some(open @ (b'{' | b'[')) => {
+                let mut extent = Extent::new(open);
+                loop {
+                    if let Some(bytes) = extent.end(&self.window.text()[at..]) {
+                        return Ok(at + bytes);
+                    }
+                    if !self.window.more()? {
+                        return Err(self.damaged(self.window.text().len()));
+                    }
+                }
+            }
+            _ => {
+                let mut end = at;
+                while let Some(byte) = self.window.byte(end)? {
+                    if matches!(byte, b',' | b'}' | b']' | b' ' | b'\n' | b'\r' | b'\t') {
+                        break;
+                    }
+                    end += 1;
+                    let bytes = (end - at) as u64;
+                    limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+                }
+                Ok(end)
+            }
+        }
+    }
+
+    fn damaged(&self, at: usize) -> Error {
+        let place = self.window.offset() + at as u64;
+        let is_end = self.window.text().len() <= at;
+        let what = if is_end { "the text ends too early" } else { "is not JSON" };
+        Error::bad_input(format!("byte {place}: {what}")).remedy("copy or make the file again")
+    }
+}

@@ -1,0 +1,445 @@
+//! Geometries with flat coordinates: a line or ring is a plain slice of x, y.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// What a geometry is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A feature without a place.
+    #[default]
+    Null,
+    /// One position, or none.
+    Point,
+    /// Any number of positions.
+    MultiPoint,
+    /// One line, or none.
+    LineString,
+    /// Any number of lines.
+    MultiLineString,
+    /// One outer ring with its holes, or none.
+    Polygon,
+    /// Any number of polygons.
+    MultiPolygon,
+    /// Geometries of any kind.
+    Collection,
+}
+
+impl Kind {
+    /// Every kind.
+    pub const ALL: [Self; 8] = [
+        Self::Null,
+        Self::Point,
+        Self::MultiPoint,
+        Self::LineString,
+        Self::MultiLineString,
+        Self::Polygon,
+        Self::MultiPolygon,
+        Self::Collection,
+    ];
+
+    /// The name in GeoJSON and well-known text.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Null => "null",
+            Self::Point => "Point",
+            Self::MultiPoint => "MultiPoint",
+            Self::LineString => "LineString",
+            Self::MultiLineString => "MultiLineString",
+            Self::Polygon => "Polygon",
+            Self::MultiPolygon => "MultiPolygon",
+            Self::Collection => "GeometryCollection",
+        }
+    }
+
+    /// The kind of a name, in any letter case.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(name))
+    }
+
+    /// True for points, which have no parts.
+    pub fn is_points(self) -> bool {
+        matches!(self, Self::Point | Self::MultiPoint)
+    }
+
+    /// True where the parts are rings.
+    pub fn is_polygons(self) -> bool {
+        matches!(self, Self::Polygon | Self::MultiPolygon)
+    }
+}
+
+/// Positions, cut into parts (lines or rings), and parts into polygons.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Coordinates {
+    /// x and y in units of the CRS.
+    pub xy: Vec<[f64; 2]>,
+    /// Heights: none, or one for each position; NaN where a position has none though others do.
+    pub z: Vec<f64>,
+    /// Measures: none, or one for each position; NaN where a position has none.
+    pub m: Vec<f64>,
+    /// One past the last position of each part.
+    pub ends: Vec<usize>,
+    /// One past the last part of each polygon.
+    pub polygons: Vec<usize>,
+}
+
+impl Coordinates {
+    /// Positions without heights, not yet cut.
+    pub fn of(xy: Vec<[f64; 2]>) -> Self {
+        Self { xy, ..Self::default() }
+    }
+
+    /// Appends a position.
+    #[inline]
+    pub fn push(&mut self, xy: [f64; 2], z: Option<f64>, m: Option<f64>) {
+        let before = self.xy.len();
+        push_value(&mut self.z, before, z);
+        push_value(&mut self.m, before, m);
+        self.xy.push(xy);
+    }
+
+    /// Ends the part at hand; one without positions is none.
+    pub fn end_part(&mut self) {
+        if self.ends.last().copied().unwrap_or(0) < self.xy.len() {
+            self.ends.push(self.xy.len());
+        }
+    }
+
+    /// Ends the polygon at hand; one without rings is none.
+    pub fn end_polygon(&mut self) {
+        if self.polygons.last().copied().unwrap_or(0) < self.ends.len() {
+            self.polygons.push(self.ends.len());
+        }
+    }
+
+    /// The positions of part `part`.
+    fn range(&self, part: usize) -> std::ops::Range<usize> {
+        let start = if part == 0 { 0 } else { self.ends[part - 1] };
+        start..self.ends[part]
+    }
+
+    /// True when part `part` ends where it began.
+    fn is_closed(&self, part: usize) -> bool {
+        let part = &self.xy[self.range(part)];
+        part.first() == part.last()
+    }
+
+    /// Closes every part that is open.
+    fn close(&mut self) {
+        if (0..self.ends.len()).all(|part| self.is_closed(part)) {
+            return;
+        }
+        let mut closed = Self { polygons: std::mem::take(&mut self.polygons), ..Self::default() };
+        for part in 0..self.ends.len() {
+            let range = self.range(part);
+            let again = (!self.is_closed(part)).then_some(range.start);
+            closed.extend(self, range.chain(again));
+            closed.end_part();
+        }
+        *self = closed;
+    }
+
+    /// Appends positions of `from`.
+    pub(super) fn extend(&mut self, from: &Self, which: impl Iterator<Item = usize> + Clone) {
+        self.xy.extend(which.clone().map(|i| from.xy[i]));
+        if !from.z.is_empty() {
+            self.z.extend(which.clone().map(|i| from.z[i]));
+        }
+        if !from.m.is_empty() {
+            self.m.extend(which.map(|i| from.m[i]));
+        }
+    }
+}
+
+/// Appends to values of which there is none yet unless a position before had one.
+#[inline]
+fn push_value(values: &mut Vec<f64>, before: usize, value: Option<f64>) {
+    if let Some(value) = value {
+        values.resize(before, f64::NAN);
+        values.push(value);
+    } else if !values.is_empty() {
+        values.push(f64::NAN);
+    }
+}
+
+/// A geometry. Rings are closed: the last position is the first again.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Geometry {
+    kind: Kind,
+    coordinates: Coordinates,
+    members: Vec<Geometry>,
+    /// Collections within one another, itself included.
+    depth: u32,
+}
+
+/// What a part is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// An open line (which may end where it began).
+    Line,
+    /// The outer ring of a polygon.
+    Outer,
+    /// A hole of the polygon whose outer ring came before.
+    Hole,
+}
+
+/// A line or ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part<'a> {
+    /// x and y of each vertex; of a ring the last is the first again.
+    pub xy: &'a [[f64; 2]],
+    /// Heights, empty where there are none.
+    pub z: &'a [f64],
+    /// Measures, empty where there are none.
+    pub m: &'a [f64],
+    /// What it is.
+    pub role: Role,
+}
+
+impl Part<'_> {
+    /// True for outer rings and holes.
+    pub fn is_ring(&self) -> bool {
+        self.role != Role::Line
+    }
+}
+
+impl Geometry {
+    /// A geometry of any kind but a collection. Positions that are in no part yet are one, parts
+    /// that are in no polygon yet are one; open rings are closed.
+    ///
+    /// # Errors
+    /// More positions in a Point, lines in a LineString or polygons in a Polygon than one; lists
+    /// that do not fit together.
+    pub fn new(kind: Kind, mut coordinates: Coordinates) -> Result<Self> {
+        check(&coordinates)?;
+        if kind.is_points() || matches!(kind, Kind::Null | Kind::Collection) {
+            coordinates.ends.clear();
+        } else {
+            coordinates.end_part();
+        }
+        if kind.is_polygons() {
+            coordinates.end_polygon();
+            coordinates.close();
+        } else {
+            coordinates.polygons.clear();
+        }
+        let (found, most) = match kind {
+            Kind::Null | Kind::Collection => (coordinates.xy.len(), 0),
+            Kind::Point => (coordinates.xy.len(), 1),
+            Kind::LineString => (coordinates.ends.len(), 1),
+            Kind::Polygon => (coordinates.polygons.len(), 1),
+            Kind::MultiPoint | Kind::MultiLineString | Kind::MultiPolygon => (0, 0),
+        };
+        if found > most {
+            let message = format!("a {} of {found} where there is one at most", kind.name());
+            return Err(Error::bad_input(message));
+        }
+        let depth = u32::from(kind == Kind::Collection);
+        Ok(Self { kind, coordinates, members: Vec::new(), depth })
+    }
+
+    /// No place at all.
+    pub fn null() -> Self {
+        Self::default()
+    }
+
+    /// One line.
+    pub fn line(xy: Vec<[f64; 2]>) -> Self {
+        let ends = if xy.is_empty() { Vec::new() } else { vec![xy.len()] };
+        let coordinates = Coordinates { xy, ends, ..Coordinates::default() };
+        Self { kind: Kind::LineString, coordinates, ..Self::default() }
+    }
+
+    /// A collection, which may hold others.
+    ///
+    /// # Errors
+    /// Collections nested deeper than [`limits::MAX_COLLECTION_DEPTH`].
+    pub fn collection(members: Vec<Geometry>) -> Result<Self> {
+        let collection = Self::with_members(members);
+        let most = limits::MAX_COLLECTION_DEPTH;
+        limits::check("depth of a geometry collection", collection.depth.into(), most)?;
+        Ok(collection)
+    }
+
+    /// Of coordinates that are known to fit the kind.
+    pub(super) fn of_kind(kind: Kind, coordinates: Coordinates) -> Self {
+        Self { kind, coordinates, members: Vec::new(), depth: 0 }
+    }
+
+    /// A collection of as many levels as are known to be few enough.
+    pub(super) fn with_members(members: Vec<Geometry>) -> Self {
+        let depth = 1 + members.iter().map(|member| member.depth).max().unwrap_or(0);
+        Self { kind: Kind::Collection, members, depth, ..Self::default() }
+    }
+
+    /// What it is.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// Its own positions; a collection has none.
+    pub fn coordinates(&self) -> &Coordinates {
+        &self.coordinates
+    }
+
+    /// Its own positions, for another geometry.
+    pub(super) fn into_coordinates(self) -> Coordinates {
+        Coordinates { polygons: Vec::new(), ..self.coordinates }
+    }
+
+    /// The members of a collection.
+    pub fn members(&self) -> &[Geometry] {
+        &self.members
+    }
+
+    /// Itself, or what is in it if it is a collection, collections within resolved, in order.
+    pub fn leaves(&self) -> impl Iterator<Item = &Geometry> {
+        Leaves { next: Some(self), stack: Vec::new() }
+    }
+
+    /// The lines and rings in order, those of members included. Points have no parts.
+    pub fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+        self.leaves().flat_map(Self::own_parts)
+    }
+
+    /// The lines and rings of a geometry that is no collection.
+    pub(super) fn own_parts(&self) -> impl Iterator<Item = Part<'_>> {
+        (0..self.coordinates.ends.len()).map(|part| self.part(part))
+    }
+
+    /// The rings of each polygon.
+    pub(super) fn polygons(&self) -> impl Iterator<Item = impl Iterator<Item = Part<'_>>> {
+        let ends = &self.coordinates.polygons;
+        let starts = std::iter::once(&0).chain(ends);
+        starts.zip(ends).map(|(start, end)| (*start..*end).map(|part| self.part(part)))
+    }
+
+    fn part(&self, part: usize) -> Part<'_> {
+        let Coordinates { xy, z, m, polygons, .. } = &self.coordinates;
+        let range = self.coordinates.range(part);
+        let of = |values: &'_ Vec<f64>| if values.is_empty() { 0..0 } else { range.clone() };
+        let role = match self.kind {
+            Kind::Polygon | Kind::MultiPolygon if part == 0 => Role::Outer,
+            Kind::Polygon => Role::Hole,
+            Kind::MultiPolygon if polygons.binary_search(&part).is_ok() => Role::Outer,
+            Kind::MultiPolygon => Role::Hole,
+            _ => Role::Line,
+        };
+        Part { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
+    }
+
+    /// Gives the vertices of its lines and rings, in the order of [`parts`](Self::parts), the next of
+    /// these positions; points stay.
+    pub fn place_parts(&mut self, positions: &mut impl Iterator<Item = [f64; 2]>) {
+        if !self.kind.is_points() {
+            self.coordinates.xy.iter_mut().zip(&mut *positions).for_each(|(own, new)| *own = new);
+        }
+        // The depth of collections is limited where they are made.
+        self.members.iter_mut().for_each(|member| member.place_parts(positions));
+    }
+
+    /// The numbers of all positions, of members too.
+    pub(super) fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut Coordinates)) {
+        each(&mut self.coordinates);
+        // The depth of collections is limited where they are made.
+        self.members.iter_mut().for_each(|member| member.for_each_leaf(each));
+    }
+
+    /// Positions, those of members included.
+    pub fn vertices(&self) -> usize {
+        self.leaves().map(|leaf| leaf.coordinates.xy.len()).sum()
+    }
+
+    /// True where there is no position at all.
+    pub fn is_empty(&self) -> bool {
+        self.leaves().all(|leaf| leaf.coordinates.xy.is_empty())
+    }
+
+    /// True where a position has a height.
+    pub fn has_z(&self) -> bool {
+        self.leaves().any(|leaf| !leaf.coordinates.z.is_empty())
+    }
+
+    /// True where a position has a measure.
+    pub fn has_m(&self) -> bool {
+        self.leaves().any(|leaf| !leaf.coordinates.m.is_empty())
+    }
+
+    /// x low, y low, x high, y high; `None` where there is no position.
+    pub fn bounds(&self) -> Option<[f64; 4]> {
+        let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        for [x, y] in self.leaves().flat_map(|leaf| &leaf.coordinates.xy) {
+            let [west, south, east, north] = bounds;
+            bounds = [west.min(*x), south.min(*y), east.max(*x), north.max(*y)];
+        }
+        (bounds[0] <= bounds[2]).then_some(bounds)
+    }
+
+    /// Fails where a coordinate is NaN or infinite, or a height or measure is infinite; the error
+    /// names the vertex, counted from 0 over all members.
+    pub(super) fn check_finite(&self) -> Result<()> {
+        let mut first = 0;
+        for leaf in self.leaves() {
+            let Coordinates { xy, z, m, .. } = &leaf.coordinates;
+            // Without a branch, so that many are looked at together.
+            let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
+            if !all {
+                let at = xy.iter().position(|p| !p.iter().all(|c| c.is_finite()));
+                return Err(not_finite(first + at.unwrap_or_default(), "its position"));
+            }
+            for (values, what) in [(z, "its height"), (m, "its measure")] {
+                if let Some(at) = values.iter().position(|value| value.is_infinite()) {
+                    return Err(not_finite(first + at, what));
+                }
+            }
+            first += xy.len();
+        }
+        Ok(())
+    }
+}
+
+fn not_finite(vertex: usize, what: &str) -> Error {
+    Error::bad_input(format!("vertex {vertex}: {what} is not finite"))
+        .remedy("give it numbers, or take the vertex or the feature out")
+}
+
+/// Fails where lists do not fit together: a fault of the caller.
+fn check(coordinates: &Coordinates) -> Result<()> {
+    let Coordinates { xy, z, m, ends, polygons } = coordinates;
+    let fits = |values: &[f64]| values.is_empty() || values.len() == xy.len();
+    let rises = |ends: &[usize], most: usize| {
+        ends.iter().try_fold(0, |last, &end| (last < end && end <= most).then_some(end)).is_some()
+    };
+    if fits(z) && fits(m) && rises(ends, xy.len()) && rises(polygons, ends.len()) {
+        return Ok(());
+    }
+    Err(Error::usage("coordinates whose lists do not fit together"))
+}
+
+/// The geometries in a geometry that are no collections.
+struct Leaves<'a> {
+    next: Option<&'a Geometry>,
+    stack: Vec<std::slice::Iter<'a, Geometry>>,
+}
+
+impl<'a> Iterator for Leaves<'a> {
+    type Item = &'a Geometry;
+
+    fn next(&mut self) -> Option<&'a Geometry> {
+        loop {
+            let geometry = match self.next.take() {
+                Some(geometry) => geometry,
+                None => loop {
+                    match self.stack.last_mut()?.next() {
+                        Some(geometry) => break geometry,
+                        None => _ = self.stack.pop(),
+                    }
+                },
+            };
+            match geometry.kind {
+                Kind::Collection => self.stack.push(geometry.members.iter()),
+                _ => return Some(geometry),
+            }
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! Reading: a stream of elements; one waypoint, route or track is held.
+
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+
+use super::time;
+use crate::crs;
+use crate::feature::{Feature, Layer, Properties, Value};
+use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::number;
+use crate::source::{FeatureSource, OpenOptions};
+use crate::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Deepest nesting of elements.
+const MOST_DEPTH: u64 = 32;
+
+/// Opens a file.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let mut reader = Reader::from_reader(Stream(Window::open(path)?));
+    reader.config_mut().expand_empty_elements = true;
+    let layer = Layer { crs: crs::wgs84(), m_is_time: true, ..Layer::default() };
+    let buffer = Vec::new();
+    let mut source = Source { reader, buffer, depth: 0, layer, at: 0, left_out: 0, is_over: false };
+    loop {
+        match source.next_node()? {
+            Node::Start(tag) if tag.name == "gpx" => return Ok(Box::new(source)),
+            Node::Text(text) if text.trim().is_empty() => {}
+            _ => return Err(Error::bad_input("is not GPX: its first element is no gpx")),
+        }
+    }
+}
+
+/// A window as a stream of bytes.
+struct Stream(Window);
+
+impl Read for Stream {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.fill_buf()?;
+        let count = bytes.len().min(out.len());
+        out[..count].copy_from_slice(&bytes[..count]);
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl BufRead for Stream {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.0.text().is_empty() {
+            self.0.more().map_err(io::Error::other)?;
+        }
+        Ok(self.0.text())
+    }
+
+    fn consume(&mut self, bytes: usize) {
+        self.0.advance(bytes);
+    }
+}
+
+/// The start of an element; its name is empty where it has a prefix.
+#[derive(Debug, Default)]
+struct Tag {
+    name: String,
+    lat: Option<f64>,
+    lon: Option<f64>,
+}
+
+#[derive(Debug)]
+enum Node {
+    Start(Tag),
+    Text(String),
+    End,
+}
+
+struct Source {
+    reader: Reader<Stream>,
+    buffer: Vec<u8>,
+    depth: u64,
+    layer: Layer,
+    /// Where the last feature began.
+    at: u64,
+    /// Times that are not understood.
+    left_out: u64,
+    is_over: bool,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        while !self.is_over {
+            self.at = self.reader.buffer_position();
+            match self.next_node()? {
+                Node::Text(_) => {}
+                Node::End => self.is_over = true,
+                Node::Start(tag) => match tag.name.as_str() {
+                    "wpt" => return self.waypoint(&tag).map(Some),
+                    "rte" => return self.line(Kind::LineString).map(Some),
+                    "trk" => return self.line(Kind::MultiLineString).map(Some),
+                    _ => self.skip()?,
+                },
+            }
+        }
+        Ok(None)
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
+    fn place(&self) -> String {
+        format!("byte {}", self.at)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let note = format!("{} times are not understood and left out", self.left_out);
+        (self.left_out > 0).then_some(note).into_iter().collect()
+    }
+}
+
+impl Source {
+    fn waypoint(&mut self, tag: &Tag) -> Result<Feature> {
+        let mut found = Coordinates::default();
+        let mut properties = Properties::default();
+        self.point(tag, &mut found, Some(&mut properties))?;
+        let geometry = Geometry::new(Kind::Point, found)?;
+        Ok(Feature { properties, geometry, ..Feature::default() })
+    }
+
+    /// A route or track, whose parts are segments.
+    fn line(&mut self, kind: Kind) -> Result<Feature> {
+        let mut found = Coordinates::default();
+        let mut properties = Properties::default();
+        // Elements begun and not ended: the line, and a segment in it.
+        let mut open = 1;
+        while open > 0 {
+            match self.next_node()? {
+                Node::Text(_) => {}
+                Node::End => {
+                    found.end_part();
+                    open -= 1;
+                }
+                Node::Start(tag) => match tag.name.as_str() {
+                    "trkseg" if open == 1 => open += 1,
+                    "trkpt" | "rtept" => self.point(&tag, &mut found, None)?,
+                    _ => self.property(&tag, &mut properties)?,
+                },
+            }
+        }
+        if kind == Kind::LineString && found.ends.len() > 1 {
+            return Err(self.bad("a route has segments"));
+        }
+        let geometry = Geometry::new(kind, found)?;
+        Ok(Feature { properties, geometry, ..Feature::default() })
+    }
+
+    /// The rest of a point, whose texts are properties where they are wanted.
+    fn point(
+        &mut self,
+        tag: &Tag,
+        to: &mut Coordinates,
+        mut properties: Option<&mut Properties>,
+    ) -> Result<()> {
+        let (Some(lat), Some(lon)) = (tag.lat, tag.lon) else {
+            return Err(self.bad("a point has no lat or lon that is a number"));
+        };
+        let (mut height, mut moment) = (None, None);
+        loop {
+            match self.next_node()? {
+                Node::Text(_) => {}
+                Node::End => break,
+                Node::Start(tag) => match (tag.name.as_str(), &mut properties) {
+                    ("ele", _) => {
+                        let text = self.text()?.unwrap_or_default();
+                        let value = number::whole(text.as_bytes());
+                        height = Some(value.ok_or_else(|| self.bad("an elevation is no number"))?);
+                    }
+                    ("time", _) => {
+                        let text = self.text()?.unwrap_or_default();
+                        moment = time::seconds(&text);
+                        self.left_out += u64::from(moment.is_none());
+                    }
+                    (_, Some(properties)) => self.property(&tag, properties)?,
+                    _ => self.skip()?,
+                },
+            }
+        }
+        to.push([lon, lat], height, moment);
+        Ok(())
+    }
+
+    /// The element of `tag` as a property, if it is nothing but text.
+    fn property(&mut self, tag: &Tag, properties: &mut Properties) -> Result<()> {
+        if let Some(text) = self.text()?.filter(|text| !text.is_empty() && !tag.name.is_empty()) {
+            let count = properties.0.len() as u64;
+            limits::check("properties of a feature", count, limits::MAX_FIELDS)?;
+            properties.push(tag.name.as_str(), Value::Text(text));
+        }
+        Ok(())
+    }
+
+    /// The text of the element at hand; `None` where there are elements in it.
+    fn text(&mut self) -> Result<Option<String>> {
+        let (mut text, mut is_plain) = (String::new(), true);
+        loop {
+            match self.next_node()? {
+                Node::Text(more) => text += &more,
+                Node::End => return Ok(is_plain.then(|| text.trim().to_owned())),
+                Node::Start(_) => {
+                    is_plain = false;
+                    self.skip()?;
+                }
+            }
+            limits::check("bytes of a text", text.len() as u64, limits::MAX_HEADER_BYTES)?;
+        }
+    }
+
+    /// Passes over the rest of the element at hand.
+    fn skip(&mut self) -> Result<()> {
+        let mut open = 1;
+        while open > 0 {
+            match self.next_node()? {
+                Node::Start(_) => open += 1,
+                Node::End => open -= 1,
+                Node::Text(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn next_node(&mut self) -> Result<Node> {
+        loop {
+            self.buffer.clear();
+            let event = self.reader.read_event_into(&mut self.buffer);
+            let event =
+                event.map_err(|e| Error::bad_input(format!("is not well-formed XML: {e}")))?;
+            limits::check("bytes of a text", event.len() as u64, limits::MAX_HEADER_BYTES)?;
+            let text = |text: std::result::Result<std::borrow::Cow<'_, str>, _>| {
+                text.map(|text| Node::Text(text.into_owned())).map_err(|e| not_text(&e))
+            };
+            match event {
+                Event::Start(start) => {
+                    self.depth += 1;
+                    limits::check("depth of XML", self.depth, MOST_DEPTH)?;
+                    return tag(&start).map(Node::Start);
+                }
+                Event::End(_) => {
+                    self.depth -= 1;
+                    return Ok(Node::End);
+                }
+                Event::Text(found) => return text(found.decode()),
+                Event::CData(found) => return text(found.decode()),
+                Event::GeneralRef(name) => {
+                    let c = name.resolve_char_ref().map_err(|e| not_text(&e))?;
+                    let name = name.decode().map_err(|e| not_text(&e))?;
+                    return reference(c, &name);
+                }
+                Event::DocType(_) => {
+                    return Err(Error::unsupported("a document type (DTD) is not supported")
+                        .remedy("take it out of the file"));
+                }
+                Event::Eof => return Err(Error::bad_input("ends in the middle of an element")),
+                Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
+            }
+        }
+    }
+
+    fn bad(&self, message: &str) -> Error {
+        Error::bad_input(format!("byte {}: {message}", self.reader.buffer_position()))
+    }
+}
+
+fn not_text(error: &dyn std::error::Error) -> Error {
+    Error::bad_input(format!("is not well-formed XML: {error}"))
+}
+
+fn tag(start: &BytesStart<'_>) -> Result<Tag> {
+    let name = start.name();
+    let mut tag =
+        Tag { name: String::from_utf8_lossy(name.as_ref()).into_owned(), ..Tag::default() };
+    if tag.name.contains(':') {
+        tag.name.clear();
+    }
+    // Looking for repeated names would take the square of their number.
+    for attribute in start.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|e| not_text(&e))?;
+        let value = number::whole(&attribute.value).filter(|value| value.is_finite());
+        match attribute.key.as_ref() {
+            b"lat" => tag.lat = value,
+            b"lon" => tag.lon = value,
+            _ => {}
+        }
+    }
+    Ok(tag)
+}
+
+/// The text of `&name;`.
+fn reference(c: Option<char>, name: &str) -> Result<Node> {
+    let known = match name {
+        "lt" => Some('<'),
+        "gt" => Some('>'),
+        "amp" => Some('&'),
+        "apos" => Some('\''),
+        "quot" => Some('"'),
+        _ => None,
+    };
+    c.or(known).map(|c| Node::Text(c.into())).ok_or_else(|| {
+        let name: String = name.chars().take(40).collect();
+        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Kept, WriteOptions, by_path, create, open};
+
+    const TRACK: &str = r#"<?xml version="1.0"?>
+        <gpx version="1.1"><metadata><name>x</name></metadata>
+        <trk><name>up &amp; down</name><extensions><g:a xmlns:g="u">7</g:a></extensions>
+        <trkseg><trkpt lat="46.5" lon="7.5"><ele>1000.5</ele><time>2020-01-01T00:00:00Z</time></trkpt>
+        <trkpt lat="46.6" lon="7.6"><ele>1001</ele><time>2020-01-01T00:00:01.500Z</time></trkpt>
+        <trkpt lat="46.7" lon="7.7"><ele>1002</ele><time>2020-01-01T00:00:03Z</time></trkpt></trkseg>
+        <trkseg><trkpt lat="1" lon="2"/><trkpt lat="3" lon="4"/></trkseg></trk>
+        <wpt lat="5" lon="6"><sym>Flag</sym><link href="y"><text>t</text></link></wpt></gpx>"#;
+
+    fn read(path: &Path) -> Result<(Layer, Vec<Feature>)> {
+        let mut source = open(path, &OpenOptions::default())?;
+        let layer = source.layer().clone();
+        let features: Result<Vec<Feature>> =
+            std::iter::from_fn(|| source.next().transpose()).collect();
+        Ok((layer, features?))
+    }
+
+    #[test]
+    fn times_stay_with_the_vertices_that_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = ["a.gpx", "b.gpx"].map(|name| folder.path().join(name));
+        std::fs::write(&from, TRACK).unwrap();
+        let (layer, found) = read(&from).unwrap();
+        assert_eq!(found[0].properties.get("name"), Some(&Value::Text("up & down".into())));
+        assert_eq!(found[0].geometry.coordinates().ends, [3, 5]);
+        assert_eq!(found[1].properties.get("sym"), Some(&Value::Text("Flag".into())));
+        let options = WriteOptions::default();
+        let mut sink = create(&to, by_path(&to, None).unwrap(), &layer, &options).unwrap();
+        for feature in found {
+            let geometry = feature.geometry.keep(|part, _| match part {
+                0 => Kept::Vertices(vec![0, 2]),
+                _ => Kept::All,
+            });
+            sink.write(&Feature { geometry, ..feature }).unwrap();
+        }
+        assert!(sink.finish(&[]).unwrap().notes.is_empty());
+        let text = std::fs::read_to_string(&to).unwrap();
+        let last = "lat=\"46.7\" lon=\"7.7\"><ele>1002</ele><time>2020-01-01T00:00:03Z</time>";
+        assert!(text.contains(last) && !text.contains("46.6"), "{text}");
+        assert!(text.contains("<name>up &amp; down</name>") && text.contains("<sym>Flag</sym>"));
+        let kept = read(&to).unwrap().1.swap_remove(1);
+        let m = &kept.geometry.coordinates().m;
+        assert!(m[1] - m[0] == 3.0 && m[2].is_nan());
+    }
+
+    #[test]
+    fn damage_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gpx");
+        for (from, to, told) in [
+            ("lat=\"46.5\"", "lat=\"x\"", "no lat or lon"),
+            ("lat=\"46.5\"", "", "no lat or lon"),
+            ("1000.5", "high", "an elevation is no number"),
+            ("</gpx>", "", "in the middle"),
+            ("<gpx ", "<!DOCTYPE a><gpx ", "document type"),
+            ("&amp;", "&x;", "entity &x;"),
+            ("</trkseg>", "</trk>", "well-formed"),
+        ] {
+            std::fs::write(&path, TRACK.replacen(from, to, 1)).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(told), "{to}: {error}");
+        }
+    }
+}

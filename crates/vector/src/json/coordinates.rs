@@ -1,0 +1,142 @@
+//! Lists of positions: the hot loop of reading GeoJSON and TopoJSON.
+
+use super::Cursor;
+use crate::geometry::Coordinates;
+use crate::number;
+use terrane_base::error::Result;
+
+/// Deepest nesting: that of a MultiPolygon.
+const MOST_DEPTH: usize = 4;
+
+impl Cursor<'_> {
+    /// Positions in lists of lists: how deep the numbers are (0 where there are none) and the
+    /// positions, cut where lists of positions end (parts) and lists of those (polygons). A fourth
+    /// number is a measure, more are passed over. O(text).
+    pub(crate) fn coordinates(&mut self) -> Result<(usize, Coordinates)> {
+        let mut found = Coordinates::default();
+        // Lists begun and not ended, and where numbers are, once one was seen.
+        let (mut open, mut deep) = (0, 0);
+        loop {
+            match self.peek() {
+                Some(b'[') => {
+                    self.advance(1);
+                    open += 1;
+                    if open > MOST_DEPTH {
+                        return Err(self.bad("coordinates are nested too deep"));
+                    }
+                    if matches!(self.peek(), Some(b'-' | b'0'..=b'9')) {
+                        if deep != 0 && deep != open {
+                            return Err(self.bad("positions are not at one depth"));
+                        }
+                        deep = open;
+                        self.position(&mut found)?;
+                        open -= 1;
+                    } else if self.take(b']') {
+                        open -= 1;
+                    } else {
+                        continue;
+                    }
+                }
+                _ => return Err(self.bad("a list or number is missing in coordinates")),
+            }
+            // After an item: lists that end here, and a comma before the next item.
+            loop {
+                if open == 0 {
+                    return Ok((deep, found));
+                }
+                if self.take(b',') {
+                    break;
+                }
+                self.expect(b']')?;
+                match deep.checked_sub(open) {
+                    Some(1) => found.end_part(),
+                    Some(2) => found.end_polygon(),
+                    _ => {}
+                }
+                open -= 1;
+            }
+        }
+    }
+
+    /// The numbers of one position, and the end of its list.
+    #[inline]
+    fn position(&mut self, found: &mut Coordinates) -> Result<()> {
+        let x = self.coordinate()?;
+        self.expect(b',')?;
+        let y = self.coordinate()?;
+        if self.take(b']') {
+            found.push([x, y], None, None);
+            return Ok(());
+        }
+        self.expect(b',')?;
+        let z = Some(self.coordinate()?);
+        let m = if self.take(b',') { Some(self.coordinate()?) } else { None };
+        while self.take(b',') {
+            self.coordinate()?;
+        }
+        self.expect(b']')?;
+        found.push([x, y], z, m);
+        Ok(())
+    }
+
+    #[inline]
+    fn coordinate(&mut self) -> Result<f64> {
+        self.peek();
+        let Some((value, bytes)) = number::leading(self.rest()) else {
+            return Err(self.bad("a number is missing in a position"));
+        };
+        self.advance(bytes);
+        Ok(value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<(usize, Coordinates)> {
+        Cursor::new(text.as_bytes(), 100).coordinates()
+    }
+
+    #[test]
+    fn depths_parts_and_polygons() {
+        let (deep, point) = read("[1,-2.5,3]").unwrap();
+        assert_eq!((deep, point.xy, point.z), (1, vec![[1.0, -2.5]], vec![3.0]));
+        let (deep, line) = read(" [ [1,2] , [3,4,5,6,7] ]").unwrap();
+        assert_eq!((deep, line.xy.len(), line.ends, line.m[1]), (2, 2, vec![2], 6.0));
+        assert!(line.z[0].is_nan());
+        let (deep, lines) = read("[[[1,2],[3,4]],[],[[5,6]]]").unwrap();
+        assert_eq!((deep, lines.ends), (3, vec![2, 3]));
+        let (deep, polygons) = read("[[],[[[1,2],[3,4]],[[5,6]]],[[]],[[[7,8]]]]").unwrap();
+        assert_eq!((deep, polygons.ends, polygons.polygons), (4, vec![2, 3, 4], vec![2, 3]));
+        for empty in ["[]", "[[]]", "[[[]],[]]"] {
+            assert_eq!(read(empty).unwrap(), (0, Coordinates::default()), "{empty}");
+        }
+    }
+
+    #[test]
+    fn damage_is_told() {
+        for text in [
+            "",
+            "[",
+            "[1]",
+            "[1,]",
+            "[1,2",
+            "[1,2,]",
+            "[,1]",
+            "[[1,2],[[3,4]]]",
+            "[[1,2] [3,4]]",
+            "[[1,2],]",
+            "[null,1]",
+            "[1,null]",
+            "[[[[[1,2]]]]]",
+            "[1,2,3,4,x]",
+            "{}",
+            "1",
+            "[[1,2],3]",
+        ] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(error.starts_with("byte 1"), "{text}: {error}");
+        }
+    }
+}

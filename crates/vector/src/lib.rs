@@ -1,0 +1,223 @@
+//! Files of features (points, lines, polygons with properties): one file or folder per format, and
+//! the registry that names them. Features are read and written one by one; files may be larger than
+//! memory.
+
+mod crs;
+mod csv;
+mod dbf;
+mod feature;
+mod find;
+mod flatgeobuf;
+mod geojson;
+mod geometry;
+mod gpx;
+mod json;
+mod keep;
+mod number;
+mod out;
+mod pages;
+mod rings;
+mod round;
+#[cfg(test)]
+mod sample;
+mod shp;
+mod sink;
+mod source;
+mod synth;
+mod table;
+#[cfg(test)]
+mod tests;
+mod topojson;
+mod tree;
+mod window;
+mod wkt;
+
+use std::path::Path;
+
+use terrane_base::error::{Error, Result};
+use terrane_files::RawFile;
+
+pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
+pub use find::{files, files_below, is_collection};
+pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
+pub use keep::Kept;
+pub use round::rounded;
+pub use sink::{FeatureSink, WriteOptions, Written};
+pub use source::{FeatureSource, OpenOptions};
+pub use synth::synthetic;
+
+/// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
+/// order.
+pub const FORMATS: &[VectorFormat] = &[
+    topojson::FORMAT,
+    geojson::LINES,
+    geojson::FORMAT,
+    shp::FORMAT,
+    flatgeobuf::FORMAT,
+    gpx::FORMAT,
+    wkt::FORMAT,
+    csv::FORMAT,
+];
+
+/// One format: an entry of [`FORMATS`].
+#[derive(Debug)]
+pub struct VectorFormat {
+    /// Short name for `--format` and messages ("GeoJSON").
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// One line for the documentation.
+    pub about: &'static str,
+    /// What a file of it can hold.
+    pub holds: Holds,
+    /// Opens a file for reading.
+    pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn FeatureSource>>,
+    /// Starts a file; `None` for formats that are only read.
+    pub create: Option<Create>,
+    /// True when the first bytes of a file (up to 4096) are this format's.
+    pub sniff: fn(&[u8]) -> bool,
+}
+
+/// Formats that are read and written from front to back, as pipes are; what they are read through and
+/// gathered in is a file all the same.
+pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
+
+/// Starts a file of a format.
+pub type Create = fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>;
+
+/// What a format can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Holds {
+    /// Kinds of geometries that come back as they were.
+    pub kinds: &'static [Kind],
+    /// True when one file can hold geometries of several kinds.
+    pub mixed: bool,
+    /// Heights.
+    pub z: bool,
+    /// Measures.
+    pub m: bool,
+    /// Properties of any type.
+    pub properties: bool,
+    /// How values of properties are held.
+    pub values: Values,
+    /// Ids apart from properties.
+    pub ids: bool,
+    /// True where features come back in the order they were written.
+    pub ordered: bool,
+}
+
+/// How a format holds values of properties.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Not at all.
+    None,
+    /// Each with a type of its own.
+    Typed,
+    /// In columns that have a type: a column of several kinds of values holds texts.
+    Columns,
+    /// As [`Columns`](Self::Columns) of a dBASE table: with names of ten bytes, digits behind the point
+    /// as the column says, and no difference between no text and none at all.
+    Dbase,
+    /// As text on one line, without a type.
+    Cells,
+    /// As text, under names that the format knows: those of points, and of lines.
+    Named([&'static [&'static str]; 2]),
+}
+
+/// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic
+/// lines by theirs, such as `synth:koch,vertices=1000000`.
+///
+/// # Errors
+/// A file that cannot be read, is of no known format, or damaged in its header.
+pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    if let Some(lines) = synthetic(path) {
+        return Ok(Box::new(synth::Synthetic::new(lines?)));
+    }
+    let format = identify(path)?.ok_or_else(|| {
+        Error::bad_input("not a file of features of a known format")
+            .in_file(path)
+            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+    })?;
+    let inner = (format.open)(path, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source::Guarded::new(inner, path)))
+}
+
+/// Starts a file of `format`, see [`by_path`]. It appears under its name when it is finished.
+///
+/// # Errors
+/// A format that is only read, a file that exists already or cannot be made.
+pub fn create(
+    path: &Path,
+    format: &VectorFormat,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    let create = format.create.ok_or_else(|| {
+        Error::usage(format!("{} is read, but not written", format.name))
+            .in_file(path)
+            .remedy(format!("written are {}", writable(|f| f.name.to_owned())))
+    })?;
+    let inner = create(path, layer, options)?;
+    Ok(match options.decimals {
+        Some(decimals) => Box::new(round::Rounding { inner, decimals, measures: !layer.m_is_time }),
+        None => inner,
+    })
+}
+
+/// Bytes of a file that [`VectorFormat::sniff`] gets to see.
+const SNIFF_BYTES: u64 = 4096;
+
+/// The format of an existing file: by its first bytes, or else by its name; `None` when it is none
+/// of these.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
+    let head = RawFile::open(path)?.head(SNIFF_BYTES)?;
+    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
+}
+
+/// The format called `name`, or else the one that the ending of `path` stands for (letter case does
+/// not matter).
+///
+/// # Errors
+/// An unknown name or ending; the error lists the known ones.
+pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static VectorFormat> {
+    if let Some(name) = name {
+        return by_name(name).ok_or_else(|| {
+            Error::usage(format!("unknown vector format \"{name}\""))
+                .remedy(format!("known formats are {}", writable(|f| f.name.to_owned())))
+        });
+    }
+    by_extension(path).ok_or_else(|| {
+        Error::usage("the file name does not say which vector format is meant")
+            .in_file(path)
+            .remedy(format!("end the name in {}, or name a format", writable(endings)))
+    })
+}
+
+fn by_name(name: &str) -> Option<&'static VectorFormat> {
+    let is_it = |f: &&VectorFormat| {
+        f.name.eq_ignore_ascii_case(name)
+            || f.extensions.iter().any(|ending| ending.eq_ignore_ascii_case(name))
+    };
+    FORMATS.iter().find(is_it)
+}
+
+fn by_extension(path: &Path) -> Option<&'static VectorFormat> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    FORMATS.iter().find(|format| format.extensions.contains(&ending.as_str()))
+}
+
+fn known(text: impl Fn(&VectorFormat) -> String) -> String {
+    FORMATS.iter().map(text).collect::<Vec<_>>().join(", ")
+}
+
+fn writable(text: impl Fn(&VectorFormat) -> String) -> String {
+    let formats = FORMATS.iter().filter(|format| format.create.is_some());
+    formats.map(text).collect::<Vec<_>>().join(", ")
+}
+
+fn endings(format: &VectorFormat) -> String {
+    format.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}

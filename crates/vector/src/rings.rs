@@ -1,0 +1,335 @@
+//! Rings without an order, grouped into polygons: which is a hole of which.
+
+use super::geometry::{Coordinates, Geometry, Kind};
+use super::tree::{Bounds, NOTHING, Tree, around};
+use terrane_base::error::{Error, Result};
+
+/// Most edges and rectangles that are looked at to tell which ring is in which.
+const MOST_LOOKS: u64 = 1 << 29;
+/// Edges from which on a ring gets a tree of its own: a place is then held against the few edges at
+/// its height.
+const LARGE: usize = 64;
+
+/// The polygons that rings are, clockwise ones outer rings and the others holes of the smallest outer
+/// ring around them. Where a hole is in no outer ring, orientation is no guide: then a ring is a hole
+/// where an odd number of rings is around it. A single polygon is a Polygon, several are a
+/// MultiPolygon. O(n log n) for rings that are apart.
+///
+/// # Errors
+/// Rings so entangled that telling takes too long.
+pub(super) fn group(coordinates: Coordinates) -> Result<Geometry> {
+    if coordinates.ends.len() <= 1 {
+        return Geometry::new(Kind::Polygon, coordinates);
+    }
+    let mut rings = Rings::new(&coordinates);
+    let is_outer: Vec<bool> = rings.areas.iter().map(|&area| area <= 0.0).collect();
+    let owners = match rings.owners(&is_outer)? {
+        Some(owners) => owners,
+        None => rings.by_nesting()?,
+    };
+    Ok(arranged(&coordinates, &owners))
+}
+
+/// Rings with what is needed to compare them.
+struct Rings<'a> {
+    coordinates: &'a Coordinates,
+    /// Twice the area, negative where the ring is clockwise.
+    areas: Vec<f64>,
+    bounds: Vec<Bounds>,
+    tree: Tree,
+    /// Trees of the edges of large rings, by height; made when they are first asked for.
+    edges: Vec<Option<Tree>>,
+    /// Scratch: edges at the height of a place.
+    found: Vec<u32>,
+    looks: u64,
+}
+
+impl<'a> Rings<'a> {
+    fn new(coordinates: &'a Coordinates) -> Self {
+        let all = 0..coordinates.ends.len();
+        let rings = all.map(|at| ring(coordinates, at));
+        let areas = rings.clone().map(area).collect();
+        let bounds: Vec<Bounds> = rings.map(bounds).collect();
+        let tree = Tree::new(&bounds);
+        let edges = bounds.iter().map(|_| None).collect();
+        Self { coordinates, areas, bounds, tree, edges, found: Vec::new(), looks: 0 }
+    }
+
+    /// For each ring the outer ring it belongs to (itself, where it is one); `None` where a hole is in
+    /// none.
+    fn owners(&mut self, is_outer: &[bool]) -> Result<Option<Vec<usize>>> {
+        let mut owners: Vec<usize> = (0..is_outer.len()).collect();
+        let outers = is_outer.iter().filter(|outer| **outer).count();
+        let only = is_outer.iter().position(|outer| *outer).filter(|_| outers == 1);
+        for hole in (0..is_outer.len()).filter(|&at| !is_outer[at]) {
+            let owner = match only {
+                Some(only) => Some(only),
+                None => self.around(hole, |at| is_outer[at])?.1,
+            };
+            let Some(owner) = owner else { return Ok(None) };
+            owners[hole] = owner;
+        }
+        Ok(Some(owners))
+    }
+
+    /// As [`owners`](Self::owners), by the number of rings around each.
+    fn by_nesting(&mut self) -> Result<Vec<usize>> {
+        let mut owners = Vec::with_capacity(self.areas.len());
+        for at in 0..self.areas.len() {
+            let (count, smallest) = self.around(at, |_| true)?;
+            owners.push(smallest.filter(|_| count % 2 == 1).unwrap_or(at));
+        }
+        // The smallest ring around a hole may itself be none that is outer, where rings cross.
+        let is_outer: Vec<bool> = owners.iter().enumerate().map(|(at, &own)| own == at).collect();
+        let settled = owners.iter().enumerate();
+        Ok(settled.map(|(at, &owner)| if is_outer[owner] { owner } else { at }).collect())
+    }
+
+    /// How many of the rings that `counts` names are around ring `inner`, and the smallest of them.
+    fn around(
+        &mut self,
+        inner: usize,
+        counts: impl Fn(usize) -> bool,
+    ) -> Result<(usize, Option<usize>)> {
+        let mut found = Vec::new();
+        self.tree.containing(&self.bounds[inner], &mut found);
+        self.look(found.len())?;
+        let (mut count, mut smallest) = (0, None);
+        for outer in found.into_iter().map(|at| at as usize) {
+            if outer == inner || !counts(outer) || !self.is_inside(inner, outer)? {
+                continue;
+            }
+            count += 1;
+            let size = self.areas[outer].abs();
+            if smallest.is_none_or(|known: usize| size < self.areas[known].abs()) {
+                smallest = Some(outer);
+            }
+        }
+        Ok((count, smallest))
+    }
+
+    /// Whether a place is inside a ring; `None` where it is on it. O(log n + edges at its height) for
+    /// large rings.
+    fn contains(&mut self, at: usize, place: &[f64; 2]) -> Result<Option<bool>> {
+        let ring = ring(self.coordinates, at);
+        if ring.len() < LARGE {
+            self.look(ring.len())?;
+            return Ok(contains(ring.windows(2), place));
+        }
+        let tree = self.edges[at].get_or_insert_with(|| heights(ring));
+        tree.containing(&[0.0, place[1], 0.0, place[1]], &mut self.found);
+        let edges = self.found.iter().map(|&edge| &ring[edge as usize..edge as usize + 2]);
+        let is_inside = contains(edges, place);
+        self.look(self.found.len() + 1)?;
+        Ok(is_inside)
+    }
+
+    /// Counts looks at edges or rectangles.
+    fn look(&mut self, times: usize) -> Result<()> {
+        self.looks += times as u64;
+        if self.looks <= MOST_LOOKS {
+            return Ok(());
+        }
+        Err(Error::bad_input("rings are too entangled to tell holes from islands")
+            .remedy("mend the geometry, or write it as GeoJSON"))
+    }
+
+    /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
+    /// Of rings that are one, the first is inside.
+    fn is_inside(&mut self, inner: usize, outer: usize) -> Result<bool> {
+        let (a, b) = (self.areas[inner].abs(), self.areas[outer].abs());
+        if a > b {
+            return Ok(false);
+        }
+        for vertex in ring(self.coordinates, inner) {
+            if let Some(is_inside) = self.contains(outer, vertex)? {
+                return Ok(is_inside);
+            }
+        }
+        Ok(a < b || inner < outer)
+    }
+}
+
+/// The polygons, in the order of their outer rings.
+fn arranged(from: &Coordinates, owners: &[usize]) -> Geometry {
+    let mut order: Vec<(usize, bool, usize)> =
+        owners.iter().enumerate().map(|(at, &owner)| (owner, at != owner, at)).collect();
+    order.sort_unstable();
+    let mut to = Coordinates::default();
+    for &(_, is_hole, at) in &order {
+        if !is_hole {
+            to.end_polygon();
+        }
+        let start = if at == 0 { 0 } else { from.ends[at - 1] };
+        to.extend(from, start..from.ends[at]);
+        to.end_part();
+    }
+    to.end_polygon();
+    let kind = if to.polygons.len() == 1 { Kind::Polygon } else { Kind::MultiPolygon };
+    Geometry::of_kind(kind, to)
+}
+
+fn ring(coordinates: &Coordinates, at: usize) -> &[[f64; 2]] {
+    let start = if at == 0 { 0 } else { coordinates.ends[at - 1] };
+    &coordinates.xy[start..coordinates.ends[at]]
+}
+
+/// Twice the area, negative where the ring is clockwise (y up). Positions are taken from the first
+/// one, so that distance from the origin costs no digits.
+pub(super) fn area(ring: &[[f64; 2]]) -> f64 {
+    let Some(&[x, y]) = ring.first() else { return 0.0 };
+    let cross = |pair: &[[f64; 2]]| {
+        (pair[0][0] - x) * (pair[1][1] - y) - (pair[1][0] - x) * (pair[0][1] - y)
+    };
+    ring.windows(2).map(cross).sum()
+}
+
+fn bounds(ring: &[[f64; 2]]) -> Bounds {
+    ring.iter().fold(NOTHING, |all, &[x, y]| around(&all, &[x, y, x, y]))
+}
+
+/// A tree of the edges of a ring in which only heights count.
+fn heights(ring: &[[f64; 2]]) -> Tree {
+    let height = |pair: &[[f64; 2]]| {
+        let [[_, a], [_, b]] = [pair[0], pair[1]];
+        [f64::NEG_INFINITY, a.min(b), f64::INFINITY, a.max(b)]
+    };
+    Tree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
+}
+
+/// Whether a place is inside a closed ring, from the edges at its height (and any others); `None` where
+/// it is on one.
+fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2]) -> Option<bool> {
+    let mut is_inside = false;
+    for pair in edges {
+        let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
+        if ay.min(by) > y || ay.max(by) < y {
+            continue;
+        }
+        let cross = (bx - ax) * (y - ay) - (x - ax) * (by - ay);
+        if cross == 0.0 && ax.min(bx) <= x && x <= ax.max(bx) {
+            return None;
+        }
+        // An edge holds its lower end and not its upper one.
+        if (ay > y) != (by > y) && (cross > 0.0) == (by > ay) {
+            is_inside = !is_inside;
+        }
+    }
+    Some(is_inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A square around the middle, clockwise or not.
+    fn square(to: &mut Coordinates, [x, y]: [f64; 2], reach: f64, clockwise: bool) {
+        let mut corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]];
+        if clockwise {
+            corners.reverse();
+        }
+        corners.iter().for_each(|[u, v]| to.push([x + u * reach, y + v * reach], None, None));
+        to.end_part();
+    }
+
+    fn polygons(squares: &[([f64; 2], f64, bool)]) -> Vec<Vec<f64>> {
+        let mut all = Coordinates::default();
+        squares.iter().for_each(|&(at, reach, clockwise)| square(&mut all, at, reach, clockwise));
+        let grouped = group(all).unwrap();
+        let reach = |xy: &[[f64; 2]]| (bounds(xy)[2] - bounds(xy)[0]) / 2.0;
+        grouped.polygons().map(|rings| rings.map(|part| reach(part.xy)).collect()).collect()
+    }
+
+    #[test]
+    fn holes_go_to_the_smallest_outer_ring_around_them() {
+        let o = [0.0, 0.0];
+        let found = polygons(&[(o, 1.0, false), (o, 8.0, true), (o, 2.0, true), (o, 4.0, false)]);
+        assert_eq!(found, [vec![8.0, 4.0], vec![2.0, 1.0]]);
+        let found = polygons(&[([9.0, 0.0], 2.0, true), (o, 3.0, true), ([9.5, 0.0], 1.0, false)]);
+        assert_eq!(found, [vec![2.0, 1.0], vec![3.0]]);
+    }
+
+    #[test]
+    fn wrong_orientations_are_found_out() {
+        let o = [0.0, 0.0];
+        let found = polygons(&[(o, 8.0, false), (o, 4.0, true), (o, 2.0, false), (o, 1.0, true)]);
+        assert_eq!(found, [vec![8.0, 4.0], vec![2.0, 1.0]]);
+        assert_eq!(polygons(&[(o, 8.0, false), (o, 4.0, false)]), [[8.0, 4.0]]);
+        assert_eq!(polygons(&[(o, 1.0, false), ([5.0, 5.0], 2.0, false)]), [[1.0], [2.0]]);
+    }
+
+    #[test]
+    fn a_hole_may_touch_its_outer_ring() {
+        let found = polygons(&[
+            ([0.0, 0.0], 4.0, true),
+            ([20.0, 0.0], 4.0, true),
+            ([2.0, 2.0], 2.0, false),
+        ]);
+        assert_eq!(found, [vec![4.0, 2.0], vec![4.0]]);
+    }
+
+    #[test]
+    fn many_islands_with_lakes_are_quick() {
+        let place = |i: u32| [f64::from(i % 200) * 10.0, f64::from(i / 200) * 10.0];
+        let islands = (0..20_000).map(|i| (place(i), 4.0, true));
+        let squares: Vec<_> = islands.chain((0..20_000).map(|i| (place(i), 2.0, false))).collect();
+        let found = polygons(&squares);
+        assert!(found.len() == 20_000 && found.iter().all(|rings| *rings == [4.0, 2.0]));
+    }
+
+    #[test]
+    fn rings_in_rings_in_rings_do_not_take_forever() {
+        let two = [([-9e9, 0.0], 1.0, true), ([9e9, 0.0], 1.0, true)];
+        let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
+        let mut all = Coordinates::default();
+        two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
+        assert!(group(all).unwrap_err().to_string().contains("entangled"));
+    }
+
+    proptest! {
+        #[test]
+        fn large_rings_are_as_small_ones(
+            corners in prop::collection::vec((0_i32..12, 0_i32..12), 80..200),
+            x in 0_i32..24,
+            y in 0_i32..24,
+        ) {
+            let mut ring = Coordinates::default();
+            corners.iter().for_each(|&(x, y)| ring.push([x.into(), y.into()], None, None));
+            ring.push([corners[0].0.into(), corners[0].1.into()], None, None);
+            ring.end_part();
+            let place = [f64::from(x) / 2.0, f64::from(y) / 2.0];
+            let expected = contains(ring.xy.windows(2), &place);
+            prop_assert_eq!(Rings::new(&ring).contains(0, &place).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn thousands_of_lakes_in_a_long_coast_are_quick() {
+        let mut all = Coordinates::default();
+        square(&mut all, [9e9, 0.0], 1.0, true);
+        let coast = (0..=1_000_000).rev().map(|i| f64::from(i % 1_000_000) * 6.283_185e-6);
+        coast.for_each(|turn| all.push([9e3 * turn.cos(), 9e3 * turn.sin()], None, None));
+        all.end_part();
+        for i in 0..5000 {
+            square(&mut all, [f64::from(i) - 2500.0, 0.0], 0.25, false);
+        }
+        assert_eq!(group(all).unwrap().coordinates().polygons, [1, 5002]);
+    }
+
+    #[test]
+    fn inside_outside_and_between() {
+        let ring = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 1.0], [0.0, 4.0], [0.0, 0.0]];
+        for (place, expected) in [
+            ([1.0, 1.0], Some(true)),
+            ([2.0, 2.0], Some(false)),
+            ([2.0, 1.0], None),
+            ([0.0, 2.0], None),
+            ([-1.0, 4.0], Some(false)),
+            ([2.0, 0.5], Some(true)),
+            ([5.0, 0.0], Some(false)),
+        ] {
+            assert_eq!(contains(ring.windows(2), &place), expected, "{place:?}");
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! Reading: shapes one by one, in the order of the `.shx` where there is one.
+
+use std::path::{Path, PathBuf};
+
+use super::{HEADER_BYTES, MAGIC, shape};
+use crate::crs;
+use crate::dbf;
+use crate::feature::{Feature, Layer, Properties};
+use crate::pages::Pages;
+use crate::source::{FeatureSource, OpenOptions};
+use crate::tree::Bounds;
+use terrane_base::error::{Error, Result};
+
+/// Opens the files of a shapefile.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let is_index = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shx"));
+    if is_index {
+        return Err(Error::usage("is the index of a shapefile").remedy("name the .shp file"));
+    }
+    let mut shapes = Pages::open(path)?;
+    let extent = extent(&mut shapes)?;
+    let places = sibling(path, "shx").map(|path| Places::open(&path)).transpose()?;
+    let table = sibling(path, "dbf").map(|path| dbf::Reader::open(&path)).transpose()?;
+    let mut notes = Vec::new();
+    if table.is_none() {
+        notes.push("has no .dbf file: there are no properties".to_owned());
+    }
+    let layer = Layer {
+        name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
+        crs: crs::beside(path)?,
+        schema: table.as_ref().map(|table| table.schema().to_vec()),
+        extent,
+        features: places.as_ref().map(|places| places.count),
+        ..Layer::default()
+    };
+    let source = Source { shapes, places, table, layer, record: 0, offset: HEADER_BYTES, notes };
+    Ok(Box::new(source))
+}
+
+/// The file beside `path` that ends in `extension`, in either case.
+fn sibling(path: &Path, extension: &str) -> Option<PathBuf> {
+    let names = [extension.to_owned(), extension.to_uppercase()];
+    names.iter().map(|name| path.with_extension(name)).find(|path| path.is_file())
+}
+
+/// Checks the header; the rectangle it claims, if that is one.
+fn extent(shapes: &mut Pages) -> Result<Option<Bounds>> {
+    let header = shapes.get(0, HEADER_BYTES)?;
+    if header[..4] != MAGIC {
+        return Err(Error::bad_input("is not a shapefile: it does not begin with the code 9994"));
+    }
+    let mut bytes = crate::pages::Bytes(&header[32..]);
+    shape::Type::of_code(bytes.u32()?)?;
+    let mut bounds = [0.0; 4];
+    for bound in &mut bounds {
+        *bound = bytes.f64()?;
+    }
+    let is_one = bounds[0] <= bounds[2] && bounds[1] <= bounds[3];
+    Ok(is_one.then_some(bounds))
+}
+
+/// The `.shx`: where each record begins.
+struct Places {
+    pages: Pages,
+    count: u64,
+    path: PathBuf,
+}
+
+impl Places {
+    fn open(path: &Path) -> Result<Self> {
+        let mut pages = Pages::open(path)?;
+        let header = pages.get(0, HEADER_BYTES)?;
+        if header[..4] != MAGIC {
+            return Err(Error::bad_input("is not the index of a shapefile")
+                .in_file(path)
+                .remedy("delete it: the .shp is then read in its own order"));
+        }
+        let count = (pages.len() - HEADER_BYTES) / 8;
+        Ok(Self { pages, count, path: path.to_path_buf() })
+    }
+
+    /// The offset of a record, in bytes.
+    fn get(&mut self, record: u64) -> Result<u64> {
+        let entry = self.pages.get(HEADER_BYTES + record * 8, 4)?;
+        Ok(u64::from(u32::from_be_bytes([entry[0], entry[1], entry[2], entry[3]])) * 2)
+    }
+}
+
+struct Source {
+    shapes: Pages,
+    places: Option<Places>,
+    table: Option<dbf::Reader>,
+    layer: Layer,
+    /// Records read.
+    record: u64,
+    /// Where the next record begins, without a `.shx`.
+    offset: u64,
+    notes: Vec<String>,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        loop {
+            let record = self.record;
+            let Some(offset) = self.offset()? else { return Ok(None) };
+            self.record += 1;
+            let Some(properties) = self.properties(record)? else {
+                self.skip(offset)?;
+                continue;
+            };
+            let geometry = self.geometry(offset)?;
+            return Ok(Some(Feature { properties, geometry, ..Feature::default() }));
+        }
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
+    fn place(&self) -> String {
+        format!("record {}", self.record)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let deleted = self.table.as_ref().map_or(0, dbf::Reader::deleted);
+        let note = format!("{deleted} records are marked as deleted and left out");
+        self.notes.iter().cloned().chain((deleted > 0).then_some(note)).collect()
+    }
+}
+
+impl Source {
+    /// Where the next record begins; `None` at the end.
+    fn offset(&mut self) -> Result<Option<u64>> {
+        let Some(places) = &mut self.places else {
+            return Ok((self.offset < self.shapes.len()).then_some(self.offset));
+        };
+        if self.record == places.count {
+            return Ok(None);
+        }
+        let offset = places.get(self.record)?;
+        if offset < HEADER_BYTES || offset.saturating_add(12) > self.shapes.len() {
+            let message =
+                format!("places record {} at byte {offset}, outside the .shp", self.record);
+            return Err(Error::bad_input(message)
+                .in_file(&places.path)
+                .remedy("delete it: the .shp is then read in its own order"));
+        }
+        Ok(Some(offset))
+    }
+
+    /// Bytes of the record at `offset`, behind its header.
+    fn bytes(&mut self, offset: u64) -> Result<u64> {
+        let header = self.shapes.get(offset, 8)?;
+        let words = u32::from_be_bytes([header[4], header[5], header[6], header[7]]);
+        let bytes = u64::from(words) * 2;
+        self.offset = offset + 8 + bytes;
+        Ok(bytes)
+    }
+
+    fn skip(&mut self, offset: u64) -> Result<()> {
+        self.bytes(offset).map(|_| ())
+    }
+
+    fn geometry(&mut self, offset: u64) -> Result<crate::Geometry> {
+        let bytes = self.bytes(offset)?;
+        shape::decode(self.shapes.get(offset + 8, bytes)?)
+    }
+
+    /// The properties of a record; `None` where it is marked as deleted.
+    fn properties(&mut self, record: u64) -> Result<Option<Properties>> {
+        match &mut self.table {
+            None => Ok(Some(Properties::default())),
+            Some(table) => table.get(record),
+        }
+    }
+}

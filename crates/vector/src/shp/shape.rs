@@ -1,0 +1,269 @@
+//! One record: a shape from its bytes and to its bytes.
+
+use super::NO_MEASURE;
+use crate::geometry::{Coordinates, Geometry, Kind, Part, Role};
+use crate::pages::Bytes;
+use crate::rings;
+use crate::tree::{Bounds, NOTHING};
+use terrane_base::error::{Error, Result};
+
+/// What shapes are, heights and measures aside; the numbers are those of files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Base {
+    Point = 1,
+    Line = 3,
+    Polygon = 5,
+    MultiPoint = 8,
+}
+
+/// The type of a shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Type {
+    pub(super) base: Base,
+    pub(super) has_z: bool,
+    pub(super) has_m: bool,
+}
+
+impl Type {
+    /// Of a number in a file; `None` for the null shape.
+    pub(super) fn of_code(code: u32) -> Result<Option<Self>> {
+        let base = match code % 10 {
+            0 if code == 0 => return Ok(None),
+            1 if code != 31 => Base::Point,
+            3 => Base::Line,
+            5 => Base::Polygon,
+            8 => Base::MultiPoint,
+            _ => return Err(unknown(code)),
+        };
+        match code / 10 {
+            0 => Ok(Some(Self { base, has_z: false, has_m: false })),
+            // Shapes with heights may have measures too: what is left of the record tells.
+            1 => Ok(Some(Self { base, has_z: true, has_m: true })),
+            2 => Ok(Some(Self { base, has_z: false, has_m: true })),
+            _ => Err(unknown(code)),
+        }
+    }
+
+    /// Its number in files.
+    pub(super) fn code(self) -> u32 {
+        let level = if self.has_z {
+            10
+        } else if self.has_m {
+            20
+        } else {
+            0
+        };
+        self.base as u32 + level
+    }
+
+    /// The base that holds a kind; `None` for a null, an error for a collection.
+    pub(super) fn base_of(kind: Kind) -> Result<Option<Base>> {
+        match kind {
+            Kind::Null => Ok(None),
+            Kind::Point => Ok(Some(Base::Point)),
+            Kind::MultiPoint => Ok(Some(Base::MultiPoint)),
+            Kind::LineString | Kind::MultiLineString => Ok(Some(Base::Line)),
+            Kind::Polygon | Kind::MultiPolygon => Ok(Some(Base::Polygon)),
+            Kind::Collection => Err(Error::usage("a Shapefile holds no geometry collections")
+                .remedy("write GeoJSON or FlatGeobuf")),
+        }
+    }
+}
+
+fn unknown(code: u32) -> Error {
+    let what = if code == 31 { " (MultiPatch)" } else { "" };
+    Error::unsupported(format!("shape type {code}{what} is not supported"))
+}
+
+/// The shape of a record's bytes, behind its header. O(bytes), but for polygons of many rings, see
+/// [`rings::group`].
+pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
+    let mut bytes = Bytes(record);
+    let Some(kind) = Type::of_code(bytes.u32()?)? else { return Ok(Geometry::null()) };
+    match kind.base {
+        Base::Point => point(kind, bytes),
+        Base::MultiPoint => {
+            bytes.take(32)?;
+            let count = bytes.u32()? as usize;
+            Geometry::new(Kind::MultiPoint, positions(kind, &mut bytes, count)?)
+        }
+        Base::Line | Base::Polygon => {
+            bytes.take(32)?;
+            let (parts, count) = (bytes.u32()? as usize, bytes.u32()? as usize);
+            let starts = bytes.take(parts.saturating_mul(4))?;
+            let mut coordinates = positions(kind, &mut bytes, count)?;
+            coordinates.ends = ends(starts, count)?;
+            match kind.base {
+                Base::Line if coordinates.ends.len() <= 1 => {
+                    Geometry::new(Kind::LineString, coordinates)
+                }
+                Base::Line => Geometry::new(Kind::MultiLineString, coordinates),
+                // Rings are closed before they are told apart.
+                _ => rings::group(Geometry::new(Kind::Polygon, coordinates)?.into_coordinates()),
+            }
+        }
+    }
+}
+
+fn point(kind: Type, mut bytes: Bytes<'_>) -> Result<Geometry> {
+    let mut found = Coordinates { xy: bytes.pairs(1)?, ..Coordinates::default() };
+    if kind.has_z {
+        found.z = bytes.numbers(1)?;
+    }
+    if kind.has_m && bytes.0.len() >= 8 {
+        found.m = measures(bytes.numbers(1)?);
+    }
+    check_heights(&found.z)?;
+    Geometry::new(Kind::Point, found)
+}
+
+/// `count` positions with what else the type has, which follows all of them.
+fn positions(kind: Type, bytes: &mut Bytes<'_>, count: usize) -> Result<Coordinates> {
+    let mut found = Coordinates { xy: bytes.pairs(count)?, ..Coordinates::default() };
+    if kind.has_z {
+        bytes.take(16)?;
+        found.z = bytes.numbers(count)?;
+        check_heights(&found.z)?;
+    }
+    // Measures may be left out.
+    if kind.has_m && !bytes.0.is_empty() {
+        bytes.take(16)?;
+        found.m = measures(bytes.numbers(count)?);
+    }
+    Ok(found)
+}
+
+fn check_heights(z: &[f64]) -> Result<()> {
+    match z.iter().position(|z| !z.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(Error::bad_input(format!("vertex {at}: its height is not finite"))
+            .remedy("give it numbers, or take the vertex or the feature out")),
+    }
+}
+
+/// NaN where there is none; nothing where there is none at all.
+fn measures(mut m: Vec<f64>) -> Vec<f64> {
+    m.iter_mut().filter(|m| **m < NO_MEASURE).for_each(|m| *m = f64::NAN);
+    if m.iter().all(|m| m.is_nan()) { Vec::new() } else { m }
+}
+
+/// Ends of parts from their starts; parts without positions are none.
+fn ends(starts: &[u8], count: usize) -> Result<Vec<usize>> {
+    let starts = starts.as_chunks().0.iter().map(|four| u32::from_le_bytes(*four) as usize);
+    let first = starts.clone().next();
+    let mut ends: Vec<usize> = starts.skip(1).chain(first.map(|_| count)).collect();
+    let rises = ends.iter().try_fold(0, |last, &end| (last <= end && end <= count).then_some(end));
+    if rises.is_none() || first.unwrap_or(0) != 0 || (first.is_none() && count > 0) {
+        let message = format!("its parts do not divide its {count} vertices");
+        return Err(Error::bad_input(message).remedy("mend the file, or take the feature out"));
+    }
+    ends.dedup();
+    if ends.first() == Some(&0) {
+        ends.remove(0);
+    }
+    Ok(ends)
+}
+
+/// Appends a shape of the type, which fits the geometry. Outer rings are written clockwise, holes the
+/// other way. What has no position is a null shape.
+pub(super) fn encode(geometry: &Geometry, kind: Type, out: &mut Vec<u8>) -> Result<()> {
+    let coordinates = geometry.coordinates();
+    if coordinates.xy.is_empty() {
+        out.extend_from_slice(&0_u32.to_le_bytes());
+        return Ok(());
+    }
+    if !coordinates.z.is_empty() && coordinates.z.iter().any(|z| z.is_nan()) {
+        let message = "some of its vertices have a height and some have none";
+        return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
+    }
+    let turned = turned(geometry);
+    let Coordinates { xy, z, m, ends, .. } = turned.as_ref().unwrap_or(coordinates);
+    out.extend_from_slice(&kind.code().to_le_bytes());
+    if kind.base != Base::Point {
+        let count = |n: usize| {
+            u32::try_from(n).ok().filter(|n| i32::try_from(*n).is_ok()).ok_or_else(too_large)
+        };
+        put(&geometry.bounds().unwrap_or(NOTHING), out);
+        if kind.base != Base::MultiPoint {
+            out.extend_from_slice(&count(ends.len())?.to_le_bytes());
+        }
+        out.extend_from_slice(&count(xy.len())?.to_le_bytes());
+        if kind.base != Base::MultiPoint {
+            for start in std::iter::once(&0).chain(&ends[..ends.len() - 1]) {
+                out.extend_from_slice(&count(*start)?.to_le_bytes());
+            }
+        }
+    }
+    put(xy.as_flattened(), out);
+    let with_range = kind.base != Base::Point;
+    if kind.has_z {
+        put_values(z, xy.len(), 0.0, with_range, out);
+    }
+    if kind.has_m {
+        put_values(m, xy.len(), super::NO_MEASURE * 10.0, with_range, out);
+    }
+    Ok(())
+}
+
+pub(super) fn too_large() -> Error {
+    Error::new(
+        terrane_base::error::ErrorKind::CannotWrite,
+        "more than a Shapefile can hold (4 GiB)",
+    )
+    .remedy("write FlatGeobuf or GeoJSON")
+}
+
+fn put(values: &[f64], out: &mut Vec<u8>) {
+    out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+}
+
+/// Values behind their range; `none` stands for those that are not there.
+fn put_values(values: &[f64], count: usize, none: f64, with_range: bool, out: &mut Vec<u8>) {
+    if with_range {
+        let (low, high) = range(values).unwrap_or((none, none));
+        put(&[low, high], out);
+    }
+    match values.is_empty() {
+        true => (0..count).for_each(|_| put(&[none], out)),
+        false => values.iter().for_each(|v| put(&[if v.is_nan() { none } else { *v }], out)),
+    }
+}
+
+/// The lowest and the highest value.
+pub(super) fn range(values: &[f64]) -> Option<(f64, f64)> {
+    let there = values.iter().filter(|value| !value.is_nan());
+    there.fold(None, |range, &v| {
+        let (low, high) = range.unwrap_or((v, v));
+        Some((f64::min(low, v), f64::max(high, v)))
+    })
+}
+
+/// The coordinates with rings the way round that shapefiles want; `None` where they are already.
+fn turned(geometry: &Geometry) -> Option<Coordinates> {
+    let is_wrong = |part: &Part<'_>| match part.role {
+        Role::Line => false,
+        Role::Outer => rings::area(part.xy) > 0.0,
+        Role::Hole => rings::area(part.xy) < 0.0,
+    };
+    let wrong: Vec<bool> = geometry.parts().map(|part| is_wrong(&part)).collect();
+    if !wrong.contains(&true) {
+        return None;
+    }
+    let from = geometry.coordinates();
+    let mut to = Coordinates::default();
+    let mut start = 0;
+    for (&end, is_wrong) in from.ends.iter().zip(wrong) {
+        match is_wrong {
+            true => to.extend(from, (start..end).rev()),
+            false => to.extend(from, start..end),
+        }
+        to.end_part();
+        start = end;
+    }
+    Some(to)
+}
+
+/// The rectangle around what `geometry` adds to `all`.
+pub(super) fn widened(all: Bounds, geometry: &Geometry) -> Bounds {
+    geometry.bounds().map_or(all, |own| crate::tree::around(&all, &own))
+}

@@ -1,0 +1,181 @@
+//! Writing: features wait until the type of all shapes and the widths of all fields are known.
+
+use std::path::{Path, PathBuf};
+
+use super::shape::{self, Base, Type, too_large};
+use super::{HEADER_BYTES, MAGIC, NO_MEASURE, VERSION};
+use crate::crs;
+use crate::dbf;
+use crate::feature::{Feature, Layer, Member};
+use crate::out::Out;
+use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::table::{Rows, Table};
+use crate::tree::NOTHING;
+use terrane_base::error::{Error, Result};
+use terrane_files::atomic::Sidecar;
+
+/// Starts the files of a shapefile.
+pub(super) fn create(
+    path: &Path,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    let out = |ending: &str| Out::create(&path.with_extension(ending), options.overwrite);
+    Ok(Box::new(Sink {
+        shapes: Out::create(path, options.overwrite)?,
+        places: out("shx")?,
+        table: out("dbf")?,
+        encoding: out("cpg")?,
+        prj: crs::prj(path, &layer.crs, options.overwrite)?,
+        notes: crs::notes(&layer.crs),
+        features: Table::new(path, layer, options.temp_dir.as_deref())?,
+        base: None,
+        has_z: false,
+        has_m: false,
+        without_z: 0,
+        path: path.to_path_buf(),
+    }))
+}
+
+struct Sink {
+    shapes: Out,
+    places: Out,
+    table: Out,
+    encoding: Out,
+    prj: Sidecar,
+    notes: Vec<String>,
+    features: Table,
+    base: Option<Base>,
+    has_z: bool,
+    has_m: bool,
+    /// Features with vertices and without heights.
+    without_z: u64,
+    path: PathBuf,
+}
+
+impl FeatureSink for Sink {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        self.take(feature).map_err(|e| {
+            e.at(format!("feature {}", self.features.len().max(1))).in_file(&self.path)
+        })
+    }
+
+    fn finish(mut self: Box<Self>, _: &[Member]) -> Result<Written> {
+        let base = self.base.unwrap_or(Base::Line);
+        let kind = Type { base, has_z: self.has_z, has_m: self.has_m };
+        let mut rows = self.features.finish()?;
+        let mut notes = std::mem::take(&mut self.notes);
+        notes.append(&mut rows.notes);
+        if self.has_z && self.without_z > 0 {
+            let count = self.without_z;
+            notes.push(format!(
+                "{count} features without heights have height 0, as others have some"
+            ));
+        }
+        let records = u32::try_from(rows.len()).map_err(|_| too_large())?;
+        let path = self.path.clone();
+        let in_file = |e: Error| e.in_file(&path);
+        write_shapes(&mut self.shapes, &mut self.places, kind, &mut rows).map_err(in_file)?;
+        let plan = dbf::Plan::new(&rows.columns, &mut notes).map_err(in_file)?;
+        dbf::write(&mut self.table, &plan, records, |at| Ok(rows.get(at as usize)?.values))
+            .map_err(in_file)?;
+        self.encoding.buffer.extend_from_slice(b"UTF-8");
+        let mut files = Vec::new();
+        let mut bytes = 0;
+        let mut add = |(path, more): (PathBuf, u64)| {
+            files.push(path);
+            bytes += more;
+        };
+        self.prj.commit()?;
+        self.prj.place().into_iter().for_each(&mut add);
+        // The .shp comes last: where it is, the others are.
+        for out in [self.encoding, self.table, self.places, self.shapes] {
+            add(out.commit()?);
+        }
+        files.reverse();
+        Ok(Written { features: records.into(), bytes, files, notes })
+    }
+}
+
+impl Sink {
+    fn take(&mut self, feature: &Feature) -> Result<()> {
+        self.features.push(feature, dbf::Plan::MOST)?;
+        let geometry = &feature.geometry;
+        let Some(base) = Type::base_of(geometry.kind())? else { return Ok(()) };
+        let known = *self.base.get_or_insert(base);
+        if known != base {
+            let (found, kind) = (base.plural(), known.plural());
+            let message = format!("a Shapefile holds {kind} or {found}, not both");
+            return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
+        }
+        self.has_z |= geometry.has_z();
+        self.has_m |= geometry.has_m();
+        self.without_z += u64::from(!geometry.has_z() && !geometry.is_empty());
+        Ok(())
+    }
+}
+
+impl Base {
+    fn plural(self) -> &'static str {
+        match self {
+            Self::Point => "points",
+            Self::Line => "lines",
+            Self::Polygon => "polygons",
+            Self::MultiPoint => "multipoints",
+        }
+    }
+}
+
+/// Writes the `.shp` and the `.shx`.
+fn write_shapes(shapes: &mut Out, places: &mut Out, kind: Type, rows: &mut Rows) -> Result<()> {
+    let (mut bounds, mut z, mut m) = (NOTHING, None, None);
+    shapes.buffer.resize(HEADER_BYTES as usize, 0);
+    places.buffer.resize(HEADER_BYTES as usize, 0);
+    let mut shape = Vec::new();
+    for row in 0..rows.len() {
+        let geometry = rows.get(row)?.geometry;
+        let place = |e: Error| e.at(format!("feature {}", row + 1));
+        shape.clear();
+        shape::encode(&geometry, kind, &mut shape).map_err(place)?;
+        bounds = shape::widened(bounds, &geometry);
+        z = joined(z, shape::range(&geometry.coordinates().z));
+        m = joined(m, shape::range(&geometry.coordinates().m));
+        let entry = [words(shapes.bytes())?, words(shape.len() as u64)?];
+        places.buffer.extend(entry.iter().flat_map(|word| word.to_be_bytes()));
+        shapes.buffer.extend_from_slice(&(row as u32 + 1).to_be_bytes());
+        shapes.buffer.extend_from_slice(&entry[1].to_be_bytes());
+        shapes.buffer.extend_from_slice(&shape);
+        shapes.settle()?;
+        places.settle()?;
+    }
+    let none = (NO_MEASURE * 10.0, NO_MEASURE * 10.0);
+    let plane = if bounds[0] <= bounds[2] { bounds } else { [0.0; 4] };
+    let z = z.unwrap_or_default();
+    let m = if kind.has_m { m.unwrap_or(none) } else { (0.0, 0.0) };
+    for out in [shapes, places] {
+        let mut head = Vec::new();
+        head.extend_from_slice(&MAGIC);
+        head.resize(24, 0);
+        head.extend_from_slice(&words(out.bytes())?.to_be_bytes());
+        head.extend_from_slice(&VERSION);
+        head.extend_from_slice(&kind.code().to_le_bytes());
+        let numbers = plane.iter().chain([&z.0, &z.1, &m.0, &m.1]);
+        head.extend(numbers.flat_map(|number| number.to_le_bytes()));
+        out.rewrite_start(&head)?;
+    }
+    Ok(())
+}
+
+type Range = Option<(f64, f64)>;
+
+fn joined(a: Range, b: Range) -> Range {
+    match (a, b) {
+        (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+        (a, b) => a.or(b),
+    }
+}
+
+/// Bytes as a number of 16-bit words, which files hold in 31 bits.
+fn words(bytes: u64) -> Result<u32> {
+    i32::try_from(bytes / 2).map(i32::cast_unsigned).map_err(|_| too_large())
+}

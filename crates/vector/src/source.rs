@@ -1,0 +1,76 @@
+//! Reading, feature by feature.
+
+use std::path::{Path, PathBuf};
+
+use super::feature::{Feature, Layer};
+use terrane_base::error::Result;
+
+/// Options of opening.
+#[derive(Clone, Debug, Default)]
+pub struct OpenOptions {
+    /// The object of a TopoJSON file to read; the first one when `None`.
+    pub layer: Option<String>,
+}
+
+/// Features from a file, one after the other; only one is held at a time.
+pub trait FeatureSource: Send {
+    /// The next feature; `None` at the end. After an error nothing more may be asked for.
+    ///
+    /// # Errors
+    /// What is damaged or not supported, with its place.
+    fn next(&mut self) -> Result<Option<Feature>>;
+
+    /// What the file says of itself.
+    fn layer(&self) -> &Layer;
+
+    /// Where in the file the feature read last is ("line 7", "record 12").
+    fn place(&self) -> String;
+
+    /// What the user should know about what was read so far.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// What every format has in common: places of errors, and finite coordinates.
+pub(super) struct Guarded {
+    inner: Box<dyn FeatureSource>,
+    path: PathBuf,
+    /// Features read.
+    count: u64,
+}
+
+impl Guarded {
+    pub(super) fn new(inner: Box<dyn FeatureSource>, path: &Path) -> Self {
+        Self { inner, path: path.to_path_buf(), count: 0 }
+    }
+}
+
+impl FeatureSource for Guarded {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        let next = self.inner.next().and_then(|feature| {
+            feature.as_ref().map_or(Ok(()), |feature| feature.geometry.check_finite())?;
+            Ok(feature)
+        });
+        // One that cannot be read counts too: the error is about it.
+        self.count += u64::from(!matches!(next, Ok(None)));
+        next.map_err(|e| e.at(self.place()).in_file(&self.path))
+    }
+
+    fn layer(&self) -> &Layer {
+        self.inner.layer()
+    }
+
+    fn place(&self) -> String {
+        let (count, place) = (self.count, self.inner.place());
+        if place.is_empty() {
+            format!("feature {count}")
+        } else {
+            format!("feature {count} ({place})")
+        }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.inner.notes()
+    }
+}

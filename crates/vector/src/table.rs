@@ -1,0 +1,316 @@
+//! Features that wait in a temporary file until all columns are known, for formats whose header comes
+//! before the features and says what the columns are.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::feature::{Feature, Field, FieldKind, Id, Layer, Value};
+use super::geometry::{Coordinates, Geometry, Kind};
+use super::number;
+use super::out::Spool;
+use super::pages::{Bytes, Pages};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::limits;
+
+/// Name of the column that ids are kept in, where the format has no other place for them.
+const ID: &str = "id";
+
+/// One column of the table of all features.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub(super) name: Arc<str>,
+    /// What holds all its values; `None` while all are null.
+    pub(super) kind: Option<FieldKind>,
+    /// Most bytes of a value as text.
+    pub(super) width: usize,
+    /// Most digits behind the point of a value as text.
+    pub(super) decimals: usize,
+}
+
+/// Features in a temporary file.
+pub(super) struct Table {
+    columns: Vec<Column>,
+    /// Only looked up, so its order does not matter.
+    index: HashMap<Arc<str>, usize>,
+    spool: Spool,
+    /// Where each feature begins.
+    starts: Vec<u64>,
+    /// Ids that are not kept because a property has their name.
+    lost_ids: u64,
+    scratch: Vec<u8>,
+}
+
+/// A table that is complete.
+pub(super) struct Rows {
+    pub(super) columns: Vec<Column>,
+    pages: Option<Pages>,
+    starts: Vec<u64>,
+    pub(super) notes: Vec<String>,
+}
+
+/// A feature of a table: its geometry, and values by column.
+pub(super) struct Row {
+    pub(super) geometry: Geometry,
+    pub(super) values: Vec<(usize, Value)>,
+}
+
+impl Table {
+    /// An empty one, with the columns that `layer` has, for the file at `path`.
+    pub(super) fn new(path: &Path, layer: &Layer, folder: Option<&Path>) -> Result<Self> {
+        let mut table = Self {
+            columns: Vec::new(),
+            index: HashMap::new(),
+            spool: Spool::new(path, folder)?,
+            starts: Vec::new(),
+            lost_ids: 0,
+            scratch: Vec::new(),
+        };
+        for field in layer.schema.iter().flatten() {
+            let at = table.column(&field.name)?;
+            table.columns[at].widen_by(field);
+        }
+        Ok(table)
+    }
+
+    /// Features so far.
+    pub(super) fn len(&self) -> u64 {
+        self.starts.len() as u64
+    }
+
+    /// Appends a feature. `most` is the most bytes a value may take as text.
+    pub(super) fn push(&mut self, feature: &Feature, most: usize) -> Result<()> {
+        self.starts.push(self.spool.bytes());
+        let id = feature.id.as_ref().map(value_of);
+        let is_named = feature.properties.get(ID).is_some();
+        let has_lost =
+            is_named && id.as_ref().is_some_and(|id| feature.properties.get(ID) != Some(id));
+        self.lost_ids += u64::from(has_lost);
+        let id = id.filter(|_| !is_named);
+        let mut values = std::mem::take(&mut self.scratch);
+        values.clear();
+        let name: Arc<str> = ID.into();
+        let all = id.iter().map(|id| (&name, id)).chain(feature.properties.iter());
+        for (name, value) in all {
+            let at = self.column(name)?;
+            self.columns[at].widen(value, most)?;
+            put_value(at as u32, value, &mut values);
+        }
+        let buffer = &mut self.spool.buffer;
+        put_geometry(&feature.geometry, buffer);
+        buffer.extend_from_slice(&values);
+        self.scratch = values;
+        self.spool.settle()
+    }
+
+    fn column(&mut self, name: &Arc<str>) -> Result<usize> {
+        if let Some(&at) = self.index.get(name) {
+            return Ok(at);
+        }
+        let at = self.columns.len();
+        limits::check("fields of a table", at as u64 + 1, limits::MAX_FIELDS)?;
+        self.columns.push(Column { name: name.clone(), kind: None, width: 0, decimals: 0 });
+        self.index.insert(name.clone(), at);
+        Ok(at)
+    }
+
+    /// All of it, to be read.
+    pub(super) fn finish(self) -> Result<Rows> {
+        let end = self.spool.bytes();
+        let pages = self.spool.finish()?.map(Pages::of);
+        let mut starts = self.starts;
+        starts.push(end);
+        let lost = self.lost_ids;
+        let note = format!("{lost} ids are left out: a property is called \"{ID}\" as well");
+        let notes = (lost > 0).then_some(note).into_iter().collect();
+        Ok(Rows { columns: self.columns, pages, starts, notes })
+    }
+}
+
+impl Rows {
+    /// Number of features.
+    pub(super) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// A feature.
+    pub(super) fn get(&mut self, row: usize) -> Result<Row> {
+        let (start, end) = (self.starts[row], self.starts[row + 1]);
+        let lost = || Error::new(ErrorKind::Internal, "features kept for later are lost");
+        let pages = self.pages.as_mut().ok_or_else(lost)?;
+        let mut bytes = Bytes(pages.get(start, end - start)?);
+        let geometry = take_geometry(&mut bytes)?;
+        let mut values = Vec::new();
+        while !bytes.0.is_empty() {
+            let column = bytes.u32()? as usize;
+            values.push((column, take_value(&mut bytes)?));
+        }
+        Ok(Row { geometry, values })
+    }
+}
+
+impl Column {
+    /// Makes room for what a field of another file can hold.
+    fn widen_by(&mut self, field: &Field) {
+        self.kind = Some(self.kind.map_or(field.kind, |kind| kind.with(field.kind)));
+        self.width = self.width.max(field.width.unwrap_or(0) as usize);
+        self.decimals = self.decimals.max(field.decimals.unwrap_or(0) as usize);
+    }
+
+    /// Makes room for a value of at most `most` bytes.
+    fn widen(&mut self, value: &Value, most: usize) -> Result<()> {
+        let Some(kind) = value.kind() else { return Ok(()) };
+        self.kind = Some(self.kind.map_or(kind, |found| found.with(kind)));
+        let mut text = Vec::new();
+        let bytes = match value {
+            Value::Text(text) | Value::Json(text) => text.len(),
+            _ => {
+                push_text(value, &mut text);
+                text.len()
+            }
+        };
+        if bytes > most {
+            let message =
+                format!("the value of {:?} takes {bytes} bytes, {most} at most", self.name);
+            return Err(Error::new(ErrorKind::CannotWrite, message)
+                .remedy("shorten it, or write FlatGeobuf or GeoJSON"));
+        }
+        self.width = self.width.max(bytes);
+        if let (Value::Real(_), Some(point)) = (value, text.iter().position(|&b| b == b'.')) {
+            let digits = text[point + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+            self.decimals = self.decimals.max(digits);
+        }
+        Ok(())
+    }
+}
+
+/// What the column of ids has for a feature: a property of its name goes before the id.
+pub(super) fn id_of(feature: &Feature) -> Option<Value> {
+    feature.properties.get(ID).cloned().or_else(|| feature.id.as_ref().map(value_of))
+}
+
+fn value_of(id: &Id) -> Value {
+    match id {
+        Id::Int(id) => Value::Int(*id),
+        Id::Real(id) => Value::Real(*id),
+        Id::Text(id) => Value::Text(id.clone()),
+    }
+}
+
+/// Appends a value as text; nothing for null.
+pub(super) fn push_text(value: &Value, text: &mut Vec<u8>) {
+    match value {
+        Value::Null => {}
+        Value::Bool(value) => text.extend_from_slice(value.to_string().as_bytes()),
+        Value::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
+        Value::Real(value) => number::push(*value, text),
+        Value::Text(value) | Value::Date(value) | Value::DateTime(value) | Value::Json(value) => {
+            text.extend_from_slice(value.as_bytes());
+        }
+    }
+}
+
+fn put_value(column: u32, value: &Value, out: &mut Vec<u8>) {
+    out.extend_from_slice(&column.to_le_bytes());
+    let mut text = |tag: u8, text: &str| {
+        out.push(tag);
+        out.extend_from_slice(&(text.len() as u64).to_le_bytes());
+        out.extend_from_slice(text.as_bytes());
+    };
+    match value {
+        Value::Text(value) => text(5, value),
+        Value::Date(value) => text(6, value),
+        Value::DateTime(value) => text(7, value),
+        Value::Json(value) => text(8, value),
+        Value::Null => out.push(0),
+        Value::Bool(value) => out.push(1 + u8::from(*value)),
+        Value::Int(value) => {
+            out.push(3);
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+        Value::Real(value) => {
+            out.push(4);
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+    }
+}
+
+fn take_value(bytes: &mut Bytes<'_>) -> Result<Value> {
+    let tag = bytes.u8()?;
+    let mut text = || {
+        let length = bytes.u64()? as usize;
+        Ok(String::from_utf8_lossy(bytes.take(length)?).into_owned())
+    };
+    match tag {
+        0 => Ok(Value::Null),
+        1 | 2 => Ok(Value::Bool(tag == 2)),
+        3 => bytes.u64().map(|value| Value::Int(value as i64)),
+        4 => bytes.f64().map(Value::Real),
+        5 => text().map(Value::Text),
+        6 => text().map(Value::Date),
+        7 => text().map(Value::DateTime),
+        _ => text().map(Value::Json),
+    }
+}
+
+// Collections are nested no deeper than their constructor allows.
+fn put_geometry(geometry: &Geometry, out: &mut Vec<u8>) {
+    let Coordinates { xy, z, m, ends, polygons } = geometry.coordinates();
+    let kind = Kind::ALL.iter().position(|kind| *kind == geometry.kind()).unwrap_or_default();
+    out.push(kind as u8);
+    let members = geometry.members();
+    for count in [members.len(), xy.len(), z.len(), m.len(), ends.len(), polygons.len()] {
+        out.extend_from_slice(&(count as u64).to_le_bytes());
+    }
+    members.iter().for_each(|member| put_geometry(member, out));
+    let numbers = xy.as_flattened().iter().chain(z).chain(m);
+    out.extend(numbers.flat_map(|value| value.to_le_bytes()));
+    out.extend(ends.iter().chain(polygons).flat_map(|&end| (end as u64).to_le_bytes()));
+}
+
+fn take_geometry(bytes: &mut Bytes<'_>) -> Result<Geometry> {
+    let kind = Kind::ALL[usize::from(bytes.u8()?) % Kind::ALL.len()];
+    let mut counts = [0; 6];
+    for count in &mut counts {
+        *count = bytes.u64()? as usize;
+    }
+    let [members, xy, z, m, ends, polygons] = counts;
+    let members: Result<Vec<Geometry>> = (0..members).map(|_| take_geometry(bytes)).collect();
+    let members = members?;
+    let (xy, z, m) = (bytes.pairs(xy)?, bytes.numbers(z)?, bytes.numbers(m)?);
+    let mut list = |count: usize| -> Result<Vec<usize>> {
+        (0..count).map(|_| bytes.u64().map(|end| end as usize)).collect()
+    };
+    let (ends, polygons) = (list(ends)?, list(polygons)?);
+    match kind {
+        Kind::Collection => Ok(Geometry::with_members(members)),
+        _ => Ok(Geometry::of_kind(kind, Coordinates { xy, z, m, ends, polygons })),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_kept_comes_back(features in prop::collection::vec(sample::feature(), 0..6)) {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a");
+            let mut table = Table::new(&path, &Layer::default(), None).unwrap();
+            features.iter().for_each(|feature| table.push(feature, usize::MAX).unwrap());
+            let mut rows = table.finish().unwrap();
+            prop_assert_eq!(rows.len(), features.len());
+            for (at, feature) in features.iter().enumerate().rev() {
+                let row = rows.get(at).unwrap();
+                prop_assert_eq!(format!("{:?}", row.geometry), format!("{:?}", feature.geometry));
+                for (name, value) in feature.properties.iter() {
+                    let found = row.values.iter().find(|(at, _)| rows.columns[*at].name == *name);
+                    prop_assert_eq!(&found.unwrap().1, value);
+                }
+            }
+        }
+    }
+}

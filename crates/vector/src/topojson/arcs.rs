@@ -1,0 +1,69 @@
+//! The arcs of a topology, decoded.
+
+use crate::json::Cursor;
+use terrane_base::error::Result;
+
+/// From whole numbers to coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transform {
+    pub(super) scale: [f64; 2],
+    pub(super) translate: [f64; 2],
+}
+
+/// All arcs.
+pub(super) struct Arcs {
+    xy: Vec<[f64; 2]>,
+    ends: Vec<usize>,
+    transform: Option<Transform>,
+}
+
+impl Arcs {
+    /// From the list of arcs. With a transform, positions are steps from the one before.
+    pub(super) fn read(cursor: &mut Cursor<'_>, transform: Option<Transform>) -> Result<Self> {
+        let mut arcs = Self { xy: Vec::new(), ends: Vec::new(), transform };
+        let mut is_first = true;
+        cursor.expect(b'[')?;
+        while cursor.item(&mut is_first)? {
+            // Empty arcs count too, so each is read by itself.
+            let (deep, arc) = cursor.coordinates()?;
+            if deep != 2 && deep != 0 {
+                return Err(cursor.bad("an arc is no list of positions"));
+            }
+            let mut at = [0.0; 2];
+            for [x, y] in arc.xy {
+                at = if transform.is_some() { [at[0] + x, at[1] + y] } else { [x, y] };
+                arcs.xy.push(arcs.place(at));
+            }
+            arcs.ends.push(arcs.xy.len());
+        }
+        Ok(arcs)
+    }
+
+    /// Number of arcs.
+    pub(super) fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Vertices of all arcs.
+    pub(super) fn vertices(&self) -> usize {
+        self.xy.len()
+    }
+
+    /// The coordinates of a position.
+    pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        match self.transform {
+            None => [x, y],
+            Some(Transform { scale, translate }) => {
+                [x * scale[0] + translate[0], y * scale[1] + translate[1]]
+            }
+        }
+    }
+
+    /// The vertices of arc `index`, which is ~arc where the arc is meant backwards.
+    pub(super) fn get(&self, index: i64) -> Option<&[[f64; 2]]> {
+        let arc = usize::try_from(if index < 0 { !index } else { index }).ok()?;
+        let end = *self.ends.get(arc)?;
+        let start = if arc == 0 { 0 } else { self.ends[arc - 1] };
+        Some(&self.xy[start..end])
+    }
+}

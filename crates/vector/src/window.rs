@@ -1,0 +1,123 @@
+//! Files of others, read from the front to the back through a buffer.
+
+use std::path::Path;
+
+use terrane_base::error::Result;
+use terrane_base::limits;
+use terrane_files::RawFile;
+
+/// Bytes read at a time.
+const CHUNK_BYTES: usize = 1 << 18;
+
+/// The unread part of a file, as much of it as is buffered.
+pub(super) struct Window {
+    file: RawFile,
+    buffer: Vec<u8>,
+    /// The first unread byte in the buffer.
+    start: usize,
+    /// One past the last byte read into the buffer.
+    end: usize,
+    /// Where in the file the buffer ends.
+    read: u64,
+}
+
+impl Window {
+    /// Opens a file; a byte order mark of UTF-8 is passed over.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let file = RawFile::open(path)?;
+        let mut window = Self { file, buffer: Vec::new(), start: 0, end: 0, read: 0 };
+        window.ensure(3)?;
+        if window.text().starts_with(b"\xef\xbb\xbf") {
+            window.advance(3);
+        }
+        Ok(window)
+    }
+
+    /// What is buffered and unread.
+    #[inline]
+    pub(super) fn text(&self) -> &[u8] {
+        &self.buffer[self.start..self.end]
+    }
+
+    /// Where in the file the unread part begins.
+    pub(super) fn offset(&self) -> u64 {
+        self.read - (self.end - self.start) as u64
+    }
+
+    /// Passes over `bytes` of the text.
+    #[inline]
+    pub(super) fn advance(&mut self, bytes: usize) {
+        self.start = (self.start + bytes).min(self.end);
+    }
+
+    /// Appends to the text; false at the end of the file.
+    pub(super) fn more(&mut self) -> Result<bool> {
+        let left = self.file.size() - self.read;
+        if left == 0 {
+            return Ok(false);
+        }
+        let unread = self.end - self.start;
+        limits::check("bytes of a feature", unread as u64, limits::MAX_FEATURE_BYTES)?;
+        self.buffer.copy_within(self.start..self.end, 0);
+        (self.start, self.end) = (0, unread);
+        // As much again as there is, so that long features are moved a few times only.
+        let wanted = (unread.max(CHUNK_BYTES) as u64).min(left) as usize;
+        if self.buffer.len() < unread + wanted {
+            self.buffer.resize(unread + wanted, 0);
+        }
+        self.file.read_at(self.read, &mut self.buffer[unread..unread + wanted])?;
+        self.end += wanted;
+        self.read += wanted as u64;
+        Ok(true)
+    }
+
+    /// Makes `bytes` or what is left of the file available.
+    #[inline]
+    pub(super) fn ensure(&mut self, bytes: usize) -> Result<()> {
+        while self.end - self.start < bytes && self.more()? {}
+        Ok(())
+    }
+
+    /// The byte at `at` of the text, read if need be.
+    #[inline]
+    pub(super) fn byte(&mut self, at: usize) -> Result<Option<u8>> {
+        self.ensure(at + 1)?;
+        Ok(self.text().get(at).copied())
+    }
+
+    /// Bytes of the line at hand, its end excluded, which may be that of the file; `None` at the end.
+    pub(super) fn line(&mut self) -> Result<Option<usize>> {
+        let mut seen = 0;
+        loop {
+            let found = self.text()[seen..].iter().position(|&byte| byte == b'\n');
+            if let Some(found) = found {
+                return Ok(Some(seen + found));
+            }
+            seen = self.text().len();
+            if !self.more()? {
+                return Ok((seen > 0).then_some(seen));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_bytes_cross_chunks() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let long = "x".repeat(CHUNK_BYTES * 2 + 7);
+        std::fs::write(file.path(), format!("\u{feff}a\n{long}\n\nend")).unwrap();
+        let mut window = Window::open(file.path()).unwrap();
+        let mut lines = Vec::new();
+        while let Some(bytes) = window.line().unwrap() {
+            lines.push((window.offset(), bytes));
+            window.advance(bytes + 1);
+        }
+        let after = 5 + long.len() as u64 + 1;
+        assert_eq!(lines, [(3, 1), (5, long.len()), (after, 0), (after + 1, 3)]);
+        assert_eq!(window.byte(0).unwrap(), None);
+    }
+}

@@ -1,0 +1,282 @@
+//! Reading: a stream of words, numbers and brackets; a geometry may be longer than the buffer.
+
+use std::path::Path;
+
+use crate::crs;
+use crate::feature::{Feature, Layer};
+use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::number;
+use crate::source::{FeatureSource, OpenOptions};
+use crate::window::Window;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::wkt;
+use terrane_base::limits;
+
+/// Most bytes of a word.
+const MOST_WORD: usize = 64;
+
+/// Opens a file.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let layer = Layer { crs: crs::beside(path)?, ..Layer::default() };
+    let mut source = Source { window: Window::open(path)?, layer, at: 0, srid: None };
+    if let Some(code) = source.srid()? {
+        source.layer.crs = wkt::of_srs(&format!("EPSG:{code}"));
+        source.srid = Some(code);
+    }
+    Ok(Box::new(source))
+}
+
+struct Source {
+    window: Window,
+    layer: Layer,
+    /// Where the last geometry began.
+    at: u64,
+    srid: Option<u32>,
+}
+
+/// The kind that a word begins, whether it has heights, and whether it has measures ("POINTZM").
+/// A ring is read as a line.
+pub(super) fn keyword(word: &str) -> Option<(Kind, Option<Dimensions>)> {
+    let upper = word.to_ascii_uppercase();
+    let known = |word: &str| match word {
+        "LINEARRING" => Some(Kind::LineString),
+        _ => Kind::by_name(word).filter(|kind| *kind != Kind::Null),
+    };
+    if let Some(kind) = known(&upper) {
+        return Some((kind, None));
+    }
+    let tails = [("ZM", true, true), ("Z", true, false), ("M", false, true)];
+    tails.into_iter().find_map(|(tail, has_z, has_m)| {
+        let kind = known(upper.strip_suffix(tail)?)?;
+        Some((kind, Some(Dimensions { has_z, has_m })))
+    })
+}
+
+/// What numbers follow x and y.
+#[derive(Clone, Copy)]
+pub(super) struct Dimensions {
+    has_z: bool,
+    has_m: bool,
+}
+
+impl FeatureSource for Source {
+    fn next(&mut self) -> Result<Option<Feature>> {
+        let Some(_) = self.peek()? else { return Ok(None) };
+        self.at = self.window.offset();
+        // The SRID of the first geometry is that of the file.
+        if let Some(code) = self.srid()?
+            && self.srid != Some(code)
+        {
+            let message = format!("SRID {code} is not that of the first geometry");
+            return Err(Error::unsupported(message).remedy("keep geometries of one CRS in a file"));
+        }
+        let geometry = self.geometry()?;
+        if self.peek()? == Some(b';') {
+            self.window.advance(1);
+        }
+        Ok(Some(Feature { geometry, ..Feature::default() }))
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
+    fn place(&self) -> String {
+        format!("byte {}", self.at)
+    }
+}
+
+impl Source {
+    /// The next byte that is no white space.
+    #[inline]
+    fn peek(&mut self) -> Result<Option<u8>> {
+        loop {
+            let text = self.window.text();
+            let blank = text.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+            let found = text.get(blank).copied();
+            self.window.advance(blank);
+            if found.is_some() || !self.window.more()? {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// Passes over `byte` if it is next.
+    fn take(&mut self, byte: u8) -> Result<bool> {
+        let is_next = self.peek()? == Some(byte);
+        self.window.advance(usize::from(is_next));
+        Ok(is_next)
+    }
+
+    /// A word, not passed over.
+    fn word(&mut self) -> Result<String> {
+        self.peek()?;
+        self.window.ensure(MOST_WORD)?;
+        let text = self.window.text();
+        let letters = text.iter().take(MOST_WORD).take_while(|byte| byte.is_ascii_alphabetic());
+        let letters = letters.count();
+        Ok(String::from_utf8_lossy(&text[..letters]).into_owned())
+    }
+
+    /// "SRID=4326;", if it is next.
+    fn srid(&mut self) -> Result<Option<u32>> {
+        if !self.word()?.eq_ignore_ascii_case("SRID") {
+            return Ok(None);
+        }
+        self.window.advance(4);
+        if !self.take(b'=')? {
+            return Err(self.bad("\"=\" is missing behind SRID"));
+        }
+        self.peek()?;
+        self.window.ensure(16)?;
+        let digits = self.window.text().iter().take(16).take_while(|b| b.is_ascii_digit()).count();
+        let code = std::str::from_utf8(&self.window.text()[..digits]).ok();
+        let Some(code) = code.and_then(|code| code.parse().ok()) else {
+            return Err(self.bad("an SRID is no number"));
+        };
+        self.window.advance(digits);
+        if !self.take(b';')? {
+            return Err(self.bad("\";\" is missing behind SRID"));
+        }
+        // Zero stands for unknown.
+        Ok(Some(code).filter(|code| *code != 0))
+    }
+
+    /// The next geometry. Collections wait in a list, so depth costs no stack.
+    fn geometry(&mut self) -> Result<Geometry> {
+        let mut open: Vec<Vec<Geometry>> = Vec::new();
+        loop {
+            let (kind, dimensions) = self.kind()?;
+            let mut done = None;
+            if self.word()?.eq_ignore_ascii_case("EMPTY") {
+                self.window.advance("EMPTY".len());
+                done = Some(match kind {
+                    Kind::Collection => Geometry::collection(Vec::new())?,
+                    kind => Geometry::new(kind, Coordinates::default())?,
+                });
+            } else if kind != Kind::Collection {
+                done = Some(self.coordinates(kind, dimensions)?);
+            } else if !self.take(b'(')? {
+                return Err(self.bad("\"(\" is missing"));
+            } else {
+                open.push(Vec::new());
+                let depth = open.len() as u64;
+                let most = limits::MAX_COLLECTION_DEPTH;
+                limits::check("depth of a geometry collection", depth, most)?;
+                if self.take(b')')? {
+                    done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
+                }
+            }
+            // What is complete goes into the collection around it, which may be complete with it.
+            while let Some(geometry) = done.take() {
+                let Some(members) = open.last_mut() else { return Ok(geometry) };
+                let count = members.len() as u64;
+                limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+                members.push(geometry);
+                if self.take(b')')? {
+                    done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
+                } else if !self.take(b',')? {
+                    return Err(self.bad("\",\" or \")\" is missing"));
+                }
+            }
+        }
+    }
+
+    /// The words that a geometry begins with.
+    fn kind(&mut self) -> Result<(Kind, Option<Dimensions>)> {
+        let word = self.word()?;
+        let Some((kind, dimensions)) = keyword(&word) else {
+            return Err(match word.as_str() {
+                "" => self.bad("a geometry is missing"),
+                word => self.bad(format!("{word:?} is no geometry that is known")),
+            });
+        };
+        self.window.advance(word.len());
+        let next = self.word()?;
+        let dimensions = match next.to_ascii_uppercase().as_str() {
+            "Z" => Some(Dimensions { has_z: true, has_m: false }),
+            "M" => Some(Dimensions { has_z: false, has_m: true }),
+            "ZM" => Some(Dimensions { has_z: true, has_m: true }),
+            _ => return Ok((kind, dimensions)),
+        };
+        self.window.advance(next.len());
+        Ok((kind, dimensions))
+    }
+
+    /// Positions in brackets, cut where brackets close.
+    fn coordinates(&mut self, kind: Kind, dimensions: Option<Dimensions>) -> Result<Geometry> {
+        let deep = match kind {
+            Kind::Polygon | Kind::MultiLineString => 2,
+            Kind::MultiPolygon => 3,
+            _ => 1,
+        };
+        let mut found = Coordinates::default();
+        let mut open = 0;
+        loop {
+            match self.peek()? {
+                Some(b'(') if open < deep || (kind == Kind::MultiPoint && open == 1) => {
+                    self.window.advance(1);
+                    open += 1;
+                    continue;
+                }
+                // Each point of a MultiPoint may be in brackets of its own.
+                Some(b'-' | b'+' | b'.' | b'0'..=b'9') if open >= deep => {
+                    self.position(dimensions, &mut found)?;
+                }
+                Some(b'e' | b'E') if open > 0 && self.word()?.eq_ignore_ascii_case("EMPTY") => {
+                    self.window.advance("EMPTY".len());
+                }
+                _ => return Err(self.bad("a position or \"(\" is missing")),
+            }
+            loop {
+                if self.take(b',')? {
+                    break;
+                }
+                if !self.take(b')')? {
+                    return Err(self.bad("\",\" or \")\" is missing"));
+                }
+                if open == deep && !kind.is_points() {
+                    found.end_part();
+                } else if open + 1 == deep {
+                    found.end_polygon();
+                }
+                open -= 1;
+                if open == 0 {
+                    return Geometry::new(kind, found).map_err(|e| self.bad(e));
+                }
+            }
+        }
+    }
+
+    fn position(&mut self, known: Option<Dimensions>, found: &mut Coordinates) -> Result<()> {
+        let mut numbers = [0.0; 4];
+        let mut count = 0;
+        loop {
+            self.window.ensure(number::MOST_BYTES)?;
+            let next = number::leading(self.window.text());
+            let (value, bytes) = next.ok_or_else(|| self.bad("a number is missing"))?;
+            self.window.advance(bytes);
+            if count == numbers.len() {
+                return Err(self.bad("a position has more than four numbers"));
+            }
+            numbers[count] = value;
+            count += 1;
+            if matches!(self.peek()?, Some(b',' | b')') | None) {
+                break;
+            }
+        }
+        let [x, y, third, fourth] = numbers;
+        let dimensions = known.unwrap_or(Dimensions { has_z: count > 2, has_m: count > 3 });
+        let wanted = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
+        if count != wanted || count < 2 {
+            return Err(self.bad(format!("a position has {count} numbers, not {wanted}")));
+        }
+        let m = if dimensions.has_z { fourth } else { third };
+        found.push([x, y], dimensions.has_z.then_some(third), dimensions.has_m.then_some(m));
+        Ok(())
+    }
+
+    fn bad(&self, message: impl std::fmt::Display) -> Error {
+        Error::bad_input(format!("byte {}: {message}", self.window.offset()))
+    }
+}

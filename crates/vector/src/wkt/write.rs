@@ -1,0 +1,142 @@
+//! Writing, a geometry on each line.
+
+use std::path::Path;
+
+use crate::crs;
+use crate::feature::{Feature, Layer, Member};
+use crate::geometry::{Coordinates, Geometry, Kind, Part};
+use crate::number;
+use crate::out::Out;
+use crate::sink::{FeatureSink, WriteOptions, Written};
+use terrane_base::error::{Error, Result};
+use terrane_files::atomic::Sidecar;
+
+/// Starts a file.
+pub(super) fn create(
+    path: &Path,
+    layer: &Layer,
+    options: &WriteOptions,
+) -> Result<Box<dyn FeatureSink>> {
+    let out = Out::create(path, options.overwrite)?;
+    let prj = crs::prj(path, &layer.crs, options.overwrite)?;
+    let notes = crs::notes(&layer.crs);
+    Ok(Box::new(Sink { out, prj, notes, features: 0, with_properties: 0, nulls: 0 }))
+}
+
+struct Sink {
+    out: Out,
+    prj: Sidecar,
+    notes: Vec<String>,
+    features: u64,
+    /// Features that had properties or an id.
+    with_properties: u64,
+    /// Features without a geometry.
+    nulls: u64,
+}
+
+impl FeatureSink for Sink {
+    fn write(&mut self, feature: &Feature) -> Result<()> {
+        self.features += 1;
+        let has_more = !feature.properties.0.is_empty() || feature.id.is_some();
+        self.with_properties += u64::from(has_more);
+        self.nulls += u64::from(feature.geometry.kind() == Kind::Null);
+        let number = self.features;
+        push_geometry(&feature.geometry, &mut self.out.buffer)
+            .map_err(|e| e.at(format!("feature {number}")))?;
+        self.out.buffer.push(b'\n');
+        self.out.settle()
+    }
+
+    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+        let mut notes = self.notes;
+        if self.with_properties > 0 {
+            let count = self.with_properties;
+            notes.push(format!("properties of {count} features are left out: WKT has none"));
+        }
+        if self.nulls > 0 {
+            let what = "features without a geometry are empty collections: WKT has no null";
+            notes.push(format!("{} {what}", self.nulls));
+        }
+        let (path, mut bytes) = self.out.commit()?;
+        let mut files = vec![path];
+        self.prj.commit()?;
+        if let Some((path, more)) = self.prj.place() {
+            files.push(path);
+            bytes += more;
+        }
+        Ok(Written { features: self.features, bytes, files, notes })
+    }
+}
+
+// Collections are nested no deeper than their constructor allows.
+fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
+    let kind = if geometry.kind() == Kind::Null { Kind::Collection } else { geometry.kind() };
+    text.extend_from_slice(kind.name().to_ascii_uppercase().as_bytes());
+    let coordinates = geometry.coordinates();
+    let Coordinates { z, m, .. } = coordinates;
+    if z.iter().any(|z| z.is_nan()) || m.iter().any(|m| m.is_nan()) {
+        let message = "some of its vertices have a height or measure and some have none";
+        return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
+    }
+    text.extend_from_slice(match (z.is_empty(), m.is_empty()) {
+        (true, true) => b" ",
+        (false, true) => b" Z ",
+        (true, false) => b" M ",
+        (false, false) => b" ZM ",
+    });
+    if coordinates.xy.is_empty() && geometry.members().is_empty() {
+        text.extend_from_slice(b"EMPTY");
+        return Ok(());
+    }
+    let mut pen = Pen { text };
+    match kind {
+        Kind::Collection => {
+            pen.text.push(b'(');
+            for (at, member) in geometry.members().iter().enumerate() {
+                if at > 0 {
+                    pen.text.push(b',');
+                }
+                push_geometry(member, pen.text)?;
+            }
+            pen.text.push(b')');
+        }
+        Kind::MultiPolygon => {
+            pen.list(geometry.polygons(), |pen, rings| pen.list(rings, Pen::part))
+        }
+        Kind::MultiLineString | Kind::Polygon => pen.list(geometry.own_parts(), Pen::part),
+        _ => {
+            let Coordinates { xy, z, m, .. } = coordinates;
+            pen.part(Part { xy, z, m, role: crate::Role::Line });
+        }
+    }
+    Ok(())
+}
+
+struct Pen<'a> {
+    text: &'a mut Vec<u8>,
+}
+
+impl Pen<'_> {
+    fn list<T>(&mut self, items: impl Iterator<Item = T>, mut item: impl FnMut(&mut Self, T)) {
+        self.text.push(b'(');
+        for (at, one) in items.enumerate() {
+            if at > 0 {
+                self.text.push(b',');
+            }
+            item(self, one);
+        }
+        self.text.push(b')');
+    }
+
+    fn part(&mut self, part: Part<'_>) {
+        self.list(0..part.xy.len(), |pen, at| {
+            let [x, y] = part.xy[at];
+            let more = part.z.get(at).into_iter().chain(part.m.get(at));
+            number::push(x, pen.text);
+            for value in std::iter::once(&y).chain(more) {
+                pen.text.push(b' ');
+                number::push(*value, pen.text);
+            }
+        });
+    }
+}
