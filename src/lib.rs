@@ -7,15 +7,15 @@
 //! and `tests/tidy.rs` checks it.
 
 pub mod cli;
-pub mod pipeline;
 
 pub use terrane_base::{Error, ErrorKind, Result, error, geom, limits};
 pub use terrane_cloud as cloud;
 pub use terrane_contour as contour;
 pub use terrane_delaunay as delaunay;
+use terrane_files as files;
 pub use terrane_files::atomic;
-use terrane_files::{self as files, fault};
 pub use terrane_gridding as gridding;
+pub use terrane_jobs as jobs;
 pub use terrane_line as line;
 pub use terrane_mesh as output;
 pub use terrane_proof as proof;

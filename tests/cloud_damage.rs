@@ -41,7 +41,7 @@ fn both(name: &str) -> (Found, Found) {
 }
 
 fn peak_is_low() -> bool {
-    terrane::pipeline::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
+    terrane::jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
 }
 
 /// Small files, one of each kind.

@@ -10,8 +10,8 @@ use terrane::cloud::write::{
 };
 use terrane::cloud::{Filter, OpenOptions, PointSource, Return};
 use terrane::geom::{Crs, Frame, Point};
-use terrane::pipeline::survey::{self, SurveyJob};
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::survey::{self, SurveyJob};
+use terrane::jobs::{Cancel, Resources, Silent};
 
 fn options(format: u8, compress: bool) -> WriteOptions {
     WriteOptions {

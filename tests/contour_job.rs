@@ -12,9 +12,9 @@ use proptest::prelude::*;
 use terrane::ErrorKind;
 use terrane::contour::{self, Levels, Lines, Scratch, Window};
 use terrane::geom::{Affine, Crs, Rect};
-use terrane::pipeline::contour::{ContourJob, Heights, trace};
-use terrane::pipeline::line::Length;
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::contour::{ContourJob, Heights, trace};
+use terrane::jobs::line::Length;
+use terrane::jobs::{Cancel, Silent};
 use terrane::proof::lines::{self, Distance, Question};
 use terrane::vector;
 

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::pipeline::REVISION;
+use terrane::jobs::REVISION;
 use terrane::{gridding, line, output, raster, synth, vector};
 
 /// Where the table is.
@@ -344,7 +344,7 @@ fn outputs_have_the_bytes_that_their_revision_says() {
     assert!(
         changed.is_empty() || revision != REVISION,
         "{} of {} outputs have other bytes than those pinned. Where that is meant, add 1 to REVISION in \
-         src/pipeline/mod.rs, so that plans begun before are not gone on with, and renew the table: \
+         crates/jobs/src/lib.rs, so that plans begun before are not gone on with, and renew the table: \
          TERRANE_GOLDEN=renew cargo test --test golden\n  {}",
         changed.len(),
         pinned.len(),

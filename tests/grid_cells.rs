@@ -7,8 +7,8 @@ use grid_support::{Memory, cells, frame, job, near, plain, points, read, run};
 use tempfile::tempdir;
 use terrane::geom::{Frame, Point};
 use terrane::gridding::{Statistic, parse_list};
-use terrane::pipeline::Resources;
-use terrane::pipeline::grid::{Compat, GridJob, Placement};
+use terrane::jobs::Resources;
+use terrane::jobs::grid::{Compat, GridJob, Placement};
 use terrane::raster::SampleType;
 
 const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0,p100";
@@ -357,11 +357,11 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     let path = |name: &str| folder.path().join(name);
     let source = Memory::new(frame(0.01, [0.0; 3]), &points(10, 1000, 100, 1), 9);
     let fails = |job: &GridJob, part: &str| {
-        let told = terrane::pipeline::grid::grid(
+        let told = terrane::jobs::grid::grid(
             &source,
             job,
-            &terrane::pipeline::Silent,
-            &terrane::pipeline::Cancel::default(),
+            &terrane::jobs::Silent,
+            &terrane::jobs::Cancel::default(),
         );
         let told = told.unwrap_err().to_string();
         assert!(told.contains(part), "{told}");

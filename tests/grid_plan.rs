@@ -4,12 +4,12 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use terrane::gridding::parse_list;
-use terrane::pipeline::grid::plan::{
+use terrane::jobs::grid::plan::{
     GridRun, PlanGridJob, RunGridJob, grid_status, plan_grid, run_grid,
 };
-use terrane::pipeline::grid::{GridJob, run};
-use terrane::pipeline::plan::DiskCheck;
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::grid::{GridJob, run};
+use terrane::jobs::plan::DiskCheck;
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::raster::SampleType;
 use terrane::{ErrorKind, Result};
 

@@ -10,8 +10,8 @@ use cli_support::Place;
 use grid_support::{Written, read};
 use terrane::cloud::synth::survey;
 use terrane::gridding::parse_list;
-use terrane::pipeline::grid::{GridJob, GridReport, GroundFrom, Preset, run};
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::grid::{GridJob, GridReport, GroundFrom, Preset, run};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::synth::cloud::{BUILDING, Survey};
 
 /// World coordinates of a synthetic cloud's south-west corner.

@@ -9,7 +9,7 @@ use grid_support::{Lots, Memory, frame, job, read, run};
 use terrane::cloud::{OpenOptions, PointSource, synth};
 use terrane::delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
 use terrane::geom::{Frame, Point};
-use terrane::pipeline::Resources;
+use terrane::jobs::Resources;
 
 /// All points of a source.
 fn all(source: &dyn PointSource) -> Vec<Point> {

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use terrane::ErrorKind;
+use terrane::jobs::line::{Goal, Length, LineJob, Topology, run};
+use terrane::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::line::METHODS;
 use terrane::line::registry::Bounds;
 use terrane::line::topology::{Collapse, Strategy};
-use terrane::pipeline::line::{Goal, Length, LineJob, Topology, run};
-use terrane::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane::pipeline::{Cancel, Resources, Silent};
 use terrane::vector::{FORMATS, VectorFormat};
 
 /// Numbers that look random, and are the same each time.

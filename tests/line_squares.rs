@@ -11,11 +11,11 @@ mod worlds;
 
 use std::path::{Path, PathBuf};
 
+use terrane::jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::line::Xy;
 use terrane::line::topology::{Chains, Collapse, Kept, Strategy};
-use terrane::pipeline::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane::pipeline::{Cancel, Resources, Silent};
 use worlds::{Dice, World};
 
 /// A folder with the files of a world.

@@ -11,10 +11,10 @@ mod whole;
 use std::collections::{BTreeMap, BTreeSet};
 
 use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
+use terrane::jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::line::METHODS;
 use terrane::line::topology::{Collapse, Strategy};
-use terrane::pipeline::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane::pipeline::{Cancel, Resources, Silent};
 use whole::{
     area, cross_within, is_on, is_simple, is_within, meet, segments, turns, without_repeats,
 };

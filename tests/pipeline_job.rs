@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane::pipeline::placing::Placing;
-use terrane::pipeline::tin::{Goal, TinJob, TinReport, run};
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::placing::Placing;
+use terrane::jobs::tin::{Goal, TinJob, TinReport, run};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::{ErrorKind, Result, output};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=7";

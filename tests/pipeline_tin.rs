@@ -4,8 +4,8 @@
 mod support;
 
 use support::{Capture, FunctionGrid, Mesh, hills, noise, non_delaunay_edges, validate};
-use terrane::pipeline::tin::{Outcome, Settings, run_on};
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::tin::{Outcome, Settings, run_on};
+use terrane::jobs::{Cancel, Silent};
 use terrane::tin::Spec;
 use terrane::{ErrorKind, Result};
 

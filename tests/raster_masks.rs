@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use raster_support::tiff_builder::{Spec, Value};
 use raster_support::{open_band, read_all, read_in_windows};
 use terrane::ErrorKind;
-use terrane::pipeline::convert::{self, ConvertJob};
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::convert::{self, ConvertJob};
+use terrane::jobs::{Cancel, Silent};
 use terrane::raster::{OpenOptions, open};
 
 const WIDTH: usize = 37;

@@ -5,8 +5,8 @@ use std::fs::File;
 use std::path::Path;
 
 use terrane::geom::{Affine, Crs, Rect};
-use terrane::pipeline::convert::{ConvertJob, ConvertReport, copy};
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::convert::{ConvertJob, ConvertReport, copy};
+use terrane::jobs::{Cancel, Silent};
 use terrane::raster::{self, GridInfo, GridSource, OpenOptions, SampleType, write};
 use terrane::{Error, ErrorKind, Result};
 
@@ -462,7 +462,7 @@ fn a_full_disk_is_found_before_the_work() {
     let input = "synth:rough,size=4000000";
     for asked in ["GTiff", "COG COMPRESS=NONE", "COG"] {
         let path = folder.path().join("a.tif");
-        let error = terrane::pipeline::convert::run(
+        let error = terrane::jobs::convert::run(
             &ConvertJob { input: input.into(), ..job(&path, asked) },
             &Silent,
             &Cancel::default(),
@@ -479,9 +479,9 @@ fn spools_of_a_cog_go_where_the_user_says() {
     let mut job = job(&folder.path().join("a.tif"), "COG");
     job.input = "synth:rough,size=65".into();
     job.resources.temp_dir = Some(folder.path().join("lost"));
-    let error = terrane::pipeline::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
+    let error = terrane::jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.path(), job.resources.temp_dir.as_deref());
     job.resources.temp_dir = Some(folder.path().into());
-    terrane::pipeline::convert::run(&job, &Silent, &Cancel::default()).unwrap();
+    terrane::jobs::convert::run(&job, &Silent, &Cancel::default()).unwrap();
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use terrane::geom::{Affine, Crs, Rect};
-use terrane::pipeline::convert::{ConvertJob, ConvertReport, copy, run};
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::convert::{ConvertJob, ConvertReport, copy, run};
+use terrane::jobs::{Cancel, Silent};
 use terrane::raster::store::{Heights, StoreWriter};
 use terrane::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
 use terrane::{Error, ErrorKind, Result};

@@ -3,7 +3,7 @@
 mod verify_support;
 
 use terrane::geom::Affine;
-use terrane::pipeline::verify::{FaultReport, VerifyReport};
+use terrane::jobs::verify::{FaultReport, VerifyReport};
 use verify_support::{Grid, Mesh, check, delaunay, noise, split_cells};
 
 /// World y of a row, under the default map.
@@ -323,9 +323,9 @@ fn unusable_vertices_and_bad_ids() {
     assert_eq!((report.unusable_vertices, report.broken_triangles), (1, 6));
     assert!(!report.passed);
     mesh.triangles[3][1] = 1 << 40;
-    let resources = terrane::pipeline::Resources::default();
-    let (progress, cancel) = (terrane::pipeline::Silent, terrane::pipeline::Cancel::default());
-    let verify = terrane::pipeline::verify::verify;
+    let resources = terrane::jobs::Resources::default();
+    let (progress, cancel) = (terrane::jobs::Silent, terrane::jobs::Cancel::default());
+    let verify = terrane::jobs::verify::verify;
     let error = verify(&mesh, &grid, None, &resources, &progress, &cancel).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::BadInput);
     assert!(error.to_string().starts_with("triangle 3: refers to vertex 1099511627776"));

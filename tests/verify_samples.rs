@@ -5,7 +5,7 @@ mod verify_support;
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::pipeline::verify::VerifyReport;
+use terrane::jobs::verify::VerifyReport;
 use verify_support::{Grid, Mesh, check, check_with, noise, split_cells};
 
 /// A tolerance that no planted fault breaks.

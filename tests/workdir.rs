@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane::pipeline::placing::Placing;
-use terrane::pipeline::plan::DiskCheck;
-use terrane::pipeline::tin::{
+use terrane::jobs::placing::Placing;
+use terrane::jobs::plan::DiskCheck;
+use terrane::jobs::tin::{
     Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
     status_of,
 };
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::{ErrorKind, Result};
 
 const TERRAIN: &str = "synth:rough,width=700,height=1100,seed=7";

@@ -8,9 +8,9 @@ use crate::cli::progress::{self, How};
 use crate::cli::{parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
-use crate::pipeline::plan::DiskCheck;
-use crate::pipeline::surface::{is_mesh, is_synthetic};
-use crate::pipeline::{Progress, Resources};
+use crate::jobs::plan::DiskCheck;
+use crate::jobs::surface::{is_mesh, is_synthetic};
+use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
 
 /// How a grid is read.

@@ -9,7 +9,7 @@ use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::geom::wkt;
-use crate::pipeline::Resources;
+use crate::jobs::Resources;
 
 /// Which points of a cloud are read, and how.
 #[derive(Clone, Debug, clap::Args)]

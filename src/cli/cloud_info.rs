@@ -6,8 +6,8 @@ use crate::cli::{cloud, text};
 use crate::cloud::{Cloud, PointSource, open};
 use crate::error::Result;
 use crate::geom::Point3;
-use crate::pipeline::cloud_stats::{CloudStats, cloud_stats};
-use crate::pipeline::{Cancel, Progress, Resources};
+use crate::jobs::cloud_stats::{CloudStats, cloud_stats};
+use crate::jobs::{Cancel, Progress, Resources};
 
 /// What is known of a cloud.
 #[derive(Serialize)]

@@ -7,11 +7,11 @@ use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin, verify};
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::jobs::Cancel;
+use crate::jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 use crate::output;
-use crate::pipeline::Cancel;
-use crate::pipeline::cloud_tin::{self, CloudTinJob, CloudTinReport};
-use crate::pipeline::sift::{Sifted, Skipped};
-use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 /// True when the inputs are clouds.
 ///
@@ -157,7 +157,7 @@ fn errors(r: &CloudTinReport) -> String {
 }
 
 fn time(r: &CloudTinReport) -> String {
-    let stage = |s: &crate::pipeline::tin::StageReport| {
+    let stage = |s: &crate::jobs::tin::StageReport| {
         format!("{} {}", s.name, text::seconds(s.thread_seconds))
     };
     let stages: Vec<String> = r.stages.iter().map(stage).collect();

@@ -4,10 +4,10 @@ use crate::cli::{Outcome, check, cloud, many, text, tin, verify};
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
-use crate::pipeline::Cancel;
-use crate::pipeline::sift::Sifted;
-use crate::pipeline::surface::is_mesh;
-use crate::pipeline::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::surface::is_mesh;
+use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();

@@ -6,10 +6,10 @@ use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
 use crate::cli::{Outcome, args, check, line, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
-use crate::pipeline::Cancel;
-use crate::pipeline::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
-use crate::pipeline::line::Length;
-use crate::pipeline::sift::Sifted;
+use crate::jobs::Cancel;
+use crate::jobs::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
+use crate::jobs::line::Length;
+use crate::jobs::sift::Sifted;
 use crate::raster;
 
 /// Make contour lines of a grid

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use crate::atomic;
 use crate::cli::{Outcome, args, check, many, names, parse, pipes, say, text};
 use crate::error::{Error, ErrorKind, Result};
-use crate::pipeline::Cancel;
-use crate::pipeline::convert::{self, ConvertJob};
-use crate::pipeline::sift::{Sifted, Skipped};
-use crate::pipeline::surface::is_synthetic;
+use crate::jobs::Cancel;
+use crate::jobs::convert::{self, ConvertJob};
+use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::surface::is_synthetic;
 use crate::raster::{SampleType, write};
 
 /// Copy a grid, or a part of it, into a file of another format

@@ -7,12 +7,12 @@ use serde::Serialize;
 use crate::atomic;
 use crate::cli::{Outcome, args, say, text, tin, verify};
 use crate::error::{Error, Result};
-use crate::pipeline::convert::{self, ConvertJob};
-use crate::pipeline::placing::Placing;
-use crate::pipeline::tin::{Goal, TinJob, TinReport};
-use crate::pipeline::verify::VerifyReport;
-use crate::pipeline::view::ViewJob;
-use crate::pipeline::{self, Cancel, Resources};
+use crate::jobs::convert::{self, ConvertJob};
+use crate::jobs::placing::Placing;
+use crate::jobs::tin::{Goal, TinJob, TinReport};
+use crate::jobs::verify::VerifyReport;
+use crate::jobs::view::ViewJob;
+use crate::jobs::{self, Cancel, Resources};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
@@ -65,9 +65,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = progress.as_ref();
     convert::run(&terrain(&files, &resources), progress, cancel)?;
     let job = mesh(&files, &resources)?;
-    let made = pipeline::tin::run(&job, progress, cancel)?;
-    let checked = pipeline::verify::run(&tin::proof(&job, &made), progress, cancel)?;
-    pipeline::view::run(&picture(&files, &resources), progress, cancel)?;
+    let made = jobs::tin::run(&job, progress, cancel)?;
+    let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
+    jobs::view::run(&picture(&files, &resources), progress, cancel)?;
     let report = Report { tin: &made, verify: &checked };
     tin::write_report(&files.report, true, &report)?;
     if args.show.json {

@@ -6,9 +6,9 @@ use crate::cli::line_verify::are_lines;
 use crate::cli::{info, text};
 use crate::error::Result;
 use crate::files::{path_of, shown};
-use crate::pipeline::feature_stats::{FeatureStats, FieldStats, feature_stats};
-use crate::pipeline::surface::is_mesh;
-use crate::pipeline::{Cancel, Progress};
+use crate::jobs::feature_stats::{FeatureStats, FieldStats, feature_stats};
+use crate::jobs::surface::is_mesh;
+use crate::jobs::{Cancel, Progress};
 use crate::vector::{Kind, OpenOptions};
 
 /// True for a file of features that is no grid or mesh as well.

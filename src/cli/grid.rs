@@ -9,9 +9,9 @@ use crate::cli::{Outcome, args, check, cloud, many, names, parse, pipes, text, t
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
-use crate::pipeline::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
-use crate::pipeline::sift::Sifted;
-use crate::pipeline::{Cancel, Resources};
+use crate::jobs::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
+use crate::jobs::sift::Sifted;
+use crate::jobs::{Cancel, Resources};
 use crate::raster::SampleType;
 use crate::raster::write::GridFormat;
 

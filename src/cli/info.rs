@@ -9,11 +9,11 @@ use crate::cli::{Outcome, args, cloud, cloud_info, feature_info, many, names, sa
 use crate::cloud::is_cloud;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geom::Point3;
+use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::surface::{self, GridStats, Surface};
+use crate::jobs::tin::{Plan, plan};
+use crate::jobs::{Cancel, Progress, Resources};
 use crate::output::MeshInfo;
-use crate::pipeline::sift::{Sifted, Skipped};
-use crate::pipeline::surface::{self, GridStats, Surface};
-use crate::pipeline::tin::{Plan, plan};
-use crate::pipeline::{Cancel, Progress, Resources};
 use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 use crate::vector;
 

@@ -9,13 +9,13 @@ use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::geom::metres_in;
-use crate::line::topology::{Collapse, Strategy};
-use crate::line::{METHODS, Method};
-use crate::pipeline::Cancel;
-use crate::pipeline::line::{
+use crate::jobs::Cancel;
+use crate::jobs::line::{
     self, Goal, HierarchyReport, Length, LineJob, LineReport, Measure, Topology,
 };
-use crate::pipeline::sift::Sifted;
+use crate::jobs::sift::Sifted;
+use crate::line::topology::{Collapse, Strategy};
+use crate::line::{METHODS, Method};
 use crate::vector;
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place

@@ -5,9 +5,9 @@ use std::path::Path;
 use crate::cli::{Outcome, check, text, tin, verify};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
-use crate::pipeline::Cancel;
-use crate::pipeline::line::Measure;
-use crate::pipeline::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use crate::jobs::Cancel;
+use crate::jobs::line::Measure;
+use crate::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 use crate::vector;
 
 /// True for a file of features.

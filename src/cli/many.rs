@@ -6,9 +6,9 @@ use crate::cli::{check, pipes, say};
 use crate::cloud;
 use crate::error::{Error, Result, all};
 use crate::files::path_of;
-use crate::pipeline::Resources;
-use crate::pipeline::sift::{self, Sifted, Skipped};
-use crate::pipeline::surface::is_synthetic;
+use crate::jobs::Resources;
+use crate::jobs::sift::{self, Sifted, Skipped};
+use crate::jobs::surface::is_synthetic;
 use crate::raster;
 use crate::vector;
 

@@ -44,7 +44,7 @@ use std::process::ExitCode;
 use clap::{FromArgMatches, Parser, Subcommand};
 
 use crate::error::{Error, ErrorKind};
-use crate::pipeline::Cancel;
+use crate::jobs::Cancel;
 
 /// Huge elevation grids in, small meshes with a proven vertical error bound out.
 ///

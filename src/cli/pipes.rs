@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use crate::atomic;
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::name_of;
-use crate::pipeline::{Cancel, Resources};
+use crate::jobs::{Cancel, Resources};
 use crate::raster::Inputs;
 use crate::vector;
 

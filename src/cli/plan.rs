@@ -6,12 +6,12 @@ use clap::Subcommand;
 
 use crate::cli::{Outcome, args, grid, many, names, parse, status, tin};
 use crate::error::Result;
+use crate::jobs::grid::plan::{PlanGridJob, plan_grid};
+use crate::jobs::placing::Placing;
+use crate::jobs::sift::Sifted;
+use crate::jobs::tin::{Goal, PlanJob, TinJob, plan_work};
+use crate::jobs::{Cancel, Resources};
 use crate::output;
-use crate::pipeline::grid::plan::{PlanGridJob, plan_grid};
-use crate::pipeline::placing::Placing;
-use crate::pipeline::sift::Sifted;
-use crate::pipeline::tin::{Goal, PlanJob, TinJob, plan_work};
-use crate::pipeline::{Cancel, Resources};
 use crate::raster::write;
 
 /// Write down the work on a large input as tasks, for `terrane run` here or on many machines

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use crate::cli::{Outcome, args, grid, status, text, tin};
 use crate::error::{Error, Result};
-use crate::pipeline::Cancel;
-use crate::pipeline::grid::plan::{GridRun, RunGridJob, run_grid};
-use crate::pipeline::plan::{Kind, kind};
-use crate::pipeline::sift::Skipped;
-use crate::pipeline::tin::{RunJob, RunReport, run_plan};
+use crate::jobs::Cancel;
+use crate::jobs::grid::plan::{GridRun, RunGridJob, run_grid};
+use crate::jobs::plan::{Kind, kind};
+use crate::jobs::sift::Skipped;
+use crate::jobs::tin::{RunJob, RunReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh or grid is written. Killed, it goes on where it was when it is run again

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::cli::{Outcome, say, text};
 use crate::error::Result;
-use crate::pipeline::grid::plan::{GridStatus, grid_status};
-use crate::pipeline::plan::{Forecast, Kind, TaskReport, Told, kind};
-use crate::pipeline::sift::Skipped;
-use crate::pipeline::tin::{StatusReport, status_of};
+use crate::jobs::grid::plan::{GridStatus, grid_status};
+use crate::jobs::plan::{Forecast, Kind, TaskReport, Told, kind};
+use crate::jobs::sift::Skipped;
+use crate::jobs::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]

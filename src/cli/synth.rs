@@ -8,10 +8,10 @@ use crate::cli::{Outcome, args, check, convert, text};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, Result};
-use crate::pipeline::Cancel;
-use crate::pipeline::convert::ConvertJob;
-use crate::pipeline::draw::{self, DrawJob};
-use crate::pipeline::survey::{self, SurveyJob};
+use crate::jobs::Cancel;
+use crate::jobs::convert::ConvertJob;
+use crate::jobs::draw::{self, DrawJob};
+use crate::jobs::survey::{self, SurveyJob};
 use crate::synth::lines::Lines;
 use crate::vector;
 

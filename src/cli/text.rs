@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::pipeline::placing::Placed;
+use crate::jobs::placing::Placed;
 
 /// "1,234,567".
 pub(super) fn count(n: u64) -> String {

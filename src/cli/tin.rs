@@ -9,12 +9,12 @@ use crate::cli::{
     Outcome, args, check, cloud, cloud_tin, many, names, parse, pipes, say, text, verify,
 };
 use crate::error::{Error, Result};
+use crate::jobs::Cancel;
+use crate::jobs::placing::Placing;
+use crate::jobs::sift::{Sifted, Skipped};
+use crate::jobs::tin::{self, Goal, TinJob, TinReport};
+use crate::jobs::verify::{VerifyJob, VerifyReport};
 use crate::output;
-use crate::pipeline::Cancel;
-use crate::pipeline::placing::Placing;
-use crate::pipeline::sift::{Sifted, Skipped};
-use crate::pipeline::tin::{self, Goal, TinJob, TinReport};
-use crate::pipeline::verify::{VerifyJob, VerifyReport};
 use crate::raster::{self, undeclared_nodata};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
@@ -240,7 +240,7 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
         }
     };
     let checked = match args.verify {
-        true => Some(crate::pipeline::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
+        true => Some(crate::jobs::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
         false => None,
     };
     let report = Report { tin: &made, verify: checked.as_ref(), skipped };
@@ -400,7 +400,7 @@ pub(super) fn stages(stages: &[tin::StageReport]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::placing::Placed;
+    use crate::jobs::placing::Placed;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {

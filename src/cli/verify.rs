@@ -9,10 +9,10 @@ use crate::cli::{
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
-use crate::pipeline::Cancel;
-use crate::pipeline::sift::Sifted;
-use crate::pipeline::surface::is_mesh;
-use crate::pipeline::verify::{self, VerifyJob, VerifyReport};
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::surface::is_mesh;
+use crate::jobs::verify::{self, VerifyJob, VerifyReport};
 use crate::raster;
 
 /// Prove a mesh against its grid or point cloud, or simplified lines against their original: error

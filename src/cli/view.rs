@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use crate::cli::{Outcome, args, check, many, names, parse, text};
 use crate::error::Result;
-use crate::pipeline::Cancel;
-use crate::pipeline::sift::Sifted;
-use crate::pipeline::view::{self, ViewJob, ViewReport};
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::view::{self, ViewJob, ViewReport};
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface)
 #[derive(Clone, Debug, clap::Args)]

@@ -7,9 +7,9 @@ use std::path::Path;
 use terrane::Result;
 use terrane::geom::plane::orient;
 use terrane::geom::{Affine, Crs, Rect};
-use terrane::pipeline::contour::{ContourJob, ContourReport, Heights, run, trace};
-use terrane::pipeline::line::Length;
-use terrane::pipeline::{Cancel, Resources, Silent};
+use terrane::jobs::contour::{ContourJob, ContourReport, Heights, run, trace};
+use terrane::jobs::line::Length;
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::raster::{GridInfo, GridSource, SampleType};
 use terrane::vector::{self, Value};
 

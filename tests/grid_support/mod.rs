@@ -8,8 +8,8 @@ use terrane::Result;
 use terrane::cloud::{BATCH, Census, CloudInfo, PointSource};
 use terrane::geom::{Crs, Frame, Point};
 use terrane::gridding::{Statistic, parse_list};
-use terrane::pipeline::grid::{GridJob, GridReport, grid};
-use terrane::pipeline::{Cancel, Silent};
+use terrane::jobs::grid::{GridJob, GridReport, grid};
+use terrane::jobs::{Cancel, Silent};
 use terrane::raster;
 
 /// Points in memory.

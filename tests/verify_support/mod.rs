@@ -4,9 +4,9 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::Result;
 use terrane::geom::{Affine, Crs, Point3, Rect};
+use terrane::jobs::verify::{VerifyReport, verify};
+use terrane::jobs::{Cancel, Resources, Silent};
 use terrane::output::{MeshInfo, MeshSource};
-use terrane::pipeline::verify::{VerifyReport, verify};
-use terrane::pipeline::{Cancel, Resources, Silent};
 use terrane::raster::{GridInfo, GridSource, SampleType};
 
 /// A grid in memory.

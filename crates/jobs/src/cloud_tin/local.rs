@@ -1,0 +1,144 @@
+//! The part of one triangulation that a region sees, made from as few vertices as prove it.
+//!
+//! The mesh of a cloud is the Delaunay triangulation of all chosen vertices. A triangle of a smaller
+//! set is one of it when no other vertex lies in its circle: vertices around the region are taken in
+//! until that holds for every triangle that reaches into the region. Vertices further and further
+//! apart, away from the region, keep the circles small; the hull of all closes the mesh.
+
+use std::collections::HashMap;
+
+use super::regions::Region;
+use crate::points::PointStore;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_delaunay::{Disc, Window};
+use terrane_tin::scatter::Mesh;
+
+/// Squares taken in at a time, the nearest first.
+const AT_ONCE: usize = 64;
+/// Squares on each side of a region, at each distance, one of which stands for its neighbours.
+const STRIDES: i64 = 6;
+
+/// A region's part of the triangulation of the vertices in a store.
+pub(super) struct Local<'a> {
+    vertices: &'a PointStore,
+    region: Region,
+    pub(super) mesh: Mesh,
+    /// Squares that are in the mesh as a whole, with their vertices.
+    loaded: HashMap<usize, Vec<Point>>,
+    /// All squares in here are loaded.
+    whole: Window,
+}
+
+impl<'a> Local<'a> {
+    /// The triangulation of `vertices` as far as `region` sees it. `hull` has the corners of
+    /// the convex hull of all vertices, at least three.
+    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {
+        let mesh = Mesh::of_first(hull).ok_or_else(super::no_surface)?;
+        let tiling = vertices.tiling();
+        let whole = region.window(tiling).grown(tiling.side());
+        let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };
+        local.insert(hull);
+        local.insert(&skeleton(vertices, &region));
+        tiling.touching(whole).try_for_each(|square| local.load(square))?;
+        while local.complete()? {}
+        Ok(local)
+    }
+
+    fn insert(&mut self, points: &[Point]) {
+        for &point in points {
+            self.mesh.insert(point);
+        }
+    }
+
+    /// Takes in all vertices of a square.
+    fn load(&mut self, square: usize) -> Result<()> {
+        let mut points = Vec::new();
+        self.vertices.load_distinct(square, &mut points)?;
+        self.insert(&points);
+        self.loaded.insert(square, points);
+        Ok(())
+    }
+
+    /// Takes in squares that may have vertices in the circles; false when there are none.
+    fn complete(&mut self) -> Result<bool> {
+        let mut wanted = self.wanted();
+        wanted.truncate(AT_ONCE);
+        wanted.iter().try_for_each(|&square| self.load(square))?;
+        Ok(!wanted.is_empty())
+    }
+
+    /// Squares not loaded that may have vertices in the circle of a triangle of the region, the
+    /// nearest first.
+    fn wanted(&self) -> Vec<usize> {
+        let mut wanted = Vec::new();
+        for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.whole)) {
+            let met = self.vertices.squares_in(disc);
+            wanted.extend(met.filter(|square| !self.loaded.contains_key(square)));
+        }
+        wanted.sort_unstable();
+        wanted.dedup();
+        wanted.sort_by_key(|&square| (self.steps_to(square), square));
+        wanted
+    }
+
+    /// How far a square is from the region, along the axis on which it is further.
+    fn steps_to(&self, square: usize) -> i64 {
+        let tiling = self.vertices.tiling();
+        let (here, there) = (self.region.window(tiling), tiling.window_of(square));
+        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
+        let apart =
+            |i: usize| gap(there.low[i], here.high[i]).max(gap(here.low[i], there.high[i])).max(0);
+        apart(0).max(apart(1))
+    }
+
+    /// The circles of the triangles whose box touches the region's.
+    fn discs(&self) -> impl Iterator<Item = Disc> {
+        let window = self.region.window(self.vertices.tiling());
+        let all = (0..self.mesh.triangles().len() as u32).filter_map(|t| self.mesh.corners(t));
+        let all = all.map(|corners| corners.map(|p| [p.x, p.y]));
+        let touches = move |corners: &[[i32; 2]; 3]| {
+            Window::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
+        };
+        all.filter(touches).map(Disc::around)
+    }
+
+    /// A window that holds every vertex that may change the mesh here.
+    pub(super) fn influence(&self) -> Window {
+        let all = self.vertices.tiling().window();
+        let parts = self.discs().filter_map(|disc| disc.clip(&all));
+        parts.fold(self.whole, |sum, part| sum.union(&part))
+    }
+
+    /// The vertices of a square, from those loaded or from the store.
+    pub(super) fn vertices_of(&mut self, square: usize) -> Result<&[Point]> {
+        if !self.loaded.contains_key(&square) {
+            let mut points = Vec::new();
+            self.vertices.load_distinct(square, &mut points)?;
+            self.loaded.insert(square, points);
+        }
+        Ok(&self.loaded[&square])
+    }
+}
+
+/// Vertices far from the region, one for so many squares, fewer with the distance.
+fn skeleton(vertices: &PointStore, region: &Region) -> Vec<Point> {
+    let tiling = vertices.tiling();
+    let (counts, mut found) = (tiling.counts().map(i64::from), Vec::new());
+    let mut stride = 1;
+    while stride < counts[0].max(counts[1]) {
+        let first = |axis: usize| {
+            let low = i64::from(region.low[axis]) - STRIDES * stride;
+            (low.max(0) + stride - 1) / stride * stride
+        };
+        let end = |axis: usize| (i64::from(region.end[axis]) + STRIDES * stride).min(counts[axis]);
+        for row in (first(1)..end(1)).step_by(stride as usize) {
+            for col in (first(0)..end(0)).step_by(stride as usize) {
+                let square = tiling.square([col as u32, row as u32]);
+                found.extend(vertices.summary(square).map(|summary| summary.lowest));
+            }
+        }
+        stride *= 2;
+    }
+    found
+}

@@ -1,0 +1,82 @@
+//! Squares of points gathered into regions of about equal work.
+
+use crate::points::{PointStore, Tiling};
+use terrane_delaunay::Window;
+
+/// A block of squares that is worked on by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Region {
+    /// First column and row of squares.
+    pub(super) low: [u32; 2],
+    /// Column and row after the last.
+    pub(super) end: [u32; 2],
+    /// Points in it.
+    pub(super) points: u64,
+}
+
+/// All regions that hold points, in the order of a curve that keeps neighbours together.
+#[derive(Debug)]
+pub(super) struct Regions {
+    pub(super) all: Vec<Region>,
+    /// By square: its region.
+    of: Vec<u32>,
+}
+
+impl Region {
+    /// Its squares, row by row.
+    pub(super) fn squares<'a>(&self, tiling: &'a Tiling) -> impl Iterator<Item = usize> + use<'a> {
+        let Self { low, end, .. } = *self;
+        let row = move |row: u32| (low[0]..end[0]).map(move |col| [col, row]);
+        (low[1]..end[1]).flat_map(row).map(|place| tiling.square(place))
+    }
+
+    /// What it covers.
+    pub(super) fn window(&self, tiling: &Tiling) -> Window {
+        let first = tiling.window_of(tiling.square(self.low));
+        first.union(&tiling.window_of(tiling.square(self.end.map(|end| end - 1))))
+    }
+}
+
+impl Regions {
+    /// Divides the squares of a store: by halves of both sides while there are more than `most` points
+    /// and more than one square.
+    pub(super) fn new(store: &PointStore, most: u64) -> Self {
+        let counts = store.tiling().counts();
+        let side = counts[0].max(counts[1]).next_power_of_two();
+        let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; store.tiling().count()] };
+        let mut blocks = vec![([0; 2], side)];
+        while let Some((low, side)) = blocks.pop() {
+            let end = [0, 1].map(|axis| (low[axis] + side).min(counts[axis]));
+            let mut region = Region { low, end, points: 0 };
+            let squares = region.squares(store.tiling());
+            region.points = squares.filter_map(|s| Some(store.summary(s)?.count)).sum();
+            if region.points > most && side > 1 {
+                blocks.extend(quarters(low, side / 2));
+            } else if region.points > 0 {
+                regions.push(region, store.tiling());
+            }
+        }
+        regions
+    }
+
+    fn push(&mut self, region: Region, tiling: &Tiling) {
+        let number = self.all.len() as u32;
+        region.squares(tiling).for_each(|square| self.of[square] = number);
+        self.all.push(region);
+    }
+
+    /// The region of a square with points.
+    pub(super) fn of(&self, square: usize) -> usize {
+        self.of[square] as usize
+    }
+
+    /// Points of the fullest region.
+    pub(super) fn most_points(&self) -> u64 {
+        self.all.iter().map(|region| region.points).max().unwrap_or(0)
+    }
+}
+
+/// The quarters of a block, the one to be taken up last first.
+fn quarters([col, row]: [u32; 2], side: u32) -> [([u32; 2], u32); 4] {
+    [[1, 1], [0, 1], [1, 0], [0, 0]].map(|[x, y]| ([col + x * side, row + y * side], side))
+}

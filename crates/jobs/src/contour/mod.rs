@@ -1,0 +1,384 @@
+//! Contour lines of a grid of any size, into a file of features.
+//!
+//! Threads trace tiles and hand over pieces of lines, which are joined where they meet on a rim and
+//! wait in memory, or in an unnamed file; when all tiles are done, lines are put together one by one
+//! and written, by level and then by the edge they begin at, a ring at its lowest. So the file depends on the grid and the levels
+//! alone, not on threads, memory or tiles.
+//!
+//! **Simplified lines** are simplified tile by tile, by the greedy double cone, and untangled
+//! ([`terrane_line::topology`]), all levels together; vertices on rims stay. A tile is convex, so what
+//! is in it cannot cross what is in another. Touching along a rim is left, and impossible: a piece both
+//! of whose ends are on one rim keeps the vertex that is farthest from it, so no segment lies along a
+//! rim. Each vertex left out is within the tolerance of the segment in its place. Where rings begin
+//! stays, too, so lines have the order and the ids that they have without a tolerance. The tile is an
+//! input here: on its rims each line keeps a vertex that it might have lost.
+//!
+//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as
+//! fit into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid:
+//! about 160 bytes for each piece of a line between two rims (or whole line within a tile), beside
+//! vertices of 16 bytes, which are spilled. When the tiles are done, their room is that of the line being
+//! written, 128 bytes a vertex. Where crossings, pieces or a line do not fit, an error says so.
+
+mod budget;
+mod join;
+mod simplify;
+mod spool;
+mod tiles;
+mod write;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::line::{Length, Measure, Threshold, goal_of};
+use crate::workers::{self, lock};
+use crate::{Cancel, Progress, Resources, peak_memory};
+use budget::Budget;
+use join::Pieces;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_contour::Levels;
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
+use tiles::{Tiles, Worker};
+
+/// The heights of contour lines.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heights {
+    /// Multiples of `interval`, counted from `base`.
+    Every {
+        /// Distance of neighbouring levels, in the vertical unit of the data.
+        interval: f64,
+        /// One of the levels.
+        base: f64,
+    },
+    /// These.
+    List(Vec<f64>),
+}
+
+/// Cells along the side of a tile, least to most.
+pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
+
+/// Cells along the side of a tile, unless told otherwise.
+pub const USUAL_TILE: u32 = 1024;
+
+/// Contour lines to make.
+#[derive(Clone, Debug)]
+pub struct ContourJob {
+    /// Grid files, or a synthetic terrain by name.
+    pub input: Inputs,
+    /// Band to read, from 1.
+    pub band: u32,
+    /// Replaces the file's nodata value.
+    pub nodata: Option<f64>,
+    /// File of features to write.
+    pub output: PathBuf,
+    /// Name of the format to write; by the output's ending when `None`.
+    pub format: Option<String>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// Where lines are drawn.
+    pub heights: Heights,
+    /// Largest distance of a vertex that is left out from the line; all vertices are kept when `None`.
+    pub tolerance: Option<Length>,
+    /// Name of the property that holds the height of a line.
+    pub attribute: String,
+    /// Give each vertex the height of its line as z.
+    pub with_z: bool,
+    /// Mark each level of this number of intervals from the base.
+    pub index: Option<u32>,
+    /// Cells along the side of a tile, in [`TILE_CELLS`].
+    pub tile: u32,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+impl Heights {
+    fn is_every(&self) -> bool {
+        matches!(self, Self::Every { .. })
+    }
+}
+
+impl ContourJob {
+    /// The job with everything else at its default.
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, heights: Heights) -> Self {
+        Self {
+            input: input.into(),
+            band: 1,
+            nodata: None,
+            output: output.into(),
+            format: None,
+            overwrite: false,
+            heights,
+            tolerance: None,
+            attribute: "elev".to_owned(),
+            with_z: false,
+            index: None,
+            tile: USUAL_TILE,
+            resources: Resources::default(),
+        }
+    }
+
+    fn levels(&self) -> Result<Levels> {
+        match &self.heights {
+            Heights::Every { interval, base } => Levels::every(*interval, *base),
+            Heights::List(levels) => Levels::list(levels.clone()),
+        }
+    }
+
+    /// What can be known to be wrong before any work; the format to write.
+    ///
+    /// # Errors
+    /// Levels that are none, a tile or tolerance out of range, an unknown format or one that holds no
+    /// lines.
+    pub fn check(&self) -> Result<&'static VectorFormat> {
+        self.levels()?;
+        if !TILE_CELLS.contains(&self.tile) {
+            let (least, most) = TILE_CELLS.into_inner();
+            return Err(Error::usage(format!("tiles of {} cells", self.tile))
+                .remedy(format!("choose {least} to {most}")));
+        }
+        if self.tolerance.is_some_and(|t| !(t.value >= 0.0 && t.value.is_finite())) {
+            return Err(Error::usage("the tolerance is not a distance")
+                .remedy("give a number of 0 or more"));
+        }
+        if self.index == Some(0) || (self.index.is_some() && !self.heights.is_every()) {
+            return Err(Error::usage("index contours are counted in intervals, 1 or more")
+                .remedy("give an interval instead of levels, or leave --index out"));
+        }
+        if self.index.is_some() && self.attribute == write::INDEX {
+            return Err(Error::usage("the heights and the marks of index contours have one name")
+                .remedy("choose another --attribute"));
+        }
+        let format = vector::by_path(&self.output, self.format.as_deref())?;
+        if !format.holds.kinds.contains(&vector::Kind::LineString) {
+            return Err(Error::usage(format!("{} holds no lines", format.name))
+                .in_file(&self.output)
+                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
+        }
+        Ok(format)
+    }
+}
+
+/// What was made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ContourReport {
+    pub input: String,
+    pub output: String,
+    /// Name of the written format.
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    pub crs: String,
+    /// Levels with a line, and the lowest and highest of them.
+    pub levels: u64,
+    pub lowest: Option<f64>,
+    pub highest: Option<f64>,
+    pub tolerance: Option<Threshold>,
+    /// Cells along the side of a tile.
+    pub tile: u32,
+    /// Lines written, rings among them.
+    pub lines: u64,
+    pub rings: u64,
+    /// Lines that would go around nothing: samples exactly on a level, with no cell among them and all
+    /// others around them below.
+    pub left_out: u64,
+    /// Vertices written, and those before simplification, of lines left out too.
+    pub vertices: u64,
+    pub original_vertices: u64,
+    pub notes: Vec<String>,
+    pub output_bytes: u64,
+    pub samples: u64,
+    /// Bytes of the temporary file; 0 when there was none.
+    pub spilled_bytes: u64,
+    pub threads: usize,
+    pub memory_budget: u64,
+    pub peak_memory: Option<u64>,
+    pub wall_seconds: f64,
+    pub samples_per_second: f64,
+}
+
+/// Runs the job. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// Those of [`ContourJob::check`]; an output that exists or cannot be written; whatever the grid's
+/// opener finds; heights beyond 1e30; too little memory.
+pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
+    let start = Instant::now();
+    job.check()?;
+    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    let budget = Budget::divide(job)?;
+    let options = OpenOptions {
+        band: job.band,
+        nodata: job.nodata,
+        cache_bytes: usize::try_from(budget.cache).unwrap_or(usize::MAX),
+        threads: budget.threads,
+        temp_dir: job.resources.temp_dir.clone(),
+    };
+    let source = raster::open_all(job.input.names(), &options)?;
+    let work = Work::new(job, source.info())?;
+    let sink = work.sink()?;
+    let pieces = work.trace(source.as_ref(), progress, cancel)?;
+    // Decoded blocks make room for lines.
+    drop(source);
+    work.write(pieces, sink, start, progress, cancel)
+}
+
+/// As [`run`], from a grid that is open already (`job.input` is only named in the report).
+///
+/// # Errors
+/// As [`run`].
+pub fn trace(
+    source: &dyn GridSource,
+    job: &ContourJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ContourReport> {
+    let start = Instant::now();
+    let work = Work::new(job, source.info())?;
+    let sink = work.sink()?;
+    let pieces = work.trace(source, progress, cancel)?;
+    work.write(pieces, sink, start, progress, cancel)
+}
+
+/// A job on a grid.
+struct Work<'a> {
+    job: &'a ContourJob,
+    format: &'static VectorFormat,
+    levels: Levels,
+    tolerance: Option<Tolerance>,
+    budget: Budget,
+    info: GridInfo,
+}
+
+impl<'a> Work<'a> {
+    fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
+        Ok(Self {
+            job,
+            format: job.check()?,
+            levels: job.levels()?,
+            tolerance: job.tolerance.map(|length| measured(length, info)).transpose()?,
+            budget: Budget::divide(job)?,
+            info: info.clone(),
+        })
+    }
+
+    fn sink(&self) -> Result<Box<dyn FeatureSink>> {
+        let options = WriteOptions {
+            overwrite: self.job.overwrite,
+            temp_dir: self.job.resources.temp_dir.clone(),
+            ..WriteOptions::default()
+        };
+        let layer = write::layer(self.job, self.format, &self.info);
+        vector::create(&self.job.output, self.format, &layer, &options)
+    }
+
+    fn trace(
+        &self,
+        source: &dyn GridSource,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Pieces> {
+        let tiles = Tiles::new(&self.info, self.job.tile);
+        progress.begin("trace", self.samples());
+        let pieces = Mutex::new(Pieces::new(&self.budget, &self.job.spill_folder()));
+        let Self { levels, budget, tolerance, .. } = self;
+        let task = tiles::Task { source, levels, tiles, budget: *budget, tolerance: *tolerance };
+        workers::run(
+            budget.threads,
+            tiles.count(),
+            cancel,
+            || Worker::new(&task),
+            |worker: &mut Worker<'_, '_>, tile| {
+                let traced = worker.trace(tile).map_err(|e| self.of_input(e))?;
+                lock(&pieces).add(traced, tiles.rect(tile), tiles)?;
+                progress.advance(tiles.owned(tile));
+                Ok(())
+            },
+            |_| Ok(()),
+        )?;
+        progress.end();
+        Ok(pieces.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    fn write(
+        &self,
+        pieces: Pieces,
+        sink: Box<dyn FeatureSink>,
+        start: Instant,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ContourReport> {
+        let Self { job, format, levels, info, .. } = self;
+        let most = self.budget.line_vertices();
+        let writer = write::Writer { job, format, levels, info, most };
+        let made = writer.write(pieces, sink, progress, cancel)?;
+        let wall_seconds = start.elapsed().as_secs_f64();
+        Ok(ContourReport {
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            format: format.name.to_owned(),
+            width: info.width,
+            height: info.height,
+            crs: info.crs.label(),
+            tolerance: self.tolerance.map(Tolerance::threshold),
+            tile: job.tile,
+            samples: self.samples(),
+            threads: self.budget.threads,
+            memory_budget: job.resources.memory,
+            peak_memory: peak_memory(),
+            wall_seconds,
+            samples_per_second: self.samples() as f64 / wall_seconds,
+            ..made
+        })
+    }
+
+    fn samples(&self) -> u64 {
+        u64::from(self.info.width) * u64::from(self.info.height)
+    }
+
+    /// Names the input in an error that names no file, if it is one of its heights.
+    fn of_input(&self, error: Error) -> Error {
+        match error.kind() {
+            ErrorKind::BadInput => error.in_file(Path::new(&self.job.input.to_string())),
+            _ => error,
+        }
+    }
+}
+
+impl ContourJob {
+    /// Where pieces are spilled: the folder asked for, or the output's.
+    fn spill_folder(&self) -> PathBuf {
+        let beside = self.output.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = self.resources.temp_dir.as_deref().or(beside);
+        folder.map_or_else(|| PathBuf::from("."), PathBuf::from)
+    }
+}
+
+/// A tolerance as it is measured.
+#[derive(Clone, Copy, Debug)]
+struct Tolerance {
+    measure: Measure,
+    value: f64,
+}
+
+impl Tolerance {
+    fn threshold(self) -> Threshold {
+        Threshold { value: self.value, metres: self.measure == Measure::Geographic }
+    }
+}
+
+/// A length over a grid.
+fn measured(length: Length, info: &GridInfo) -> Result<Tolerance> {
+    let (measure, value) = goal_of(length, false, &info.crs)?;
+    let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
+    let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
+    let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
+    if measure == Measure::Geographic && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6) {
+        return Err(Error::bad_input("a latitude is beyond 90 degrees")
+            .remedy("pass --tolerance as a plain number, in units of x and y"));
+    }
+    Ok(Tolerance { measure, value })
+}

@@ -1,0 +1,250 @@
+//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in
+//! bounded memory, the same bytes whatever the threads.
+
+mod bbox;
+pub(crate) mod task;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::{Cancel, Progress, Resources, peak_memory};
+use bbox::{part, window};
+use task::{Pieces, Summary, Task};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_raster::write::{self, GridFormat, GridSink, WriteOptions};
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
+
+/// A grid-to-grid job.
+#[derive(Clone, Debug)]
+pub struct ConvertJob {
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
+    /// File to write.
+    pub output: PathBuf,
+    /// Name of the format to write; by the output's ending when `None`.
+    pub format: Option<String>,
+    /// Creation options of the format, as (key, value).
+    pub creation: Vec<(String, String)>,
+    /// Band to read, from 1.
+    pub band: u32,
+    /// Replaces the file's nodata value.
+    pub nodata: Option<f64>,
+    /// Keep only the cells that (x min, y min, x max, y max) overlaps, in world coordinates: the box
+    /// is widened to whole cells, a cell being the square around a sample.
+    pub bbox: Option<[f64; 4]>,
+    /// Type of the written samples; the source's when `None`, or what the format holds.
+    pub sample_type: Option<SampleType>,
+    /// Written value for voids; the value they are read by when `None`, where the type holds it.
+    pub out_nodata: Option<f64>,
+    /// Write the nearest value where the type does not hold a height exactly, instead of failing.
+    pub round: bool,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+impl ConvertJob {
+    /// The job with everything else at its default.
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            input: input.into(),
+            output: output.into(),
+            format: None,
+            creation: Vec::new(),
+            band: 1,
+            nodata: None,
+            bbox: None,
+            sample_type: None,
+            out_nodata: None,
+            round: false,
+            overwrite: false,
+            resources: Resources::default(),
+        }
+    }
+
+    fn write_options(&self) -> WriteOptions {
+        WriteOptions {
+            overwrite: self.overwrite,
+            creation: self.creation.clone(),
+            sample_type: self.sample_type,
+            nodata: self.out_nodata,
+            round: self.round,
+            temp_dir: self.resources.temp_dir.clone(),
+            bands: Vec::new(),
+        }
+    }
+}
+
+/// What a grid-to-grid job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ConvertReport {
+    pub input: String,
+    pub output: String,
+    /// Name of the written format.
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    pub crs: String,
+    pub sample_type: String,
+    pub nodata: Option<f64>,
+    pub samples: u64,
+    pub valid_samples: u64,
+    /// Lowest and highest valid height; absent when there is none.
+    pub lowest: Option<f64>,
+    pub highest: Option<f64>,
+    /// What of the grid the format could not say.
+    pub notes: Vec<String>,
+    pub output_bytes: u64,
+    pub threads: usize,
+    pub memory_budget: u64,
+    pub peak_memory: Option<u64>,
+    pub wall_seconds: f64,
+    pub samples_per_second: f64,
+}
+
+/// Runs the job. Nothing appears under the output's name unless it succeeds.
+pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
+    let format = write::by_path(&job.output, job.format.as_deref())?;
+    format.check(&job.creation)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
+    let temp_dir = job.resources.temp_dir.clone();
+    let options =
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
+    let source = raster::open_all(job.input.names(), &options)?;
+    copy(source.as_ref(), job, progress, cancel)
+}
+
+/// As [`run`], from a grid that is open already (`job.input` is only named in the report).
+pub fn copy(
+    source: &dyn GridSource,
+    job: &ConvertJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ConvertReport> {
+    let start = Instant::now();
+    let format = write::by_path(&job.output, job.format.as_deref())?;
+    let budget = Budget::divide(job, format)?;
+    let window = window(source.info(), job.bbox)?;
+    let info = part(source.info(), window);
+    let mut sink = format.create(&job.output, &info, &job.write_options())?;
+    let threads = budget.threads_for(sink.as_ref(), format)?;
+    let samples = u64::from(info.width) * u64::from(info.height);
+    progress.begin("convert", samples);
+    let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
+    let task = Task { sources: &[source], window, sink: sink.as_ref(), pieces };
+    let summary = task.run(threads, progress, cancel)?;
+    progress.end();
+    copy_levels(sink.as_mut(), threads, progress, cancel)?;
+    cancel.check()?;
+    let (written, notes) = (sink.info().clone(), sink.notes());
+    let output_bytes = sink.finish()?;
+    let wall_seconds = start.elapsed().as_secs_f64();
+    Ok(ConvertReport {
+        format: format.name.to_owned(),
+        samples,
+        notes,
+        output_bytes,
+        threads,
+        wall_seconds,
+        samples_per_second: samples as f64 / wall_seconds,
+        ..report(job, &written, &summary)
+    })
+}
+
+/// Overviews, one after the other.
+pub(crate) fn copy_levels(
+    sink: &mut dyn GridSink,
+    threads: usize,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<()> {
+    while let Some(levels) = sink.next_level()? {
+        let sources: Vec<&dyn GridSource> = levels.iter().map(AsRef::as_ref).collect();
+        let Some(first) = sources.first() else { continue };
+        let window = first.info().bounds();
+        progress.begin("overview", window.len() as u64);
+        let pieces = Pieces::new(window, *first, sink, 0);
+        let task = Task { sources: &sources, window, sink, pieces };
+        task.run(threads, progress, cancel)?;
+        progress.end();
+    }
+    Ok(())
+}
+
+fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport {
+    let seen = |height: f64| (summary.valid > 0).then_some(height);
+    ConvertReport {
+        input: job.input.to_string(),
+        output: job.output.display().to_string(),
+        width: info.width,
+        height: info.height,
+        crs: info.crs.label(),
+        sample_type: info.sample_type.name().to_owned(),
+        nodata: info.nodata,
+        valid_samples: summary.valid,
+        lowest: seen(summary.lowest),
+        highest: seen(summary.highest),
+        memory_budget: job.resources.memory,
+        peak_memory: peak_memory(),
+        ..ConvertReport::default()
+    }
+}
+
+/// How the job's memory is divided.
+#[derive(Clone, Copy)]
+struct Budget {
+    threads: usize,
+    /// Bytes for decoded blocks of the source.
+    cache: usize,
+    memory: u64,
+}
+
+/// Samples of a block when nothing else is known, as in a tile of 512 x 512.
+const USUAL_SAMPLES: u64 = 512 * 512;
+/// Least memory left for the source's blocks.
+const LEAST_CACHE: u64 = 8 << 20;
+
+impl Budget {
+    /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
+    /// where memory is short.
+    fn divide(job: &ConvertJob, format: &GridFormat) -> Result<Self> {
+        let Resources { threads, memory, .. } = job.resources;
+        let side = job.creation.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
+        let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
+        let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
+        let block = samples.saturating_mul(format.bytes_per_sample);
+        let least = block.saturating_add(LEAST_CACHE);
+        if memory < least {
+            return Err(too_small(memory, least));
+        }
+        let most = (memory - LEAST_CACHE) / block;
+        let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
+        let share = threads as u64 * block;
+        let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
+        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory })
+    }
+
+    /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
+    /// larger than was thought when the source was opened.
+    fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
+        let (width, height) = sink.block();
+        let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
+        let block = samples(width.min(info.width), height.min(info.height));
+        let block = block.saturating_mul(format.bytes_per_sample).max(1);
+        match (self.memory - self.cache as u64) / block {
+            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
+            most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),
+        }
+    }
+}
+
+fn too_small(memory: u64, least: u64) -> Error {
+    let message = format!("the memory budget of {memory} bytes is too small");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("give at least {} MiB with --memory", least.div_ceil(1 << 20)))
+}

@@ -1,0 +1,76 @@
+//! The part of a grid that a box of world coordinates asks for.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_raster::GridInfo;
+
+/// Less of a cell than this is rounding, not overlap.
+const HAIR: f64 = 1e-6;
+
+/// The cells of a grid that a box (x min, y min, x max, y max) overlaps. The cell of a sample is the
+/// square around it, whether samples are points or areas, so the box is widened to whole cells; what
+/// lies outside the grid is left out. On a rotated grid: the upright lattice rectangle around the box.
+pub(super) fn window(info: &GridInfo, bbox: Option<[f64; 4]>) -> Result<Rect> {
+    let Some([x0, y0, x1, y1]) = bbox else { return Ok(info.bounds()) };
+    let corners =
+        [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| info.transform.invert(x, y));
+    let (col, width) = span(corners.map(|c| c[0]), info.width);
+    let (row, height) = span(corners.map(|c| c[1]), info.height);
+    let ordered = x0 <= x1 && y0 <= y1;
+    if !ordered || width == 0 || height == 0 {
+        let message = format!("no cell lies inside the box {x0},{y0},{x1},{y1}");
+        let [a, b] = extent(info);
+        let extent = format!("{},{},{},{}", a[0], a[1], b[0], b[1]);
+        return Err(Error::usage(message)
+            .remedy(format!("give x min,y min,x max,y max; the grid covers {extent}")));
+    }
+    Ok(Rect::new(col, row, width, height))
+}
+
+/// First and number of the cells that four lattice positions span.
+fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
+    let least = positions.into_iter().fold(f64::INFINITY, f64::min) + 0.5;
+    let most = positions.into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.5;
+    let side = f64::from(side);
+    let first = (least + HAIR).floor();
+    let end = (most - HAIR).ceil().max(first + 1.0);
+    let (first, end) = (first.clamp(0.0, side) as u32, end.clamp(0.0, side) as u32);
+    (first, end.saturating_sub(first))
+}
+
+/// Least and greatest world position of the grid's cells.
+fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
+    let (right, down) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
+    let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, down], [right, down]];
+    let corners = corners.map(|[col, row]| info.transform.apply(col, row));
+    let fold = |pick: fn(f64, f64) -> f64| {
+        let [a, b, c, d] = corners;
+        [0, 1].map(|axis| pick(pick(a[axis], b[axis]), pick(c[axis], d[axis])))
+    };
+    [fold(f64::min), fold(f64::max)]
+}
+
+/// What the part of a grid inside `window` is.
+pub(super) fn part(info: &GridInfo, window: Rect) -> GridInfo {
+    let transform = info.transform.shifted(f64::from(window.col), f64::from(window.row));
+    GridInfo { width: window.width, height: window.height, transform, ..info.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_widened_to_whole_cells() {
+        let of = |least: f64, most: f64| span([least, most, least, most], 10);
+        assert_eq!(of(-0.5, 9.5), (0, 10), "the edges of the grid");
+        assert_eq!(of(2.0, 2.0), (2, 1), "a point");
+        assert_eq!(of(1.5, 3.5), (2, 2), "cell edges");
+        assert_eq!(of(1.4, 3.6), (1, 4));
+        assert_eq!(of(-7.0, 0.6), (0, 2));
+        assert_eq!(of(9.4, 99.0), (9, 1));
+        assert_eq!(of(9.5, 99.0).1, 0);
+        assert_eq!(of(-9.0, -0.5).1, 0);
+        assert_eq!(of(f64::NAN, f64::NAN).1, 0);
+    }
+}

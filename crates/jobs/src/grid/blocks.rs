@@ -1,0 +1,268 @@
+//! The cells of a grid in blocks: made when a point first touches one, spilled when memory is short.
+//!
+//! What blocks keep can be added up, so a block that was spilled begins anew when it is touched
+//! again, and its parts are joined when it is read (or when they become many). The least recently
+//! touched are spilled first.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::budget::Budget;
+use super::extent::Extent;
+use crate::tin::spill::{Extent as Place, Spill};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_gridding::{Block, Recipe};
+
+/// All blocks of a grid.
+pub(super) struct Blocks<'a> {
+    recipe: &'a Recipe,
+    /// Blocks have 2^shift columns and rows.
+    shift: u32,
+    width: u32,
+    height: u32,
+    slots: Vec<Slot>,
+    /// Bytes that blocks in memory may take, and take.
+    budget: u64,
+    held: AtomicU64,
+    /// Counts touches.
+    clock: AtomicU64,
+    spill: Spill,
+    spilling: Mutex<()>,
+    /// Cells of each block that are written, or 0 to keep it.
+    written: Vec<AtomicU32>,
+}
+
+/// One block.
+#[derive(Default)]
+struct Slot {
+    state: Mutex<State>,
+    /// When it was last touched; 0 while it is not in memory.
+    touched: AtomicU64,
+}
+
+#[derive(Default)]
+struct State {
+    block: Option<Box<Block>>,
+    spilled: Vec<Spilled>,
+    settled: bool,
+}
+
+/// A block in the spill file.
+struct Spilled {
+    place: Place,
+    lengths: Vec<usize>,
+}
+
+/// Parts of one block that lie in the spill file at most.
+const MOST_PARTS: usize = 4;
+
+impl<'a> Blocks<'a> {
+    pub(super) fn new(recipe: &'a Recipe, extent: &Extent, budget: &Budget, folder: &Path) -> Self {
+        let (width, height) = extent.lattice.size();
+        let side = 1 << budget.shift;
+        let blocks = width.div_ceil(side) as usize * height.div_ceil(side) as usize;
+        let mut all = Self {
+            recipe,
+            shift: budget.shift,
+            width,
+            height,
+            slots: (0..blocks).map(|_| Slot::default()).collect(),
+            budget: budget.blocks,
+            held: AtomicU64::new(0),
+            clock: AtomicU64::new(1),
+            spill: Spill::new(folder),
+            spilling: Mutex::new(()),
+            written: Vec::new(),
+        };
+        // Voids are filled from cells that are written already: then no block is thrown away.
+        let cells = |index| match extent.fill {
+            0 => all.window(index).intersect(&extent.output).len() as u32,
+            _ => 0,
+        };
+        all.written = (0..blocks as u32).map(|index| AtomicU32::new(cells(index))).collect();
+        all
+    }
+
+    /// Columns and rows of a block, as a power of two.
+    pub(super) fn shift(&self) -> u32 {
+        self.shift
+    }
+
+    /// Columns of the cells, and how many blocks lie side by side.
+    pub(super) fn across(&self) -> u32 {
+        self.width.div_ceil(1 << self.shift)
+    }
+
+    /// The cells of a block; its rows lie 2^shift places apart.
+    pub(super) fn window(&self, index: u32) -> Rect {
+        let (down, across) = (index / self.across(), index % self.across());
+        let (col, row) = (across << self.shift, down << self.shift);
+        let side = 1 << self.shift;
+        Rect::new(col, row, side.min(self.width - col), side.min(self.height - row))
+    }
+
+    /// Bytes that went through the temporary file.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        self.spill.written()
+    }
+
+    /// Lets `work` change a block, which is made if need be.
+    pub(super) fn change(
+        &self,
+        index: u32,
+        work: impl FnOnce(&mut Block) -> Result<()>,
+    ) -> Result<()> {
+        let slot = &self.slots[index as usize];
+        let mut state = self.present(slot)?;
+        let Some(block) = state.block.as_mut() else { return Ok(()) };
+        let before = block.held();
+        let done = work(block);
+        let grown = (block.held() - before) as u64;
+        drop(state);
+        if grown > 0 {
+            self.reserve(grown)?;
+        }
+        done
+    }
+
+    /// The block of a slot in memory, as it is or empty.
+    fn present<'s>(&self, slot: &'s Slot) -> Result<MutexGuard<'s, State>> {
+        let now = self.clock.fetch_add(1, Ordering::Relaxed);
+        let state = lock(&slot.state);
+        if state.block.is_some() {
+            slot.touched.store(now, Ordering::Relaxed);
+            return Ok(state);
+        }
+        // Room is made without holding a block, for making room locks others.
+        drop(state);
+        let bytes = (self.recipe.bytes_per_cell() as u64) << (2 * self.shift);
+        self.reserve(bytes)?;
+        let mut state = lock(&slot.state);
+        slot.touched.store(now, Ordering::Relaxed);
+        match state.block {
+            Some(_) => drop(self.held.fetch_sub(bytes, Ordering::Relaxed)),
+            None => state.block = Some(Box::new(self.empty())),
+        }
+        state.settled = false;
+        Ok(state)
+    }
+
+    fn empty(&self) -> Block {
+        Block::new(self.recipe, 1 << (2 * self.shift))
+    }
+
+    /// Counts bytes that are about to be held, and makes room for them.
+    fn reserve(&self, bytes: u64) -> Result<()> {
+        let held = self.held.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        if held > self.budget { self.make_room() } else { Ok(()) }
+    }
+
+    /// Spills blocks, the least recently touched first, until a quarter of the budget is free.
+    fn make_room(&self) -> Result<()> {
+        let _one_at_a_time = lock(&self.spilling);
+        if self.held.load(Ordering::Relaxed) <= self.budget {
+            return Ok(());
+        }
+        let touched = self.slots.iter().map(|slot| slot.touched.load(Ordering::Relaxed));
+        let mut order: Vec<(u64, usize)> = touched.zip(0..).filter(|(at, _)| *at > 0).collect();
+        order.sort_unstable();
+        for (_, index) in order {
+            if self.held.load(Ordering::Relaxed) <= self.budget / 4 * 3 {
+                break;
+            }
+            self.spill(&self.slots[index])?;
+        }
+        Ok(())
+    }
+
+    fn spill(&self, slot: &Slot) -> Result<()> {
+        let mut state = lock(&slot.state);
+        let Some(mut block) = state.block.take() else { return Ok(()) };
+        slot.touched.store(0, Ordering::Relaxed);
+        let before = block.held() as u64;
+        if state.spilled.len() >= MOST_PARTS {
+            self.join(&mut block, &mut state.spilled)?;
+        }
+        let parts = block.parts();
+        let lengths = parts.iter().map(|part| part.len()).collect();
+        let place = self.spill.write(&parts)?;
+        state.spilled.push(Spilled { place, lengths });
+        state.settled = false;
+        self.held.fetch_sub(before, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Adds the spilled parts of a block to it.
+    fn join(&self, block: &mut Block, spilled: &mut Vec<Spilled>) -> Result<()> {
+        for Spilled { place, lengths } in spilled.drain(..) {
+            let mut other = self.empty();
+            self.spill.read(place, &mut other.parts_mut(&lengths))?;
+            block.fold(&other)?;
+        }
+        Ok(())
+    }
+
+    /// Lets `look` see a block with all its points; nothing happens to one that was never touched.
+    pub(super) fn read(&self, index: u32, look: impl FnOnce(&Block)) -> Result<()> {
+        let slot = &self.slots[index as usize];
+        let state = lock(&slot.state);
+        if state.block.is_none() && state.spilled.is_empty() {
+            return Ok(());
+        }
+        drop(state);
+        let mut state = self.present(slot)?;
+        let State { block, spilled, settled } = &mut *state;
+        let Some(block) = block.as_mut() else { return Ok(()) };
+        let before = block.held();
+        if !spilled.is_empty() {
+            self.join(block, spilled)?;
+            *settled = false;
+        }
+        if !*settled {
+            block.settle();
+            *settled = true;
+        }
+        look(block);
+        let grown = (block.held() - before) as u64;
+        drop(state);
+        if grown > 0 { self.reserve(grown) } else { Ok(()) }
+    }
+
+    /// Tells that the cells of `rect` are written: blocks of which all are go.
+    pub(super) fn release(&self, rect: Rect) {
+        for index in self.touching(rect) {
+            let cells = self.window(index).intersect(&rect).len() as u32;
+            let written = &self.written[index as usize];
+            let left = written.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| {
+                (left > 0 && cells > 0).then(|| left.saturating_sub(cells))
+            });
+            if left == Ok(cells) {
+                self.forget(&self.slots[index as usize]);
+            }
+        }
+    }
+
+    fn forget(&self, slot: &Slot) {
+        let mut state = lock(&slot.state);
+        slot.touched.store(0, Ordering::Relaxed);
+        let State { block, spilled, .. } = std::mem::take(&mut *state);
+        let bytes = block.map_or(0, |block| block.held() as u64);
+        self.held.fetch_sub(bytes, Ordering::Relaxed);
+        spilled.into_iter().for_each(|part| self.spill.free(part.place));
+    }
+
+    /// The blocks that a rectangle of cells touches.
+    pub(super) fn touching(&self, rect: Rect) -> impl Iterator<Item = u32> + use<> {
+        let (shift, across) = (self.shift, self.across());
+        let side = 1 << shift;
+        let rows = rect.row >> shift..(rect.row + rect.height).div_ceil(side);
+        let cols = rect.col >> shift..(rect.col + rect.width).div_ceil(side);
+        rows.flat_map(move |row| cols.clone().map(move |col| row * across + col))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

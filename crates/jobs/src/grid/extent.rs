@@ -1,0 +1,291 @@
+//! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
+
+use serde::{Deserialize, Serialize};
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Rect};
+use terrane_base::limits;
+use terrane_cloud::CloudInfo;
+use terrane_files::path_of;
+use terrane_gridding::{Edges, Lattice, Rules, Statistic};
+use terrane_raster::{self as raster, GridInfo};
+
+use super::GridJob;
+
+/// Whose conventions a grid follows, so that it can be compared cell by cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Compat {
+    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size.
+    #[default]
+    None,
+    /// Those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
+    /// is of the points within the radius of a cell's centre.
+    Pdal,
+    /// Those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size.
+    Lasr,
+}
+
+/// Where the cells of a grid lie.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Placement {
+    /// Sides of a cell (x, y), in world units; those of `like` when it is given.
+    pub cell: Option<[f64; 2]>,
+    /// A corner of some cell; the origin of the coordinates when `None`.
+    pub align: Option<[f64; 2]>,
+    /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
+    /// `None`.
+    pub bbox: Option<[f64; 4]>,
+    /// The very cells of this grid.
+    pub like: Option<String>,
+}
+
+impl Placement {
+    /// Cells of this size over the whole cloud.
+    pub fn new(cell: [f64; 2]) -> Self {
+        Self { cell: Some(cell), align: None, bbox: None, like: None }
+    }
+
+    /// Fails when the wishes contradict each other.
+    pub(super) fn check(&self, compat: Compat) -> Result<()> {
+        let refuse =
+            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
+        let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
+        match (&self.like, &self.cell) {
+            (Some(_), Some(_)) => return refuse("--like has cells of its own beside --cell"),
+            (None, None) => {
+                return Err(Error::usage("no cell size is given").remedy("add --cell or --like"));
+            }
+            (None, Some(cell)) if !is_size(cell) => {
+                return Err(Error::usage("a cell has sides above zero"));
+            }
+            _ => {}
+        }
+        if self.like.is_some() && (self.align.is_some() || self.bbox.is_some()) {
+            return refuse("--like says where all cells lie, beside --align or --bbox");
+        }
+        if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
+            return refuse("PDAL's grids begin at the lowest point, beside --align or --like");
+        }
+        Ok(())
+    }
+}
+
+/// The cells of a job.
+#[derive(Clone, Debug)]
+pub(super) struct Extent {
+    /// All cells that are computed.
+    pub(super) lattice: Lattice,
+    /// Those of them that are written.
+    pub(super) output: Rect,
+    /// Those that voids may be filled from: the ones that the cloud's bounds overlap, which are the
+    /// same whatever part of the grid is computed.
+    pub(super) known: Rect,
+    /// Columns and rows that voids are filled from.
+    pub(super) fill: u32,
+    pub(super) crs: Crs,
+    pub(super) notes: Vec<String>,
+}
+
+/// Less of a cell than this is rounding, not overlap.
+const HAIR: f64 = 1e-6;
+
+/// First and number of the cells along both axes, by lattice index.
+type Spans = [[i64; 2]; 2];
+
+impl Extent {
+    pub(super) fn new(cloud: &CloudInfo, job: &GridJob) -> Result<Self> {
+        let (base, spans, crs, notes) = match &job.placement.like {
+            Some(like) => like_grid(like, cloud, job)?,
+            None => {
+                let (base, spans) = by_cell(cloud, job)?;
+                (base, spans, cloud.crs.clone(), Vec::new())
+            }
+        };
+        let margin = i64::from(job.fill);
+        let [[x, width], [y, height]] = spans;
+        let sides = [width + 2 * margin, height + 2 * margin].map(|side| side as u64);
+        limits::check("number of columns", sides[0], limits::MAX_SIDE)?;
+        limits::check("number of rows", sides[1], limits::MAX_SIDE)?;
+        let lattice = Lattice {
+            x: base.x.covering(x - margin, sides[0] as u32),
+            y: base.y.covering(y - margin, sides[1] as u32),
+        };
+        let output = Rect::new(job.fill, job.fill, width as u32, height as u32);
+        let known = known(&lattice, cloud);
+        Ok(Self { lattice, output, known, fill: job.fill, crs, notes })
+    }
+
+    /// The grid as it is written.
+    pub(super) fn written(&self, job: &GridJob) -> GridInfo {
+        let Rect { col, row, width, height } = self.output;
+        GridInfo {
+            transform: self.lattice.transform().shifted(f64::from(col), f64::from(row)),
+            georeferenced: true,
+            crs: self.crs.clone(),
+            nodata: Some(job.nodata),
+            bands: u32::try_from(job.stats.len()).unwrap_or(u32::MAX),
+            ..GridInfo::plain("grid of points", width, height, job.sample_type)
+        }
+    }
+
+    /// The same for a rectangle of the cells that are written, by their columns and rows.
+    pub(super) fn part(&self, rect: Rect, cloud: &CloudInfo) -> Self {
+        let Lattice { x, y } = self.lattice;
+        let below = i64::from(self.output.height - rect.row - rect.height);
+        let lattice = Lattice {
+            x: x.covering(x.first() + i64::from(rect.col), rect.width + 2 * self.fill),
+            y: y.covering(y.first() + below, rect.height + 2 * self.fill),
+        };
+        let output = Rect::new(self.fill, self.fill, rect.width, rect.height);
+        let known = known(&lattice, cloud);
+        Self { lattice, output, known, notes: Vec::new(), ..self.clone() }
+    }
+
+    /// Sides of a cell.
+    pub(super) fn cell(&self) -> [f64; 2] {
+        [self.lattice.x.world_cell(), self.lattice.y.world_cell()]
+    }
+
+    /// The radius to report: of the job, where a statistic goes by it.
+    pub(super) fn radius(&self, rules: &Rules, job: &GridJob) -> Option<f64> {
+        let goes_by_it = |statistic: Statistic| match statistic {
+            Statistic::Idw { radius, .. } | Statistic::Nearest { radius } => radius.is_none(),
+            _ => rules.around,
+        };
+        job.stats.iter().any(|asked| goes_by_it(asked.statistic)).then_some(rules.radius)
+    }
+}
+
+/// The cells of the lattice that the cloud's bounds overlap.
+fn known(lattice: &Lattice, cloud: &CloudInfo) -> Rect {
+    let Some(bounds) = cloud.bounds else { return Rect::new(0, 0, 0, 0) };
+    let (width, height) = lattice.size();
+    let [[west, east], [south, north]] = lattice.span(bounds);
+    let clip = |index: i64, side: u32| index.clamp(0, i64::from(side)) as u32;
+    let left = clip(west - lattice.x.first(), width);
+    let right = clip(east + 1 - lattice.x.first(), width);
+    let top = clip(i64::from(height) - (north + 1 - lattice.y.first()), height);
+    let bottom = clip(i64::from(height) - (south - lattice.y.first()), height);
+    Rect::new(left, top, right - left, bottom - top)
+}
+
+/// The box around the cloud.
+fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
+    let [low, high] = cloud.bounds?.map(|corner| cloud.frame.world(corner));
+    Some([low[0], low[1], high[0], high[1]])
+}
+
+/// Metres along a degree of latitude, about.
+const DEGREE: f64 = 111_320.0;
+
+/// Fails where a cell is meant to be of so many metres, and is of so many degrees: it is larger than
+/// all there is.
+fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result<()> {
+    let Some([west, south, east, north]) = bounds else { return Ok(()) };
+    let sides = [east - west, north - south];
+    if crs.horizontal_unit() != "degree" || (0..2).any(|axis| cell[axis] <= sides[axis]) {
+        return Ok(());
+    }
+    let shrink = f64::midpoint(south, north).to_radians().cos().abs().max(1e-3);
+    let [x, y] = [cell[0] / (DEGREE * shrink), cell[1] / DEGREE];
+    Err(Error::usage(format!(
+        "a cell of {} x {} degrees is larger than all points, which lie within {:.2e} x {:.2e} degrees",
+        cell[0], cell[1], sides[0], sides[1]
+    ))
+    .remedy(format!(
+        "--cell counts degrees here: for {} x {} metres pass --cell {x:.2e},{y:.2e}",
+        cell[0], cell[1]
+    )))
+}
+
+/// A lattice of cells of the wanted size, and the cells of the cloud or the box.
+fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
+    let Placement { cell, align, bbox, .. } = &job.placement;
+    let cell = cell.unwrap_or([1.0; 2]);
+    refuse_degrees(cell, bbox.or_else(|| world(cloud)), &cloud.crs)?;
+    let lowest = || cloud.bounds.map(|[low, _]| cloud.frame.world(low)).map(|[x, y, _]| [x, y]);
+    let anchor = match job.compat {
+        Compat::Pdal => bbox.map(|b| [b[0], b[1]]).or_else(lowest),
+        Compat::None | Compat::Lasr => *align,
+    };
+    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let anchor = anchor.unwrap_or([0.0; 2]);
+    let lattice = Lattice::new(&cloud.frame, anchor, cell, edges);
+    let spans = match (bbox, cloud.bounds) {
+        (Some([x0, y0, x1, y1]), _) => {
+            let pdal = job.compat == Compat::Pdal;
+            let span = |axis: usize, low: f64, high: f64| match pdal {
+                true => Ok([0, ((high - low) / cell[axis]).floor() as i64 + 1]),
+                false => overlapped(
+                    (low - anchor[axis]) / cell[axis],
+                    (high - anchor[axis]) / cell[axis],
+                ),
+            };
+            [span(0, *x0, *x1)?, span(1, *y0, *y1)?]
+        }
+        (None, Some(bounds)) => lattice.span(bounds).map(|[low, high]| [low, high - low + 1]),
+        (None, None) => {
+            return Err(Error::bad_input(
+                "the cloud has no points, so nothing says where its grid lies",
+            )
+            .remedy("give --bbox or --like"));
+        }
+    };
+    Ok((lattice, spans))
+}
+
+/// First and number of the cells between two lattice positions.
+fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
+    let most = limits::MAX_SIDE as f64;
+    let first = (low + HAIR).floor();
+    let count = ((high - HAIR).ceil() - first).max(1.0);
+    if count > most || first.abs() > 1e12 {
+        return Err(Error::limit("number of columns or rows", count, most)
+            .remedy("choose larger cells or a smaller --bbox"));
+    }
+    Ok([first as i64, count as i64])
+}
+
+/// The cells of another grid.
+fn like_grid(
+    name: &str,
+    cloud: &CloudInfo,
+    job: &GridJob,
+) -> Result<(Lattice, Spans, Crs, Vec<String>)> {
+    let path = &*path_of(name);
+    let source = raster::open(name, &raster::OpenOptions::default())?;
+    let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
+    let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;
+    if !georeferenced || !upright {
+        return Err(Error::unsupported("a grid that --like goes by must lie somewhere, north up")
+            .in_file(path));
+    }
+    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let corner = [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e];
+    let lattice = Lattice::new(&cloud.frame, corner, [t.a, -t.e], edges);
+    let (width, height) = (i64::from(width), i64::from(height));
+    let (crs, notes) = agreed(&source.info().crs, &cloud.crs).map_err(|e| e.in_file(path))?;
+    Ok((lattice, [[0, width], [-height, height]], crs, notes))
+}
+
+/// The CRS of a grid and a cloud that lie on each other.
+fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
+    let [a, b] = grid.told_apart(cloud);
+    match (grid.is_named(), cloud.is_named()) {
+        (false, false) => Ok((grid.clone(), Vec::new())),
+        (true, false) => {
+            let note = format!("the cloud names no CRS; it is taken for that of the grid, {a}");
+            Ok((grid.clone(), vec![note]))
+        }
+        (false, true) => {
+            let note = format!("the grid names no CRS; it is taken for that of the cloud, {b}");
+            Ok((cloud.clone(), vec![note]))
+        }
+        // Heights are the cloud's, whatever those of the grid are.
+        _ if grid.epsg.is_some() && grid.epsg == cloud.epsg || grid.agrees(cloud) => {
+            Ok((cloud.clone(), Vec::new()))
+        }
+        _ => Err(Error::usage(format!("the grid is in {a}, the cloud in {b}"))
+            .remedy("choose a grid in the cloud's CRS, or reproject one of them")),
+    }
+}

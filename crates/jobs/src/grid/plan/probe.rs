@@ -1,0 +1,217 @@
+//! What the work on a grid will take, from a few small tiles that are made as all will be.
+
+use std::path::Path;
+
+use tempfile::TempDir;
+
+use super::manifest::{BLOCK, Cells, Needs, TaskId};
+use super::tile::Opened;
+use crate::grid::GridJob;
+use crate::grid::budget::Budget;
+use crate::grid::extent::Extent;
+use crate::points::parts_in;
+use crate::{Cancel, Progress, Resources, Silent, plan};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_files::name_of;
+use terrane_gridding::Recipe;
+
+/// Small tiles along each side of the grid.
+const ALONG: u32 = 4;
+/// Most points that may lie in what is read for one: where a cloud is in no order, each would read
+/// much of it.
+const MOST_POINTS: u64 = 1 << 22;
+/// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
+/// triangulated, as measured on one machine; see benches/RESULTS.md.
+const POINT: [f64; 2] = [130.0, 400.0];
+/// Nanoseconds for a cell that is written.
+const CELL: f64 = 60.0;
+/// What a small tile says less of a grid: its ends, and tables of larger files.
+const MARGIN: f64 = 1.06;
+
+impl Needs {
+    /// Seconds for so many points and cells, about.
+    pub(super) fn seconds(&self, points: f64, cells: f64, threads: usize) -> f64 {
+        plan::shared((points * self.point_nanoseconds + cells * CELL) * 1e-9, threads)
+    }
+
+    /// Threads that find room: what one cannot do without is more than a further one takes.
+    pub(super) fn threads(&self, resources: &Resources) -> usize {
+        let fitting = resources.memory / self.memory.max(1);
+        resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1))
+    }
+}
+
+/// What the plan whose grid has these `cells` will take.
+pub(super) fn expect(
+    opened: &Opened,
+    cells: &Cells,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Needs> {
+    let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
+    let places = places(cells);
+    let least = Least::of(opened, cells, folder.path())?;
+    let mut seen = Seen { block: least.block, ..Seen::default() };
+    progress.begin("sample", places.len() as u64);
+    for (number, rect) in places.iter().enumerate() {
+        let folder = folder.path().join(number.to_string());
+        std::fs::create_dir(&folder).map_err(|e| Error::write(&folder, e))?;
+        if let Some(bytes) = probe(opened, *rect, &folder, cancel)? {
+            seen.add(*rect, bytes);
+        }
+        progress.advance(1);
+    }
+    progress.end();
+    let [tile_bytes, output_bytes] = seen.all(&opened.job, cells.cells(TaskId::Finish))?;
+    let recipe = Recipe::new(&opened.job.stats, &opened.job.rules(opened.extent.cell()));
+    let point_nanoseconds = POINT[usize::from(recipe.triangulates())];
+    Ok(Needs { tile_bytes, output_bytes, memory: least.memory, point_nanoseconds })
+}
+
+/// Cells that were tried, and the bytes they took.
+#[derive(Default)]
+struct Seen {
+    cells: u64,
+    /// With what fills up the blocks of the written grid.
+    padded: u64,
+    tiles: u64,
+    written: u64,
+    /// Columns and rows of a block of the written grid.
+    block: (u32, u32),
+}
+
+impl Seen {
+    fn add(&mut self, rect: Rect, [tile, written]: [u64; 2]) {
+        self.cells += rect.len() as u64;
+        self.padded += self.padded(rect);
+        self.tiles += tile;
+        self.written += written;
+    }
+
+    fn padded(&self, rect: Rect) -> u64 {
+        let (width, height) = self.block;
+        let fill = |cells: u32, block: u32| u64::from(cells).next_multiple_of(block.max(1).into());
+        fill(rect.width, width) * fill(rect.height, height)
+    }
+
+    /// Bytes of all tiles and of the written grid, rather too many than too few; as if nothing were
+    /// compressed where nothing was tried.
+    fn all(&self, job: &GridJob, all: Rect) -> Result<[u64; 2]> {
+        let values = job.stats.len() as u64;
+        let plain = values * job.sample_type.bytes() as u64;
+        let overviews = if job.format()?.has_overviews() { 4.0 / 3.0 } else { 1.0 };
+        let cells = all.len() as u64;
+        let of = |bytes: u64, seen: u64, all: u64| MARGIN * bytes as f64 * all as f64 / seen as f64;
+        let (tiles, written) = match self.cells {
+            0 => ((cells * values * 8) as f64, (self.padded(all) * plain) as f64),
+            // What is not compressed fills its blocks.
+            _ if self.written >= self.padded * plain => {
+                let written = of(self.written, self.padded, self.padded(all));
+                (of(self.tiles, self.cells, cells), written)
+            }
+            seen => (of(self.tiles, seen, cells), of(self.written, seen, cells)),
+        };
+        Ok([tiles as u64, (written * overviews) as u64])
+    }
+}
+
+/// Small tiles, evenly over the cells in both directions.
+fn places(cells: &Cells) -> Vec<Rect> {
+    let spans = |all: u32| -> Vec<[u32; 2]> {
+        // Of a small grid no more than a quarter is made.
+        let count = (all.div_ceil(BLOCK) / 2).clamp(1, ALONG);
+        let side = BLOCK.min(all);
+        let first =
+            |i: u32| (u64::from(all - side) * u64::from(2 * i + 1) / u64::from(2 * count)) as u32;
+        (0..count).map(|i| [first(i), side]).collect()
+    };
+    let cols = spans(cells.width);
+    let rect = |[row, height]: [u32; 2], [col, width]: [u32; 2]| Rect::new(col, row, width, height);
+    let row = |row| cols.iter().map(move |col| rect(row, *col));
+    spans(cells.height).into_iter().flat_map(row).collect()
+}
+
+/// Bytes of a tile and of the grid written from it; `None` when too much has to be read to tell.
+fn probe(opened: &Opened, rect: Rect, folder: &Path, cancel: &Cancel) -> Result<Option<[u64; 2]>> {
+    cancel.check()?;
+    let (points, near) = (&*opened.points, opened.near(rect));
+    let parts = match near {
+        Some(near) => parts_in(points, &near.window()),
+        None => (0..points.parts()).collect(),
+    };
+    if parts.iter().map(|part| points.points_of(*part)).sum::<u64>() > MOST_POINTS {
+        return Ok(None);
+    }
+    let tile = folder.join("tile.tif");
+    let Some(made) = opened.try_make(rect, &tile, near, (&Silent, cancel))? else {
+        return Ok(None);
+    };
+    let extent = opened.extent.part(rect, points.info());
+    let files = [name_of(tile)?];
+    let job = written_in(&opened.job, folder)?;
+    let written = opened.write(&files, &job, &extent, (&Silent, cancel))?;
+    Ok(Some([made.output_bytes, written.output_bytes]))
+}
+
+/// The job whose output is in `folder`.
+fn written_in(job: &GridJob, folder: &Path) -> Result<GridJob> {
+    let format = job.format()?;
+    let output = folder.join("grid").with_extension(format.extensions[0]);
+    Ok(GridJob { output, format: Some(format.name.to_owned()), ..job.clone() })
+}
+
+/// The least that the work needs.
+struct Least {
+    /// Bytes, for the largest tile and for the writing of the grid.
+    memory: u64,
+    /// Columns and rows of a block of the written grid.
+    block: (u32, u32),
+}
+
+impl Least {
+    fn of(opened: &Opened, cells: &Cells, folder: &Path) -> Result<Self> {
+        let tile = opened.extent.part(cells.cells(TaskId::Tile(0)), opened.points.info());
+        let tile = Self::to_write(&opened.job_of(&folder.join("tile.tif")), &tile)?;
+        // Formats without blocks have lines as long as the grid is wide.
+        let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
+        let rows = opened.extent.part(rows, opened.points.info());
+        let whole = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
+        Ok(Self { memory: whole.memory.max(tile.memory), ..whole })
+    }
+
+    fn to_write(job: &GridJob, extent: &Extent) -> Result<Self> {
+        let (format, info) = (job.format()?, extent.written(job));
+        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let sink = format.create(&job.output, &info, &job.write_options())?;
+        let memory = Budget::least(format, sink.as_ref(), extent, &recipe);
+        Ok(Self { memory, block: sink.block() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_find_room_in_memory() {
+        let needs = Needs { memory: 100 << 20, ..Needs::default() };
+        let of = |threads, memory| needs.threads(&Resources { threads, memory, temp_dir: None });
+        assert_eq!([of(8, 1 << 30), of(16, 1 << 30), of(16, 1)], [8, 10, 1]);
+    }
+
+    #[test]
+    fn places_lie_within_and_are_few() {
+        for (width, height, count) in
+            [(1, 1, 1), (256, 300, 1), (257, 5000, 4), (1100, 1100, 4), (80_000, 80_000, 16)]
+        {
+            let cells = Cells::sized(width, height, BLOCK);
+            let places = places(&cells);
+            assert_eq!(places.len(), count, "{width} x {height}");
+            assert!(places.iter().all(|p| p.col + p.width <= width && p.row + p.height <= height));
+            let distinct = |i: usize| places[..i].iter().all(|other| *other != places[i]);
+            assert!((0..count).all(distinct), "{width} x {height}");
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Ground points of a cloud without classes: the ground filter, tile by tile.
+//!
+//! A tile's lowest heights are gathered from the store with a halo of the filter's reach, so its ground
+//! is that of the whole cloud, to the last bit, whatever the size of tiles.
+
+use std::collections::BTreeSet;
+
+use super::metres::Metres;
+use crate::points::PointStore;
+use crate::{Cancel, Progress, workers};
+use terrane_base::error::Result;
+use terrane_base::geom::{Point, REACH};
+use terrane_delaunay::Window;
+use terrane_gridding::ground::{EMPTY, Ground, Parameters, ground};
+
+/// Side of a cell of the filter, in metres, unless points are further apart.
+const CELL: f64 = 1.0;
+/// Bytes that the filter needs for each cell of a tile and its halo.
+const BYTES_PER_CELL: u64 = 64;
+/// Fewest and most cells along a tile.
+const SIDES: [i64; 2] = [64, 1024];
+
+/// The filter over the points that may be ground.
+pub(super) struct Filter<'a> {
+    candidates: &'a PointStore,
+    parameters: Parameters,
+    /// Steps along a cell, in x and y.
+    cell: [f64; 2],
+    /// Cells along a tile, without its halo.
+    side: i64,
+}
+
+/// Cells from the first to before the end, in x and y.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Cells {
+    low: [i64; 2],
+    end: [i64; 2],
+}
+
+impl Cells {
+    fn width(&self) -> usize {
+        (self.end[0] - self.low[0]) as usize
+    }
+
+    fn count(&self) -> usize {
+        self.width() * (self.end[1] - self.low[1]) as usize
+    }
+
+    fn grown(&self, margin: i64) -> Self {
+        Self { low: self.low.map(|v| v - margin), end: self.end.map(|v| v + margin) }
+    }
+
+    /// Those that lie in `other`, too; the two have some in common.
+    fn within(&self, other: &Self) -> Self {
+        Self {
+            low: [0, 1].map(|i| self.low[i].max(other.low[i])),
+            end: [0, 1].map(|i| self.end[i].min(other.end[i])),
+        }
+    }
+
+    /// The column and row of a cell, if it is one of these.
+    fn place(&self, cell: [i64; 2]) -> Option<[usize; 2]> {
+        let inside = (0..2).all(|i| (self.low[i]..self.end[i]).contains(&cell[i]));
+        inside.then(|| [0, 1].map(|i| (cell[i] - self.low[i]) as usize))
+    }
+}
+
+impl<'a> Filter<'a> {
+    /// For tiles that take about `memory` bytes each.
+    pub(super) fn new(candidates: &'a PointStore, metres: &Metres, memory: u64) -> Self {
+        let [x, y, z] = metres.step;
+        let cell = CELL.max(spacing(candidates, metres));
+        let parameters = Parameters::metres(cell, z);
+        let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
+        let side = (whole - 2 * parameters.reach() as i64).clamp(SIDES[0], SIDES[1]);
+        Self { candidates, parameters, cell: [cell / x, cell / y], side }
+    }
+
+    /// Adds the ground points to `into`, on so many threads.
+    pub(super) fn run(
+        &self,
+        into: &PointStore,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let tiles = self.tiles()?;
+        progress.begin("ground", tiles.len() as u64);
+        let tile = |_: &mut (), tile: u64| {
+            self.tile(self.core(tiles[tile as usize]), into)?;
+            progress.advance(1);
+            Ok(())
+        };
+        workers::run(threads, tiles.len() as u64, cancel, || (), tile, Ok)?;
+        progress.end();
+        Ok(())
+    }
+
+    /// The cell that holds a point, and where in it.
+    fn locate(&self, point: &Point) -> ([i64; 2], [f64; 2]) {
+        let at = [f64::from(point.x) / self.cell[0], f64::from(point.y) / self.cell[1]];
+        (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
+    }
+
+    /// The cells that the cloud touches: beyond, all are empty.
+    fn all(&self) -> Cells {
+        let Window { low, high } = self.candidates.tiling().window();
+        let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
+        Cells { low: cell(low), end: cell(high).map(|last| last + 1) }
+    }
+
+    /// The tiles with points: there may be few of many, where points are far apart.
+    fn tiles(&self) -> Result<Vec<[i64; 2]>> {
+        let mut tiles = BTreeSet::new();
+        for square in 0..self.candidates.tiling().count() {
+            let mut last = None;
+            self.candidates.visit(square, |run| {
+                for point in run {
+                    let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
+                    if last.replace(tile) != Some(tile) {
+                        tiles.insert(tile);
+                    }
+                }
+            })?;
+        }
+        Ok(tiles.into_iter().collect())
+    }
+
+    /// The cells of a tile.
+    fn core(&self, tile: [i64; 2]) -> Cells {
+        let low = tile.map(|at| at * self.side);
+        Cells { low, end: low.map(|at| at + self.side) }
+    }
+
+    /// The squares that cells touch.
+    fn squares(&self, cells: &Cells) -> impl Iterator<Item = usize> + use<> {
+        let step = |cell: i64, i: usize| cell as f64 * self.cell[i];
+        let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
+        let low = [0, 1].map(|i| within(step(cells.low[i], i).floor() - 1.0));
+        let high = [0, 1].map(|i| within(step(cells.end[i], i).ceil() + 1.0));
+        self.candidates.tiling().touching(Window { low, high })
+    }
+
+    /// Adds the ground points of a tile.
+    fn tile(&self, core: Cells, into: &PointStore) -> Result<()> {
+        let reach = self.parameters.reach() as i64;
+        let wide = self.all().within(&core.grown(reach));
+        let found = ground(&self.minima(&wide)?, wide.width(), &self.parameters);
+        let mut kept = Vec::new();
+        for square in self.squares(&core) {
+            kept.clear();
+            self.candidates.visit(square, |run| {
+                kept.extend(run.iter().filter(|p| self.is_ground(p, &core, &wide, &found)));
+            })?;
+            into.add(&kept)?;
+        }
+        Ok(())
+    }
+
+    /// The lowest height in each of these cells.
+    fn minima(&self, cells: &Cells) -> Result<Vec<i32>> {
+        let (mut minima, width) = (vec![EMPTY; cells.count()], cells.width());
+        for square in self.squares(cells) {
+            self.candidates.visit(square, |run| {
+                for point in run {
+                    if let Some([col, row]) = cells.place(self.locate(point).0) {
+                        let low = &mut minima[row * width + col];
+                        *low = point.z.min(*low);
+                    }
+                }
+            })?;
+        }
+        Ok(minima)
+    }
+
+    /// Whether a point lies in the core and is ground by what was found in the cells around it.
+    fn is_ground(&self, point: &Point, core: &Cells, wide: &Cells, found: &Ground) -> bool {
+        let (cell, place) = self.locate(point);
+        core.place(cell).is_some()
+            && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
+    }
+}
+
+/// How far points are apart, about, in metres: by the squares that hold any.
+pub(super) fn spacing(store: &PointStore, metres: &Metres) -> f64 {
+    let squares = (0..store.tiling().count()).filter_map(|square| store.summary(square));
+    let (count, steps) = squares.fold((0, 0.0), |(count, steps), one| {
+        let side = |i: usize| f64::from(one.window.high[i].abs_diff(one.window.low[i]));
+        (count + one.count, steps + side(0) * side(1))
+    });
+    (steps * metres.step[0] * metres.step[1] / (count.max(1) as f64)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::Tiling;
+    use crate::{Resources, Silent};
+
+    /// A slope with houses and holes, in centimetres: where a halo that is too small shows.
+    fn store(folder: &std::path::Path) -> PointStore {
+        let height = |x: i32, y: i32| {
+            // None at the border, where nothing tells a house from a step of the terrain.
+            let inside = (-8000..7000).contains(&x) && (1000..15_000).contains(&y);
+            let house = inside && x.rem_euclid(4100) < 1800 && y.rem_euclid(3700) < 1500;
+            x / 20 - y / 30 + if house { 600 } else { 0 }
+        };
+        let places = (0..260 * 210).map(|k| (k % 260 * 70 + k % 7 - 9000, k / 260 * 80 + k % 11));
+        let dry = places
+            .filter(|(x, y): &(i32, i32)| (x - 3000).pow(2) + (y - 9000).pow(2) > 2500 * 2500);
+        let points: Vec<Point> = dry.map(|(x, y)| Point::new(x, y, height(x, y))).collect();
+        let corners = [Point::new(-9000, 0, 0), Point::new(9200, 16_800, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 200_000), folder, 100_000);
+        store.add(&points).unwrap();
+        store
+    }
+
+    fn found(candidates: &PointStore, memory: u64, threads: usize) -> Vec<Point> {
+        let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
+        let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
+        let metres = Metres { step: [0.01; 3], is_guess: false };
+        let filter = Filter::new(candidates, &metres, memory);
+        assert!(memory > 0 || filter.tiles().unwrap().len() > 8);
+        filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
+        let (mut all, mut points) = (Vec::new(), Vec::new());
+        for square in 0..into.tiling().count() {
+            into.load(square, &mut points).unwrap();
+            all.extend_from_slice(&points);
+        }
+        all
+    }
+
+    #[test]
+    fn tiles_find_the_ground_of_the_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path());
+        let (tiled, whole) = (found(&store, 0, 3), found(&store, 1 << 30, 1));
+        assert_eq!(tiled, whole);
+        let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
+        assert!(whole.iter().all(|p| (f64::from(p.z) - plane(p)).abs() < 100.0), "houses are off");
+        assert!(whole.len() > 35_000, "{}", whole.len());
+    }
+
+    #[test]
+    fn spacing_is_that_of_the_places_with_points() {
+        let folder = tempfile::tempdir().unwrap();
+        let metres = Metres { step: [0.01; 3], is_guess: false };
+        let found = spacing(&store(folder.path()), &metres);
+        assert!((0.6..0.8).contains(&found), "{found}");
+    }
+}

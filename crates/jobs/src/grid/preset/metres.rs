@@ -1,0 +1,69 @@
+//! Lengths of a cloud in metres, which the thresholds of presets are stated in.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Frame};
+
+/// What steps of a frame are in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Metres {
+    /// A step along each axis.
+    pub(super) step: [f64; 3],
+    /// True when no unit is known, so that it is taken for metres.
+    pub(super) is_guess: bool,
+}
+
+impl Metres {
+    /// By the units of `crs`; heights of no known unit are in that of x and y.
+    ///
+    /// # Errors
+    /// Degrees, or a unit of heights that is not known.
+    pub(super) fn of(crs: &Crs, frame: &Frame) -> Result<Self> {
+        let side = crs.horizontal_metres();
+        if crs.horizontal_unit() == "degree" {
+            return Err(no_length("degree"));
+        }
+        let rise = match (crs.vertical_metres(), &crs.vertical_unit) {
+            (None, Some(unit)) => return Err(no_length(unit)),
+            (rise, _) => rise.or(side).unwrap_or(1.0),
+        };
+        let ([x, y, z], across) = (frame.scale, side.unwrap_or(1.0));
+        Ok(Self { step: [x * across, y * across, z * rise], is_guess: side.is_none() })
+    }
+}
+
+fn no_length(unit: &str) -> Error {
+    let message = format!("coordinates in the unit {unit:?} are no lengths in metres or feet");
+    Error::unsupported(message)
+        .remedy("reproject the cloud; of points classified as ground, --dtm works in any unit")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steps(crs: &Crs) -> Result<Metres> {
+        Metres::of(crs, &Frame { scale: [0.01, 0.02, 0.1], offset: [0.0; 3] })
+    }
+
+    #[test]
+    fn units_are_converted_and_degrees_refused() {
+        let crs = |epsg, unit: Option<&str>| Crs {
+            epsg,
+            vertical_unit: unit.map(str::to_owned),
+            ..Crs::default()
+        };
+        let plain = steps(&crs(None, None)).unwrap();
+        assert_eq!(plain, Metres { step: [0.01, 0.02, 0.1], is_guess: true });
+        let mixed = steps(&crs(Some(32631), Some("foot"))).unwrap();
+        assert_eq!(mixed, Metres { step: [0.01, 0.02, 0.1 * 0.3048], is_guess: false });
+        let feet = steps(&crs(Some(2263), None)).unwrap();
+        assert!(
+            feet.step.iter().zip([0.003048, 0.006096, 0.03048]).all(|(a, b)| (a - b).abs() < 1e-6)
+        );
+        let degrees = Crs { geographic: Some(true), ..Crs::default() };
+        assert!(steps(&degrees).unwrap_err().to_string().contains("degree"));
+        assert!(
+            steps(&crs(Some(32631), Some("sazhen"))).unwrap_err().to_string().contains("sazhen")
+        );
+    }
+}

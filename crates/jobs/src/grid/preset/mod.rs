@@ -1,0 +1,263 @@
+//! Models of the terrain from what kinds of points there are: the ground, by class or found by a
+//! filter; the surface of first returns without pits; and how high it is above the ground.
+
+mod canopy;
+mod filter;
+mod metres;
+
+use std::path::Path;
+
+use super::GridJob;
+use super::extent::Extent;
+use super::surface::Surfaces;
+use crate::points::{Filling, PointStore, Tiling};
+use crate::{Cancel, Progress};
+use canopy::Canopy;
+use filter::Filter;
+use metres::Metres;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_cloud::{self as cloud, Census, CloudInfo, Filter as Wanted, OpenOptions, Return};
+use terrane_gridding::{Asked, Statistic};
+
+/// A model of the terrain that is made of the points it takes, instead of a statistic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// The ground: its points, linear in their Delaunay triangulation.
+    Dtm,
+    /// What is seen from above: first returns, linear in their triangulations, without pits.
+    Dsm,
+    /// The height of the second above the first, nowhere below 0.
+    Chm,
+}
+
+impl Preset {
+    /// The band that holds it.
+    pub fn band(self) -> Asked {
+        let label = match self {
+            Self::Dtm => "dtm",
+            Self::Dsm => "dsm",
+            Self::Chm => "chm",
+        };
+        let statistic = Statistic::Tin { max_edge: None };
+        Asked { statistic, label: label.to_owned() }
+    }
+}
+
+/// Which points are ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GroundFrom {
+    /// Those of the classes, or found by the filter where there is none of them.
+    #[default]
+    Auto,
+    /// Those of the classes.
+    Class,
+    /// Those that the filter finds among last returns that are no noise.
+    Filter,
+}
+
+/// The class of ground points, unless others are named.
+const GROUND: u8 = 2;
+/// Classes of noise, below the ground and in the air.
+const NOISE: [u8; 2] = [7, 18];
+/// Stores that are in memory at once.
+const STORES: u64 = 3;
+/// Part of the memory that each thread's tile of the ground filter may take.
+const TILE_SHARE: u64 = 8;
+
+/// Fails when a preset cannot be made as asked for, whatever the points.
+pub(super) fn check(preset: Preset, job: &GridJob) -> Result<()> {
+    let wanted = &job.cloud.filter;
+    if job.stats != [preset.band()] {
+        let message = "a preset is one band, beside which there is no statistic";
+        return Err(Error::usage(message).remedy("leave out --stat or the preset"));
+    }
+    if wanted.returns.is_some() {
+        let message = "--return cannot act: a preset takes the returns that it is made of";
+        return Err(Error::usage(message).remedy("leave --return out"));
+    }
+    if wanted.classes.is_some() && job.ground == GroundFrom::Filter {
+        let message = "--class cannot act: it names the classes of ground, which --ground filter \
+            does not ask for";
+        return Err(Error::usage(message).remedy("leave --class out, or pass --ground class"));
+    }
+    Ok(())
+}
+
+/// What a preset is made with.
+pub(super) struct Making<'a> {
+    pub(super) job: &'a GridJob,
+    /// How the cloud is read, but for classes and returns.
+    pub(super) reading: OpenOptions,
+    pub(super) threads: usize,
+    /// Bytes for points, in all stores together.
+    pub(super) memory: u64,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+/// A preset whose points are all in.
+pub(super) struct Model {
+    preset: Preset,
+    ground: Option<Surfaces>,
+    canopy: Option<Canopy>,
+    /// What became of the points of its surface.
+    pub(super) census: Census,
+    /// Which points it is made of, one line each.
+    pub(super) notes: Vec<String>,
+    spilled: u64,
+}
+
+impl Model {
+    /// Reads what the preset needs of the cloud.
+    pub(super) fn new(preset: Preset, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
+        let empty = Self {
+            preset,
+            ground: None,
+            canopy: None,
+            census: Census::default(),
+            notes: Vec::new(),
+            spilled: 0,
+        };
+        let mut model = empty.with_ground(cloud, making)?;
+        if preset != Preset::Dsm && model.ground.is_none() {
+            return Err(Error::bad_input("the ground filter finds no ground in the cloud")
+                .remedy("check what --bounds, --polygon and --z-range leave of it"));
+        }
+        if preset != Preset::Dtm {
+            model.add_canopy(cloud, making)?;
+        }
+        Ok(model)
+    }
+
+    /// Finds the ground, if there is any.
+    fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
+        let classes = making.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND]);
+        let named = classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+        if making.job.ground != GroundFrom::Filter {
+            let store = making.read(classes, None)?;
+            let count = store.count();
+            self.census = *store.census();
+            if count > 0 {
+                self.notes.push(format!("ground: {count} points of class {named}"));
+                self.ground = Some(Surfaces::new(store, cloud.frame)?);
+                return Ok(self);
+            }
+            if making.job.ground == GroundFrom::Class {
+                return Err(Error::bad_input(format!("the cloud has no points of class {named}"))
+                    .remedy("pass --ground filter, or name the classes of ground with --class"));
+            }
+        }
+        self.filter_ground(cloud, making)
+    }
+
+    fn filter_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
+        let metres = self.metres(cloud)?;
+        let candidates = making.read(no_noise(), Some(Return::Last))?;
+        self.census = *candidates.census();
+        let tile = making.memory / TILE_SHARE / making.threads as u64;
+        let store = making.store(candidates.tiling());
+        let filter = Filter::new(&candidates, &metres, tile);
+        filter.run(&store, making.threads, making.progress, making.cancel)?;
+        let (found, all) = (store.count(), candidates.count());
+        self.notes
+            .push(format!("ground: {found} of {all} last returns, found by the ground filter"));
+        self.spilled += candidates.spilled();
+        self.ground = (found > 0).then(|| Surfaces::new(store, cloud.frame)).transpose()?;
+        Ok(self)
+    }
+
+    fn add_canopy(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+        let metres = self.metres(cloud)?;
+        let first = making.read(no_noise(), Some(Return::First))?;
+        self.census = *first.census();
+        self.notes.push(format!("surface: {} first returns", first.count()));
+        if self.ground.is_none() {
+            let note = "no ground is known: the surface is that of all first returns, pits and all";
+            self.notes.push(note.to_owned());
+        }
+        let ground = self.ground.as_ref();
+        self.canopy = Some(Canopy::new(first, ground, (&metres, cloud.frame), making)?);
+        Ok(())
+    }
+
+    /// Steps in metres; a unit that is guessed is noted, once.
+    fn metres(&mut self, cloud: &CloudInfo) -> Result<Metres> {
+        let metres = Metres::of(&cloud.crs, &cloud.frame)?;
+        let note = "the cloud names no unit of length; it is taken for metres";
+        if metres.is_guess && !self.notes.iter().any(|other| other == note) {
+            self.notes.push(note.to_owned());
+        }
+        Ok(metres)
+    }
+
+    /// Its values at the centres of the cells of `rect`, NaN where void.
+    pub(super) fn values(
+        &self,
+        max_edge: Option<f64>,
+        extent: &Extent,
+        rect: Rect,
+        out: &mut [f64],
+    ) -> Result<()> {
+        if let Some(canopy) = &self.canopy {
+            canopy.values(max_edge, extent, rect, out)?;
+        }
+        let Some(ground) = self.ground.as_ref().filter(|_| self.preset != Preset::Dsm) else {
+            return Ok(());
+        };
+        let linear = Statistic::Tin { max_edge };
+        if self.preset == Preset::Dtm {
+            return ground.values(linear, None, extent, rect, out);
+        }
+        let mut below = vec![0.0; out.len()];
+        ground.values(linear, None, extent, rect, &mut below)?;
+        for (top, below) in out.iter_mut().zip(below) {
+            // Void where either is: a maximum would make that 0.
+            *top -= below;
+            *top = if *top < 0.0 { 0.0 } else { *top };
+        }
+        Ok(())
+    }
+
+    /// Bytes that went to temporary files.
+    pub(super) fn spilled_bytes(&self) -> u64 {
+        let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
+        self.spilled + ground + self.canopy.as_ref().map_or(0, Canopy::spilled)
+    }
+}
+
+/// All classes but those of noise.
+fn no_noise() -> Vec<u8> {
+    (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
+}
+
+impl Making<'_> {
+    /// The points of these classes and returns.
+    fn read(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<PointStore> {
+        let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
+        let options = OpenOptions { filter, ..self.reading.clone() };
+        let source = cloud::synth::source(&self.job.input, &options)?;
+        let filling = Filling {
+            threads: self.threads,
+            memory: self.store_memory(),
+            folder: self.folder(),
+            progress: self.progress,
+            cancel: self.cancel,
+        };
+        let tiling = super::surface::tiling(source.info());
+        PointStore::fill(&*source, tiling, &filling)
+    }
+
+    /// A store without points.
+    fn store(&self, tiling: &Tiling) -> PointStore {
+        PointStore::empty(*tiling, self.folder(), self.store_memory())
+    }
+
+    fn store_memory(&self) -> u64 {
+        self.memory / STORES
+    }
+
+    fn folder(&self) -> &Path {
+        self.job.spill_folder()
+    }
+}

@@ -1,0 +1,182 @@
+//! The bands of a grid whose points are all in, as grids that sinks are fed from.
+
+use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::blocks::Blocks;
+use super::extent::Extent;
+use super::make::Bands;
+use super::surface::Heights;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_gridding::{Band, Statistic, Units, fill};
+use terrane_raster::{GridInfo, GridSource};
+
+/// Cells whose values are known.
+pub(super) trait Cells: Sync {
+    /// The values of band `number`, which is `band`, in `rect` of what is written, NaN where void.
+    fn values(&self, number: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()>;
+
+    /// No band of `rect` will be asked for again.
+    fn release(&self, _rect: Rect) {}
+}
+
+/// A grid whose points are all in.
+pub(super) struct Finished<'a> {
+    pub(super) blocks: &'a Blocks<'a>,
+    pub(super) extent: &'a Extent,
+    pub(super) units: Units,
+    /// Where a band needs it.
+    pub(super) heights: Option<Heights>,
+    /// Longest edge of triangles that are surface, in world units.
+    pub(super) max_edge: Option<f64>,
+}
+
+impl Finished<'_> {
+    /// A rectangle of what is written, among all cells computed.
+    fn computed(&self, rect: Rect) -> Rect {
+        let Rect { col, row, .. } = self.extent.output;
+        Rect::new(rect.col + col, rect.row + row, rect.width, rect.height)
+    }
+
+    /// The values of a band in `rect` of all cells computed, NaN where void.
+    fn unfilled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
+            return heights.values(band.statistic, self.max_edge, self.extent, rect, out);
+        }
+        out.fill(if band.counts() { 0.0 } else { f64::NAN });
+        let (stride, shift) = (rect.width as usize, self.blocks.shift());
+        for index in self.blocks.touching(rect) {
+            let window = self.blocks.window(index);
+            let part = window.intersect(&rect);
+            self.blocks.read(index, |block| {
+                for row in part.row..part.row + part.height {
+                    let from = ((row - window.row) << shift) + (part.col - window.col);
+                    let to = (row - rect.row) as usize * stride + (part.col - rect.col) as usize;
+                    let line = &mut out[to..to + part.width as usize];
+                    for (out, at) in line.iter_mut().zip(from as usize..) {
+                        *out = block.value(band, at, &self.units);
+                    }
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The same with voids filled.
+    fn filled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        let reach = self.extent.fill;
+        if reach == 0 || band.counts() {
+            return self.unfilled(band, rect, out);
+        }
+        // What is written has a margin of the reach all around.
+        let (width, height) = (rect.width + 2 * reach, rect.height + 2 * reach);
+        let around = Rect::new(rect.col - reach, rect.row - reach, width, height);
+        let mut values = vec![0.0; around.len()];
+        self.unfilled(band, around, &mut values)?;
+        let mut own = vec![0.0; rect.len()];
+        self.unfilled(band, rect, &mut own)?;
+        void_beyond(&mut values, around, self.extent.known);
+        // A cell outside the cloud's bounds is no source, but keeps its own value.
+        fill(&values, around, rect, reach, out);
+        let known = out.iter_mut().zip(own).filter(|(_, own)| !own.is_nan());
+        known.for_each(|(out, own)| *out = own);
+        Ok(())
+    }
+}
+
+impl Cells for Finished<'_> {
+    fn values(&self, _: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.filled(band, self.computed(rect), out)
+    }
+
+    fn release(&self, rect: Rect) {
+        self.blocks.release(self.computed(rect));
+    }
+}
+
+/// Makes the cells of `around` that are not in `known` void.
+fn void_beyond(values: &mut [f64], around: Rect, known: Rect) {
+    for (row, line) in (around.row..).zip(values.chunks_exact_mut(around.width as usize)) {
+        let inside = (known.row..known.row + known.height).contains(&row);
+        for (col, value) in (around.col..).zip(line) {
+            if !inside || !(known.col..known.col + known.width).contains(&col) {
+                *value = f64::NAN;
+            }
+        }
+    }
+}
+
+/// One band.
+pub(super) struct BandSource<'a> {
+    of: &'a Bands<'a>,
+    number: usize,
+    valid: AtomicU64,
+}
+
+thread_local! {
+    /// Room for values that are narrowed: new memory for each block costs more than the values.
+    static VALUES: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
+}
+
+/// Counts beyond this are not all `f32`.
+const EXACT: f64 = (1 << 24) as f64;
+
+impl<'a> BandSource<'a> {
+    pub(super) fn new(of: &'a Bands<'a>, number: usize) -> Self {
+        Self { of, number, valid: AtomicU64::new(0) }
+    }
+
+    /// Cells read that have a value; a count of 0 is none.
+    pub(super) fn valid(&self) -> u64 {
+        self.valid.load(Ordering::Relaxed)
+    }
+
+    fn band(&self) -> &'a Band {
+        &self.of.bands[self.number]
+    }
+
+    fn narrow(&self, values: &[f64], out: &mut [f32]) -> Result<()> {
+        let is_count = self.band().statistic == Statistic::Count;
+        if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
+            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
+                .remedy("pass --type float64"));
+        }
+        out.iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
+        Ok(())
+    }
+
+    fn tally(&self, values: &[f64]) {
+        let counts = self.band().counts();
+        let void = |value: &f64| value.is_nan() || (counts && *value == 0.0);
+        let valid = values.iter().filter(|value| !void(value)).count();
+        self.valid.fetch_add(valid as u64, Ordering::Relaxed);
+    }
+}
+
+impl GridSource for BandSource<'_> {
+    fn info(&self) -> &GridInfo {
+        self.of.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        let mut values = VALUES.take();
+        values.clear();
+        values.resize(rect.len(), 0.0);
+        let read = self.read_f64(rect, &mut values).and_then(|()| self.narrow(&values, out));
+        VALUES.set(values);
+        read
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.of.cells.values(self.number, self.band(), rect, out)?;
+        self.tally(out);
+        Ok(())
+    }
+
+    fn release(&self, rect: Rect) {
+        if self.number + 1 == self.of.bands.len() {
+            self.of.cells.release(rect);
+        }
+    }
+}

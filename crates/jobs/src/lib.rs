@@ -1,0 +1,115 @@
+//! Jobs: reading, computing and writing joined under one memory budget.
+
+pub mod cloud_stats;
+pub mod cloud_tin;
+pub mod contour;
+pub mod convert;
+pub mod delaunay;
+mod disk;
+pub mod draw;
+pub mod feature_stats;
+#[cfg(test)]
+mod few;
+pub mod grid;
+pub mod line;
+pub mod memory;
+pub mod placing;
+pub mod plan;
+mod points;
+pub mod sift;
+pub mod surface;
+pub mod survey;
+pub mod tin;
+pub mod verify;
+pub mod view;
+mod workers;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
+/// revision are not gone on with. `tests/golden.rs` holds it to that.
+pub const REVISION: u32 = 3;
+
+/// Set once to stop a job early; checked between units of work.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks the job to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Fails with [`ErrorKind::Interrupted`] once [`cancel`](Self::cancel) was called.
+    pub fn check(&self) -> Result<()> {
+        if self.0.load(Ordering::Relaxed) {
+            return Err(Error::new(ErrorKind::Interrupted, "interrupted; nothing was written"));
+        }
+        Ok(())
+    }
+}
+
+/// Receives a job's progress; called from several threads.
+pub trait Progress: Sync {
+    /// A stage begins: its name and its total number of units (samples, triangles, bytes).
+    fn begin(&self, stage: &str, total: u64);
+    /// `units` more are done in the current stage.
+    fn advance(&self, units: u64);
+    /// The current stage is over.
+    fn end(&self);
+}
+
+/// Progress that is not shown.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _stage: &str, _total: u64) {}
+    fn advance(&self, _units: u64) {}
+    fn end(&self) {}
+}
+
+/// What a job may use.
+#[derive(Clone, Debug)]
+pub struct Resources {
+    /// Worker threads (at least 1).
+    pub threads: usize,
+    /// Bytes of memory for everything the job holds.
+    pub memory: u64,
+    /// Directory for spills; the output's directory when `None`.
+    pub temp_dir: Option<std::path::PathBuf>,
+}
+
+impl Default for Resources {
+    /// All cores; half of the machine's memory or 4 GiB, whichever is less.
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Self { threads, memory: default_memory(), temp_dir: None }
+    }
+}
+
+const DEFAULT_MEMORY: u64 = 4 << 30;
+
+fn default_memory() -> u64 {
+    physical_memory().map_or(DEFAULT_MEMORY, |all| (all / 2).min(DEFAULT_MEMORY))
+}
+
+/// Bytes of memory of this machine, where the system tells.
+fn physical_memory() -> Option<u64> {
+    proc_kib("/proc/meminfo", "MemTotal:")
+}
+
+/// Largest resident memory of this process so far, in bytes, where the system tells.
+pub fn peak_memory() -> Option<u64> {
+    proc_kib("/proc/self/status", "VmHWM:")
+}
+
+fn proc_kib(file: &str, key: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let line = text.lines().find(|line| line.starts_with(key))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}

@@ -1,0 +1,321 @@
+//! A threshold for so many vertices or bytes, found in a few trials.
+//!
+//! What comes out of a threshold is known once it was tried. How many vertices a run by itself would
+//! keep is known before, for all thresholds at once ([`Profile`]): so the search goes along that number,
+//! as what comes out is nearly a line over it, whatever the data are like.
+
+use std::ops::RangeInclusive;
+
+use super::tool::EVERYTHING;
+use terrane_base::error::Result;
+
+/// Trials before the best of them is taken, and those between two ends before each is in the middle:
+/// where what comes falls steeply, as methods do that leave out more than was foreseen, lines lead astray.
+const MOST_TRIALS: usize = 24;
+const ON_LINES: u32 = 6;
+/// Largest part of a goal that may be left unused.
+const UNUSED: u64 = 50;
+/// Thresholds that are tried for the least there can be, each so much smaller than the one before.
+const RUNGS: i32 = 5;
+const RUNG: f64 = 0.25;
+
+/// Bits of a float below those that tell its bin: 64 bins for each power of two.
+const SHIFT: u32 = 52 - 6;
+
+/// How many vertices are kept at which threshold, by bins of thresholds.
+pub(super) struct Profile {
+    bins: Vec<u64>,
+    /// Vertices that stay at any threshold.
+    pub(super) fixed: u64,
+    /// All vertices.
+    pub(super) total: u64,
+}
+
+impl Default for Profile {
+    fn default() -> Self {
+        Self { bins: vec![0; 1 << (63 - SHIFT)], fixed: 0, total: 0 }
+    }
+}
+
+impl Profile {
+    /// Adds a vertex that is kept below `threshold`.
+    pub(super) fn add(&mut self, threshold: f64) {
+        self.bins[(threshold.to_bits() >> SHIFT) as usize] += 1;
+    }
+
+    /// Makes it one to be asked.
+    pub(super) fn dial(mut self, largest: f64, is_area: bool) -> Dial {
+        for bin in (1..self.bins.len()).rev() {
+            self.bins[bin - 1] += self.bins[bin];
+        }
+        let rung = if is_area { RUNG * RUNG } else { RUNG };
+        Dial { above: self.bins, fixed: self.fixed, total: self.total, largest, rung }
+    }
+}
+
+/// Thresholds by how many vertices they keep.
+pub(super) struct Dial {
+    /// Vertices above the lower edge of each bin.
+    above: Vec<u64>,
+    fixed: u64,
+    total: u64,
+    /// The threshold beyond all others.
+    largest: f64,
+    rung: f64,
+}
+
+impl Dial {
+    /// The threshold that keeps about `count` vertices.
+    fn threshold(&self, count: f64) -> f64 {
+        let inner = count - self.fixed as f64;
+        match inner {
+            _ if count >= self.total as f64 => EVERYTHING,
+            _ if inner >= self.above[0] as f64 => 0.0,
+            _ if inner < 1.0 => self.largest,
+            _ => {
+                let bin = self.above.partition_point(|above| *above as f64 > inner);
+                let [low, high] = [bin - 1, bin].map(|bin| f64::from_bits((bin as u64) << SHIFT));
+                let [more, less] = [bin - 1, bin].map(|bin| self.above[bin] as f64);
+                high + (low - high) * (inner - less) / (more - less)
+            }
+        }
+    }
+
+    /// Thresholds at which least may be left, where neighbours keep more at a large one than at a small.
+    fn rungs(&self) -> impl Iterator<Item = f64> {
+        (0..RUNGS).map(|rung| self.largest * self.rung.powi(rung))
+    }
+}
+
+/// A goal, in vertices or bytes.
+pub(super) struct Target {
+    /// The most there may be.
+    pub(super) most: u64,
+    /// About what all vertices would come to.
+    pub(super) all: f64,
+}
+
+/// What a threshold keeps, and what came of it.
+#[derive(Clone, Copy)]
+struct Trial {
+    at: f64,
+    came: f64,
+}
+
+/// Looks for a threshold of which so much comes as a goal allows, and no more than a fiftieth less, as
+/// far as there is one. `attempt` tries a threshold: where what comes of it is within the range given,
+/// it is the result and `None` is returned; otherwise what came.
+///
+/// Returns `None` when `attempt` did, else the least that was found.
+///
+/// # Errors
+/// Those of `attempt`.
+pub(super) fn seek(
+    target: &Target,
+    dial: &Dial,
+    mut attempt: impl FnMut(f64, RangeInclusive<u64>) -> Result<Option<u64>>,
+) -> Result<Option<u64>> {
+    let most = target.most;
+    let mut search = Search::new(target, dial);
+    let mut at = search.first(target);
+    let mut best: Option<(u64, f64)> = None;
+    for _ in 0..MOST_TRIALS {
+        let threshold = dial.threshold(at);
+        let least = if threshold == EVERYTHING { 0 } else { most - most / UNUSED };
+        let Some(came) = attempt(threshold, least..=most)? else { return Ok(None) };
+        if came <= most && best.is_none_or(|(known, _)| known < came) {
+            best = Some((came, threshold));
+        }
+        search.learn(Trial { at, came: came as f64 }, came <= most);
+        at = search.next();
+        if search.knows(dial.threshold(at)) {
+            break;
+        }
+    }
+    if let Some((_, threshold)) = best {
+        return attempt(threshold, 0..=most);
+    }
+    let mut least = u64::MAX;
+    for threshold in dial.rungs() {
+        let Some(came) = attempt(threshold, 0..=most)? else { return Ok(None) };
+        least = least.min(came);
+    }
+    Ok(Some(least))
+}
+
+/// What is known of a search.
+struct Search<'a> {
+    dial: &'a Dial,
+    /// What a vertex comes to, as far as is known before the first trial.
+    each: f64,
+    /// Where to aim at.
+    aim: f64,
+    /// The last trial that came to no more than the goal, and the last that came to more.
+    low: Option<Trial>,
+    high: Option<Trial>,
+    /// The trial before the last one.
+    before: Option<Trial>,
+    /// Trials since there is one of each.
+    inside: u32,
+}
+
+impl<'a> Search<'a> {
+    fn new(target: &Target, dial: &'a Dial) -> Self {
+        let aim = target.most as f64 * (1.0 - 0.5 / UNUSED as f64);
+        let each = target.all / (dial.total as f64).max(1.0);
+        Self { dial, each, aim, low: None, high: None, before: None, inside: 0 }
+    }
+
+    /// As if all vertices took the same; everything, where that seems to fit.
+    fn first(&self, target: &Target) -> f64 {
+        let total = self.dial.total as f64;
+        match target.most as f64 >= target.all {
+            true => total,
+            false => self.aim / target.all * total,
+        }
+    }
+
+    fn learn(&mut self, trial: Trial, fits: bool) {
+        self.before = self.low.filter(|_| fits).or(self.high.filter(|_| !fits));
+        *(if fits { &mut self.low } else { &mut self.high }) = Some(trial);
+        self.inside += u32::from(self.low.is_some() && self.high.is_some());
+    }
+
+    fn knows(&self, threshold: f64) -> bool {
+        let is_same = |trial: Trial| self.dial.threshold(trial.at) == threshold;
+        self.low.is_some_and(is_same) || self.high.is_some_and(is_same)
+    }
+
+    /// Where to try next.
+    fn next(&self) -> f64 {
+        let total = self.dial.total as f64;
+        match (self.low, self.high) {
+            // Every third time in the middle: a line may lead astray again and again.
+            (Some(low), Some(high)) if self.inside.is_multiple_of(3) || self.inside > ON_LINES => {
+                f64::midpoint(low.at, high.at)
+            }
+            (Some(low), Some(high)) => self.between(low, high),
+            (Some(low), None) => self.beyond(low).clamp((low.at * 1.02 + 1.0).min(total), total),
+            (None, Some(high)) => self.beyond(high).clamp(0.0, high.at * 0.98),
+            (None, None) => total,
+        }
+    }
+
+    fn between(&self, low: Trial, high: Trial) -> f64 {
+        let share = (self.aim - low.came) / (high.came - low.came);
+        low.at + (high.at - low.at) * share.clamp(0.02, 0.98)
+    }
+
+    /// Along the line through the last two trials. After the only one, what came beyond what was foreseen
+    /// is taken for something that stays (neighbours kept apart, properties), unless it is very much.
+    fn beyond(&self, last: Trial) -> f64 {
+        let mean = last.came / last.at;
+        let slope = match self.before {
+            Some(before) => (last.came - before.came) / (last.at - before.at),
+            None if mean < 3.0 * self.each => mean.min(self.each),
+            None => mean,
+        };
+        let at = last.at + (self.aim - last.came) / slope;
+        if slope > 0.0 && at.is_finite() { at } else { last.at / 2.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A dial over 10,000 vertices whose thresholds fall as a power of their rank.
+    fn dial() -> Dial {
+        let mut profile = Profile { fixed: 100, total: 10_100, ..Profile::default() };
+        (1..=9_000).for_each(|rank| profile.add(100.0 / f64::from(rank).powf(1.3)));
+        profile.dial(1000.0, false)
+    }
+
+    fn kept(threshold: f64) -> f64 {
+        match threshold {
+            EVERYTHING => 10_100.0,
+            0.0 => 9_100.0,
+            _ => 100.0 + (100.0 / threshold).powf(1.0 / 1.3).floor().min(9_000.0),
+        }
+    }
+
+    /// What came at last, and how many trials it took.
+    fn sought(most: u64, all: f64, came: impl Fn(f64) -> f64) -> (Option<u64>, Option<u64>, u32) {
+        let (mut last, mut trials) = (None, 0);
+        let left = seek(&Target { most, all }, &dial(), |threshold, range| {
+            trials += 1;
+            let came = came(threshold).round() as u64;
+            last = Some(came).filter(|came| range.contains(came));
+            Ok(last.is_none().then_some(came))
+        });
+        (last, left.unwrap(), trials)
+    }
+
+    #[test]
+    fn few_trials_end_just_below_the_goal() {
+        type Law = fn(f64) -> f64;
+        let laws: [(&str, f64, Law); 5] = [
+            ("as foreseen", 1.0, |t| kept(t)),
+            ("fewer", 1.0, |t| kept(t).powf(0.97)),
+            ("neighbours keep more", 1.0, |t| kept(t) + 1_000.0 + 0.2 * (10_100.0 - kept(t))),
+            ("bytes", 30.0, |t| 5_000.0 + 21.0 * kept(t)),
+            ("more bytes than was thought", 4.0, |t| 300.0 + 55.0 * kept(t)),
+        ];
+        for (name, each, law) in laws {
+            for share in [0.999, 0.8, 0.5, 0.36, 0.3] {
+                let most = (law(EVERYTHING) * share) as u64;
+                let (last, left, trials) = sought(most, each * 10_100.0, law);
+                let last = last.unwrap_or_else(|| panic!("{name} {share}: {left:?}"));
+                let exact = (law(EVERYTHING) - law(0.0)) / law(EVERYTHING) < 1.0 - share;
+                assert!(last <= most, "{name} {share}: {last} of {most}");
+                assert!(!exact || last >= most - most / 50, "{name} {share}: {last} of {most}");
+                assert!(!exact || trials <= 5, "{name} {share}: {trials} trials");
+            }
+            let everything = law(EVERYTHING) as u64;
+            assert_eq!(sought(everything, each * 10_100.0, law).0, Some(everything), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_least_that_is_told_can_be_had() {
+        // Most is left at the largest threshold.
+        let law = |t: f64| kept(t) + 200.0 * (1.0 + t).ln();
+        let (last, least, _) = sought(50, 10_100.0, law);
+        assert_eq!(last, None);
+        let least = least.unwrap();
+        assert_eq!(sought(least, 10_100.0, law).1, None);
+        assert_eq!(sought(least / 2, 10_100.0, law).1, Some(least));
+    }
+
+    #[test]
+    fn a_steep_fall_is_met_within_a_fiftieth() {
+        // As the cone method on a border of equal bumps: few thresholds tell most of what is left.
+        for (top, width) in [(4_000.0, 40.0), (2_000.0, 10.0), (8_000.0, 4.0), (900.0, 3.0)] {
+            let law = |t: f64| {
+                let share = ((kept_smoothly(t) - top + width) / width).clamp(0.0, 1.0);
+                30.0 * (300.0 + 6_000.0 * share + 0.1 * kept_smoothly(t))
+            };
+            for most in [30_000, 60_000, 120_000, 180_000] {
+                let (last, left, _) = sought(most, 30.0 * 10_100.0, law);
+                let last = last.unwrap_or_else(|| panic!("{top} {width} {most}: {left:?}"));
+                let least = most - most / 50;
+                assert!((least..=most).contains(&last), "{top} {width}: {last} of {most}");
+            }
+        }
+    }
+
+    /// As many as `kept`, in fractions.
+    fn kept_smoothly(threshold: f64) -> f64 {
+        match threshold {
+            EVERYTHING => 10_100.0,
+            0.0 => 9_100.0,
+            _ => 100.0 + (100.0 / threshold).powf(1.0 / 1.3).min(9_000.0),
+        }
+    }
+
+    #[test]
+    fn a_jump_is_met_from_below() {
+        let law = |t: f64| if t < 0.5 { 8_000.0 } else { 3_000.0 };
+        assert_eq!(sought(5_000, 10_100.0, law).0, Some(3_000));
+    }
+}

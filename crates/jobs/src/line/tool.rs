@@ -1,0 +1,233 @@
+//! A method with its threshold in a metric, and what it keeps of lines and rings.
+
+use terrane_line::topology::Collapse;
+use terrane_line::visvalingam::Weight;
+use terrane_line::{
+    Geographic, Located, Method, Metric, Plane, Scratch, Space, Xy, metric, registry, ring,
+};
+
+/// In what distances are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Measure {
+    /// x and y, in their units.
+    #[default]
+    Plane,
+    /// x, y and z, in one unit.
+    Space,
+    /// Longitudes and latitudes in degrees, in metres on the ellipsoid.
+    Geographic,
+}
+
+/// A vertex as a metric wants it.
+pub(super) trait Vertex: Copy + Send + Sync {
+    fn of(xy: Xy, z: f64) -> Self;
+}
+
+impl Vertex for Xy {
+    fn of(xy: Xy, _: f64) -> Self {
+        xy
+    }
+}
+
+impl Vertex for [f64; 3] {
+    fn of([x, y]: Xy, z: f64) -> Self {
+        [x, y, z]
+    }
+}
+
+impl Vertex for Located {
+    fn of(xy: Xy, _: f64) -> Self {
+        Self::new(xy)
+    }
+}
+
+/// The threshold below all others: nothing is left out, not even what lies on its segment.
+pub(super) const EVERYTHING: f64 = -1.0;
+
+/// A method in a metric, with its threshold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rule {
+    pub(super) method: &'static Method,
+    pub(super) measure: Measure,
+    /// Tolerance, or area for methods that bound one; or [`EVERYTHING`].
+    pub(super) threshold: f64,
+    /// What becomes of rings that have too few vertices left.
+    pub(super) collapse: Collapse,
+}
+
+/// Something to be done with a method, whatever its metric.
+pub(super) trait Task {
+    type Output;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Self::Output;
+}
+
+/// A rule, made for the vertices of its metric.
+#[derive(Clone, Copy)]
+pub(super) struct Tool<V, M> {
+    pub(super) metric: M,
+    run: registry::Run<V, M>,
+    pub(super) rule: Rule,
+}
+
+/// What keeps vertices of an open line: its vertices, room, kept indices (appended).
+pub(super) type Choose<'a, V> = dyn FnMut(&[V], &mut Scratch, &mut Vec<u32>) + 'a;
+
+/// What was kept of a part, and how far the rest is from it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Outcome {
+    /// A ring of which fewer than three vertices would have been left.
+    pub(super) collapsed: bool,
+    /// The largest squared distance of a vertex that was left out.
+    pub(super) square: f64,
+}
+
+impl Rule {
+    /// True where nothing is left out.
+    pub(super) fn keeps_everything(&self) -> bool {
+        self.threshold == EVERYTHING
+    }
+
+    /// Does the task with the method in its metric.
+    pub(super) fn apply<T: Task>(&self, task: T) -> T::Output {
+        let rule = *self;
+        match rule.measure {
+            Measure::Plane => task.run(&Tool { metric: Plane, run: rule.method.plane, rule }),
+            Measure::Space => task.run(&Tool { metric: Space, run: rule.method.space, rule }),
+            Measure::Geographic => {
+                task.run(&Tool { metric: Geographic, run: rule.method.geographic, rule })
+            }
+        }
+    }
+}
+
+impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
+    /// Appends what is kept of an open line.
+    pub(super) fn line(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
+        if self.rule.keeps_everything() {
+            return kept.extend(0..points.len() as u32);
+        }
+        (self.run)(&self.metric, points, self.rule.threshold, scratch, kept);
+    }
+
+    /// Keeps vertices by the method.
+    pub(super) fn method(&self) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) + '_ {
+        |points, scratch, kept| self.line(points, scratch, kept)
+    }
+
+    /// Puts what is kept of a line or ring into `kept`. Of a ring, which ends with its first vertex,
+    /// it is the ascending indices of different vertices; of one that is dropped, nothing.
+    pub(super) fn part(
+        &self,
+        points: &[V],
+        is_ring: bool,
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> Outcome {
+        let collapsed = self.choose(points, is_ring, choose, scratch, kept);
+        let square =
+            if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
+        Outcome { collapsed, square }
+    }
+
+    /// As [`part`](Self::part), not measured; true for a ring that collapsed.
+    pub(super) fn choose(
+        &self,
+        points: &[V],
+        is_ring: bool,
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> bool {
+        kept.clear();
+        if !is_ring {
+            self.open(points, choose, scratch, kept);
+            return false;
+        }
+        let collapsed = self.whole_ring(points, choose, scratch, kept);
+        match (collapsed, self.rule.collapse) {
+            (true, Collapse::Drop) => kept.clear(),
+            (true, Collapse::Keep) => {
+                kept.clear();
+                kept.extend(0..points.len().saturating_sub(1) as u32);
+            }
+            _ => {}
+        }
+        collapsed
+    }
+
+    /// A line; one that ends where it began keeps that vertex and is done in two halves.
+    pub(super) fn open(
+        &self,
+        points: &[V],
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) {
+        let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
+        let is_closed = points.len() > 3 && ends[0] == ends[1];
+        let far =
+            is_closed.then(|| metric::largest_distance2(&self.metric, points, &self.ends(points)));
+        match far.flatten() {
+            Some((far, square)) if square > 0.0 => {
+                choose(&points[..=far as usize], scratch, kept);
+                kept.pop();
+                let at = kept.len();
+                choose(&points[far as usize..], scratch, kept);
+                kept[at..].iter_mut().for_each(|i| *i += far);
+            }
+            _ => choose(points, scratch, kept),
+        }
+    }
+
+    /// Appends what is kept of a ring before a policy is asked; true when it collapsed.
+    pub(super) fn whole_ring(
+        &self,
+        points: &[V],
+        choose: &mut Choose<'_, V>,
+        scratch: &mut Scratch,
+        kept: &mut Vec<u32>,
+    ) -> bool {
+        let Rule { method, threshold, .. } = self.rule;
+        let fate = match self.weight() {
+            Some(weight) => ring::visvalingam(&self.metric, points, threshold, weight, kept),
+            None => {
+                let can_move = method.name != "rdp";
+                ring::simplify(&self.metric, points, threshold, can_move, choose, scratch, kept)
+            }
+        };
+        fate == ring::Fate::Collapsed
+    }
+
+    /// How a method that goes by area weighs it.
+    pub(super) fn weight(&self) -> Option<Weight> {
+        match self.rule.method.name {
+            "visvalingam" => Some(Weight::Plain),
+            "weighted-visvalingam" => Some(Weight::Angle),
+            _ => None,
+        }
+    }
+
+    fn ends(&self, points: &[V]) -> [u32; 2] {
+        [0, points.len() as u32 - 1]
+    }
+
+    /// The largest squared distance of a vertex between those kept from the segment in its place.
+    pub(super) fn largest(&self, points: &[V], kept: &[u32]) -> f64 {
+        metric::largest_distance2(&self.metric, points, kept).map_or(0.0, |(_, square)| square)
+    }
+
+    /// The same for a ring: what lies before its first kept vertex belongs to the last segment.
+    fn largest_of_ring(&self, ring: &[V], kept: &[u32]) -> f64 {
+        let (Some(&first), Some(&last)) = (kept.first(), kept.last()) else { return 0.0 };
+        let around = ring[last as usize..ring.len() - 1].iter().chain(&ring[..=first as usize]);
+        let around: Vec<V> = around.copied().collect();
+        let closing = match around.len() {
+            0 | 1 => 0.0,
+            count => self.largest(&around, &[0, count as u32 - 1]),
+        };
+        self.largest(ring, kept).max(closing)
+    }
+}

@@ -1,0 +1,74 @@
+//! How near the ends of segments that meet are to each other: borders that almost match meet all along.
+
+use std::collections::BTreeMap;
+
+use terrane_line::Xy;
+
+/// Ends nearer than this share of the shorter segment are taken for one that was meant.
+const NEAR: f64 = 1e-3;
+/// Fewer such pairs are no border.
+const FEWEST: u64 = 10;
+
+/// Pairs of segments that meet, and those of them with ends that are nearly the same.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Gaps {
+    all: u64,
+    /// By the power of ten just above the distance of the ends.
+    near: BTreeMap<i32, u64>,
+}
+
+impl Gaps {
+    /// Adds a pair.
+    pub(super) fn add(&mut self, [s, t]: [[Xy; 2]; 2]) {
+        let length = |[a, b]: [Xy; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let gaps = s.iter().flat_map(|p| t.map(|q| length([*p, q]))).filter(|gap| *gap > 0.0);
+        let gap = gaps.fold(f64::INFINITY, f64::min);
+        self.all += 1;
+        if gap < NEAR * length(s).min(length(t)) {
+            *self.near.entry(gap.log10().floor() as i32 + 1).or_default() += 1;
+        }
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.all += other.all;
+        let near = other.near.iter();
+        near.for_each(|(power, count)| *self.near.entry(*power).or_default() += count);
+    }
+
+    /// What to tell of them, if most are near: a distance that makes their ends one, but for the odd ones.
+    pub(super) fn note(&self) -> Option<String> {
+        let all: u64 = self.near.values().sum();
+        let mut sum = 0;
+        let power = self.near.iter().find(|(_, count)| {
+            sum += **count;
+            sum * 20 >= all * 19
+        });
+        let (power, _) = power.filter(|_| all >= FEWEST && all * 2 >= self.all)?;
+        Some(format!(
+            "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends no \
+             farther apart than 1e{power}, and keep their vertices; try --snap 1e{power}"
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_to_try_is_above_nearly_all_gaps() {
+        let mut gaps = Gaps::default();
+        let pair = |gap: f64| [[[0.0, 0.0], [10.0, 0.0]], [[gap, 0.0], [10.0, 5.0]]];
+        (0..9).for_each(|_| gaps.add(pair(3e-7)));
+        assert_eq!(gaps.note(), None, "too few");
+        (0..20).for_each(|_| gaps.add(pair(2e-9)));
+        gaps.add(pair(2.0));
+        let mut all = gaps.clone();
+        assert!(all.note().unwrap().ends_with("try --snap 1e-6"));
+        (0..400).for_each(|_| gaps.add(pair(2e-9)));
+        all.merge(&gaps);
+        assert!(all.note().unwrap().ends_with("try --snap 1e-8"), "{:?}", all.note());
+        (0..500).for_each(|_| all.add(pair(2.0)));
+        assert_eq!(all.note(), None, "most are crossings as such");
+    }
+}

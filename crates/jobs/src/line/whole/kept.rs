@@ -1,0 +1,181 @@
+//! Which vertices are kept, as bits: one for each vertex of a square, in the order in which the
+//! input comes by them.
+
+use std::path::Path;
+
+use bytemuck::Pod;
+
+use crate::points::Buckets;
+use terrane_base::error::Result;
+use terrane_line::squares::Run;
+use terrane_vector as vector;
+
+/// Records of a square that are held at a time.
+const RECORDS: usize = 128;
+
+/// A set of numbers from 0 on.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Bits(pub(super) Vec<u64>);
+
+impl Bits {
+    pub(super) fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    pub(super) fn insert(&mut self, at: usize) {
+        self.0[at / 64] |= 1 << (at % 64);
+    }
+
+    /// Adds what is kept of `count` vertices, of which the first has number `first`.
+    pub(super) fn add(&mut self, kept: &vector::Kept, first: usize, count: usize) {
+        match kept {
+            vector::Kept::All => (first..first + count).for_each(|at| self.insert(at)),
+            vector::Kept::Nothing => {}
+            vector::Kept::Vertices(own) => {
+                own.iter().for_each(|v| self.insert(first + *v as usize))
+            }
+        }
+    }
+}
+
+/// The bits of all squares, in memory or in a nameless file.
+pub(super) struct Kept {
+    bits: Buckets<u64>,
+    squares: usize,
+}
+
+impl Kept {
+    pub(super) fn new(folder: &Path, squares: usize, memory: u64) -> Self {
+        Self { bits: Buckets::new(folder, squares, memory), squares }
+    }
+
+    /// Sets the bits of a square, once.
+    pub(super) fn set(&self, square: usize, bits: &Bits) -> Result<()> {
+        self.bits.push(square, &bits.0)
+    }
+
+    pub(super) fn reader(&self) -> Reader<'_> {
+        Reader {
+            bits: &self.bits,
+            words: Cursors::new(self.squares),
+            open: vec![(0, 0); self.squares],
+        }
+    }
+}
+
+/// The next records of a square.
+#[derive(Clone, Debug)]
+struct Cursor<T> {
+    records: Vec<T>,
+    /// The number of the first of them.
+    first: usize,
+    /// The next record.
+    next: usize,
+}
+
+/// Records read square by square, each from its beginning: 128 of them for each square.
+#[derive(Debug)]
+pub(super) struct Cursors<T>(Vec<Cursor<T>>);
+
+impl<T: Pod> Cursors<T> {
+    pub(super) fn new(squares: usize) -> Self {
+        Self((0..squares).map(|_| Cursor { records: Vec::new(), first: 0, next: 0 }).collect())
+    }
+
+    /// The next record of a square; `None` after its last.
+    pub(super) fn next(&mut self, all: &Buckets<T>, square: usize) -> Result<Option<T>> {
+        let cursor = &mut self.0[square];
+        if cursor.next >= cursor.first + cursor.records.len() {
+            cursor.records.resize(RECORDS, T::zeroed());
+            let count = all.read_from(square, cursor.next, &mut cursor.records)?;
+            cursor.records.truncate(count);
+            cursor.first = cursor.next;
+        }
+        let record = cursor.records.get(cursor.next - cursor.first).copied();
+        cursor.next += 1;
+        Ok(record)
+    }
+}
+
+/// Bits read square by square, each from its beginning.
+pub(super) struct Reader<'a> {
+    bits: &'a Buckets<u64>,
+    words: Cursors<u64>,
+    /// What is left of each square's last word, and of how many bits.
+    open: Vec<(u64, u32)>,
+}
+
+impl Reader<'_> {
+    /// What is kept of a part of `count` vertices, with these runs, the next ones of their squares:
+    /// indices, ascending.
+    pub(super) fn part(&mut self, runs: &[Run], count: usize, found: &mut Vec<u32>) -> Result<()> {
+        found.clear();
+        for run in runs {
+            for k in 0..run.count {
+                if self.next(run.square as usize)? {
+                    found.push(((run.first + k) % count) as u32);
+                }
+            }
+        }
+        // The last run of a ring goes on from its beginning.
+        if found.last() < found.first() {
+            found.sort_unstable();
+        }
+        Ok(())
+    }
+
+    fn next(&mut self, square: usize) -> Result<bool> {
+        let (word, left) = &mut self.open[square];
+        if *left == 0 {
+            let next = self.words.next(self.bits, square)?;
+            (*word, *left) = (next.unwrap_or_default(), u64::BITS);
+        }
+        let bit = *word & 1 == 1;
+        (*word, *left) = (*word >> 1, *left - 1);
+        Ok(bit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_come_back_in_the_order_of_the_parts() {
+        let folder = tempfile::tempdir().unwrap();
+        for memory in [1 << 20, 0] {
+            let kept = Kept::new(folder.path(), 2, memory);
+            // Every third vertex of the first square, every fifth of the second.
+            for (square, step) in [(0, 3), (1, 5)] {
+                let mut bits = Bits::new(20_000);
+                (0..20_000).step_by(step).for_each(|at| bits.insert(at));
+                kept.set(square, &bits).unwrap();
+            }
+            let mut reader = kept.reader();
+            let (mut found, mut first) = (Vec::new(), [0, 0]);
+            for part in 0..1500 {
+                let runs: Vec<Run> = (0..3)
+                    .scan(2, |at, k| {
+                        let run = Run { square: k % 2, first: *at, count: 3 + (part + *at) % 5 };
+                        *at += run.count;
+                        Some(run)
+                    })
+                    .collect();
+                // A ring: the last run ends with its first two vertices.
+                let count: usize = runs.iter().map(|run| run.count).sum();
+                let mut want = Vec::new();
+                for run in &runs {
+                    let (own, step) =
+                        (&mut first[run.square as usize], [3, 5][run.square as usize]);
+                    let is_kept = |k: &usize| (*own + k).is_multiple_of(step);
+                    let all = (0..run.count).filter(is_kept);
+                    want.extend(all.map(|k| ((run.first + k) % count) as u32));
+                    *own += run.count;
+                }
+                want.sort_unstable();
+                reader.part(&runs, count, &mut found).unwrap();
+                assert_eq!(found, want);
+            }
+        }
+    }
+}

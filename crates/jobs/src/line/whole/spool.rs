@@ -1,0 +1,143 @@
+//! Runs of parts, and the segments between them, sorted by square: in memory or in nameless files.
+
+use std::cmp::Ordering;
+use std::path::Path;
+
+use super::square::World;
+use crate::points::Buckets;
+use terrane_base::error::Result;
+use terrane_line::Xy;
+use terrane_line::squares::{Place, Run, Squares, cross_overs};
+use terrane_vector::Part;
+
+/// What the bits of a run's word say beside the number of its vertices.
+const RING: u32 = 1;
+const CUT: u32 = 2;
+const WHOLE: u32 = 4;
+const FLAGS: u32 = 3;
+
+/// Most vertices of a square, for all of its runs to have a word.
+pub(super) const MOST: u64 = (1 << (u32::BITS - FLAGS)) - 1;
+
+/// What the squares hold.
+pub(super) struct Spool<'a> {
+    squares: &'a Squares,
+    runs: Buckets<u32>,
+    points: Buckets<Xy>,
+    /// Nothing where no distance asks for heights.
+    heights: Option<Buckets<f64>>,
+    /// Segments that cross over, for each square that they come by.
+    obstacles: Buckets<[Xy; 2]>,
+    /// How many, by square.
+    counts: Vec<u64>,
+    near: Vec<u32>,
+}
+
+impl<'a> Spool<'a> {
+    /// Of about `memory` bytes, and the rest in `folder`.
+    pub(super) fn new(squares: &'a Squares, has_z: bool, folder: &Path, memory: u64) -> Self {
+        let (count, share) = (squares.count(), memory / 8);
+        Self {
+            squares,
+            runs: Buckets::new(folder, count, share),
+            points: Buckets::new(folder, count, 4 * share),
+            heights: has_z.then(|| Buckets::new(folder, count, 2 * share)),
+            obstacles: Buckets::new(folder, count, share),
+            counts: vec![0; count],
+            near: Vec::new(),
+        }
+    }
+
+    /// Adds a part with its runs; one that is to stay whole keeps all of its vertices.
+    pub(super) fn push(&mut self, part: &Part<'_>, runs: &[Run], stays_whole: bool) -> Result<()> {
+        let is_cut = runs.len() > 1;
+        let flags = [(part.is_ring(), RING), (is_cut, CUT), (stays_whole, WHOLE)];
+        let flags = flags.iter().map(|(is_so, flag)| u32::from(*is_so) * flag).sum::<u32>();
+        let count = part.xy.len() - usize::from(is_cut && part.is_ring());
+        for run in runs {
+            let square = run.square as usize;
+            self.runs.push(square, &[(run.count as u32) << FLAGS | flags])?;
+            // A run of a ring may go on from its beginning.
+            let end = (run.first + run.count).min(count.max(run.first));
+            let again = run.first + run.count - end;
+            for range in [run.first..end, 0..again].into_iter().filter(|range| !range.is_empty()) {
+                self.points.push(square, &part.xy[range.clone()])?;
+                if let Some(heights) = &self.heights {
+                    heights.push(square, &part.z[range])?;
+                }
+            }
+        }
+        for segment in cross_overs(part.xy, part.is_ring(), runs) {
+            self.squares.meeting(segment, &mut self.near);
+            for &square in &self.near {
+                self.obstacles.push(square as usize, &[segment])?;
+                self.counts[square as usize] += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes in memory.
+    pub(super) fn held(&self) -> u64 {
+        let heights = self.heights.as_ref().map_or(0, Buckets::held);
+        self.runs.held() + self.points.held() + self.obstacles.held() + heights
+    }
+
+    /// Segments that come by a square, some of them twice.
+    pub(super) fn obstacles(&self, square: usize) -> u64 {
+        self.counts[square]
+    }
+
+    /// Takes out what a square holds.
+    pub(super) fn take(&self, square: usize) -> Result<World> {
+        let mut world = World::default();
+        let flat = &mut world.flat;
+        flat.points.reserve_exact(self.squares.vertices(square) as usize);
+        self.points.read(square, |run| flat.points.extend_from_slice(run))?;
+        self.points.forget(square);
+        if let Some(heights) = &self.heights {
+            heights.read(square, |run| flat.z.extend_from_slice(run))?;
+            heights.forget(square);
+        }
+        self.runs.read(square, |words| {
+            for word in words {
+                let count = (word >> FLAGS) as usize;
+                let [is_ring, is_cut, is_whole] = [RING, CUT, WHOLE].map(|flag| word & flag != 0);
+                flat.end_part(count, is_ring && !is_cut);
+                if is_cut {
+                    world.cut.push(flat.closed.len() as u32 - 1);
+                }
+                if is_whole {
+                    world.whole.push(flat.closed.len() as u32 - 1);
+                }
+            }
+        })?;
+        self.runs.forget(square);
+        self.obstacles.read(square, |all| world.obstacles.extend(all.iter().map(in_order)))?;
+        self.obstacles.forget(square);
+        world.obstacles.sort_unstable_by(by_place);
+        world.obstacles.dedup();
+        Ok(world)
+    }
+}
+
+/// A segment from its lower end to its upper one.
+fn in_order(segment: &[Xy; 2]) -> [Xy; 2] {
+    // 0 and -0 are the same.
+    let [a, b] = segment.map(|p| p.map(|c| c + 0.0));
+    if a <= b { [a, b] } else { [b, a] }
+}
+
+fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
+    let pairs = p.as_flattened().iter().zip(q.as_flattened());
+    pairs.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
+}
+
+/// Given points by square, in the order of the squares.
+pub(super) fn by_square(points: Vec<Xy>, squares: &Squares) -> Vec<(u32, Xy)> {
+    let mut place = Place::default();
+    let known = points.into_iter().filter_map(|p| Some((squares.of(p, &mut place)?, p)));
+    let mut all: Vec<_> = known.collect();
+    all.sort_by_key(|(square, _)| *square);
+    all
+}

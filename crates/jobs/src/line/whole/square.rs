@@ -1,0 +1,295 @@
+//! A square: its runs are cut into arcs where they meet, arcs are simplified once and untangled
+//! among the segments that come by, and what is left is found in the runs again.
+
+use super::gaps::Gaps;
+use super::kept::Bits;
+use super::own;
+use crate::line::part::chosen;
+use crate::line::tool::{Rule, Task, Tool, Vertex};
+use terrane_base::error::Result;
+use terrane_line::arcs::Arcs;
+use terrane_line::topology::{
+    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining,
+    untangle_within,
+};
+use terrane_line::{Metric, Scratch, Xy};
+use terrane_vector::Kept;
+
+/// Most pairs of segments that are remembered, of those that meet.
+pub(super) const MOST_PAIRS: usize = 1 << 16;
+
+/// Lines and rings, flat.
+#[derive(Debug)]
+pub(super) struct Flat {
+    pub(super) points: Vec<Xy>,
+    /// Heights; empty where no distance asks for them.
+    pub(super) z: Vec<f64>,
+    starts: Vec<usize>,
+    pub(super) closed: Vec<bool>,
+}
+
+impl Default for Flat {
+    fn default() -> Self {
+        Self { points: Vec::new(), z: Vec::new(), starts: vec![0], closed: Vec::new() }
+    }
+}
+
+impl Flat {
+    /// Ends a part of `count` vertices.
+    pub(super) fn end_part(&mut self, count: usize, is_ring: bool) {
+        self.starts.push(self.starts[self.closed.len()] + count);
+        self.closed.push(is_ring);
+    }
+
+    fn chains(&self) -> Chains<'_> {
+        Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
+    }
+
+    fn part(&self, part: usize) -> &[Xy] {
+        &self.points[self.starts[part]..self.starts[part + 1]]
+    }
+}
+
+/// What a square holds.
+#[derive(Debug, Default)]
+pub(super) struct World {
+    /// Runs of parts, some of which are whole parts.
+    pub(super) flat: Flat,
+    /// Numbers of those that go on in other squares: both of their ends stay.
+    pub(super) cut: Vec<u32>,
+    /// Numbers of those of which all vertices stay.
+    pub(super) whole: Vec<u32>,
+    /// Segments that cross over, once each.
+    pub(super) obstacles: Vec<[Xy; 2]>,
+    /// Points that stay on their side.
+    pub(super) sides: Vec<Xy>,
+}
+
+/// What became of it.
+#[derive(Debug, Default)]
+pub(super) struct Solved {
+    /// The vertices that are kept.
+    pub(super) bits: Bits,
+    pub(super) arcs: u64,
+    pub(super) refined: u64,
+    pub(super) collapsed: u64,
+    /// Pairs of segments that meet in the input and still do, but for pairs of obstacles.
+    pub(super) crossings: u64,
+    /// The first of these pairs.
+    pub(super) pairs: Vec<[[Xy; 2]; 2]>,
+    /// How near they come to share an end.
+    pub(super) gaps: Gaps,
+    /// Pairs of obstacles that meet.
+    pub(super) meeting: Vec<[[Xy; 2]; 2]>,
+    /// The largest squared distance.
+    pub(super) square: f64,
+}
+
+/// Bytes for each vertex of a square that is worked on, beside what becomes of those that are kept: itself,
+/// its arc, and the vertex in its metric.
+pub(super) const VERTEX: u64 = 112;
+/// Bytes for each vertex where all of them are kept.
+pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
+
+/// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
+/// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
+pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule, room: u64) -> Result<Solved> {
+    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
+    let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
+    let mut whole = world.whole.clone();
+    loop {
+        let arcs = with_obstacles(world)?;
+        let made = rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces })?;
+        let mut solved = made.solved(world);
+        let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
+        if spoiled.is_empty() {
+            return Ok(solved);
+        }
+        whole.extend(spoiled);
+        whole.sort_unstable();
+    }
+}
+
+/// The arcs of all runs, and each obstacle as one more.
+fn with_obstacles(world: &World) -> Result<Arcs> {
+    let mut arcs = Arcs::new(&world.flat.chains(), 0.0)?;
+    for segment in &world.obstacles {
+        arcs.points.extend(segment);
+        // Without heights: nothing of it is left out.
+        arcs.sources.extend([0, 0]);
+        arcs.starts.push(arcs.points.len());
+        arcs.closed.push(false);
+        arcs.free.push(false);
+    }
+    Ok(arcs)
+}
+
+/// Arcs to be simplified together.
+struct Together<'a> {
+    arcs: Arcs,
+    world: &'a World,
+    /// Numbers of the runs of which all vertices stay, ascending.
+    whole: &'a [u32],
+    strategy: Strategy,
+    rule: &'a Rule,
+    /// Most pieces that there is room for.
+    pieces: usize,
+}
+
+/// What became of them.
+struct Made {
+    arcs: Arcs,
+    outcome: Outcome,
+    /// The largest squared distance.
+    square: f64,
+}
+
+impl Made {
+    /// What there is to tell of it.
+    fn solved(&self, world: &World) -> Solved {
+        let own = self.arcs.closed.len() - world.obstacles.len();
+        let first = self.arcs.starts[own] as u32;
+        let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
+        let mut solved = Solved {
+            arcs: own as u64,
+            refined: self.outcome.refined,
+            collapsed: self.outcome.collapsed,
+            square: self.square,
+            ..Solved::default()
+        };
+        for pair in &self.outcome.crossings {
+            let segments = pair.map(segment);
+            if pair.iter().all(|from| *from >= first) {
+                solved.meeting.push(segments);
+                continue;
+            }
+            solved.crossings += 1;
+            solved.gaps.add(segments);
+            if solved.pairs.len() < MOST_PAIRS {
+                solved.pairs.push(segments);
+            }
+        }
+        solved
+    }
+
+    /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
+    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut Bits) -> Vec<u32> {
+        let flat = &world.flat;
+        *bits = Bits::new(flat.points.len());
+        let (mut left, mut spoiled) = (Vec::new(), Vec::new());
+        for run in 0..flat.closed.len() {
+            let (points, is_ring) = (flat.part(run), flat.closed[run]);
+            self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
+            let kept = match is_ring {
+                // Vertices that arcs leave out, too: those that repeat the one before them.
+                _ if rule.keeps_everything() => Some(Kept::All),
+                true if whole.binary_search(&(run as u32)).is_ok() => Some(Kept::All),
+                true => own::ring(points, &left, rule.collapse),
+                false => Some(chosen(&left)),
+            };
+            match kept {
+                Some(kept) => bits.add(&kept, flat.starts[run], points.len()),
+                None => spoiled.push(run as u32),
+            }
+        }
+        spoiled
+    }
+}
+
+impl Task for Together<'_> {
+    type Output = Result<Made>;
+
+    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> Result<Made> {
+        let mut scratch = Scratch::default();
+        let kept = self.plain(tool, &mut scratch);
+        let vertices = self.vertices::<V>();
+        let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
+        let loops = self.loops();
+        let Rule { collapse, .. } = *self.rule;
+        let options = Options { strategy: self.strategy, collapse, loops: &loops };
+        let (chains, sides) = (self.arcs.chains(), &self.world.sides);
+        let refine = &mut refining(&vertices, run);
+        let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
+        let square = largest(tool, &vertices, &outcome.kept);
+        Ok(Made { arcs: self.arcs, outcome, square })
+    }
+}
+
+impl Together<'_> {
+    /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
+    /// is kept; of one that collapsed it is only that vertex.
+    fn plain<V: Vertex, M: Metric<V> + Copy>(
+        &mut self,
+        tool: &Tool<V, M>,
+        scratch: &mut Scratch,
+    ) -> Chosen {
+        let mut all = Chosen::new();
+        let whole = self.whole();
+        let (mut points, mut kept) = (Vec::new(), Vec::new());
+        for arc in 0..self.arcs.closed.len() {
+            let range = self.arcs.starts[arc]..self.arcs.starts[arc + 1];
+            points.clear();
+            points.extend(range.clone().map(|vertex| self.vertex::<V>(vertex)));
+            kept.clear();
+            match self.arcs.free[arc] {
+                _ if self.rule.keeps_everything() => kept.extend(0..points.len() as u32),
+                _ if whole.binary_search(&arc).is_ok() => kept.extend(0..points.len() as u32),
+                false => tool.open(&points, &mut tool.method(), scratch, &mut kept),
+                true => {
+                    if tool.whole_ring(&points, &mut tool.method(), scratch, &mut kept) {
+                        kept.truncate(1);
+                    }
+                    let at = kept.first().copied().unwrap_or(0);
+                    self.arcs.open_at(arc, at as usize);
+                    kept.iter_mut().for_each(|vertex| *vertex -= at);
+                    kept.push(points.len() as u32 - 1);
+                }
+            }
+            all.vertices.extend(kept.iter().map(|vertex| vertex + range.start as u32));
+            all.close();
+        }
+        all
+    }
+
+    /// The arcs of runs that stay whole, ascending.
+    fn whole(&self) -> Vec<usize> {
+        let mut arcs: Vec<_> =
+            self.whole.iter().flat_map(|run| self.arcs_of(*run as usize)).collect();
+        arcs.sort_unstable();
+        arcs.dedup();
+        arcs
+    }
+
+    /// The arcs that a run passes.
+    fn arcs_of(&self, run: usize) -> impl Iterator<Item = usize> {
+        let passages = self.arcs.parts[run]..self.arcs.parts[run + 1];
+        self.arcs.passages[passages].iter().map(|passage| passage.arc())
+    }
+
+    /// Which arcs are but loops of a run: of a line, or of a ring that touches itself.
+    fn loops(&self) -> Vec<bool> {
+        let mut loops = vec![false; self.arcs.closed.len()];
+        for (run, is_ring) in self.world.flat.closed.iter().enumerate() {
+            let first = self.arcs_of(run).next();
+            if !is_ring || self.arcs_of(run).any(|arc| Some(arc) != first) {
+                self.arcs_of(run).for_each(|arc| loops[arc] = true);
+            }
+        }
+        loops
+    }
+
+    fn vertex<V: Vertex>(&self, vertex: usize) -> V {
+        let source = self.arcs.sources[vertex] as usize;
+        V::of(self.arcs.points[vertex], self.world.flat.z.get(source).copied().unwrap_or(0.0))
+    }
+
+    fn vertices<V: Vertex>(&self) -> Vec<V> {
+        (0..self.arcs.points.len()).map(|vertex| self.vertex(vertex)).collect()
+    }
+}
+
+/// The largest squared distance of what was left out of chains that are still there.
+fn largest<V: Vertex, M: Metric<V> + Copy>(tool: &Tool<V, M>, points: &[V], kept: &Chosen) -> f64 {
+    let chains = kept.starts.windows(2).map(|ends| &kept.vertices[ends[0]..ends[1]]);
+    chains.map(|chain| tool.largest(points, chain)).fold(0.0, f64::max)
+}

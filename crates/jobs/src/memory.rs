@@ -1,0 +1,155 @@
+//! How the memory budget of a tile job is divided.
+//!
+//! | share | bytes |
+//! |---|---|
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 12 MiB |
+//! | each worker: the most a tile can need | given |
+//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
+//! | what is left: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//!
+//! Workers come first: a worker too many would break the budget, one too few costs time only, and
+//! what does not fit of the other two is read again or spilled. No result depends on it.
+
+use crate::Resources;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
+
+/// Bytes for the program itself.
+pub(crate) const PROGRAM: u64 = 12 << 20;
+/// Least that is left beside the program, however little is allowed.
+const LEAST_BESIDE: u64 = 4 << 20;
+/// Fewest bytes for cache and mesh together.
+const LEAST_SHARED: u64 = 6 << 20;
+/// Most bytes for decoded blocks: more than a few rows of them are never read again.
+const MOST_CACHE: u64 = 1 << 30;
+
+/// What is left of `memory` beside the program; of less than the program takes, a little all the same.
+pub(crate) fn beside_program(memory: u64) -> u64 {
+    memory.saturating_sub(PROGRAM).max(memory.min(LEAST_BESIDE))
+}
+
+/// A divided budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shares {
+    /// Workers that fit, at least 1.
+    pub threads: usize,
+    /// Bytes for decoded blocks of the input.
+    pub cache: u64,
+    /// Bytes for unfinished mesh.
+    pub mesh: u64,
+}
+
+/// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
+pub fn least(worker: u64, block: u64) -> u64 {
+    PROGRAM + worker + LEAST_SHARED.max(2 * block)
+}
+
+/// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
+/// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
+pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
+    let least = least(worker, 0);
+    if memory < least {
+        return Err(too_little(memory, least));
+    }
+    let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
+    let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
+    let rest = memory - PROGRAM - worker * threads as u64;
+    let cache = (rest / 2).min(MOST_CACHE);
+    Ok(Shares { threads, cache, mesh: rest - cache })
+}
+
+fn too_little(memory: u64, least: u64) -> Error {
+    let needed = least.div_ceil(1 << 20);
+    let allowed = memory as f64 / (1 << 20) as f64;
+    let message =
+        format!("at least {needed} MiB of memory are needed, {allowed:.1} MiB are allowed");
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {needed}M or more, or a smaller --tile"))
+}
+
+/// An opened grid and how its memory is divided.
+pub type Opened = (Box<dyn GridSource>, Shares);
+
+/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share:
+/// with fewer workers where one block of it does not fit beside all. Where the memory does not suffice,
+/// the error says how much does, for the blocks of this input, too.
+pub fn open(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
+    let mut threads = resources.threads;
+    let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
+    loop {
+        let mut fitting = 1;
+        let opened = divide(resources.memory, threads, worker).and_then(|shares| {
+            fitting = shares.threads;
+            let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+            let options = OpenOptions { cache_bytes, threads: fitting, ..options.clone() };
+            Ok((raster::open_all(input.names(), &options)?, shares))
+        });
+        match opened {
+            Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
+            Err(error) if is_short(&error) => {
+                return Err(enough(input, options, resources, worker).unwrap_or(error));
+            }
+            opened => return opened,
+        }
+    }
+}
+
+/// The error that tells how much memory is enough; `None` where none is.
+fn enough(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Option<Error> {
+    let block = look_at(input, options).ok()?.block_bytes();
+    let least = least(worker, block);
+    (block <= MOST_CACHE && least > resources.memory).then(|| too_little(resources.memory, least))
+}
+
+/// Opens a grid only to learn what it is: no block of it is ever held.
+pub fn look_at(input: &Inputs, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    let options = OpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
+    raster::open_all(input.names(), &options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIB: u64 = 1 << 20;
+
+    #[test]
+    fn workers_are_left_out_before_the_budget_is_broken() {
+        let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
+        assert_eq!(shares(68, 8).threads, 1);
+        assert_eq!(shares(128, 8).threads, 2);
+        assert_eq!(shares(4096, 8).threads, 8);
+        for memory in [66, 68, 128, 1000, 9000] {
+            let Shares { threads, cache, mesh } = shares(memory, 8);
+            assert_eq!(PROGRAM + 48 * MIB * threads as u64 + cache + mesh, memory * MIB);
+        }
+    }
+
+    #[test]
+    fn the_least_memory_and_more_hold_a_block_beside_one_worker() {
+        for (block, more) in [(0, 0), (3, 1), (4, 0), (100, 7), (1024, 500)] {
+            let least = least(48 * MIB, block * MIB);
+            let shares = divide(least + more * MIB, 1, 48 * MIB).unwrap();
+            assert!(shares.cache >= block * MIB, "{block} MiB: {shares:?}");
+            let less = divide(least - 2 * MIB, 1, 48 * MIB);
+            assert!(less.is_err() || less.unwrap().cache < block * MIB);
+        }
+    }
+
+    #[test]
+    fn too_little_is_refused_with_the_least_needed() {
+        let error = divide(65 * MIB, 1, 48 * MIB).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        assert!(error.to_string().starts_with("at least 66 MiB of memory are needed, 65.0 MiB"));
+    }
+}

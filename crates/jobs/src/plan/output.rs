@@ -1,0 +1,197 @@
+//! What is written at the end of a plan: where it is, whether it still is what was written, and whether
+//! something else may be in its place.
+
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::report::Told;
+use super::{Digest, FINISHED, Look, digest_of, no_folder, noted_path, parent, write_json};
+use crate::Cancel;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::atomic::refuse_existing;
+use terrane_mesh::split;
+
+/// The note on what was written last, or is being written.
+#[derive(Serialize, Deserialize)]
+struct Note<R> {
+    plan_id: Digest,
+    /// From the plan's folder on where it is inside, so that the folder may be moved; else absolute.
+    #[serde(with = "super::as_name")]
+    path: PathBuf,
+    /// What else was asked for, beside the plan.
+    form: Value,
+    /// `None` while it is being written.
+    finished: Option<Finished<R>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Finished<R> {
+    #[serde(flatten)]
+    facts: Facts,
+    digest: Digest,
+    report: R,
+}
+
+/// What is known of files without reading them.
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Facts {
+    bytes: u64,
+    /// Nanoseconds since 1970, of the file changed last.
+    modified: u64,
+}
+
+/// How an output stands.
+pub(crate) enum State<R> {
+    /// It was never written there.
+    Unknown,
+    /// A run that did not come to its end, or is not yet there, began to write it.
+    Begun,
+    /// It is what was written, with the report on it.
+    Whole(R),
+    /// It was written and is not there.
+    Missing,
+    /// It was written and is something else now.
+    Altered(String),
+}
+
+/// Where what is written at the end of a plan belongs.
+pub(crate) struct Output {
+    folder: PathBuf,
+    plan: Digest,
+    /// As it was named.
+    path: PathBuf,
+    absolute: PathBuf,
+    form: Value,
+}
+
+impl Output {
+    /// Of the plan in `folder`; `form` is what else is asked for. Fails for a name that cannot be noted.
+    pub(crate) fn new(folder: &Path, plan: Digest, path: &Path, form: Value) -> Result<Self> {
+        let absolute = noted_path(path)?;
+        Ok(Self { folder: folder.to_path_buf(), plan, path: path.to_path_buf(), absolute, form })
+    }
+
+    /// How it stands; a quick look trusts times of change. Fails only when it is to stop.
+    pub(crate) fn state<R: DeserializeOwned>(
+        &self,
+        look: Look,
+        cancel: &Cancel,
+    ) -> Result<State<R>> {
+        let is_it = |note: &Note<R>| {
+            (note.plan_id, &note.form) == (self.plan, &self.form)
+                && place(&self.folder, &note.path).is_ok_and(|path| path == self.absolute)
+        };
+        let Some(note) = note::<R>(&self.folder).filter(is_it) else { return Ok(State::Unknown) };
+        let Some(finished) = note.finished else { return Ok(State::Begun) };
+        if self.absolute.symlink_metadata().is_err() {
+            return Ok(State::Missing);
+        }
+        match finished.difference(&self.absolute, look, cancel) {
+            Ok(None) => Ok(State::Whole(finished.report)),
+            Ok(Some(how)) => Ok(State::Altered(how)),
+            Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
+            // What cannot be read is not what was written.
+            Err(error) => Ok(State::Altered(error.to_string())),
+        }
+    }
+
+    /// Fails before the work where its end would: when the folder is not there, or something that may
+    /// not be replaced is. Returns whether something may be: what a run left that did not come to its
+    /// end may, and with `overwrite` all.
+    pub(crate) fn claim<R>(&self, state: &State<R>, overwrite: bool) -> Result<bool> {
+        if let (State::Altered(how), false) = (state, overwrite) {
+            return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
+                .in_file(&self.path)
+                .remedy("pass --overwrite to have it made anew, or choose another name"));
+        }
+        let folder = parent(&self.path);
+        if !folder.is_dir() {
+            return Err(no_folder(&self.path, std::io::ErrorKind::NotFound.into()));
+        }
+        let may_replace = overwrite || matches!(state, State::Begun);
+        refuse_existing(&self.path, may_replace)?;
+        Ok(may_replace)
+    }
+
+    /// Notes that it is being written.
+    pub(crate) fn begin(&self) -> Result<()> {
+        self.write::<()>(None)
+    }
+
+    /// Notes that it is written.
+    pub(crate) fn finish<R: Serialize>(&self, report: R, cancel: &Cancel) -> Result<()> {
+        let files = files(&self.absolute)?;
+        let (facts, digest) = (Facts::of(&files)?, digest_of(&files, cancel)?);
+        self.write(Some(Finished { facts, digest, report }))
+    }
+
+    fn write<R: Serialize>(&self, finished: Option<Finished<R>>) -> Result<()> {
+        let folder =
+            std::path::absolute(&self.folder).map_err(|e| Error::write(&self.folder, e))?;
+        let path = self.absolute.strip_prefix(folder).unwrap_or(&self.absolute).to_path_buf();
+        let note = Note { plan_id: self.plan, path, form: self.form.clone(), finished };
+        write_json(&self.folder.join(FINISHED), &note)
+    }
+}
+
+impl<R> Finished<R> {
+    /// How the files at `path` differ from what was written, if they do.
+    fn difference(&self, path: &Path, look: Look, cancel: &Cancel) -> Result<Option<String>> {
+        let files = files(path)?;
+        let here = Facts::of(&files)?;
+        if here.bytes != self.facts.bytes {
+            return Ok(Some(format!("it had {} bytes and has {}", self.facts.bytes, here.bytes)));
+        }
+        if look == Look::Quick && here == self.facts {
+            return Ok(None);
+        }
+        let is_same = digest_of(&files, cancel)? == self.digest;
+        Ok((!is_same).then(|| "its bytes are others".to_owned()))
+    }
+}
+
+impl Facts {
+    fn of(files: &[PathBuf]) -> Result<Self> {
+        files.iter().try_fold(Self { bytes: 0, modified: 0 }, |all, path| {
+            let meta = std::fs::metadata(path).and_then(|meta| Ok((meta.modified()?, meta.len())));
+            let (time, bytes) = meta.map_err(|e| Error::read(path, e))?;
+            let time = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64;
+            Ok(Self { bytes: all.bytes + bytes, modified: all.modified.max(time) })
+        })
+    }
+}
+
+/// What the plan in `folder` wrote last, as it is told: where it is, if it is there as it was written,
+/// and what is wrong with it otherwise. A quick look.
+pub(crate) fn last_output(folder: &Path, plan: Digest) -> Result<Told> {
+    let note = note::<Value>(folder).filter(|note| note.plan_id == plan);
+    let Some(note) = note else { return Ok(Told::default()) };
+    let output = Output::new(folder, plan, &place(folder, &note.path)?, note.form)?;
+    let path = output.absolute.display().to_string();
+    let wrong = |how: String| Told { output: None, output_fault: Some(how) };
+    Ok(match output.state::<Value>(Look::Quick, &Cancel::default())? {
+        State::Whole(_) => Told { output: Some(path), output_fault: None },
+        State::Missing => wrong(format!("{path} was written and is missing")),
+        State::Altered(how) => wrong(format!("{path} was altered since it was written: {how}")),
+        State::Unknown | State::Begun => Told::default(),
+    })
+}
+
+fn note<R: DeserializeOwned>(folder: &Path) -> Option<Note<R>> {
+    let text = std::fs::read(folder.join(FINISHED)).ok()?;
+    serde_json::from_slice(&text).ok()
+}
+
+/// The absolute path of what is noted.
+fn place(folder: &Path, noted: &Path) -> Result<PathBuf> {
+    std::path::absolute(folder.join(noted)).map_err(|e| Error::read(folder, e))
+}
+
+/// The files that a result is made of.
+fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    if path.is_dir() { split::files(path) } else { Ok(vec![path.to_path_buf()]) }
+}

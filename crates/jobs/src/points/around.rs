@@ -1,0 +1,329 @@
+//! The points around a place, with more of them taken in when an answer needs them.
+
+use std::cell::RefCell;
+
+use super::PointStore;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_delaunay::{Bins, Disc, Finder, Found, Hull, Natural, Needs, Position, Space, Window};
+
+/// Squares taken in at a time, the nearest first.
+const AT_ONCE: usize = 16;
+
+/// All points of a window, and of those squares beyond it that were needed.
+pub(crate) struct Around<'a> {
+    store: &'a PointStore,
+    /// Of the window.
+    bins: Bins,
+    known: Window,
+    /// By square.
+    beyond: Vec<(usize, Bins)>,
+    /// Squares that the last answer lacked.
+    wanted: RefCell<Vec<usize>>,
+}
+
+impl<'a> Around<'a> {
+    /// The points of the squares that `window` touches.
+    pub(crate) fn new(store: &'a PointStore, window: Window) -> Result<Self> {
+        let squares = || store.tiling().touching(window);
+        let windows = squares().map(|square| store.tiling().window_of(square));
+        let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
+        let (mut all, mut points) = (Vec::new(), Vec::new());
+        for square in squares() {
+            store.load_distinct(square, &mut points)?;
+            all.extend_from_slice(&points);
+        }
+        let bins = Bins::new(&all);
+        Ok(Self { store, bins, known, beyond: Vec::new(), wanted: RefCell::default() })
+    }
+
+    /// What lies at each position, in their order.
+    pub(crate) fn find_all(
+        &mut self,
+        hull: &Hull,
+        positions: impl Iterator<Item = Position>,
+        mut each: impl FnMut(Position, Found),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let mut finder = Finder::new(&*self, hull);
+            while let Some(&position) = left.peek() {
+                let Ok(found) = finder.find(position) else { break };
+                if let Some(limits) = &self.store.limits {
+                    limits.note_position(hull, position);
+                }
+                each(position, found);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// What lies at each position, in their order, as far as it is a point or a triangle that
+    /// `is_small`: of any other triangle, only that there is none that small. Those have no edge longer
+    /// than `reach` steps, by which the window exceeds the positions.
+    ///
+    /// A small triangle of all points has its corners in the window, so it is that of the points known,
+    /// too: what is not small among those needs no further look, however far its disc reaches. Where no
+    /// point is within reach, none is looked for.
+    pub(crate) fn find_small(
+        &mut self,
+        hull: &Hull,
+        positions: impl Iterator<Item = Position>,
+        reach: i32,
+        is_small: impl Fn(&[Point; 3]) -> bool,
+        mut each: impl FnMut(Position, Found),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let known = Known(self);
+            let mut finder = Finder::new(&known, hull);
+            while let Some(&position) = left.peek() {
+                let found = match self.is_near(position, reach) {
+                    true => finder.find(position).unwrap_or(Found::Outside),
+                    false => Found::Outside,
+                };
+                if let Found::Triangle(corners) = &found
+                    && is_small(corners)
+                    && self.certify(&Disc::around(corners.map(|p| [p.x, p.y]))).is_err()
+                {
+                    break;
+                }
+                each(position, found);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// Whether a known point may be within `reach` steps, along both axes.
+    fn is_near(&self, position: Position, reach: i32) -> bool {
+        let at = position.floor();
+        let (window, mut any) = (Window { low: at, high: at }.grown(reach + 1), false);
+        self.visit(&window, |run| any |= !run.is_empty());
+        any
+    }
+
+    /// The natural neighbour height at each position of `window`, in their order.
+    pub(crate) fn natural(
+        &mut self,
+        hull: &Hull,
+        window: Window,
+        positions: impl Iterator<Item = Position>,
+        mut each: impl FnMut(Option<f64>),
+    ) -> Result<()> {
+        let mut left = positions.peekable();
+        while left.peek().is_some() {
+            let mut natural = Natural::new(&*self, hull, &window)?;
+            while let Some(&position) = left.peek() {
+                let Ok(height) = natural.height(position)? else { break };
+                each(height);
+                left.next();
+            }
+            self.take_in()?;
+        }
+        Ok(())
+    }
+
+    /// Loads the squares that the last answer lacked, or the nearest of them.
+    fn take_in(&mut self) -> Result<()> {
+        let mut wanted = self.wanted.take();
+        wanted.sort_by_key(|&square| (self.steps_to(square), square));
+        let mut points = Vec::new();
+        for &square in wanted.iter().take(AT_ONCE) {
+            self.store.load_distinct(square, &mut points)?;
+            self.beyond.push((square, Bins::new(&points)));
+        }
+        Ok(())
+    }
+
+    /// How far a square is from the window, along the axis on which it is further.
+    fn steps_to(&self, square: usize) -> i64 {
+        let there = self.store.tiling().window_of(square);
+        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
+        let apart = |i: usize| {
+            gap(there.low[i], self.known.high[i]).max(gap(self.known.low[i], there.high[i])).max(0)
+        };
+        apart(0).max(apart(1))
+    }
+
+    /// An answer rests on a disc that holds no point of the store.
+    fn note(&self, disc: &Disc) {
+        if let Some(limits) = &self.store.limits {
+            limits.note_disc(disc);
+        }
+    }
+
+    fn is_loaded(&self, square: usize) -> bool {
+        self.known.covers(&self.store.tiling().window_of(square))
+            || self.beyond.iter().any(|(loaded, _)| *loaded == square)
+    }
+}
+
+impl Space for Around<'_> {
+    fn pitch(&self) -> i32 {
+        self.bins.size()
+    }
+
+    fn visit(&self, window: &Window, mut each: impl FnMut(&[Point])) {
+        self.bins.visit(window, &mut each);
+        for (_, bins) in &self.beyond {
+            if bins.window().intersection(window).is_some() {
+                bins.visit(window, &mut each);
+            }
+        }
+    }
+
+    fn visit_disc(&self, disc: &Disc, window: &Window, mut each: impl FnMut(&[Point])) {
+        self.bins.visit_disc(disc, window, &mut each);
+        for (_, bins) in &self.beyond {
+            if bins.window().intersection(window).is_some() {
+                bins.visit_disc(disc, window, &mut each);
+            }
+        }
+    }
+
+    fn extent(&self) -> Window {
+        let windows = self.beyond.iter().map(|(_, bins)| bins.window());
+        windows.fold(self.bins.window(), |all, one| all.union(&one))
+    }
+
+    fn certify(&self, disc: &Disc) -> std::result::Result<(), Needs> {
+        if self.store.is_within(disc, &self.known) {
+            self.note(disc);
+            return Ok(());
+        }
+        let mut wanted = self.wanted.borrow_mut();
+        wanted.clear();
+        wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
+        let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
+        match windows.reduce(|all, one| all.union(&one)) {
+            Some(window) => Err(Needs(window)),
+            None => {
+                self.note(disc);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The points around a place as if there were no others.
+struct Known<'a, 'b>(&'a Around<'b>);
+
+impl Space for Known<'_, '_> {
+    fn pitch(&self) -> i32 {
+        self.0.pitch()
+    }
+
+    fn visit(&self, window: &Window, each: impl FnMut(&[Point])) {
+        self.0.visit(window, each);
+    }
+
+    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point])) {
+        self.0.visit_disc(disc, window, each);
+    }
+
+    fn extent(&self) -> Window {
+        self.0.extent()
+    }
+
+    fn certify(&self, _: &Disc) -> std::result::Result<(), Needs> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::Tiling;
+    use terrane_delaunay::Loaded;
+
+    /// Points with voids much larger than a square, and an outline with a notch.
+    fn points() -> Vec<Point> {
+        let mut state = 99_u64;
+        let mut random = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) % below) as i32
+        };
+        let all = (0..20_000).map(|_| Point::new(random(10_000), random(10_000), random(500)));
+        let is_far =
+            |p: &Point, x: i32, y: i32, r: i32| (p.x - x).pow(2) + (p.y - y).pow(2) > r * r;
+        let all = all.filter(|p| is_far(p, 3000, 3000, 1800) && is_far(p, 10_000, 6000, 2500));
+        all.filter(|p| is_far(p, 5000, 8000, 900)).collect()
+    }
+
+    #[test]
+    fn a_part_with_what_it_takes_in_answers_like_the_whole() {
+        let points = points();
+        let folder = tempfile::tempdir().unwrap();
+        let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
+        store.add(&points).unwrap();
+        let hull = store.hull().unwrap();
+        assert_eq!(hull.ring(), Hull::of(points.clone()).ring());
+        let bins = Bins::new(&points);
+        let space = Loaded::whole(&bins);
+        let (mut whole, mut asked, mut beyond) = (Finder::new(&space, &hull), 0, 0);
+        for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
+            let window = Window { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = Around::new(&store, window).unwrap();
+            let positions = (0..400).map(|i| {
+                let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
+                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+            });
+            around
+                .find_all(&hull, positions, |position, found| {
+                    assert_eq!(whole.find(position).unwrap(), found);
+                    asked += 1;
+                })
+                .unwrap();
+            beyond += around.beyond.len();
+        }
+        assert!(asked == 40_000 && beyond > 100, "{asked} {beyond}");
+    }
+
+    #[test]
+    fn small_triangles_are_those_of_the_whole() {
+        let points = points();
+        let folder = tempfile::tempdir().unwrap();
+        let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
+        store.add(&points).unwrap();
+        let hull = store.hull().unwrap();
+        let bins = Bins::new(&points);
+        let space = Loaded::whole(&bins);
+        let reach = 130;
+        let is_small = |found: &Found| match found {
+            Found::Triangle([a, b, c]) => [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|(p, q)| (p.x - q.x).pow(2) + (p.y - q.y).pow(2) <= reach * reach),
+            Found::At(_) => true,
+            Found::Outside => false,
+        };
+        let (mut whole, mut small, mut large) = (Finder::new(&space, &hull), 0, 0);
+        for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
+            let window = Window { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = Around::new(&store, window.grown(reach)).unwrap();
+            let positions = (0..400).map(|i| {
+                let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
+                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+            });
+            let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
+            around
+                .find_small(&hull, positions, reach, is, |position, found| {
+                    let expected = whole.find(position).unwrap();
+                    assert_eq!(is_small(&found), is_small(&expected), "{position:?}");
+                    if is_small(&expected) {
+                        assert_eq!(found, expected);
+                        small += 1;
+                    } else {
+                        large += 1;
+                    }
+                })
+                .unwrap();
+        }
+        assert!(small > 5000 && large > 5000, "{small} {large}");
+    }
+}

@@ -1,0 +1,88 @@
+//! How far what a store holds is all there is: a store may be filled from a part of a cloud.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use terrane_base::geom::Point;
+use terrane_cloud::PointSource;
+use terrane_delaunay::{Disc, Hull, Place, Position, Window};
+
+/// The part of a cloud that a store is filled from, and whether an answer needed more of it.
+///
+/// An answer that was found while [`is_exceeded`](Self::is_exceeded) stays false is that of the whole
+/// cloud: no disc that had to be empty left the window, and no position that the points known do not
+/// surround may lie among others.
+#[derive(Debug)]
+pub(crate) struct Limits {
+    /// All points of the cloud that lie in it are in the store.
+    window: Window,
+    /// All that the cloud may reach.
+    cloud: Window,
+    /// Around all boxes that other points may lie in.
+    others: Hull,
+    /// Around these and the points known.
+    outer: OnceLock<Hull>,
+    exceeded: AtomicBool,
+}
+
+impl Limits {
+    /// Of the parts of a cloud that may have points in `window`; the others are not read.
+    pub(crate) fn new(source: &dyn PointSource, window: Window) -> Self {
+        let bounds = source.info().bounds.unwrap_or([Point::default(); 2]);
+        let corners = (0..source.parts())
+            .filter_map(|part| source.bounds_of(part))
+            .filter(|bounds| !window.covers(&across(*bounds)))
+            .flat_map(|[low, high]| {
+                [low, Point::new(high.x, low.y, 0), high, Point::new(low.x, high.y, 0)]
+            });
+        Self {
+            window,
+            cloud: across(bounds),
+            others: Hull::of(corners.collect()),
+            outer: OnceLock::new(),
+            exceeded: AtomicBool::new(false),
+        }
+    }
+
+    /// True once an answer needed more than the window.
+    pub(crate) fn is_exceeded(&self) -> bool {
+        self.exceeded.load(Ordering::Relaxed)
+    }
+
+    /// Notes that `disc` has to be empty.
+    pub(super) fn note_disc(&self, disc: &Disc) {
+        if disc.clip(&self.cloud).is_some_and(|part| !self.window.covers(&part)) {
+            self.exceed();
+        }
+    }
+
+    /// Notes that a position was looked up in the surface over the points known, whose hull is `hull`.
+    pub(super) fn note_position(&self, hull: &Hull, position: Position) {
+        let place = hull.place(position);
+        if place == Place::Inside {
+            return;
+        }
+        let outer = self.outer.get_or_init(|| hull.merge(&self.others)).place(position);
+        if outer != Place::Outside && !(place == Place::Boundary && outer == Place::Boundary) {
+            self.exceed();
+        }
+    }
+
+    fn exceed(&self) {
+        self.exceeded.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The parts that may have points in a window.
+pub(crate) fn parts_in(source: &dyn PointSource, window: &Window) -> Vec<usize> {
+    let touches = |part: &usize| {
+        let bounds = source.bounds_of(*part);
+        bounds.is_some_and(|bounds| across(bounds).intersection(window).is_some())
+    };
+    (0..source.parts()).filter(touches).collect()
+}
+
+/// The window between two points.
+fn across([low, high]: [Point; 2]) -> Window {
+    Window { low: [low.x, low.y], high: [high.x, high.y] }
+}

@@ -1,0 +1,308 @@
+//! The smallest tolerance whose mesh fits a budget of vertices or triangles.
+//!
+//! Counts come from complete runs that write nothing, so they are exact, and the last run writes
+//! what its trial counted. Between trials the logarithm of the count is taken to be linear in the
+//! logarithm of the tolerance; what no tolerance takes away (the outlines of voids) is left out of
+//! that count once it is known. The guess to begin with comes from a sample of the grid, and is made again
+//! with what the first trial counted. Trials end when the tolerance is known to [`WIDTH`], when the count
+//! is within [`SLACK`] below the budget, and after [`MOST_TRIALS`].
+
+use terrane_base::error::{Error, Result};
+
+/// The tolerance found is at most this factor above one that does not fit, if trials last.
+const WIDTH: f64 = 1.002;
+/// A count this close below the budget (as a fraction of it) is close enough.
+const SLACK: f64 = 0.002;
+/// Trials after which the best one is taken: each is a run of its own.
+pub(super) const MOST_TRIALS: u32 = 6;
+/// Trials beyond the budget after which the coarsest mesh is tried.
+const PATIENCE: u32 = 4;
+/// Largest step, as a factor, while only one side of the bracket is known.
+const MOST_STEP: f64 = 16.0;
+/// Counts fall with the tolerance at least this much, in logarithms.
+const LEAST_SLOPE: f64 = 0.02;
+/// A tolerance that keeps nothing that need not be kept.
+const COARSEST: f64 = 1e30;
+/// A tolerance this small against the first guess is replaced by 0.
+const TINY: f64 = 1e-9;
+
+/// A tolerance and what its mesh counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Trial {
+    pub(super) tolerance: f64,
+    pub(super) count: u64,
+}
+
+/// Finds the tolerance for at most `budget`; returns it with the number of trials, of which one, with a
+/// tolerance of 0, may be `known` already. `guess` tells about where the tolerance is, the better for a
+/// trial, and `count` the exact count at a tolerance. Fails with `Usage`, telling the least count, when
+/// not even the coarsest mesh fits.
+pub(super) fn search(
+    budget: u64,
+    known: Option<Trial>,
+    mut guess: impl FnMut(Option<Trial>) -> Result<f64>,
+    mut count: impl FnMut(f64) -> Result<u64>,
+) -> Result<(f64, u32)> {
+    let spent = known.is_some().into();
+    let mut search =
+        Search { budget, guess: guess(known)?, spent, trials: Vec::new(), same_side: 0 };
+    while let Some(tolerance) = search.next() {
+        let trial = Trial { tolerance, count: count(tolerance)? };
+        search.note(trial);
+        let least = search.least();
+        if least > budget {
+            return Err(too_small(budget, least));
+        }
+        if search.trials.len() == 1 && !search.is_close() {
+            search.guess = guess(Some(trial))?;
+        }
+    }
+    let fits = search.fits().map_or(COARSEST, |trial| trial.tolerance);
+    Ok((fits, search.spent + search.trials.len() as u32))
+}
+
+fn too_small(budget: u64, least: u64) -> Error {
+    Error::usage(format!("no mesh of this grid is as small as {budget}"))
+        .remedy(format!("the coarsest one has {least}: allow at least that"))
+}
+
+/// What is known so far.
+struct Search {
+    budget: u64,
+    guess: f64,
+    spent: u32,
+    trials: Vec<Trial>,
+    /// Trials in a row that have moved the side of the bracket that is beyond the budget.
+    same_side: u32,
+}
+
+impl Search {
+    /// The next tolerance to try; `None` when the search is over.
+    fn next(&self) -> Option<f64> {
+        let left = MOST_TRIALS - self.spent - self.trials.len() as u32;
+        let (over, fits) = (self.over(), self.fits());
+        if left == 0 || self.is_close() {
+            return None;
+        }
+        if fits.is_none() && (left == 1 || self.trials.len() as u32 == PATIENCE) {
+            return Some(COARSEST);
+        }
+        match (over, fits) {
+            (Some(over), Some(fits)) if fits.tolerance < COARSEST => self.between(over, fits),
+            (over, fits) => Some(self.beyond(over, fits)),
+        }
+    }
+
+    /// True when no other tolerance would be much better.
+    fn is_close(&self) -> bool {
+        let least = self.budget as f64 * (1.0 - SLACK);
+        self.fits().is_some_and(|fits| fits.tolerance == 0.0 || fits.count as f64 >= least)
+    }
+
+    fn note(&mut self, trial: Trial) {
+        let moves = self.over().is_some_and(|over| trial.tolerance > over.tolerance);
+        let is_over = trial.count > self.budget;
+        self.same_side = if is_over && moves { self.same_side + 1 } else { 0 };
+        self.trials.push(trial);
+    }
+
+    /// The largest tolerance known not to fit.
+    fn over(&self) -> Option<Trial> {
+        let over = self.trials.iter().filter(|trial| trial.count > self.budget);
+        over.copied().max_by(|a, b| a.tolerance.total_cmp(&b.tolerance))
+    }
+
+    /// The smallest known to fit.
+    fn fits(&self) -> Option<Trial> {
+        let fits = self.trials.iter().filter(|trial| trial.count <= self.budget);
+        fits.copied().min_by(|a, b| a.tolerance.total_cmp(&b.tolerance))
+    }
+
+    /// The count of the coarsest mesh; 0 while it is not known.
+    fn least(&self) -> u64 {
+        let coarsest = self.trials.iter().find(|trial| trial.tolerance == COARSEST);
+        coarsest.map_or(0, |trial| trial.count)
+    }
+
+    /// The logarithms of a tolerance and of what its count has beyond the least.
+    fn place(&self, trial: Trial) -> [f64; 2] {
+        [trial.tolerance.ln(), self.height(trial.count as f64)]
+    }
+
+    fn height(&self, count: f64) -> f64 {
+        (count - self.least() as f64).max(1.0).ln()
+    }
+
+    /// How far a count is from the one aimed at.
+    fn miss(&self, count: f64) -> f64 {
+        self.height(count) - self.height(self.budget as f64 * (1.0 - SLACK / 2.0))
+    }
+
+    /// The logarithm of the tolerance that a line through the two trials gives, followed from the first.
+    fn followed(&self, near: Trial, other: Trial) -> f64 {
+        let ([x, y], [other_x, other_y]) = (self.place(near), self.place(other));
+        let slope = ((y - other_y) / (other_x - x)).max(LEAST_SLOPE);
+        x + self.miss(near.count as f64) / slope
+    }
+
+    /// True when the guess is clearly on the side of a trial where the budget must be.
+    fn leads_on(&self, trial: Trial) -> bool {
+        if trial.count > self.budget {
+            self.guess > trial.tolerance * WIDTH
+        } else {
+            self.guess < trial.tolerance / WIDTH
+        }
+    }
+
+    /// A tolerance beyond all trials on one side, where the other is not known.
+    fn beyond(&self, over: Option<Trial>, fits: Option<Trial>) -> f64 {
+        let is_usual = |trial: &&Trial| trial.tolerance > 0.0 && trial.tolerance < COARSEST;
+        let mut known: Vec<Trial> = self.trials.iter().filter(is_usual).copied().collect();
+        known.sort_by(|a, b| {
+            let miss = |trial: &Trial| self.miss(trial.count as f64).abs();
+            miss(a).total_cmp(&miss(b))
+        });
+        let wanted = match known[..] {
+            [] => return round_up(self.guess),
+            [only] if self.leads_on(only) => return round_up(self.guess),
+            // The count is taken to go with 1 / tolerance.
+            [only] => only.tolerance.ln() + self.miss(only.count as f64),
+            [near, other, ..] => self.followed(near, other),
+        };
+        // Each trial on the same side goes further, so that a curve with jumps is left behind.
+        let (step, nudge) = (MOST_STEP.ln(), WIDTH.ln());
+        let push = nudge.max(0.25 * (known.len() as f64 - 1.0).powi(2));
+        let from = known[0].tolerance.ln();
+        let next = match (over, fits) {
+            (Some(over), _) => wanted.min(from + step).max(over.tolerance.ln() + push),
+            (_, Some(fits)) => wanted.max(from - step).min(fits.tolerance.ln() - nudge),
+            _ => wanted,
+        };
+        let next = next.exp();
+        if next < self.guess * TINY { 0.0 } else { round_up(next) }
+    }
+
+    /// A tolerance between two trials: on the line through them, or towards the middle where that was
+    /// beyond the budget before, so that a curve with jumps (integer heights) cannot hold the search up.
+    fn between(&self, over: Trial, fits: Trial) -> Option<f64> {
+        if over.tolerance == 0.0 || fits.tolerance <= over.tolerance * WIDTH {
+            return None;
+        }
+        let [low, high] = [over, fits].map(|trial| trial.tolerance.ln());
+        let nearer = |a: Trial, b: Trial| {
+            let miss = |trial: Trial| self.miss(trial.count as f64).abs();
+            if miss(a) < miss(b) { [a, b] } else { [b, a] }
+        };
+        let [near, other] = nearer(over, fits);
+        let share = ((self.followed(near, other) - low) / (high - low)).clamp(0.03, 0.97);
+        let first = if self.same_side > 1 { f64::midpoint(share, 0.5) } else { share };
+        // Close to the one that fits, rounding up may give that one again: then the middle.
+        let at = |share: f64| round_up((low + (high - low) * share).exp());
+        [first, 0.5].map(at).into_iter().find(|&next| next < fits.tolerance)
+    }
+}
+
+/// Rounds up to four digits, so that the tolerance found is one that can be said.
+fn round_up(tolerance: f64) -> f64 {
+    if tolerance == 0.0 || !tolerance.is_finite() {
+        return tolerance;
+    }
+    let unit = tolerance.log10().floor() as i32 - 3;
+    let scaled = tolerance * 10_f64.powi(-unit);
+    let digits = (scaled - scaled * f64::EPSILON * 4.0).ceil();
+    format!("{digits}e{unit}").parse().unwrap_or(tolerance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_base::error::ErrorKind;
+
+    #[test]
+    fn rounding_goes_up_and_is_short() {
+        assert_eq!(round_up(1.2341), 1.235);
+        assert_eq!(round_up(1.234), 1.234);
+        assert_eq!(round_up(0.00012341), 0.0001235);
+        assert_eq!(round_up(99_999.0), 100_000.0);
+        assert_eq!(round_up(0.0), 0.0);
+    }
+
+    /// A curve with jumps: heights are multiples of `quantum`.
+    fn curve(tolerance: f64, quantum: f64, slope: f64) -> u64 {
+        let seen = if quantum > 0.0 { (tolerance / quantum).floor() * quantum } else { tolerance };
+        (1e6 / (1.0 + seen * 10.0).powf(slope)) as u64 + 4
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn what_is_found_fits_after_six_trials_at_most(
+            budget in 10_u64..2_000_000, guess in 1e-3..1e3, slope in 0.5..2.5,
+            quantum in prop_oneof![Just(0.0), 0.01..2.0], least in prop_oneof![Just(0_u64), 0..900_000_u64]
+        ) {
+            let count = |tolerance| least + curve(tolerance, quantum, slope);
+            let mut counted = 0;
+            let found = search(budget, None, |_| Ok(guess), |t| {
+                counted += 1;
+                Ok(count(t))
+            });
+            prop_assert!(counted <= MOST_TRIALS, "{} trials", counted);
+            match found {
+                Ok((tolerance, trials)) => {
+                    prop_assert!(count(tolerance) <= budget);
+                    prop_assert_eq!(trials, counted);
+                }
+                Err(_) => prop_assert!(count(COARSEST) > budget),
+            }
+        }
+
+        #[test]
+        fn from_a_fair_guess_the_budget_is_nearly_used_whatever_the_voids(
+            exact in 0.02..50.0, off in -0.7..0.7_f64, slope in 0.7..2.5, least in 0_u64..900_000
+        ) {
+            let count = |tolerance| least + curve(tolerance, 0.0, slope);
+            let budget = count(exact);
+            let guess = exact * off.exp();
+            let (tolerance, _) = search(budget, None, |_| Ok(guess), |t| Ok(count(t))).unwrap();
+            let used = count(tolerance) as f64 / budget as f64;
+            prop_assert!((0.85..=1.0).contains(&used), "{}", used);
+        }
+
+        /// A sample that is off by a factor says nothing where it has less at any tolerance than the
+        /// budget, and says all once it is compared with a trial.
+        #[test]
+        fn a_sample_that_is_off_leads_to_the_budget(
+            exact in 0.02..50.0, off in 0.5..2.0, slope in 0.7..2.5, whole: bool
+        ) {
+            let count = |tolerance| curve(tolerance, 0.0, slope);
+            let budget = count(exact);
+            let guess = |trial: Option<Trial>| {
+                let factor = trial.map_or(1.0, |trial| {
+                    off * count(trial.tolerance) as f64 / trial.count as f64
+                });
+                let wanted = budget as f64 * factor;
+                let fits = |t: &f64| off * count(*t) as f64 <= wanted;
+                Ok((0..1400).map(|i| 1e-4 * 1.01_f64.powi(i)).find(fits).unwrap_or(1e6))
+            };
+            let known = whole.then(|| Trial { tolerance: 0.0, count: count(0.0) });
+            let (tolerance, trials) = search(budget, known, guess, |t| Ok(count(t))).unwrap();
+            let used = count(tolerance) as f64 / budget as f64;
+            prop_assert!((0.99..=1.0).contains(&used), "{}", used);
+            prop_assert!(trials <= MOST_TRIALS);
+        }
+    }
+
+    #[test]
+    fn few_trials_suffice_from_a_fair_guess() {
+        let (_, trials) = search(10_000, None, |_| Ok(30.0), |t| Ok(curve(t, 0.0, 1.2))).unwrap();
+        assert!(trials <= 5, "{trials}");
+    }
+
+    #[test]
+    fn too_small_a_budget_tells_the_least_count() {
+        let error = search(3, None, |_| Ok(1.0), |t| Ok(curve(t, 0.0, 1.0))).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        assert!(error.to_string().contains("the coarsest one has 4"));
+    }
+}

@@ -1,0 +1,393 @@
+//! The triangles and vertices kept with one tile.
+//!
+//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with
+//! the tile that owns its sample; positions are relative to that tile's first sample. Until the
+//! tile is final, vertices may be listed that no triangle uses, and listed twice. Triangles well
+//! inside a tile are kept apart, because seam patches rarely ask for them.
+
+use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
+
+use super::layout::{Layout, TileId};
+use super::spill::{Extent, Spill};
+use super::zone::{Bounds, Zone};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_tin::{Local, Triangle, sort_by_position};
+
+/// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
+#[derive(Clone, Copy)]
+pub(super) struct Piece<'a> {
+    pub(super) rect: Rect,
+    pub(super) triangles: &'a [Triangle],
+    pub(super) vertices: &'a [Local],
+    pub(super) heights: &'a [f64],
+}
+
+/// Moves positions by a fixed number of columns and rows.
+#[derive(Clone, Copy)]
+pub(super) struct Shift {
+    pub(super) cols: i32,
+    pub(super) rows: i32,
+}
+
+impl Shift {
+    /// From positions relative to grid position `from` to positions relative to `to`
+    /// (column, row).
+    pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
+        let difference = |a: u32, b: u32| (i64::from(a) - i64::from(b)) as i32;
+        Self { cols: difference(from.0, to.0), rows: difference(from.1, to.1) }
+    }
+
+    /// The moved position; it must be one (no coordinate below zero).
+    #[inline]
+    pub(super) fn apply(self, at: Local) -> Local {
+        Local::new(at.col().wrapping_add_signed(self.cols), at.row().wrapping_add_signed(self.rows))
+    }
+
+    /// The moved triangle.
+    pub(super) fn triangle(self, triangle: &Triangle) -> Triangle {
+        Triangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
+    }
+}
+
+/// A box of positions in some frame that may begin before its zero.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    first: [i32; 2],
+    size: [u32; 2],
+}
+
+impl Frame {
+    /// The samples of `rect` as positions relative to grid position `origin` (column, row).
+    pub(super) fn new(rect: Rect, origin: (u32, u32)) -> Self {
+        let Shift { cols, rows } = Shift::new((rect.col, rect.row), origin);
+        Self { first: [cols, rows], size: [rect.width, rect.height] }
+    }
+
+    /// True when `at` is one of the samples.
+    #[inline]
+    pub(super) fn contains(&self, at: Local) -> bool {
+        let col = at.col().wrapping_add_signed(self.first[0].wrapping_neg());
+        let row = at.row().wrapping_add_signed(self.first[1].wrapping_neg());
+        (col < self.size[0]) & (row < self.size[1])
+    }
+}
+
+/// Triangles at least this many cells away from the sides of their tile are its inner ones.
+const MARGIN: u32 = 40;
+
+/// What is kept with a tile, in memory.
+#[derive(Debug, Default)]
+pub(super) struct Container {
+    /// Those near the sides of the tile, and all that seam patches brought.
+    pub(super) triangles: Vec<Triangle>,
+    /// The others; no triangle of a neighbour has a corner among theirs.
+    pub(super) inner: Vec<Triangle>,
+    pub(super) vertices: Vec<Local>,
+    pub(super) heights: Vec<f64>,
+    /// This many vertices from the first are sorted and unique; later ones were added by
+    /// neighbours and seam patches.
+    sorted: usize,
+}
+
+impl Container {
+    /// Moves all triangles of `zone` to `out`, relative to its limits.
+    pub(super) fn extract(
+        &mut self,
+        zone: &Zone,
+        tile: TileId,
+        layout: &Layout,
+        out: &mut Vec<Triangle>,
+    ) {
+        let origin = layout.origin(tile);
+        let members = zone.seen_from(origin);
+        let shift = Shift::new(origin, (zone.limits().col, zone.limits().row));
+        let is_left = |triangle: &Triangle| {
+            let is_member = members.contains(triangle);
+            if is_member {
+                out.push(shift.triangle(triangle));
+            }
+            !is_member
+        };
+        if members.touches(&inner_bounds(layout, tile)) {
+            self.triangles.append(&mut self.inner);
+        }
+        self.triangles.retain(is_left);
+    }
+
+    /// Takes what belongs to `tile` out of a piece of the mesh.
+    pub(super) fn insert(&mut self, piece: Piece<'_>, tile: TileId, layout: &Layout) {
+        let at = (piece.rect.col, piece.rect.row);
+        let shift = Shift::new(at, layout.origin(tile));
+        let owned = Frame::new(layout.owned(tile), at);
+        let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
+        if piece.rect == layout.rect(tile) {
+            let inner = inner_bounds(layout, tile);
+            for &triangle in kept {
+                let is_inner = inner.holds(&Bounds::of(triangle.corners));
+                if is_inner { &mut self.inner } else { &mut self.triangles }.push(triangle);
+            }
+            self.insert_sorted(piece, owned);
+        } else {
+            self.triangles.extend(kept.map(|t| shift.triangle(t)));
+            self.insert_loose(piece, owned, shift);
+        }
+    }
+
+    /// Adds the tile's own vertices before those its neighbours have added so far.
+    fn insert_sorted(&mut self, piece: Piece<'_>, owned: Frame) {
+        let own = || {
+            let all = piece.vertices.iter().zip(piece.heights);
+            all.filter(|&(&at, _)| owned.contains(at))
+        };
+        self.vertices.splice(0..0, own().map(|(&at, _)| at));
+        self.sorted = own().count();
+        self.heights.splice(0..0, own().map(|(_, &height)| height));
+    }
+
+    /// Appends the vertices that are not among the tile's own.
+    fn insert_loose(&mut self, piece: Piece<'_>, owned: Frame, shift: Shift) {
+        for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
+            if !owned.contains(at) {
+                continue;
+            }
+            let at = shift.apply(at);
+            if self.vertices[..self.sorted].binary_search(&at).is_err() {
+                self.vertices.push(at);
+                self.heights.push(height);
+            }
+        }
+    }
+
+    /// Sorts the vertices and leaves only those that `used` accepts, once each.
+    pub(super) fn settle(&mut self, used: impl Fn(Local) -> bool) {
+        let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
+        let mut kept: Vec<(Local, f64)> = all.filter(|&(at, _)| used(at)).collect();
+        kept.sort_by_key(|&(at, _)| at);
+        kept.dedup_by_key(|&mut (at, _)| at);
+        self.vertices = kept.iter().map(|&(at, _)| at).collect();
+        self.heights = kept.iter().map(|&(_, height)| height).collect();
+        self.sorted = kept.len();
+    }
+
+    /// Takes out all triangles.
+    pub(super) fn take_triangles(&mut self) -> Vec<Triangle> {
+        let mut triangles = std::mem::take(&mut self.triangles);
+        triangles.append(&mut std::mem::take(&mut self.inner));
+        triangles
+    }
+
+    /// Puts all in an order that does not tell who put it here and when.
+    pub(super) fn close(&mut self) {
+        self.settle(|_| true);
+        sort_by_position(&mut self.triangles);
+        sort_by_position(&mut self.inner);
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        let triangles = self.triangles.capacity() + self.inner.capacity();
+        let triangles = triangles * size_of::<Triangle>();
+        let vertices = self.vertices.capacity() * size_of::<Local>();
+        (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
+    }
+
+    /// Writes all to the spill file.
+    pub(super) fn spill(&self, spill: &Spill) -> Result<Spilled> {
+        let extent = spill.write(&self.parts())?;
+        let (triangles, inner) = (self.triangles.len(), self.inner.len());
+        Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
+    }
+
+    /// All of a closed container as bytes.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        let counts = [self.triangles.len(), self.inner.len(), self.vertices.len()];
+        let counts = counts.map(|count| count as u64);
+        let mut bytes = bytemuck::cast_slice(&counts).to_vec();
+        self.parts().into_iter().for_each(|part| bytes.extend_from_slice(part));
+        bytes
+    }
+
+    /// The closed container that gave `bytes`; `None` when none can have.
+    pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
+        let (counts, mut rest) = bytes.split_at_checked(size_of::<[u64; 3]>())?;
+        let [triangles, inner, vertices]: [u64; 3] = bytemuck::pod_read_unaligned(counts);
+        let container = Self {
+            triangles: take(&mut rest, triangles)?,
+            inner: take(&mut rest, inner)?,
+            vertices: take(&mut rest, vertices)?,
+            heights: take(&mut rest, vertices)?,
+            sorted: vertices as usize,
+        };
+        rest.is_empty().then_some(container)
+    }
+
+    fn parts(&self) -> [&[u8]; 4] {
+        [
+            bytemuck::cast_slice(&self.triangles),
+            bytemuck::cast_slice(&self.inner),
+            bytemuck::cast_slice(&self.vertices),
+            bytemuck::cast_slice(&self.heights),
+        ]
+    }
+}
+
+/// Takes `count` items off the front of `bytes`, if there are as many.
+fn take<T: AnyBitPattern + NoUninit>(bytes: &mut &[u8], count: u64) -> Option<Vec<T>> {
+    let len = usize::try_from(count).ok()?.checked_mul(size_of::<T>())?;
+    let (items, rest) = bytes.split_at_checked(len)?;
+    *bytes = rest;
+    Some(bytemuck::allocation::pod_collect_to_vec(items))
+}
+
+/// A container in the spill file.
+#[derive(Debug)]
+pub(super) struct Spilled {
+    pub(super) extent: Extent,
+    triangles: usize,
+    inner: usize,
+    vertices: usize,
+    sorted: usize,
+}
+
+impl Spilled {
+    /// Number of vertices.
+    pub(super) fn vertices(&self) -> usize {
+        self.vertices
+    }
+
+    /// Reads the container back and frees its space.
+    pub(super) fn load(self, spill: &Spill) -> Result<Container> {
+        let mut triangles = vec![Triangle::zeroed(); self.triangles];
+        let mut inner = vec![Triangle::zeroed(); self.inner];
+        let mut vertices = vec![Local::zeroed(); self.vertices];
+        let mut heights = vec![0.0; self.vertices];
+        let mut parts: [&mut [u8]; 4] = [
+            bytemuck::cast_slice_mut::<Triangle, u8>(&mut triangles),
+            bytemuck::cast_slice_mut::<Triangle, u8>(&mut inner),
+            bytemuck::cast_slice_mut::<Local, u8>(&mut vertices),
+            bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
+        ];
+        spill.read(self.extent, &mut parts)?;
+        Ok(Container { triangles, inner, vertices, heights, sorted: self.sorted })
+    }
+}
+
+/// The samples of a tile that are [`MARGIN`] cells away from its sides.
+pub(super) fn inner_bounds(layout: &Layout, tile: TileId) -> Bounds {
+    let rect = layout.rect(tile);
+    let span = |count: u32| [MARGIN as i32, count as i32 - 1 - MARGIN as i32];
+    Bounds { cols: span(rect.width), rows: span(rect.height) }
+}
+
+/// The first corner of a triangle's bounding box.
+fn first_corner(triangle: &Triangle) -> Local {
+    let [a, b, c] = triangle.corners;
+    Local::new(a.col().min(b.col()).min(c.col()), a.row().min(b.row()).min(c.row()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tin::layout::Seam;
+
+    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
+        let corners = corners.map(|(col, row)| Local::new(col, row));
+        Triangle { corners, max_error: 1.0, square_sum: 2.0 }
+    }
+
+    #[test]
+    fn a_piece_is_divided_among_owners_and_found_again() {
+        let layout = Layout::new(257, 129, 128).unwrap();
+        let (left, right) = (TileId::new(0, 0), TileId::new(0, 1));
+        let zone = Zone::new(&layout, Seam::Vertical, left, 64, 0);
+        let triangles = [
+            triangle([(0, 0), (127, 0), (64, 9)]),
+            triangle([(64, 1), (65, 1), (64, 90)]),
+            triangle([(20, 50), (21, 50), (22, 60)]),
+        ];
+        let mut vertices: Vec<Local> = triangles.iter().flat_map(|t| t.corners).collect();
+        vertices.sort();
+        let heights: Vec<f64> = vertices.iter().map(|at| f64::from(at.col())).collect();
+        let rect = zone.limits();
+        let piece = Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
+        let mut found = Vec::new();
+        let mut counts = Vec::new();
+        for tile in [left, right] {
+            let mut container = Container::default();
+            container.insert(piece, tile, &layout);
+            counts.push((container.triangles.len(), container.vertices.len()));
+            container.extract(&zone, tile, &layout, &mut found);
+            assert!(container.triangles.is_empty());
+        }
+        assert_eq!(counts, [(2, 4), (1, 5)]);
+        found.sort_by_key(|t| t.corners);
+        assert_eq!(found.len(), 3);
+        assert!(triangles.iter().all(|t| found.contains(t)));
+    }
+
+    #[test]
+    fn inner_triangles_are_found_when_a_zone_reaches_them() {
+        let layout = Layout::new(257, 129, 128).unwrap();
+        let tile = TileId::new(0, 0);
+        let triangles =
+            [triangle([(70, 50), (80, 50), (75, 60)]), triangle([(110, 50), (120, 50), (115, 60)])];
+        let rect = layout.rect(tile);
+        let piece = Piece { rect, triangles: &triangles, vertices: &[], heights: &[] };
+        let mut container = Container::default();
+        container.insert(piece, tile, &layout);
+        assert_eq!((container.inner.len(), container.triangles.len()), (1, 1));
+        for (reach, taken) in [(8, 1), (32, 1), (60, 2)] {
+            let mut found = Vec::new();
+            let zone = Zone::new(&layout, Seam::Vertical, tile, reach, 0);
+            container.extract(&zone, tile, &layout, &mut found);
+            assert_eq!(found.len(), if reach == 32 { 0 } else { taken.min(1) }, "reach {reach}");
+        }
+    }
+
+    #[test]
+    fn spilled_and_loaded_is_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::new(folder.path());
+        let container = Container {
+            triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
+            inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
+            vertices: vec![Local::new(0, 0), Local::new(1, 0), Local::new(0, 1)],
+            heights: vec![1.5, 2.5, -3.5],
+            sorted: 2,
+        };
+        let loaded = container.spill(&spill).unwrap().load(&spill).unwrap();
+        assert_eq!(loaded.triangles, container.triangles);
+        assert_eq!(loaded.inner, container.inner);
+        assert_eq!(loaded.vertices, container.vertices);
+        assert_eq!((loaded.heights, loaded.sorted), (container.heights, 2));
+    }
+
+    #[test]
+    fn a_closed_container_comes_back_from_its_bytes_and_from_no_others() {
+        let at = |col| Local::new(col, 3);
+        let mut container = Container {
+            triangles: [7, 2].map(|col| triangle([(col, 0), (col + 1, 0), (0, 9)])).to_vec(),
+            inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
+            vertices: vec![at(4), at(1), at(4)],
+            heights: vec![0.5, 2.5, 0.5],
+            sorted: 0,
+        };
+        container.close();
+        assert_eq!(
+            (&container.vertices[..], &container.heights[..]),
+            (&[at(1), at(4)][..], &[2.5, 0.5][..])
+        );
+        assert!(container.triangles[0].corners < container.triangles[1].corners);
+        let mut bytes = container.to_bytes();
+        let back = Container::of_bytes(&bytes).unwrap();
+        assert_eq!((back.triangles, back.inner), (container.triangles, container.inner));
+        assert_eq!(
+            (back.vertices, back.heights, back.sorted),
+            (container.vertices, container.heights, 2)
+        );
+        assert!((0..bytes.len()).all(|len| Container::of_bytes(&bytes[..len]).is_none()));
+        bytes[7] = 0xff;
+        assert!(Container::of_bytes(&bytes).is_none());
+    }
+}

@@ -1,0 +1,76 @@
+//! What a grid-to-TIN job is asked to do.
+
+use std::path::PathBuf;
+
+use crate::Resources;
+use crate::placing::Placing;
+use terrane_base::error::{Error, Result};
+use terrane_raster::Inputs;
+
+/// What the mesh has to reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// No valid sample further than this from the surface, vertically.
+    MaxError(f64),
+    /// The smallest tolerance whose mesh has at most this many vertices.
+    MaxVertices(u64),
+    /// The smallest tolerance whose mesh has at most this many triangles.
+    MaxTriangles(u64),
+}
+
+impl Goal {
+    /// Whether all samples are vertices, but for those in planes.
+    pub(super) fn keeps_all(self) -> bool {
+        self == Self::MaxError(0.0)
+    }
+
+    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
+    pub(super) fn check(self) -> Result<()> {
+        match self {
+            Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
+                Err(Error::usage(format!("{e} is no maximum error"))
+                    .remedy("give a number of 0 or more, in the unit of the heights"))
+            }
+            Self::MaxVertices(0) | Self::MaxTriangles(0) => {
+                Err(Error::usage("a mesh of 0 vertices or triangles is no mesh")
+                    .remedy("allow at least 3 vertices"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A grid-to-TIN job.
+#[derive(Clone, Debug)]
+pub struct TinJob {
+    /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
+    pub input: Inputs,
+    /// How to open it.
+    pub band: u32,
+    /// Replaces the file's nodata value.
+    pub nodata: Option<f64>,
+    /// Mesh file to write.
+    pub output: PathBuf,
+    /// Mesh format by name; by the output's extension when `None`.
+    pub format: Option<String>,
+    /// Replace an existing output.
+    pub overwrite: bool,
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
+    /// STL: close the surface down to this height.
+    pub solid_base: Option<f64>,
+    /// How the mesh lies in a file of its own coordinates.
+    pub placing: Placing,
+    /// What to reach.
+    pub goal: Goal,
+    /// Reference greedy instead of adaptive strides.
+    pub strict: bool,
+    /// Run the drop pass.
+    pub drop: bool,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// Measure maximum error and RMSE for the report.
+    pub measure: bool,
+    /// What the job may use.
+    pub resources: Resources,
+}

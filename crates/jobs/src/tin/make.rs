@@ -1,0 +1,441 @@
+//! The whole job: open, check, find the tolerance, triangulate into the file, report.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::budget::{Trial, search};
+use super::estimate::{Estimator, Size};
+use super::job::{Goal, TinJob};
+use super::layout::{Layout, checked_tile};
+use super::local::height_origin;
+use super::report::TinReport;
+use super::run::{Outcome, Settings, run_on};
+use super::units::{horizontal_unit, vertical_unit};
+use super::worker::worker_bytes;
+use crate::memory::{self, Shares};
+use crate::placing::Placed;
+use crate::surface::grid_stats;
+use crate::{Cancel, Progress, peak_memory};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Affine, Point3, Rounding};
+use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
+use terrane_mesh::split::{self, Blocks};
+use terrane_mesh::{
+    self as output, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+};
+use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_tin::Spec;
+
+/// Runs a job from file to file.
+///
+/// What is wrong with the request is found before the work starts: an output that exists or cannot
+/// be created, a format that cannot hold the mesh, too little memory. The output appears whole at
+/// the end or not at all. A budget of vertices or triangles takes several complete runs that only
+/// count.
+///
+/// # Errors
+/// `Usage` for a goal, tile or name that makes no sense and for a budget below the coarsest mesh;
+/// `BadInput`, `Unsupported`, `Limit` from the input, also when it has no surface; `CannotWrite`
+/// and `Io` from the output and the temporary file; `Resource` when the memory does not suffice;
+/// `Interrupted`; `Internal` for a caught fault of the program, naming the tile.
+pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TinReport> {
+    let started = Instant::now();
+    job.goal.check()?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let opened = Opened::new(job)?;
+    let report = Maker { job, opened: &opened, progress, cancel }.make();
+    let mut report = report.map_err(|error| in_input(error, &job.input))?;
+    report.took(started.elapsed());
+    Ok(report)
+}
+
+/// What a job works with: its input, its format, and the shares of its memory.
+pub(super) struct Opened {
+    pub(super) source: Box<dyn GridSource>,
+    pub(super) format: &'static MeshFormat,
+    /// What heights are stored relative to, where the format stores them in f32.
+    pub(super) height_origin: Option<f64>,
+    pub(super) placed: Placed,
+    notes: Vec<String>,
+    pub(super) shares: Shares,
+}
+
+impl Opened {
+    /// Opens the input of `job` and divides its memory.
+    pub(super) fn new(job: &TinJob) -> Result<Self> {
+        let format = output::by_path(&job.output, job.format.as_deref())?;
+        let (source, shares) = open(job)?;
+        let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
+        let height_origin = format.single_precision.then(origin).transpose()?;
+        let info = source.info();
+        let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
+        Ok(Self { source, format, height_origin, placed, notes, shares })
+    }
+}
+
+impl Opened {
+    /// What becomes of heights in the file, where it stores them in f32.
+    fn rounding(&self) -> Option<Rounding> {
+        let scale = self.placed.scale[2];
+        self.height_origin.map(|origin| Rounding { origin, scale })
+    }
+}
+
+/// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
+fn open(job: &TinJob) -> Result<memory::Opened> {
+    let options = OpenOptions {
+        band: job.band,
+        nodata: job.nodata,
+        temp_dir: job.resources.temp_dir.clone(),
+        ..OpenOptions::default()
+    };
+    let worker = |tile| worker_bytes(tile, job.goal.keeps_all());
+    let open = |tile| memory::open(&job.input, &options, &job.resources, worker(tile));
+    let tile = checked_tile(job.tile)?;
+    open(tile).or_else(|error| {
+        let too_large = |_: &Error| {
+            let source = memory::look_at(&job.input, &options).ok()?;
+            let GridInfo { width, height, .. } = *source.info();
+            Layout::new(width, height, tile).ok().map(|layout| layout.side())
+        };
+        let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
+        match side.and_then(too_large) {
+            Some(side) if side < tile => open(side),
+            _ => Err(error),
+        }
+    })
+}
+
+/// Errors about the content of the input name it.
+pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
+    use ErrorKind::{BadInput, Internal, Limit, Unsupported};
+    match error.kind() {
+        BadInput | Internal | Limit | Unsupported => error.in_file(Path::new(&input.to_string())),
+        _ => error,
+    }
+}
+
+/// An opened job.
+pub(super) struct Maker<'a> {
+    pub(super) job: &'a TinJob,
+    pub(super) opened: &'a Opened,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) cancel: &'a Cancel,
+}
+
+impl Maker<'_> {
+    fn make(&self) -> Result<TinReport> {
+        self.check_output()?;
+        let (tolerance, trials) = self.tolerance()?;
+        self.complete(tolerance, trials, |sink, spec| self.run("triangulate", sink, spec))
+    }
+
+    /// Writes the mesh that `write` hands to the sink it is given, and reports on it.
+    pub(super) fn complete(
+        &self,
+        tolerance: f64,
+        trials: u32,
+        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<Outcome>,
+    ) -> Result<TinReport> {
+        let (job, info) = (self.job, self.opened.source.info());
+        let height = self.opened.height_origin.unwrap_or(0.0);
+        let mut header = header(info, &job.input.to_string(), tolerance, height);
+        header.scale = self.opened.placed.scale;
+        header.origin = self.opened.placed.origin(header.origin, header.bounds);
+        let solid_base = self.solid_base(&mut header)?;
+        let options = SinkOptions {
+            overwrite: job.overwrite,
+            solid_base,
+            temp_dir: job.resources.temp_dir.clone(),
+        };
+        let sink = match self.blocks()? {
+            None => (self.opened.format.create)(&job.output, &header, &options)?,
+            Some(blocks) => {
+                split::create(&job.output, self.opened.format, &header, &options, blocks)?
+            }
+        };
+        let outcome = write(sink, self.spec(tolerance))?;
+        let prj = match job.split {
+            None => write_prj(&job.output, &info.crs, job.overwrite)?,
+            Some(_) => None,
+        };
+        self.report(tolerance, trials, outcome, prj)
+    }
+
+    /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
+    /// the header. Fails before the work when the bottom is not below it.
+    fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
+        let Self { job, opened, progress, cancel } = self;
+        if job.solid_base.is_none() && job.placing.base.is_none() {
+            return Ok(None);
+        }
+        let stats = grid_stats(&*opened.source, &job.resources, *progress, cancel)?;
+        let (Some(lowest), Some(highest)) = (stats.min, stats.max) else {
+            return Ok(job.solid_base);
+        };
+        (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
+        let base = job.solid_base.or_else(|| job.placing.bottom(lowest, &opened.placed));
+        match base.filter(|base| lowest <= *base) {
+            Some(base) => Err(Error::usage(format!(
+                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+            ))
+            .remedy(format!("choose a base below {lowest}"))),
+            None => Ok(base),
+        }
+    }
+
+    /// How the mesh is divided among files, if it is.
+    fn blocks(&self) -> Result<Option<Blocks>> {
+        let Some(tiles) = self.job.split else { return Ok(None) };
+        let info = self.opened.source.info();
+        let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
+        let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
+        let samples = [info.width, info.height];
+        Ok(Some(Blocks { cells, samples, to_world: info.transform }))
+    }
+
+    /// The tiling.
+    pub(super) fn layout(&self) -> Result<Layout> {
+        let info = self.opened.source.info();
+        Layout::new(info.width, info.height, self.job.tile)
+    }
+
+    /// Finds out before the work that the output can be created.
+    pub(super) fn check_output(&self) -> Result<()> {
+        if self.job.split.is_some() {
+            let Self { job, .. } = self;
+            return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
+                .map(drop);
+        }
+        drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
+        check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
+    }
+
+    /// The tolerance to run with, and how many trials it took to find it.
+    pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
+        let layout = self.layout()?;
+        let most = Size { vertices: layout.samples(), triangles: 2 * layout.cells() };
+        match self.job.goal {
+            Goal::MaxError(tolerance) => {
+                self.check_capacity(layout, most, tolerance)?;
+                Ok((tolerance, 0))
+            }
+            Goal::MaxVertices(budget) if budget >= most.vertices => self.everything(most),
+            Goal::MaxTriangles(budget) if budget >= most.triangles => self.everything(most),
+            Goal::MaxVertices(budget) => {
+                self.check_size(Size { vertices: budget, triangles: budget })?;
+                self.search(layout, budget, |size| size.vertices)
+            }
+            Goal::MaxTriangles(budget) => {
+                self.check_size(Size { vertices: budget / 2, triangles: budget })?;
+                self.search(layout, budget, |size| size.triangles)
+            }
+        }
+    }
+
+    /// A budget that every mesh of this grid fits: no error at all.
+    fn everything(&self, most: Size) -> Result<(f64, u32)> {
+        self.check_size(most)?;
+        Ok((0.0, 0))
+    }
+
+    /// Fails when the format will not hold the mesh. Sure when every sample fits; otherwise from
+    /// an estimate, because hardly any mesh keeps all samples.
+    fn check_capacity(&self, layout: Layout, most: Size, tolerance: f64) -> Result<()> {
+        if self.check_size(most).is_ok() {
+            return Ok(());
+        }
+        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
+        let size = estimator.size(&Spec { measure: false, ..self.spec(tolerance) })?;
+        self.check_size(size)
+    }
+
+    /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
+    fn check_size(&self, size: Size) -> Result<()> {
+        let share = self.blocks()?.map_or(1.0, |blocks| blocks.largest_share());
+        let [vertices, triangles] =
+            [size.vertices, size.triangles].map(|count| (count as f64 * share).ceil() as u64);
+        self.opened.format.check_capacity(vertices, triangles)
+    }
+
+    fn search(
+        &self,
+        layout: Layout,
+        budget: u64,
+        counted: impl Fn(Size) -> u64,
+    ) -> Result<(f64, u32)> {
+        let spec = Spec { measure: false, ..self.spec(0.0) };
+        let count = |tolerance| self.count(tolerance, &counted);
+        let may_be_all = budget >= layout.samples() / 2;
+        let all = || Ok::<_, Error>(Trial { tolerance: 0.0, count: count(0.0)? });
+        let known = may_be_all.then(all).transpose()?;
+        if known.is_some_and(|all| all.count <= budget) {
+            return Ok((0.0, 1));
+        }
+        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
+        search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
+    }
+
+    /// The size of the mesh at a tolerance, by making it and throwing it away.
+    fn count(&self, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
+        let stage = format!("count at {tolerance:.4}");
+        let spec = Spec { measure: false, ..self.spec(tolerance) };
+        let outcome = self.run(&stage, Box::new(Counter), spec)?;
+        Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
+    }
+
+    pub(super) fn spec(&self, tolerance: f64) -> Spec {
+        Spec {
+            tolerance,
+            strict: self.job.strict,
+            drop: self.job.drop,
+            single_precision: self.opened.rounding(),
+            measure: self.job.measure,
+        }
+    }
+
+    fn run(&self, stage: &str, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
+        self.progress.begin(stage, self.layout()?.samples());
+        let outcome = run_on(&*self.opened.source, sink, &self.settings(spec, &self.temp_dir()));
+        self.progress.end();
+        outcome
+    }
+
+    /// How to run the core.
+    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> Settings<'a> {
+        Settings {
+            spec,
+            tile: self.job.tile,
+            threads: self.opened.shares.threads,
+            mesh_bytes: self.opened.shares.mesh,
+            temp_dir,
+            order_seed: None,
+            progress: self.progress,
+            cancel: self.cancel,
+        }
+    }
+
+    /// Where to spill: beside the output unless told otherwise.
+    fn temp_dir(&self) -> PathBuf {
+        let beside = || match self.job.output.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+    }
+
+    fn report(
+        &self,
+        tolerance: f64,
+        trials: u32,
+        outcome: Outcome,
+        prj: Option<PathBuf>,
+    ) -> Result<TinReport> {
+        let layout = self.layout()?;
+        let (job, info) = (self.job, self.opened.source.info());
+        let surface = (outcome.valid - outcome.isolated).max(1) as f64;
+        let measured = |value: f64| job.measure.then_some(value);
+        Ok(TinReport {
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            format: self.opened.format.name.to_owned(),
+            width: info.width,
+            height: info.height,
+            crs: info.crs.label(),
+            horizontal_unit: horizontal_unit(&info.crs).to_owned(),
+            vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
+            tolerance,
+            max_error: measured(outcome.max_error),
+            rmse: measured((outcome.square_sum / surface).sqrt()),
+            samples: layout.samples(),
+            valid_samples: outcome.valid,
+            isolated_samples: outcome.isolated,
+            suspected_nodata: outcome.suspects.map(|(value, _)| value),
+            suspected_samples: outcome.suspects.map(|(_, count)| count),
+            vertices: outcome.vertices,
+            triangles: outcome.triangles,
+            kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
+            output_bytes: outcome.output_bytes,
+            prj: prj.map(|path| path.display().to_string()),
+            placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
+            notes: self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt()).collect(),
+            tiles: layout.tiles(),
+            tile_cells: layout.side(),
+            threads: self.opened.shares.threads,
+            memory_budget: job.resources.memory,
+            peak_memory: peak_memory(),
+            spilled_bytes: outcome.spilled_bytes,
+            trials,
+            stages: outcome.stages,
+            wall_seconds: 0.0,
+            samples_per_second: 0.0,
+        })
+    }
+}
+
+/// A sink that keeps nothing; the run itself counts.
+struct Counter;
+
+impl MeshSink for Counter {
+    fn push(&mut self, _batch: MeshBatch<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        Ok(0)
+    }
+}
+
+fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHeader {
+    let bounds = bounds(info);
+    let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
+    MeshHeader {
+        crs: info.crs.clone(),
+        origin: origin(bounds, height),
+        scale: [1.0; 3],
+        bounds,
+        comments: vec![format!("source {input}"), format!("max error {tolerance}{unit}")],
+    }
+}
+
+/// World bounding box of the samples; z is not known.
+fn bounds(info: &GridInfo) -> [Point3; 2] {
+    let (col, row) = (f64::from(info.width - 1), f64::from(info.height - 1));
+    let corners = [(0.0, 0.0), (col, 0.0), (0.0, row), (col, row)];
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for world in corners.map(|(col, row)| info.transform.apply(col, row)) {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(world[axis]);
+            high[axis] = high[axis].max(world[axis]);
+        }
+    }
+    [[low[0], low[1], f64::NAN], [high[0], high[1], f64::NAN]]
+}
+
+/// The least that samples differ by along x and y; heights by any part of their unit.
+fn steps(info: &GridInfo) -> Point3 {
+    let Affine { a, b, d, e, .. } = info.transform;
+    [a.abs().max(b.abs()), d.abs().max(e.abs()), 1.0]
+}
+
+/// The centre, rounded to a multiple of a power of two that is small against the extent: few
+/// digits, and subtracted without rounding.
+fn origin([low, high]: [Point3; 2], height: f64) -> Point3 {
+    let extent = (high[0] - low[0]).max(high[1] - low[1]);
+    let unit = (extent / 8.0).log2().floor().exp2();
+    let round = |axis: usize| (f64::midpoint(low[axis], high[axis]) / unit).round() * unit;
+    [round(0), round(1), height]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_origin_is_short_and_near_the_centre() {
+        let bounds = [[500_010.3, 4_100_000.0, f64::NAN], [504_106.3, 4_104_096.0, f64::NAN]];
+        assert_eq!(origin(bounds, 0.0), [502_272.0, 4_102_144.0, 0.0]);
+        let degrees = [[-125.0, 48.0, f64::NAN], [-124.0, 49.0, f64::NAN]];
+        assert_eq!(origin(degrees, 4096.0), [-124.5, 48.5, 4096.0]);
+    }
+}

@@ -1,0 +1,35 @@
+//! The main job: a grid in, a seamless mesh with a proven error bound out.
+
+mod budget;
+mod container;
+mod estimate;
+mod job;
+mod layout;
+mod local;
+mod make;
+mod number;
+mod plan;
+mod report;
+mod run;
+mod schedule;
+mod scope;
+pub(crate) mod spill;
+mod store;
+mod tally;
+mod units;
+mod window;
+mod workdir;
+mod worker;
+mod writer;
+mod zone;
+
+pub use job::{Goal, TinJob};
+pub use layout::TILE_CELLS;
+pub use make::run;
+pub use plan::{Plan, plan};
+pub use report::{StageReport, TinReport};
+pub use run::{Outcome, Settings, run_on};
+pub(crate) use units::{horizontal_unit, vertical_unit};
+pub use workdir::{
+    PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in, run_plan, status_of,
+};

@@ -1,0 +1,132 @@
+//! What a grid-to-TIN job did, and the clocks behind it.
+
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use crate::placing::Placed;
+
+/// Seconds and samples of one stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageReport {
+    /// Name: "read", "tiles", "seams", "write", "load".
+    pub name: String,
+    /// Seconds spent in it, summed over threads.
+    pub thread_seconds: f64,
+    /// Samples it handled.
+    pub samples: u64,
+}
+
+/// What a grid-to-TIN job did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct TinReport {
+    pub input: String,
+    pub output: String,
+    pub format: String,
+    pub width: u32,
+    pub height: u32,
+    pub crs: String,
+    pub horizontal_unit: String,
+    pub vertical_unit: String,
+    pub tolerance: f64,
+    /// Largest error of any sample, when measured.
+    pub max_error: Option<f64>,
+    /// Root mean square error, when measured.
+    pub rmse: Option<f64>,
+    pub samples: u64,
+    pub valid_samples: u64,
+    /// Valid samples without any valid cell: they have no surface.
+    pub isolated_samples: u64,
+    /// Stored value that looks like an undeclared nodata value, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suspected_nodata: Option<f64>,
+    /// how many samples have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suspected_samples: Option<u64>,
+    pub vertices: u64,
+    pub triangles: u64,
+    /// Vertices per valid sample.
+    pub kept: f64,
+    pub output_bytes: u64,
+    /// Coordinate reference system beside the mesh, when one was written.
+    pub prj: Option<String>,
+    /// How the mesh lies in its file, where that has coordinates of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
+    /// What the user of the mesh should know.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    pub tiles: u64,
+    pub tile_cells: u32,
+    pub threads: usize,
+    pub memory_budget: u64,
+    pub peak_memory: Option<u64>,
+    /// Bytes written to the temporary file.
+    pub spilled_bytes: u64,
+    /// Complete runs that only counted, to find the tolerance of a budget.
+    pub trials: u32,
+    pub wall_seconds: f64,
+    pub samples_per_second: f64,
+    pub stages: Vec<StageReport>,
+}
+
+impl TinReport {
+    /// Notes the time it all took.
+    pub(super) fn took(&mut self, time: Duration) {
+        self.wall_seconds = time.as_secs_f64();
+        self.samples_per_second = self.samples as f64 / self.wall_seconds;
+    }
+}
+
+/// A stage of the pipeline.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Stage {
+    Read,
+    Tiles,
+    Seams,
+    Write,
+    /// From saved containers.
+    Load,
+}
+
+/// Time and samples by stage, of one worker or summed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clock {
+    spent: [Duration; 5],
+    samples: [u64; 5],
+}
+
+impl Clock {
+    const NAMES: [&str; 5] = ["read", "tiles", "seams", "write", "load"];
+
+    /// Adds the time since `started` and `samples` to a stage.
+    pub(super) fn add(&mut self, stage: Stage, started: Instant, samples: u64) {
+        self.add_time(stage, started.elapsed());
+        self.samples[stage as usize] += samples;
+    }
+
+    /// Adds time to a stage.
+    pub(super) fn add_time(&mut self, stage: Stage, spent: Duration) {
+        self.spent[stage as usize] += spent;
+    }
+
+    /// Adds another clock.
+    pub(super) fn merge(&mut self, other: &Clock) {
+        for stage in 0..Self::NAMES.len() {
+            self.spent[stage] += other.spent[stage];
+            self.samples[stage] += other.samples[stage];
+        }
+    }
+
+    /// The report of all stages.
+    pub(super) fn report(&self) -> Vec<StageReport> {
+        let stage = |i: usize| StageReport {
+            name: Self::NAMES[i].to_owned(),
+            thread_seconds: self.spent[i].as_secs_f64(),
+            samples: self.samples[i],
+        };
+        let is_used = |&i: &usize| i != Stage::Load as usize || self.samples[i] > 0;
+        (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
+    }
+}

@@ -1,0 +1,279 @@
+//! All containers of a running job: found by tile, counted, spilled when they take too much.
+//!
+//! Each container has its own lock and a thread holds at most one of them, so there can be no
+//! deadlock. What is spilled never changes a result, only where it waits.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+use super::container::{Container, Spilled};
+use super::layout::{Layout, TileId};
+use super::schedule::lock;
+use super::spill::Spill;
+use terrane_base::error::Result;
+
+/// A container and where it is.
+#[derive(Default)]
+struct Slot {
+    place: Place,
+    /// Id of the first vertex, once numbered.
+    first_id: u64,
+    /// How far from its seam the patch below this tile would have changed its neighbours' triangles.
+    reach: u32,
+    /// Tiles that still need the vertices to write their triangles.
+    readers: u32,
+}
+
+enum Place {
+    Held(Container),
+    Spilled(Spilled),
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self::Held(Container::default())
+    }
+}
+
+/// The containers of all tiles that are begun and not finished.
+pub(super) struct Store {
+    layout: Layout,
+    slots: Mutex<HashMap<TileId, Arc<Mutex<Slot>>>>,
+    spill: Spill,
+    /// Bytes in memory, and
+    held: AtomicU64,
+    /// how many there may be.
+    limit: u64,
+    /// One thread spills at a time.
+    relief: Mutex<()>,
+}
+
+impl Store {
+    /// An empty store that holds about `limit` bytes and spills to `folder`.
+    pub(super) fn new(layout: Layout, limit: u64, folder: &Path) -> Self {
+        Self {
+            layout,
+            slots: Mutex::default(),
+            spill: Spill::new(folder),
+            held: AtomicU64::new(0),
+            limit,
+            relief: Mutex::default(),
+        }
+    }
+
+    /// Runs `f` on the container of `tile`, loading or creating it first.
+    pub(super) fn with<R>(&self, tile: TileId, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
+        self.slot(tile, |slot| self.load(slot, f))?
+    }
+
+    /// Sets the id of the tile's first vertex; returns the id after its last.
+    pub(super) fn number(&self, tile: TileId, first_id: u64) -> Result<u64> {
+        let vertices = self.slot(tile, |slot| {
+            slot.first_id = first_id;
+            match &slot.place {
+                Place::Held(container) => container.vertices.len(),
+                Place::Spilled(spilled) => spilled.vertices(),
+            }
+        })?;
+        Ok(first_id + vertices as u64)
+    }
+
+    /// Notes how far from its seam the patch below `tile` would have gone on sideways.
+    pub(super) fn set_reach(&self, tile: TileId, reach: u32) -> Result<()> {
+        self.slot(tile, |slot| slot.reach = reach)
+    }
+
+    /// The reach noted for `tile`.
+    pub(super) fn reach(&self, tile: TileId) -> Result<u32> {
+        self.slot(tile, |slot| slot.reach)
+    }
+
+    /// Runs `f` on the container of a numbered tile and the id of its first vertex.
+    pub(super) fn with_ids<R>(
+        &self,
+        tile: TileId,
+        f: impl FnOnce(&mut Container, u64) -> R,
+    ) -> Result<R> {
+        self.slot(tile, |slot| {
+            let first_id = slot.first_id;
+            self.load(slot, |container| f(container, first_id))
+        })?
+    }
+
+    /// One of the tiles that need the vertices of `tile` has them; the last one frees the slot.
+    pub(super) fn finish(&self, tile: TileId) -> Result<()> {
+        let left = self.slot(tile, |slot| {
+            slot.readers -= 1;
+            slot.readers
+        })?;
+        if left > 0 {
+            return Ok(());
+        }
+        let Some(slot) = lock(&self.slots).remove(&tile) else { return Ok(()) };
+        match std::mem::take(&mut lock(&slot).place) {
+            Place::Held(container) => self.account(container.bytes(), 0),
+            Place::Spilled(spilled) => self.spill.free(spilled.extent),
+        }
+        Ok(())
+    }
+
+    /// Forgets a tile whose container has been taken.
+    pub(super) fn discard(&self, tile: TileId) {
+        lock(&self.slots).remove(&tile);
+    }
+
+    /// Makes room for `bytes` that a worker needs for a while, and counts them until the result is
+    /// dropped.
+    pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<Reserved<'_>> {
+        self.account(0, bytes);
+        let reserved = Reserved { store: self, bytes };
+        self.relieve(tile)?;
+        Ok(reserved)
+    }
+
+    /// Counts bytes that wait elsewhere (in the writer's queue) against the same limit.
+    pub(super) fn account(&self, before: u64, after: u64) {
+        if after >= before {
+            self.held.fetch_add(after - before, Ordering::Relaxed);
+        } else {
+            self.held.fetch_sub(before - after, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether less is held than there may be.
+    pub(super) fn has_room(&self) -> bool {
+        self.held.load(Ordering::Relaxed) <= self.limit
+    }
+
+    /// Bytes written to the spill file so far.
+    pub(super) fn spilled(&self) -> u64 {
+        self.spill.written()
+    }
+
+    fn slot<R>(&self, tile: TileId, f: impl FnOnce(&mut Slot) -> R) -> Result<R> {
+        let slot = {
+            let mut slots = lock(&self.slots);
+            Arc::clone(slots.entry(tile).or_insert_with(|| Arc::new(self.fresh(tile))))
+        };
+        let result = f(&mut lock(&slot));
+        self.relieve(tile)?;
+        Ok(result)
+    }
+
+    /// An empty slot; its readers are the tiles up to one row above and one column to the left.
+    fn fresh(&self, tile: TileId) -> Mutex<Slot> {
+        let readers = (1 + u32::from(tile.row > 0)) * (1 + u32::from(tile.col > 0));
+        Mutex::new(Slot { readers, ..Slot::default() })
+    }
+
+    fn load<R>(&self, slot: &mut Slot, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
+        let mut container = match std::mem::take(&mut slot.place) {
+            Place::Held(container) => container,
+            Place::Spilled(spilled) => {
+                let container = spilled.load(&self.spill)?;
+                self.account(0, container.bytes());
+                container
+            }
+        };
+        let before = container.bytes();
+        let result = f(&mut container);
+        self.account(before, container.bytes());
+        slot.place = Place::Held(container);
+        Ok(result)
+    }
+
+    /// Without room, spills containers until an eighth of the limit is free, those first that the
+    /// sweep, now at `tile`, will come back to last: the ones it has just left behind. Whoever comes
+    /// while another does so waits for it, as going on would take what is being freed.
+    fn relieve(&self, tile: TileId) -> Result<()> {
+        if self.has_room() {
+            return Ok(());
+        }
+        let _only = lock(&self.relief);
+        if self.has_room() {
+            return Ok(());
+        }
+        let mut slots: Vec<_> = {
+            let slots = lock(&self.slots);
+            slots
+                .iter()
+                .map(|(&id, slot)| (self.until_used(id, tile), id, Arc::clone(slot)))
+                .collect()
+        };
+        slots.sort_by_key(|&(distance, id, _)| std::cmp::Reverse((distance, id)));
+        for (_, _, slot) in slots {
+            if self.held.load(Ordering::Relaxed) <= self.limit / 8 * 7 {
+                break;
+            }
+            let Ok(mut slot) = slot.try_lock() else { continue };
+            self.spill_slot(&mut slot)?;
+        }
+        Ok(())
+    }
+
+    fn spill_slot(&self, slot: &mut Slot) -> Result<()> {
+        if let Place::Held(container) = &slot.place
+            && container.bytes() > 0
+        {
+            let bytes = container.bytes();
+            slot.place = Place::Spilled(container.spill(&self.spill)?);
+            self.account(bytes, 0);
+        }
+        Ok(())
+    }
+
+    /// Columns the sweep has to go from `now` until it touches the column of `tile` again.
+    fn until_used(&self, tile: TileId, now: TileId) -> u32 {
+        /// Columns behind the sweep that are still worked on.
+        const TAIL: u32 = 4;
+        let cols = self.layout.cols;
+        (tile.col + TAIL + cols - now.col) % cols
+    }
+}
+
+/// Bytes in use by a worker.
+pub(super) struct Reserved<'a> {
+    store: &'a Store,
+    bytes: u64,
+}
+
+impl Drop for Reserved<'_> {
+    fn drop(&mut self) {
+        self.store.account(self.bytes, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_tin::Local;
+
+    #[test]
+    fn containers_survive_a_tiny_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let layout = Layout::new(161, 33, 16).unwrap();
+        let store = Store::new(layout, 100, folder.path());
+        let tiles: Vec<TileId> = (0..layout.tiles()).map(|i| layout.tile_at(i)).collect();
+        for &tile in &tiles {
+            let fill = |c: &mut Container| {
+                c.vertices.extend([Local::new(tile.col, tile.row); 10]);
+                c.heights.extend([f64::from(tile.col); 10]);
+            };
+            store.with(tile, fill).unwrap();
+        }
+        assert!(store.spilled() > 0 && store.held.load(Ordering::Relaxed) <= 300);
+        for &tile in tiles.iter().rev() {
+            let same = |c: &mut Container| c.vertices == [Local::new(tile.col, tile.row); 10];
+            assert!(store.with(tile, same).unwrap());
+            assert_eq!(store.number(tile, 5).unwrap(), 15);
+        }
+        for &tile in &tiles {
+            let readers = (1 + tile.col.min(1)) * (1 + tile.row.min(1));
+            (0..readers).for_each(|_| store.finish(tile).unwrap());
+        }
+        assert_eq!(store.held.load(Ordering::Relaxed), 0);
+        assert!(lock(&store.slots).is_empty());
+    }
+}

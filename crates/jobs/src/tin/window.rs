@@ -1,0 +1,156 @@
+//! Reading a rectangle of a grid into buffers that a worker keeps.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Rect, Rounding};
+use terrane_base::limits::MAX_HEIGHT;
+use terrane_raster::{GridInfo, GridSource, looks_like_nodata};
+use terrane_tin::{Heights, Spec};
+
+/// Nodata values in use are below this, and no land is: only below it the lowest height is sought.
+const LOWEST_LAND: f32 = -900.0;
+
+/// The buffers of one worker.
+#[derive(Default)]
+pub(super) struct Window {
+    rect: Option<Rect>,
+    f32: Vec<f32>,
+    f64: Vec<f64>,
+    /// How far the f32 heights of the rectangle are from the exact ones, at most.
+    rounding: f64,
+    /// Lowest of the f32 heights; infinite where all are above [`LOWEST_LAND`].
+    lowest: f32,
+}
+
+impl Window {
+    /// Most bytes for a rectangle of `samples` samples.
+    pub(super) fn bytes(samples: u64) -> u64 {
+        samples * 12
+    }
+
+    /// Reads `rect` of `source`. Fails where a height is beyond [`MAX_HEIGHT`].
+    pub(super) fn read(&mut self, source: &dyn GridSource, rect: Rect) -> Result<()> {
+        self.rect = Some(rect);
+        self.rounding = 0.0;
+        self.f32.resize(rect.len(), 0.0);
+        if source.info().exact_in_f32() {
+            source.read_f32(rect, &mut self.f32)?;
+        } else {
+            self.f64.resize(rect.len(), 0.0);
+            source.read_f64(rect, &mut self.f64)?;
+            self.rounding = narrow(&self.f64, &mut self.f32);
+        }
+        self.refuse_extremes(rect)
+    }
+
+    /// Fails where the output's rounding of heights alone would break the tolerance.
+    pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
+        let Some(stored) = spec.single_precision else { return Ok(()) };
+        let moved = |height: f64| (stored.apply(height) - height).abs();
+        let rounding = match (self.rounding > 0.0, stored == Rounding::about(0.0)) {
+            (_, true) => self.rounding,
+            (true, _) => self.f64.iter().fold(0.0, |most, &z| moved(z).max(most)),
+            (false, _) => self.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
+        };
+        if rounding > spec.tolerance { Err(too_coarse(rounding, spec.tolerance)) } else { Ok(()) }
+    }
+
+    /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
+    /// nodata often is.
+    fn refuse_extremes(&mut self, rect: Rect) -> Result<()> {
+        let is_odd = |z: &f32| (*z < LOWEST_LAND) | (*z > MAX_HEIGHT);
+        let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_odd(z));
+        self.lowest = f32::INFINITY;
+        if !self.f32.chunks(1024).any(any) {
+            return Ok(());
+        }
+        self.lowest = self.f32.iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
+        let Some(index) = self.f32.iter().position(is_extreme) else { return Ok(()) };
+        let (row, col) = (index / rect.width as usize, index % rect.width as usize);
+        let (row, col) = (row + rect.row as usize, col + rect.col as usize);
+        let height = self.f32[index];
+        Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
+            .remedy(format!("if it stands for nodata, pass --nodata {height:e}")))
+    }
+
+    /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
+    /// like a nodata value that the file does not declare; with the value as stored.
+    pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
+        let rect = self.rect?;
+        let stored = looks_like_nodata(f64::from(self.lowest), info)?;
+        let is_lowest = |&&z: &&f32| z == self.lowest;
+        let rows = part.row - rect.row..part.end_row() - rect.row;
+        let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
+        let row = |row: u32| &self.f32[row as usize * rect.width as usize..][cols.clone()];
+        let count = rows.map(|at| row(at).iter().filter(is_lowest).count() as u64).sum();
+        Some((stored, count))
+    }
+
+    /// The heights of the last rectangle read (none before the first).
+    pub(super) fn heights(&self) -> Heights<'_> {
+        let (width, height) = self.rect.map_or((0, 0), |rect| (rect.width, rect.height));
+        Heights { width, height, f32: &self.f32, f64: (self.rounding > 0.0).then_some(&self.f64) }
+    }
+}
+
+/// Rounds to f32; returns the largest change.
+fn narrow(from: &[f64], to: &mut [f32]) -> f64 {
+    let mut largest = 0.0_f64;
+    for (&height, rounded) in from.iter().zip(to) {
+        *rounded = height as f32;
+        largest = largest.max((f64::from(*rounded) - height).abs());
+    }
+    largest
+}
+
+fn too_coarse(rounding: f64, tolerance: f64) -> Error {
+    Error::usage(format!(
+        "the output format stores heights as 32-bit floats, which moves some by {rounding:e}, more \
+         than the tolerance of {tolerance:e}"
+    ))
+    .remedy("write PLY or OBJ, or raise --max-error")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+
+    #[test]
+    fn exact_values_need_no_f64() {
+        let mut out = [0.0; 3];
+        assert_eq!(narrow(&[1.5, f64::NAN, -7.0], &mut out), 0.0);
+        assert!(out[1].is_nan() && out[2] == -7.0);
+        assert_eq!(narrow(&[0.1], &mut out[..1]), f64::from(0.1_f32) - 0.1);
+    }
+
+    #[test]
+    fn a_tolerance_below_the_rounding_of_the_output_is_refused() {
+        let window = Window { rounding: 0.01, ..Window::default() };
+        let spec = |tolerance, single: bool| Spec {
+            tolerance,
+            single_precision: single.then_some(Rounding::about(0.0)),
+            strict: false,
+            drop: true,
+            measure: false,
+        };
+        assert!(window.check_rounding(&spec(0.02, true)).is_ok());
+        assert!(window.check_rounding(&spec(0.001, false)).is_ok());
+        let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        let far = Window { f64: vec![2e7 + 0.25, f64::NAN], rounding: 0.25, ..Window::default() };
+        assert!(far.check_rounding(&spec(0.1, true)).is_err());
+        let near = Spec { single_precision: Some(Rounding::about(2e7)), ..spec(0.0, true) };
+        assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
+    }
+
+    #[test]
+    fn undeclared_nodata_is_named() {
+        let heights = vec![1.0, 2.0, 3.0, 4.0, f32::MIN, 6.0];
+        let mut window = Window { f32: heights, ..Window::default() };
+        let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::BadInput);
+        let text = error.to_string();
+        assert!(text.contains("column 11, row 21") && text.contains("--nodata -3.4028235e38"));
+    }
+}

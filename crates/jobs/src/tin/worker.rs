@@ -1,0 +1,406 @@
+//! What one worker does: takes tasks from the queue and carries them out.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crossbeam_channel::Sender;
+
+use super::container::{Container, Piece, Shift};
+use super::layout::{Layout, Seam, TileId};
+use super::number::{Lookup, Marks, Ranks, positions};
+use super::report::{Clock, Stage};
+use super::run::Settings;
+use super::schedule::{Queue, Step, Task, lock};
+use super::store::Store;
+use super::tally::Tally;
+use super::window::Window;
+use super::workdir::Record;
+use super::writer::{Collect, Part};
+use super::zone::{Frontier, Zone, rect_around};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Point3, Rect};
+use terrane_files::fault::{self, Point};
+use terrane_raster::GridSource;
+use terrane_tin::{
+    self as tin, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
+    mend_patch, triangulate_tile,
+};
+
+/// The two pure functions the pipeline is built around; tests plant faults here.
+#[derive(Clone, Copy)]
+pub(super) struct Kernel {
+    pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
+    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
+}
+
+impl Kernel {
+    pub(super) const GREEDY: Kernel = Kernel { tile: triangulate_tile, patch: mend_patch };
+}
+
+/// What all workers of a running job share.
+pub(super) struct Shared<'a> {
+    pub(super) source: &'a dyn GridSource,
+    pub(super) settings: &'a Settings<'a>,
+    pub(super) kernel: Kernel,
+    pub(super) layout: Layout,
+    /// Where tiles come from that are not triangulated.
+    pub(super) stock: Option<&'a dyn Stock>,
+    pub(super) store: Store,
+    pub(super) queue: Queue,
+    /// Id of the next vertex to be numbered.
+    pub(super) next_id: AtomicU64,
+    pub(super) tally: Mutex<Tally>,
+    /// The sink wants triangles by position.
+    pub(super) with_corners: bool,
+}
+
+/// Where saved containers come from.
+pub(super) trait Stock: Sync {
+    /// The container of `tile`.
+    fn load(&self, tile: TileId) -> Result<Container>;
+}
+
+/// Where finished parts go.
+pub(super) enum Outlet<'a> {
+    /// A single worker writes by itself.
+    Direct(&'a Mutex<dyn Collect + 'a>),
+    /// Several workers feed a writer thread.
+    Channel(Sender<(TileId, Part)>),
+}
+
+/// One worker and its buffers.
+pub(super) struct Worker<'a> {
+    job: &'a Shared<'a>,
+    outlet: Outlet<'a>,
+    window: Window,
+    scratch: Scratch,
+    triangles: Vec<Triangle>,
+    marks: Marks,
+    lookup: Lookup,
+    clock: Clock,
+}
+
+impl<'a> Worker<'a> {
+    pub(super) fn new(job: &'a Shared<'a>, outlet: Outlet<'a>) -> Self {
+        Self {
+            job,
+            outlet,
+            window: Window::default(),
+            scratch: Scratch::default(),
+            triangles: Vec::new(),
+            marks: Marks::default(),
+            lookup: Lookup::default(),
+            clock: Clock::default(),
+        }
+    }
+
+    /// Carries out tasks until there are no more; returns the time spent on them.
+    pub(super) fn run(mut self) -> Clock {
+        while let Some(task) = self.job.queue.next(|| self.job.store.has_room()) {
+            match self.job.settings.cancel.check().and_then(|()| self.attempt(task)) {
+                Ok(()) => self.job.queue.done(task),
+                Err(error) => self.job.queue.fail(error),
+            }
+        }
+        self.clock
+    }
+
+    /// Carries out `task`; a panic becomes an error that names the tile.
+    fn attempt(&mut self, task: Task) -> Result<()> {
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            fault::point(Point::Panic).map_err(|e| Error::io(ErrorKind::Io, "work", e))?;
+            self.perform(task)
+        }));
+        outcome.unwrap_or_else(|panic| Err(panicked(&*panic))).map_err(|error| error.at(task))
+    }
+
+    fn perform(&mut self, task: Task) -> Result<()> {
+        match task.step {
+            Step::Tile => match self.job.stock {
+                None => self.triangulate(task.tile),
+                Some(stock) => self.load(stock, task.tile),
+            },
+            Step::Vertical => self.mend(Seam::Vertical, task.tile),
+            Step::Horizontal => self.mend(Seam::Horizontal, task.tile),
+            Step::Corner => self.mend(Seam::Corner, task.tile),
+            Step::Gather => self.gather(task.tile),
+            Step::Number => self.number(task.tile),
+            Step::Emit => self.emit(task.tile),
+            Step::Save => self.save(task.tile),
+        }
+    }
+
+    fn triangulate(&mut self, tile: TileId) -> Result<()> {
+        let layout = &self.job.layout;
+        let rect = layout.rect(tile);
+        self.read(layout.apron(tile))?;
+        let suspects = self.window.suspects(layout.owned(tile), self.job.source.info());
+        let started = Instant::now();
+        let input = tile_input(layout, tile, self.window.heights());
+        let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
+        let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
+        let tally = Tally { valid: *valid, isolated: *isolated, suspects };
+        lock(&self.job.tally).add(tally);
+        let _room = self.job.store.reserve(mesh.bytes(), tile)?;
+        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        let samples = layout.owned(tile).len() as u64;
+        self.clock.add(Stage::Tiles, started, samples);
+        self.job.settings.progress.advance(samples);
+        if layout.cols == 1 {
+            self.job.source.release(layout.middle(tile));
+        }
+        Ok(())
+    }
+
+    /// Brings a tile that another run has made.
+    fn load(&mut self, stock: &dyn Stock, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let saved = stock.load(tile)?;
+        self.job.store.with(tile, |kept| *kept = saved)?;
+        let samples = self.job.layout.owned(tile).len() as u64;
+        self.clock.add(Stage::Load, started, samples);
+        self.job.settings.progress.advance(samples);
+        Ok(())
+    }
+
+    /// Mends one seam, in a wider patch while the mesh beyond does not agree with the result.
+    fn mend(&mut self, seam: Seam, tile: TileId) -> Result<()> {
+        let layout = self.job.layout;
+        let along = self.reach_along(seam, tile)?;
+        self.triangles.clear();
+        for reach in layout.reaches() {
+            let zone = Zone::new(&layout, seam, tile, reach, along);
+            self.extract(&zone)?;
+            let Some(rect) = rect_around(&self.triangles, zone.limits(), &layout) else { continue };
+            self.read(rect)?;
+            let patch = self.mend_rect(seam, tile, zone.limits(), rect);
+            let frontier = self.frontier(&patch, rect, &zone)?;
+            if reach == layout.widest_reach() || !frontier.is_open() {
+                return self.settle(seam, tile, rect, &patch, &frontier);
+            }
+        }
+        Ok(())
+    }
+
+    /// How far up and down from a tile corner the patch has to follow the vertical seam.
+    fn reach_along(&self, seam: Seam, tile: TileId) -> Result<u32> {
+        if seam != Seam::Corner {
+            return Ok(0);
+        }
+        let right = self.job.layout.clamp(tile, 0, 1);
+        Ok(self.job.store.reach(tile)?.max(self.job.store.reach(right)?))
+    }
+
+    /// Adds the triangles of `zone` to those found in a narrower one.
+    fn extract(&mut self, zone: &Zone) -> Result<()> {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        for tile in layout.keepers(zone.limits()) {
+            let out = &mut self.triangles;
+            self.job.store.with(tile, |kept| kept.extract(zone, tile, layout, out))?;
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(())
+    }
+
+    /// Mends the triangles in `rect`, whose heights have been read.
+    fn mend_rect(&mut self, seam: Seam, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
+        let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
+        let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
+        let input = PatchInput {
+            heights: self.window.heights(),
+            triangles: &triangles,
+            seam_col,
+            seam_row,
+            grid_ends: layout.grid_ends(rect),
+            spacing: layout.spacing(),
+        };
+        let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
+        self.clock.add(Stage::Seams, started, rect.len() as u64);
+        patch
+    }
+
+    /// What the mesh beyond a mended patch says to it.
+    fn frontier(&mut self, patch: &PatchMesh, rect: Rect, zone: &Zone) -> Result<Frontier> {
+        let started = Instant::now();
+        let layout = &self.job.layout;
+        let limits = zone.limits();
+        let places = ((rect.col, rect.row), (limits.col, limits.row));
+        let mut frontier = Frontier::new(&patch.border, places.0, places.1);
+        for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
+            self.job.store.with(tile, |kept| frontier.see(kept, zone, tile, layout))?;
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(frontier)
+    }
+
+    /// Stores a mended patch.
+    fn settle(
+        &mut self,
+        seam: Seam,
+        tile: TileId,
+        rect: Rect,
+        patch: &PatchMesh,
+        frontier: &Frontier,
+    ) -> Result<()> {
+        let started = Instant::now();
+        let PatchMesh { triangles, vertices, heights, .. } = patch;
+        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        match seam {
+            Seam::Vertical => self.release_left_of_seam(tile),
+            Seam::Horizontal => {
+                let row = self.job.layout.widest_reach() as i32;
+                self.job.store.set_reach(tile, frontier.closed_reach(row))?;
+            }
+            Seam::Corner => {}
+        }
+        self.clock.add(Stage::Seams, started, 0);
+        Ok(())
+    }
+
+    /// The tiles on the left of a mended seam (and the last one) are read again at their ends only.
+    fn release_left_of_seam(&self, tile: TileId) {
+        let layout = &self.job.layout;
+        self.job.source.release(layout.middle(tile));
+        if let Some(last) = layout.step(tile, 0, 1).filter(|next| next.col + 1 == layout.cols) {
+            self.job.source.release(layout.middle(last));
+        }
+    }
+
+    /// Settles which vertices of a tile are in use, and writes them.
+    fn gather(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let job = self.job;
+        let layout = &job.layout;
+        self.marks.reset(layout.owned(tile));
+        let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
+        for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
+            let origin = layout.origin(near);
+            job.store.with(near, |kept| self.marks.mark(&kept.triangles, origin))?;
+        }
+        let points = job.store.with(tile, |kept| {
+            self.marks.mark(&kept.inner, layout.origin(tile));
+            kept.settle(|at| self.marks.contains(at));
+            positions(kept, layout.origin(tile), &job.source.info().transform)
+        })?;
+        if points.len() as u64 != self.marks.count() {
+            return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
+        }
+        self.clock.add(Stage::Write, started, 0);
+        self.send(tile, Part::Vertices(points))
+    }
+
+    /// Fixes the ids of a tile's vertices. All that touches the tile is done by now.
+    fn number(&mut self, tile: TileId) -> Result<()> {
+        let first = self.job.next_id.load(Ordering::Relaxed);
+        let next = self.job.store.number(tile, first)?;
+        self.job.next_id.store(next, Ordering::Relaxed);
+        self.job.source.release(self.job.layout.rect(tile));
+        Ok(())
+    }
+
+    /// Writes the triangles kept with a tile.
+    fn emit(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let job = self.job;
+        for (near, ranks) in self.lookup.begin(&job.layout, tile) {
+            let owned = job.layout.owned(near);
+            let fill = |kept: &mut Container, id| ranks.fill(kept, owned, id, job.with_corners);
+            job.store.with_ids(near, fill)?;
+        }
+        let triangles = job.store.with(tile, Container::take_triangles)?;
+        let _room = job.store.reserve(Lookup::bytes(triangles.len(), job.with_corners), tile)?;
+        let to_world = &job.source.info().transform;
+        let faces = self.lookup.faces(triangles, to_world, job.with_corners);
+        let faces =
+            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is no vertex"))?;
+        let steps = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        for near in steps.into_iter().filter_map(|(rows, cols)| job.layout.step(tile, rows, cols)) {
+            job.store.finish(near)?;
+        }
+        self.clock.add(Stage::Write, started, job.layout.owned(tile).len() as u64);
+        self.send(tile, Part::Triangles(faces))
+    }
+
+    /// Hands over all that is kept with a tile, for another run.
+    fn save(&mut self, tile: TileId) -> Result<()> {
+        let started = Instant::now();
+        let mut kept = self.job.store.with(tile, std::mem::take)?;
+        self.job.store.discard(tile);
+        let _room = self.job.store.reserve(2 * kept.bytes(), tile)?;
+        kept.close();
+        let record = Record::of(&kept);
+        self.job.source.release(self.job.layout.rect(tile));
+        self.clock.add(Stage::Write, started, self.job.layout.owned(tile).len() as u64);
+        self.send(tile, Part::Saved(record))
+    }
+
+    fn read(&mut self, rect: Rect) -> Result<()> {
+        let started = Instant::now();
+        self.window.read(self.job.source, rect)?;
+        self.window.check_rounding(&self.job.settings.spec)?;
+        self.clock.add(Stage::Read, started, rect.len() as u64);
+        Ok(())
+    }
+
+    fn send(&self, tile: TileId, part: Part) -> Result<()> {
+        self.job.store.account(0, part.bytes());
+        match &self.outlet {
+            Outlet::Direct(writer) => {
+                let written = lock(writer).accept(tile, part)?;
+                self.job.store.account(written, 0);
+                Ok(())
+            }
+            Outlet::Channel(sender) => sender
+                .send((tile, part))
+                .map_err(|_| Error::new(ErrorKind::Internal, "the writer has stopped")),
+        }
+    }
+}
+
+impl Shared<'_> {
+    /// Hands a piece of the mesh to the containers it belongs to.
+    fn insert(&self, piece: Piece<'_>) -> Result<()> {
+        self.layout.owners(piece.rect).try_for_each(|tile| {
+            self.store.with(tile, |kept| kept.insert(piece, tile, &self.layout))
+        })
+    }
+}
+
+/// The kernel's view of a tile whose apron has been read.
+pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>) -> TileInput<'a> {
+    let (rect, apron) = (layout.rect(tile), layout.apron(tile));
+    TileInput {
+        heights,
+        apron_left: rect.col - apron.col,
+        apron_right: apron.end_col() - rect.end_col(),
+        apron_above: rect.row - apron.row,
+        apron_below: apron.end_row() - rect.end_row(),
+        spacing: layout.spacing(),
+    }
+}
+
+/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
+/// what it is made in, and so is what is written of it; others are far smaller.
+pub(super) fn worker_bytes(cells: u32, keeps_all: bool) -> u64 {
+    let samples = u64::from(cells + 3).pow(2);
+    let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
+    let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
+    let mesh = if keeps_all { whole } else { 0 };
+    mesh + tin::Scratch::bytes(cells + 2)
+        + Window::bytes(samples)
+        + Marks::bytes(cells)
+        + 4 * Ranks::bytes(cells)
+}
+
+fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    Error::new(ErrorKind::Internal, format!("a worker failed: {}", text.unwrap_or("no message")))
+        .remedy("please report this with the input")
+}

@@ -1,0 +1,191 @@
+//! Puts finished tiles into their order and hands them to the mesh sink.
+//!
+//! Vertices come tile by tile; the triangles of a tile come as soon as the vertices they can refer
+//! to are there. So the sequence of batches is the same whoever computed them and when.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use super::layout::{Layout, TileId};
+use super::scope::Work;
+use super::workdir::{ObjectWriter, Record};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point3;
+use terrane_mesh::{MeshBatch, MeshSink};
+
+/// The triangles of one tile.
+#[derive(Debug, Default)]
+pub(super) struct Faces {
+    pub(super) ids: Vec<[u64; 3]>,
+    /// World positions, if the sink wants them.
+    pub(super) corners: Vec<[Point3; 3]>,
+    pub(super) max_error: f32,
+    pub(super) square_sum: f64,
+}
+
+/// One finished part of a tile.
+#[derive(Debug)]
+pub(super) enum Part {
+    /// The vertices it owns.
+    Vertices(Vec<Point3>),
+    /// The triangles kept with it.
+    Triangles(Faces),
+    /// All that is kept with it, for another run.
+    Saved(Record),
+}
+
+impl Part {
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        let bytes = match self {
+            Self::Vertices(points) => size_of_val(&points[..]),
+            Self::Triangles(faces) => size_of_val(&faces.ids[..]) + size_of_val(&faces.corners[..]),
+            Self::Saved(record) => record.len() as usize,
+        };
+        bytes as u64
+    }
+}
+
+/// Where finished parts of tiles go, in whatever order they come.
+pub(super) trait Collect: Send {
+    /// Takes a part and writes all that is now in order; returns the bytes that left.
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64>;
+}
+
+/// Puts what is kept with each tile into an object, tile by tile.
+pub(super) struct Saver {
+    work: Work,
+    object: ObjectWriter,
+    waiting: BTreeMap<u64, Record>,
+    next: u64,
+}
+
+impl Saver {
+    pub(super) fn new(work: Work, object: ObjectWriter) -> Self {
+        Self { work, object, waiting: BTreeMap::new(), next: 0 }
+    }
+
+    /// The object, when all has come.
+    pub(super) fn into_object(self) -> ObjectWriter {
+        self.object
+    }
+}
+
+impl Collect for Saver {
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
+        let Part::Saved(record) = part else { return Err(misplaced()) };
+        self.waiting.insert(self.work.position(tile), record);
+        let mut bytes = 0;
+        while let Some(record) = self.waiting.remove(&self.next) {
+            self.object.push(&record)?;
+            self.next += 1;
+            bytes += record.len();
+        }
+        Ok(bytes)
+    }
+}
+
+fn misplaced() -> Error {
+    Error::new(ErrorKind::Internal, "a part of a tile went to the wrong place")
+}
+
+/// What has been written.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Totals {
+    pub(super) vertices: u64,
+    pub(super) triangles: u64,
+    pub(super) max_error: f32,
+    pub(super) square_sum: f64,
+}
+
+/// The ordered end of the pipeline.
+pub(super) struct Writer {
+    layout: Layout,
+    sink: Box<dyn MeshSink>,
+    vertices: BTreeMap<u64, Vec<Point3>>,
+    triangles: BTreeMap<u64, Faces>,
+    /// Next tile whose vertices, and
+    next_vertices: u64,
+    /// whose triangles are to be written.
+    next_triangles: u64,
+    totals: Totals,
+    spent: Duration,
+}
+
+impl Writer {
+    pub(super) fn new(layout: Layout, sink: Box<dyn MeshSink>) -> Self {
+        Self {
+            layout,
+            sink,
+            vertices: BTreeMap::new(),
+            triangles: BTreeMap::new(),
+            next_vertices: 0,
+            next_triangles: 0,
+            totals: Totals::default(),
+            spent: Duration::ZERO,
+        }
+    }
+
+    /// What has been written so far, and the time that took.
+    pub(super) fn totals(&self) -> (Totals, Duration) {
+        (self.totals, self.spent)
+    }
+
+    /// Completes the output; returns its size.
+    pub(super) fn finish(self) -> Result<u64> {
+        self.sink.finish()
+    }
+
+    /// The next part in order, if it has come.
+    fn next_part(&mut self) -> Option<Part> {
+        let due = self.next_triangles < self.layout.tiles() && {
+            let last = self.layout.furthest_vertex(self.layout.tile_at(self.next_triangles));
+            self.layout.index(last) < self.next_vertices
+        };
+        if due {
+            let faces = self.triangles.remove(&self.next_triangles)?;
+            self.next_triangles += 1;
+            Some(Part::Triangles(faces))
+        } else {
+            let points = self.vertices.remove(&self.next_vertices)?;
+            self.next_vertices += 1;
+            Some(Part::Vertices(points))
+        }
+    }
+
+    fn write(&mut self, part: Part) -> Result<()> {
+        let totals = &mut self.totals;
+        match part {
+            Part::Vertices(vertices) => {
+                totals.vertices += vertices.len() as u64;
+                self.sink.push(MeshBatch { vertices: &vertices, triangles: &[], corners: &[] })
+            }
+            Part::Triangles(Faces { ids, corners, max_error, square_sum }) => {
+                totals.triangles += ids.len() as u64;
+                totals.max_error = totals.max_error.max(max_error);
+                totals.square_sum += square_sum;
+                self.sink.push(MeshBatch { vertices: &[], triangles: &ids, corners: &corners })
+            }
+            Part::Saved(_) => Err(misplaced()),
+        }
+    }
+}
+
+impl Collect for Writer {
+    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
+        let started = Instant::now();
+        let index = self.layout.index(tile);
+        match part {
+            Part::Vertices(points) => drop(self.vertices.insert(index, points)),
+            Part::Triangles(faces) => drop(self.triangles.insert(index, faces)),
+            Part::Saved(_) => return Err(misplaced()),
+        }
+        let mut bytes = 0;
+        while let Some(part) = self.next_part() {
+            bytes += part.bytes();
+            self.write(part)?;
+        }
+        self.spent += started.elapsed();
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,252 @@
+//! Which triangles a seam patch takes in, and whether the mesh beyond it agrees with the result.
+
+use super::container::{Container, Frame, Shift, inner_bounds};
+use super::layout::{Layout, Seam, TileId};
+use terrane_base::geom::Rect;
+use terrane_base::geom::predicates::{Lattice, in_circle};
+use terrane_tin::{Local, Triangle};
+
+/// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a
+/// cell there) that touch a band around the seam. Where triangles are large, few are taken in; where
+/// they are small, the band alone is.
+///
+/// A patch around a tile corner also takes in the triangles on the vertical line as far up and down
+/// as the horizontal patches on its two sides would have gone on: each of them stopped there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Zone {
+    /// Positions are relative to these.
+    limits: Rect,
+    bands: [Bounds; 2],
+}
+
+/// First and last column, first and last row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounds {
+    pub(super) cols: [i32; 2],
+    pub(super) rows: [i32; 2],
+}
+
+impl Zone {
+    /// The zone of a seam of `tile`, `reach` cells on each side; around a corner, `along` cells up
+    /// and down the vertical line.
+    pub(super) fn new(layout: &Layout, seam: Seam, tile: TileId, reach: u32, along: u32) -> Self {
+        let limits = layout.patch(seam, tile, layout.widest_reach());
+        let around = |line: Option<u32>, size: u32, reach: u32| match line {
+            Some(line) => [line as i32 - reach as i32, (line + reach) as i32],
+            None => [0, size as i32],
+        };
+        let [col, row] = layout.seam_lines(seam, tile, limits);
+        let cols = |reach| around(col, limits.width, reach);
+        let rows = |reach| around(row, limits.height, reach);
+        let band = Bounds { cols: cols(reach), rows: rows(reach) };
+        let line = Bounds { cols: cols(0), rows: rows(along) };
+        Self { limits, bands: [band, if seam == Seam::Corner { line } else { band }] }
+    }
+
+    /// The largest rectangle the triangles can fill.
+    pub(super) fn limits(&self) -> Rect {
+        self.limits
+    }
+
+    /// The rule for triangles with positions relative to `origin` (column, row).
+    pub(super) fn seen_from(&self, origin: (u32, u32)) -> Membership {
+        let Shift { cols, rows } = Shift::new((self.limits.col, self.limits.row), origin);
+        let bands = self.bands.map(|band| band.moved(cols, rows));
+        Membership { limits: Frame::new(self.limits, origin), bands }
+    }
+}
+
+/// A [`Zone`] as seen from a tile.
+pub(super) struct Membership {
+    limits: Frame,
+    bands: [Bounds; 2],
+}
+
+impl Membership {
+    /// True when the patch takes the triangle in.
+    #[inline]
+    pub(super) fn contains(&self, triangle: &Triangle) -> bool {
+        self.is_within_limits(triangle) && self.touches(&Bounds::of(triangle.corners))
+    }
+
+    /// True when one of the bands touches the box.
+    pub(super) fn touches(&self, bounds: &Bounds) -> bool {
+        self.bands.iter().any(|band| band.touches(bounds))
+    }
+
+    /// True when the patch could take the triangle in.
+    #[inline]
+    pub(super) fn is_within_limits(&self, triangle: &Triangle) -> bool {
+        triangle.corners.into_iter().fold(true, |all, at| all & self.limits.contains(at))
+    }
+}
+
+impl Bounds {
+    /// The box around a triangle.
+    #[inline]
+    pub(super) fn of(corners: [Local; 3]) -> Self {
+        let [a, b, c] = corners.map(|at| [at.col() as i32, at.row() as i32]);
+        let span = |i: usize| [a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i])];
+        Self { cols: span(0), rows: span(1) }
+    }
+
+    #[inline]
+    fn touches(&self, other: &Self) -> bool {
+        let overlap = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[1]) & (b[0] <= a[1]);
+        overlap(self.cols, other.cols) & overlap(self.rows, other.rows)
+    }
+
+    /// True when `other` is wholly inside.
+    #[inline]
+    pub(super) fn holds(&self, other: &Self) -> bool {
+        let covers = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[0]) & (b[1] <= a[1]);
+        covers(self.cols, other.cols) & covers(self.rows, other.rows)
+    }
+
+    /// The box around an edge.
+    fn along([a, b]: [Lattice; 2]) -> Self {
+        let span = |i: usize| [a[i].min(b[i]), a[i].max(b[i])];
+        Self { cols: span(0), rows: span(1) }
+    }
+
+    /// The box around two.
+    fn join(self, other: Self) -> Self {
+        let join = |a: [i32; 2], b: [i32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Self { cols: join(self.cols, other.cols), rows: join(self.rows, other.rows) }
+    }
+
+    /// The same in positions moved by `cols` and `rows`.
+    fn moved(&self, cols: i32, rows: i32) -> Self {
+        Self { cols: self.cols.map(|col| col + cols), rows: self.rows.map(|row| row + rows) }
+    }
+}
+
+/// The rectangle that the triangles fill, with one more sample on each side where the grid goes on.
+/// Their positions are relative to `limits`.
+pub(super) fn rect_around(triangles: &[Triangle], limits: Rect, layout: &Layout) -> Option<Rect> {
+    let bounds = triangles.iter().map(|t| Bounds::of(t.corners)).reduce(Bounds::join)?;
+    let first = [limits.col + bounds.cols[0] as u32, limits.row + bounds.rows[0] as u32];
+    let last = [limits.col + bounds.cols[1] as u32, limits.row + bounds.rows[1] as u32];
+    Some(layout.between(first.map(|at| at.saturating_sub(1)), last.map(|at| at + 1)))
+}
+
+/// The edges on the border of a mended patch beside which it changed, in search of the triangles
+/// beyond them.
+pub(super) struct Frontier {
+    /// Edges in the direction of the triangle beyond, sorted, with the third corner on this side.
+    edges: Vec<([Lattice; 2], Lattice)>,
+    /// Which of them have a triangle beyond that the patch could have taken in.
+    found: Vec<bool>,
+    is_open: bool,
+}
+
+impl Frontier {
+    /// The border of a patch whose positions are relative to `from`, in positions relative to `to`.
+    pub(super) fn new(border: &[[Local; 3]], from: (u32, u32), to: (u32, u32)) -> Self {
+        let Shift { cols, rows } = Shift::new(from, to);
+        let place = |at: Local| [at.col() as i32 + cols, at.row() as i32 + rows];
+        let turned = |corners: &[Local; 3]| {
+            let [a, b, c] = corners.map(place);
+            ([b, a], c)
+        };
+        let mut edges: Vec<_> = border.iter().map(turned).collect();
+        edges.sort_unstable();
+        Self { found: vec![false; edges.len()], edges, is_open: false }
+    }
+
+    /// Looks at the triangles kept with a tile, where the patch could have taken them in.
+    pub(super) fn see(&mut self, kept: &Container, zone: &Zone, tile: TileId, layout: &Layout) {
+        let origin = layout.origin(tile);
+        let Shift { cols, rows } = Shift::new(origin, (zone.limits.col, zone.limits.row));
+        let members = zone.seen_from(origin);
+        let inner = inner_bounds(layout, tile).moved(cols, rows);
+        let around = self.bounds();
+        let concerns_inner = self.edges.iter().any(|(edge, _)| inner.holds(&Bounds::along(*edge)));
+        let inner = if concerns_inner { &kept.inner[..] } else { &[] };
+        for triangle in kept.triangles.iter().chain(inner) {
+            let corners =
+                triangle.corners.map(|at| [at.col() as i32 + cols, at.row() as i32 + rows]);
+            let near = corners.iter().filter(|&&at| around.holds(&Bounds::along([at, at])));
+            if near.count() >= 2 && members.is_within_limits(triangle) {
+                for i in 0..3 {
+                    let [from, to, third] = [i, (i + 1) % 3, (i + 2) % 3].map(|i| corners[i]);
+                    self.see_edge([from, to], third);
+                }
+            }
+        }
+    }
+
+    /// The box around all edges.
+    fn bounds(&self) -> Bounds {
+        let boxes = self.edges.iter().map(|&(edge, _)| Bounds::along(edge));
+        boxes.reduce(Bounds::join).unwrap_or(Bounds { cols: [0, -1], rows: [0, -1] })
+    }
+
+    fn see_edge(&mut self, edge: [Lattice; 2], beyond: Lattice) {
+        let Ok(at) = self.edges.binary_search_by_key(&edge, |entry| entry.0) else { return };
+        let ([b, a], c) = self.edges[at];
+        self.found[at] = true;
+        self.is_open |= in_circle(a, b, c, beyond) > 0;
+    }
+
+    /// True when a triangle that the patch could have taken in is not Delaunay with the result.
+    pub(super) fn is_open(&self) -> bool {
+        self.is_open
+    }
+
+    /// How far from `row` the edges go beside which no larger patch could have changed anything.
+    pub(super) fn closed_reach(&self, row: i32) -> u32 {
+        let closed = self.edges.iter().zip(&self.found).filter(|&(_, found)| !found);
+        let rows = closed.flat_map(|(edge, _)| edge.0.map(|at| at[1].abs_diff(row)));
+        rows.max().unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
+        let corners = corners.map(|(col, row)| Local::new(col, row));
+        Triangle { corners, max_error: 0.0, square_sum: 0.0 }
+    }
+
+    #[test]
+    fn a_zone_takes_what_touches_its_band_within_its_limits() {
+        let layout = Layout::new(129, 129, 32).unwrap();
+        let takes = |seam, reach, along, corners| {
+            let zone = Zone::new(&layout, seam, TileId::new(1, 1), reach, along);
+            zone.seen_from((32, 32)).contains(&triangle(corners))
+        };
+        assert!(takes(Seam::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
+        assert!(!takes(Seam::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(!takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]), "beyond the limits");
+        assert!(takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
+        assert!(!takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]), "in two tiles");
+        let above = [(32, 20), (32, 29), (30, 22)];
+        assert!(!takes(Seam::Corner, 2, 2, above));
+        assert!(takes(Seam::Corner, 2, 3, above) && takes(Seam::Corner, 3, 0, above));
+    }
+
+    #[test]
+    fn a_frontier_finds_what_is_not_delaunay_beyond_it() {
+        let layout = Layout::new(129, 129, 32).unwrap();
+        let tile = TileId::new(1, 1);
+        let zone = Zone::new(&layout, Seam::Vertical, tile, 4, 0);
+        let base = (zone.limits().col, zone.limits().row);
+        let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| Local::new(col, row))];
+        for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {
+            let mut frontier = Frontier::new(&border, (26, 0), base);
+            let mut kept = Container::default();
+            if beyond > 0 {
+                let moved =
+                    [(40, 50), (40, 40), (beyond, 45)].map(|(col, row)| (col - 6, row - 32));
+                kept.triangles.push(triangle(moved));
+            }
+            frontier.see(&kept, &zone, tile, &layout);
+            assert_eq!(frontier.is_open(), is_open);
+            assert_eq!(frontier.closed_reach(10) > 0, !found);
+        }
+    }
+}

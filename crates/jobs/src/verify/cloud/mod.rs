@@ -1,0 +1,131 @@
+//! Proves a written mesh against the cloud it was made from.
+//!
+//! Four passes: points, vertices and triangles are spread over rectangles of the plane; then each
+//! rectangle is checked by itself ([`terrane_proof::cloud`]).
+
+mod parts;
+mod points;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::{Work, open_mesh, stated_tolerance};
+use crate::{Cancel, Progress, Resources, peak_memory};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_cloud::{self as cloud, OpenOptions, PointSource};
+use terrane_mesh::MeshSource;
+use terrane_proof::cloud::{Bound, Placer};
+
+pub use report::{CloudFault, CloudVerifyReport};
+
+/// A mesh to be proven against a cloud.
+#[derive(Clone, Debug)]
+pub struct CloudVerifyJob {
+    /// Mesh file.
+    pub mesh: PathBuf,
+    /// Files, folders, patterns or lists.
+    pub inputs: Vec<String>,
+    /// Which points are judged, and how they are read: as when the mesh was made.
+    pub options: OpenOptions,
+    /// Largest allowed vertical distance; what the mesh's comments say when `None`.
+    pub tolerance: Option<f64>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
+/// no error, but a report with `passed` false.
+///
+/// # Errors
+/// As [`prove_cloud`], and whatever the files report.
+pub fn verify_cloud(
+    job: &CloudVerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudVerifyReport> {
+    let mesh = open_mesh(&job.mesh)?;
+    let source = cloud::synth::source(&job.inputs, &job.options)?;
+    let tolerance = match job.tolerance {
+        Some(tolerance) => Some(tolerance),
+        None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
+    let cloud = job.inputs.join(" ");
+    surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
+    let proved = prove_cloud(&*mesh, &*source, tolerance, &job.resources, progress, cancel);
+    let report = proved.map_err(|e| match e.kind() {
+        ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
+        _ => e,
+    })?;
+    let mesh = job.mesh.display().to_string();
+    Ok(CloudVerifyReport { mesh, cloud, ..report })
+}
+
+/// Proves `mesh` against the points of `source`; what the two hold themselves is not part of the
+/// memory budget, of which this takes about two thirds.
+///
+/// # Errors
+/// A tolerance that is no number, points without a surface, a triangle that refers to a vertex there
+/// is not, too little memory, and everything the sources report.
+pub fn prove_cloud(
+    mesh: &dyn MeshSource,
+    source: &dyn PointSource,
+    tolerance: Option<f64>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<CloudVerifyReport> {
+    let start = Instant::now();
+    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
+    let context = Context::new(work, source, tolerance)?;
+    let layout = parts::layout(&context)?;
+    let points = points::SpreadPoints::fill(&context, layout)?;
+    let hull = points.hull.as_ref().ok_or_else(no_surface)?;
+    let spread = super::spread::Spread::fill(&context.work, &context.placer, layout)?;
+    let (tally, again) = parts::check(&context, &points, hull, &spread)?;
+    let report = CloudVerifyReport::new(&context, &points, hull, &spread, &tally);
+    let wall_seconds = start.elapsed().as_secs_f64();
+    Ok(CloudVerifyReport {
+        threads: context.work.threads,
+        memory_budget: resources.memory,
+        spilled_bytes: points.bytes() + spread.bytes() + again,
+        peak_memory: peak_memory(),
+        wall_seconds,
+        points_per_second: report.points.read as f64 / wall_seconds.max(1e-9),
+        ..report
+    })
+}
+
+/// What every pass over a cloud needs to know.
+struct Context<'a> {
+    work: Work<'a>,
+    source: &'a dyn PointSource,
+    /// Lowest and highest coordinates of all points.
+    bounds: [Point; 2],
+    placer: Placer,
+    tolerance: Option<f64>,
+    bound: Option<Bound>,
+}
+
+impl<'a> Context<'a> {
+    fn new(work: Work<'a>, source: &'a dyn PointSource, tolerance: Option<f64>) -> Result<Self> {
+        let bounds = surface_bounds(source)?;
+        let (frame, mesh) = (source.info().frame, work.mesh.info());
+        let placer = Placer::new(frame, bounds, mesh.origin, mesh.single_precision);
+        let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
+        Ok(Self { work, source, bounds, placer, tolerance, bound })
+    }
+}
+
+/// The bounds of a cloud that may have a surface.
+fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
+    source.info().bounds.ok_or_else(no_surface)
+}
+
+fn no_surface() -> Error {
+    Error::bad_input("the points have no surface: fewer than three, or all on a line")
+        .remedy("look at the filters, or at the files with `terrane info`")
+}

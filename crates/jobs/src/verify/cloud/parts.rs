@@ -1,0 +1,282 @@
+//! The domains of a cloud and its mesh, one after the other; those too crowded are spread again.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Context;
+use super::points::{SpreadPoints, position};
+use crate::verify::spill::Spill;
+use crate::verify::spread::Spread;
+use crate::workers::{self, lock};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Point, Rect};
+use terrane_proof::cloud::{self, Hull, Part};
+use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
+
+/// Points or triangles that a domain should hold: with what is known of them they should stay near
+/// the processor.
+const CROWD: u64 = 1 << 15;
+/// Most domains.
+const MOST: u64 = 1 << 16;
+/// Domains for each thread, at least.
+const SHARES: u64 = 4;
+/// Bytes of index for a run of records.
+const RUN_BYTES: u64 = 16;
+/// How often a domain that is too crowded is halved at a time.
+const HALVINGS: u32 = 4;
+/// Triangles of a part are numbered with their corners in `u32`.
+const MOST_TRIANGLES: u64 = 1 << 30;
+
+/// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
+pub(super) fn layout(context: &Context<'_>) -> Result<Layout> {
+    let [low, high] = context.bounds;
+    let side = |low: i32, high: i32| high.abs_diff(low).saturating_add(1);
+    let grid = [side(low.x, high.x), side(low.y, high.y)];
+    if grid.iter().any(|&side| side > 1 << 30) {
+        return Err(Error::bad_input("the cloud is larger than its frame can hold"));
+    }
+    Ok(divide(grid, wanted(context)))
+}
+
+/// How many domains are wanted.
+fn wanted(context: &Context<'_>) -> u64 {
+    let (work, mesh) = (&context.work, context.work.mesh.info());
+    let points = context.source.info().count.max(1);
+    let triangles = mesh.triangles.saturating_mul(3) / 2;
+    let need = cloud::bytes_needed(points, triangles, mesh.vertices);
+    let crowds = points.max(mesh.triangles) / CROWD;
+    let wanted = crowds.max(need / (work.share / 2)).max(SHARES * work.threads as u64);
+    // Each time a writer is full, it leaves a run in every domain at worst.
+    let flushes = points / (work.share / 2 / 40).max(1) + 1;
+    let indexed = work.share / 8 / RUN_BYTES / flushes;
+    wanted.min(indexed).clamp(1, MOST)
+}
+
+/// About `wanted` squares, but no more than [`MOST`].
+fn divide(grid: [u32; 2], wanted: u64) -> Layout {
+    let area = u64::from(grid[0]) * u64::from(grid[1]);
+    let mut side = (area / wanted).isqrt();
+    loop {
+        let size =
+            side.next_multiple_of(u64::from(Domain::UNIT)).clamp(u64::from(Domain::UNIT), 1 << 30);
+        let layout = Layout { grid, size: [size as u32; 2] };
+        if layout.len() <= MOST {
+            return layout;
+        }
+        side = size + size.div_ceil(8);
+    }
+}
+
+/// Checks every domain. Returns the bytes that were spread again, too.
+pub(super) fn check(
+    context: &Context<'_>,
+    points: &SpreadPoints,
+    hull: &Hull,
+    spread: &Spread,
+) -> Result<(Tally, u64)> {
+    let (work, layout) = (&context.work, spread.layout);
+    let all = Mutex::new(Tally::default());
+    let checker = Checker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
+    let piles = Piles {
+        points: &points.points,
+        triangles: &spread.triangles,
+        positions: spread.positions.as_ref(),
+    };
+    work.progress.begin("prove", points.census.kept);
+    let judge = |tally: &mut Tally, index| {
+        checker.check(&piles, index, layout.domain(index), tally)?;
+        work.progress.advance(piles.points.len(index));
+        Ok(())
+    };
+    let finish = |tally: Tally| {
+        lock(&all).merge(&tally);
+        Ok(())
+    };
+    workers::run(work.threads, layout.len(), &work.cancel, Tally::default, judge, finish)?;
+    work.progress.end();
+    let tally = lock(&all).clone();
+    Ok((tally, checker.spilled.into_inner()))
+}
+
+/// Records of several domains, by the number of the domain.
+#[derive(Clone, Copy)]
+struct Piles<'a> {
+    points: &'a Spill<Point>,
+    triangles: &'a Spill<Triangle>,
+    positions: Option<&'a Spill<Position>>,
+}
+
+impl Piles<'_> {
+    /// Points, triangles and vertices of a domain.
+    fn counts(&self, domain: u64) -> [u64; 3] {
+        let positions = self.positions.map_or(0, |positions| positions.len(domain));
+        [self.points.len(domain), self.triangles.len(domain), positions]
+    }
+}
+
+struct Checker<'a> {
+    context: &'a Context<'a>,
+    hull: &'a Hull,
+    /// Held while a domain that cannot be split takes more than a thread's share.
+    crowded: Mutex<()>,
+    /// Bytes that were spread again.
+    spilled: AtomicU64,
+}
+
+impl Checker<'_> {
+    fn check(
+        &self,
+        piles: &Piles<'_>,
+        number: u64,
+        domain: Domain,
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let work = &self.context.work;
+        work.cancel.check()?;
+        let [points, triangles, positions] = piles.counts(number);
+        let need = cloud::bytes_needed(points, triangles, positions);
+        if need <= work.share && triangles <= MOST_TRIANGLES {
+            return self.check_whole(piles, number, domain, tally);
+        }
+        let pieces = pieces(domain);
+        if pieces.len() > 1 {
+            return self.check_pieces(piles, number, &pieces, tally);
+        }
+        if need > work.memory || triangles > MOST_TRIANGLES {
+            return Err(self.too_crowded(domain, points, triangles, need));
+        }
+        let _alone = lock(&self.crowded);
+        self.check_whole(piles, number, domain, tally)
+    }
+
+    /// Spreads what a domain has over pieces of it, and checks those.
+    fn check_pieces(
+        &self,
+        piles: &Piles<'_>,
+        number: u64,
+        pieces: &[Domain],
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let points = self
+            .respread(piles.points, number, pieces, |piece, &point| piece.owns(position(point)))?;
+        let triangles = self.respread(piles.triangles, number, pieces, Domain::may_touch)?;
+        let positions = piles.positions.map(|positions| {
+            self.respread(positions, number, pieces, |piece, &at: &Position| piece.owns(at))
+        });
+        let positions = positions.transpose()?;
+        let positions = positions.as_ref();
+        let again = Piles { points: &points, triangles: &triangles, positions };
+        let bytes = points.bytes() + triangles.bytes() + positions.map_or(0, Spill::bytes);
+        self.spilled.fetch_add(bytes, Ordering::Relaxed);
+        (0..).zip(pieces).try_for_each(|(number, &piece)| self.check(&again, number, piece, tally))
+    }
+
+    /// The records of a domain by piece.
+    fn respread<T: bytemuck::Pod>(
+        &self,
+        pile: &Spill<T>,
+        number: u64,
+        pieces: &[Domain],
+        belongs: impl Fn(&Domain, &T) -> bool,
+    ) -> Result<Spill<T>> {
+        let work = &self.context.work;
+        let again = Spill::new(&work.folder, pieces.len() as u64)?;
+        let mut writer = again.writer(work.share / 4);
+        let mut pushed = Ok(());
+        pile.read(number, |records| {
+            for record in records {
+                let all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
+                for (piece, _) in all {
+                    if pushed.is_ok() {
+                        pushed = writer.push(piece, *record);
+                    }
+                }
+            }
+        })?;
+        pushed?;
+        writer.finish()?;
+        Ok(again)
+    }
+
+    fn check_whole(
+        &self,
+        piles: &Piles<'_>,
+        number: u64,
+        domain: Domain,
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let mut points = load(piles.points, number)?;
+        points.sort_unstable_by_key(cloud::order);
+        let triangles = load(piles.triangles, number)?;
+        let mut vertices = piles.positions.map(|positions| load(positions, number)).transpose()?;
+        vertices.iter_mut().for_each(|vertices| vertices.sort_unstable());
+        let part = Part {
+            domain,
+            points: &points,
+            triangles: &triangles,
+            vertices: vertices.as_deref(),
+            hull: self.hull,
+            bound: self.context.bound,
+        };
+        cloud::check(&part, tally);
+        Ok(())
+    }
+
+    fn too_crowded(&self, domain: Domain, points: u64, triangles: u64, need: u64) -> Error {
+        let Rect { col, row, .. } = domain.rect;
+        let at = Position::sample(i64::from(col), i64::from(row));
+        let [x, y] = self.context.placer.world(at);
+        let what = format!("{points} points and {triangles} triangles share a place");
+        Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
+            .at(format!("x {x}, y {y}"))
+            .remedy("raise --memory")
+    }
+}
+
+/// All records of a domain.
+fn load<T: bytemuck::Pod>(pile: &Spill<T>, number: u64) -> Result<Vec<T>> {
+    let mut all = Vec::with_capacity(pile.len(number) as usize);
+    pile.read(number, |records| all.extend_from_slice(records))?;
+    Ok(all)
+}
+
+/// A domain halved several times, as far as that goes.
+fn pieces(domain: Domain) -> Vec<Domain> {
+    let halve = |pieces: Vec<Domain>| -> Vec<Domain> {
+        pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()
+    };
+    (0..HALVINGS).fold(vec![domain], |pieces, _| halve(pieces))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_extent_is_divided_into_about_as_many_domains_as_wanted() {
+        for (grid, wanted) in [
+            ([1 << 30, 1 << 30], 1000),
+            ([1 << 30, 1], 1 << 16),
+            ([1, 1], 1),
+            ([7, 5], 1 << 16),
+            ([40_000, 300], 500),
+        ] {
+            let layout = divide(grid, wanted);
+            assert!(layout.len() <= MOST, "{layout:?}");
+            let fits = layout.size[0] == Domain::UNIT || layout.len() >= wanted / 2;
+            assert!(fits || layout.size[0] > 1 << 10, "{layout:?}");
+            let last = layout.domain(layout.len() - 1);
+            assert_eq!([last.rect.end_col(), last.rect.end_row()], grid);
+        }
+    }
+
+    #[test]
+    fn pieces_tile_their_domain() {
+        let domain = Domain { grid: [500, 300], rect: Rect::new(0, 0, 500, 300) };
+        let all = pieces(domain);
+        assert_eq!(all.len(), 16);
+        assert_eq!(all.iter().map(|d| d.rect.len()).sum::<usize>(), 150_000);
+        let unit = Domain { grid: [500, 300], rect: Rect::new(32, 32, 32, 32) };
+        assert_eq!(pieces(unit), [unit]);
+    }
+}

@@ -1,0 +1,253 @@
+//! Proves a written mesh against its source grid, or the cloud it was made from, out of core.
+//!
+//! Three passes: vertices and triangles (and the points of a cloud) are spread over rectangles of
+//! the plane through temporary files; then each rectangle is checked by itself ([`terrane_proof`]). Nothing in the report but
+//! times and memory depends on threads, memory budget, or the order of work.
+
+mod cloud;
+mod lines;
+mod parts;
+mod report;
+mod spill;
+mod spread;
+mod vertices;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::memory::beside_program;
+use crate::{Cancel, Progress, Resources, peak_memory};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_mesh::{self as output, MeshInfo, MeshSource};
+use terrane_proof::{Precision, Snapper};
+use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
+
+pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
+pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
+pub use report::{FaultReport, Place, VerifyReport};
+
+/// Least memory a verification can work in, and least for each thread.
+const LEAST_MEMORY: u64 = 1 << 20;
+
+/// A mesh to be proven against a raster.
+#[derive(Clone, Debug)]
+pub struct VerifyJob {
+    /// Mesh file.
+    pub mesh: PathBuf,
+    /// File names, or a synthetic terrain by name.
+    pub raster: Inputs,
+    /// Band of the raster, from 1.
+    pub band: u32,
+    /// Replaces the raster's nodata value.
+    pub nodata: Option<f64>,
+    /// Largest allowed vertical distance; what the mesh's comments say when `None`.
+    pub tolerance: Option<f64>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
+/// no error, but a report with `passed` false.
+pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
+    let mesh = open_mesh(&job.mesh)?;
+    let cache = beside_program(job.resources.memory) / 4;
+    let cache_bytes = usize::try_from(cache).unwrap_or(usize::MAX);
+    let Resources { threads, ref temp_dir, .. } = job.resources;
+    let temp_dir = temp_dir.clone();
+    let options =
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
+    let grid = raster::open_all(job.raster.names(), &options)?;
+    let tolerance = match job.tolerance {
+        Some(tolerance) => Some(tolerance),
+        None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
+    check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
+    let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
+    let report = checked.map_err(|e| match e.kind() {
+        ErrorKind::BadInput => e.in_file(&job.mesh),
+        _ => e,
+    })?;
+    let mesh = job.mesh.display().to_string();
+    Ok(VerifyReport { mesh, raster: job.raster.to_string(), ..report })
+}
+
+/// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
+/// tells for sure which triangles they are.
+fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
+    let mesh = output::open(path)?;
+    if mesh.info().solid {
+        let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
+        return Err(Error::unsupported(message)
+            .in_file(path)
+            .remedy("verify the mesh that is made without --base and --co SOLID_BASE"));
+    }
+    Ok(mesh)
+}
+
+/// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is
+/// an error: to take it for none would leave the errors unjudged.
+fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
+    let stated = |(key, value): &'_ (String, String)| {
+        let rest = if key == KEY { value } else { value.trim().strip_prefix(KEY)? };
+        let is_whole_word = rest.is_empty() || key == KEY || rest.starts_with(char::is_whitespace);
+        is_whole_word.then(|| rest.split_whitespace().next().unwrap_or_default().to_owned())
+    };
+    let Some(word) = info.details.iter().find_map(stated) else { return Ok(None) };
+    match word.parse() {
+        Ok(tolerance) if (0.0..f64::INFINITY).contains(&tolerance) => Ok(Some(tolerance)),
+        _ => Err(Error::bad_input(format!("states \"{KEY} {word}\", which is no bound"))
+            .remedy("give the bound with --max-error")),
+    }
+}
+
+const KEY: &str = "max error";
+
+/// What a report says where no bound is known.
+const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
+
+/// Proves `mesh` against `grid`; a caller's caches of both are not part of the memory budget, of
+/// which this takes about two thirds.
+///
+/// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
+/// to a vertex there is not, too little memory, and everything the sources report.
+pub fn verify(
+    mesh: &dyn MeshSource,
+    grid: &dyn GridSource,
+    tolerance: Option<f64>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
+    let start = Instant::now();
+    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
+    let context = Context::new(work, grid, tolerance)?;
+    let spread = parts::fill(&context)?;
+    let tally = parts::check(&context, &spread)?;
+    let report = VerifyReport::new(&context, &spread.counts, spread.broken, &tally);
+    let wall_seconds = start.elapsed().as_secs_f64();
+    Ok(VerifyReport {
+        threads: context.work.threads,
+        memory_budget: resources.memory,
+        spilled_bytes: spread.bytes(),
+        peak_memory: peak_memory(),
+        wall_seconds,
+        samples_per_second: report.samples as f64 / wall_seconds.max(1e-9),
+        ..report
+    })
+}
+
+/// What a proof works with, whatever the mesh is held against.
+struct Work<'a> {
+    mesh: &'a dyn MeshSource,
+    progress: &'a dyn Progress,
+    cancel: Cancel,
+    threads: usize,
+    /// Bytes for everything held here.
+    memory: u64,
+    /// Bytes for one thread.
+    share: u64,
+    /// Where spills go.
+    folder: PathBuf,
+}
+
+impl<'a> Work<'a> {
+    fn new(
+        mesh: &'a dyn MeshSource,
+        tolerance: Option<f64>,
+        resources: &Resources,
+        progress: &'a dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        check_arguments(tolerance, resources)?;
+        let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
+        let threads = resources.threads.clamp(1, most);
+        let memory = beside_program(resources.memory) / 8 * 5;
+        let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+        let (cancel, share) = (cancel.clone(), memory / threads as u64);
+        Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
+    }
+}
+
+/// What every pass over a grid needs to know.
+struct Context<'a> {
+    work: Work<'a>,
+    grid: &'a dyn GridSource,
+    tolerance: Option<f64>,
+    snapper: Snapper,
+    precision: Precision,
+    /// See [`terrane_proof::Part::orientation`].
+    orientation: i128,
+}
+
+impl<'a> Context<'a> {
+    fn new(work: Work<'a>, grid: &'a dyn GridSource, tolerance: Option<f64>) -> Result<Self> {
+        check_grid(grid)?;
+        let (info, map) = (work.mesh.info(), grid.info().transform);
+        let size = [grid.info().width, grid.info().height];
+        Ok(Self {
+            grid,
+            tolerance,
+            snapper: Snapper::new(map, size, info.origin, info.single_precision),
+            precision: match info.single_precision {
+                true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
+                false => Precision::Double,
+            },
+            orientation: if map.determinant() < 0.0 { -1 } else { 1 },
+            work,
+        })
+    }
+}
+
+fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> {
+    if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
+        return Err(Error::usage("the tolerance is not a number from 0 up"));
+    }
+    if resources.memory < LEAST_MEMORY {
+        let message = format!("{} bytes of memory are too few", resources.memory);
+        return Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 1M or more"));
+    }
+    Ok(())
+}
+
+fn check_grid(grid: &dyn GridSource) -> Result<()> {
+    if !grid.info().transform.is_valid() {
+        return Err(Error::bad_input("the raster's map from samples to the world has no inverse"));
+    }
+    if grid.info().bounds().is_empty() {
+        return Err(Error::bad_input("the raster has no samples"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info(details: &[(&str, &str)]) -> MeshInfo {
+        MeshInfo {
+            vertices: 0,
+            triangles: 0,
+            format: "test",
+            origin: [0.0; 3],
+            scale: [1.0; 3],
+            single_precision: false,
+            indexed: true,
+            solid: false,
+            crs: None,
+            details: details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect(),
+        }
+    }
+
+    #[test]
+    fn the_tolerance_is_read_from_comments() {
+        let stated = |details: &[(&str, &str)]| stated_tolerance(&info(details));
+        assert_eq!(stated(&[("max error", "1.5 metre")]).unwrap(), Some(1.5));
+        let second = [("comment", "source a.tif"), ("comment", "max error 0.25")];
+        assert_eq!(stated(&second).unwrap(), Some(0.25));
+        assert_eq!(stated(&[("comment", "max errors are small")]).unwrap(), None);
+        assert_eq!(stated(&[]).unwrap(), None);
+        for bad in ["max error unknown", "max error -1", "max error NaN", "max error"] {
+            assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
+        }
+    }
+}

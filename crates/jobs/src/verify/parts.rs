@@ -1,0 +1,236 @@
+//! The passes over a mesh and its grid: the mesh into buckets by domain, then one domain after the
+//! other.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::Context;
+use super::spread::Spread;
+use crate::workers::{self, lock};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+use terrane_proof::{
+    self as proof, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
+};
+use terrane_raster::GridInfo;
+
+/// Most samples of a domain: with their errors they should stay near the processor.
+const MOST_SAMPLES: u64 = 1 << 18;
+/// Most rows of a domain on a grid stored in strips.
+const STRIP_ROWS: u64 = 256;
+/// Domains for each thread, at least, where the grid is large enough.
+const SHARES: u64 = 4;
+
+/// Divides the grid so that a domain of average density takes half of a thread's memory. On a grid
+/// stored in strips domains are as wide as the grid if they can, so that strips are decoded once.
+pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layout {
+    let grid = [info.width, info.height];
+    let samples = u64::from(info.width) * u64::from(info.height);
+    let unit = u64::from(Domain::UNIT);
+    let across = u64::from(info.width).next_multiple_of(unit);
+    let in_strips = info.block.0 >= info.width;
+    let most = if in_strips { MOST_SAMPLES.max(across * STRIP_ROWS) } else { MOST_SAMPLES };
+    let density = (1 << 10) * triangles.min(2 * samples) / samples;
+    let need = proof::bytes_needed(1 << 10, density + density / 2, density);
+    let area = (memory / 2 * (1 << 10) / need)
+        .min(most)
+        .min(samples / (SHARES * threads as u64))
+        .max(unit * unit);
+    let side = |samples: u64| (samples / unit * unit).clamp(unit, 1 << 30) as u32;
+    let size = if !in_strips {
+        [side(area.isqrt()); 2]
+    } else if area / across >= unit {
+        [side(across), side(area / across)]
+    } else {
+        [side(area / unit), Domain::UNIT]
+    };
+    Layout { grid, size }
+}
+
+/// Fails when the index of all domains takes more than half of the memory.
+fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
+    let need = layout.len().saturating_mul(INDEX_BYTES);
+    if need <= context.work.memory / 2 {
+        return Ok(());
+    }
+    let message = format!("a grid of this size needs an index of {} MiB", need >> 20);
+    Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"))
+}
+
+/// Bytes of index for one domain: two lists of runs in the spill files.
+const INDEX_BYTES: u64 = 64;
+
+/// Spreads the mesh over the domains of the grid.
+pub(super) fn fill(context: &Context<'_>) -> Result<Spread> {
+    let (work, grid) = (&context.work, context.grid.info());
+    let layout = layout(grid, work.mesh.info().triangles, work.share, work.threads);
+    check_index(&layout, context)?;
+    Spread::fill(work, &context.snapper, layout)
+}
+
+/// Checks every domain.
+pub(super) fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
+    let all = Mutex::new(Tally::default());
+    let (work, info) = (&context.work, context.grid.info());
+    work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
+    let checker = Checker { context, spread, crowded: Mutex::new(()) };
+    let rows = Rows::new(&spread.layout);
+    let judge = |tally: &mut Tally, index| {
+        let domain = spread.layout.domain(index);
+        checker.check(domain, index, tally)?;
+        rows.done(&spread.layout, index, context);
+        work.progress.advance(domain.rect.len() as u64);
+        Ok(())
+    };
+    let finish = |tally: Tally| {
+        lock(&all).merge(&tally);
+        Ok(())
+    };
+    let (threads, units) = (work.threads, spread.layout.len());
+    workers::run(threads, units, &work.cancel, Tally::default, judge, finish)?;
+    work.progress.end();
+    let tally = lock(&all).clone();
+    Ok(tally)
+}
+
+/// Checks domains, splitting those too crowded for a thread's memory.
+struct Checker<'a> {
+    context: &'a Context<'a>,
+    spread: &'a Spread,
+    /// Held while a domain that cannot be split takes more than a thread's share.
+    crowded: Mutex<()>,
+}
+
+impl Checker<'_> {
+    fn check(&self, domain: Domain, bucket: u64, tally: &mut Tally) -> Result<()> {
+        let (triangles, positions) = self.count(domain, bucket)?;
+        let need = proof::bytes_needed(domain.apron().len() as u64, triangles, positions);
+        if need <= self.context.work.share {
+            return self.check_whole(domain, bucket, [triangles, positions], tally);
+        }
+        match domain.halves() {
+            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, tally)),
+            None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
+                Err(too_crowded(domain, triangles, need))
+            }
+            None => {
+                let _alone = lock(&self.crowded);
+                self.check_whole(domain, bucket, [triangles, positions], tally)
+            }
+        }
+    }
+
+    /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
+    fn count(&self, domain: Domain, bucket: u64) -> Result<(u64, u64)> {
+        let Spread { layout, triangles, positions, .. } = self.spread;
+        if domain == layout.domain(bucket) {
+            return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
+        }
+        let mut counts = (0, 0);
+        self.each_triangle(domain, bucket, |_| counts.0 += 1)?;
+        self.each_position(domain, bucket, |_| counts.1 += 1)?;
+        Ok(counts)
+    }
+
+    fn each_triangle(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        mut visit: impl FnMut(&Triangle),
+    ) -> Result<()> {
+        self.spread.triangles.read(bucket, |triangles| {
+            triangles.iter().filter(|t| domain.may_touch(t)).for_each(&mut visit);
+        })
+    }
+
+    fn each_position(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        mut visit: impl FnMut(Position),
+    ) -> Result<()> {
+        let Some(positions) = &self.spread.positions else { return Ok(()) };
+        positions.read(bucket, |positions| {
+            positions.iter().copied().filter(|&at| domain.owns(at)).for_each(&mut visit);
+        })
+    }
+
+    fn check_whole(
+        &self,
+        domain: Domain,
+        bucket: u64,
+        [triangles, positions]: [u64; 2],
+        tally: &mut Tally,
+    ) -> Result<()> {
+        let mut all = Vec::with_capacity(triangles as usize);
+        self.each_triangle(domain, bucket, |triangle| all.push(*triangle))?;
+        let mut vertices = Vec::with_capacity(positions as usize);
+        self.each_position(domain, bucket, |at| vertices.push(at))?;
+        vertices.sort_unstable();
+        let part = Part {
+            domain,
+            heights: &self.read(domain.apron())?,
+            triangles: &all,
+            vertices: self.spread.positions.is_some().then_some(&vertices[..]),
+            precision: self.context.precision,
+            tolerance: self.context.tolerance,
+            orientation: self.context.orientation,
+        };
+        let open = proof::check(&part, tally);
+        open.into_iter().try_for_each(|open| self.follow(open, tally))
+    }
+
+    fn read(&self, rect: Rect) -> Result<Vec<f64>> {
+        let mut heights = vec![0.0; rect.len()];
+        self.context.grid.read_f64(rect, &mut heights)?;
+        Ok(heights)
+    }
+
+    /// Follows an open edge beyond its domain.
+    fn follow(&self, mut open: Open, tally: &mut Tally) -> Result<()> {
+        let grid = self.spread.layout.grid;
+        loop {
+            let window = open.rest.window(grid);
+            let surface = Surface::new(grid, window, &self.read(window)?);
+            match surface.follow(open.rest) {
+                Followed::On => return Ok(()),
+                Followed::Off => {
+                    tally.crack(&open);
+                    return Ok(());
+                }
+                Followed::Rest(rest) => open.rest = rest,
+            }
+        }
+    }
+}
+
+/// Triangles of a part are numbered with their corners in `u32`.
+const MOST_TRIANGLES: u64 = 1 << 30;
+
+fn too_crowded(domain: Domain, triangles: u64, need: u64) -> Error {
+    let Rect { col, row, width, height } = domain.rect;
+    let what = format!("{triangles} triangles touch the {width} x {height} samples there");
+    Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
+        .at(format!("column {col}, row {row}"))
+        .remedy("raise --memory")
+}
+
+/// Tells the grid when a row of domains is done.
+struct Rows {
+    left: Vec<AtomicU64>,
+}
+
+impl Rows {
+    fn new(layout: &Layout) -> Self {
+        let [across, down] = layout.counts();
+        Self { left: (0..down).map(|_| AtomicU64::new(u64::from(across))).collect() }
+    }
+
+    fn done(&self, layout: &Layout, index: u64, context: &Context<'_>) {
+        let down = (index / u64::from(layout.counts()[0])) as usize;
+        if self.left[down].fetch_sub(1, Ordering::Relaxed) == 1 {
+            let Rect { row, height, .. } = layout.domain(index).rect;
+            context.grid.release(Rect::new(0, row, layout.grid[0], height));
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Draws a grid or a mesh as a shaded relief picture, out of core: memory depends on the picture's
+//! size, not on the file's.
+
+mod grid;
+mod mesh;
+
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::surface::{self, Surface};
+use crate::{Cancel, Progress, Resources};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::atomic::AtomicFile;
+use terrane_raster::{Inputs, OpenOptions};
+use terrane_render::{
+    Coverage, Field, Frame, Light, MAX_PICTURE_SIDE, Painter, Style, natural_exaggeration,
+};
+
+/// A picture to draw.
+#[derive(Clone, Debug)]
+pub struct ViewJob {
+    /// Grid files or a mesh, or a synthetic terrain by name.
+    pub input: Inputs,
+    /// Band of a grid, from 1.
+    pub band: u32,
+    /// Replaces a grid's nodata value.
+    pub nodata: Option<f64>,
+    /// PNG file to write.
+    pub output: PathBuf,
+    /// Replace an existing picture.
+    pub overwrite: bool,
+    /// Picture columns; rows follow from the aspect.
+    pub width: u32,
+    /// Draw the edges of a mesh's triangles.
+    pub edges: bool,
+    /// Where the light comes from: degrees clockwise from north.
+    pub azimuth: f64,
+    /// Degrees of the light above the horizon.
+    pub altitude: f64,
+    /// Factor on heights before they are lit; chosen to suit the terrain when `None`.
+    pub exaggeration: Option<f64>,
+    /// West, south, east, north of the part to show.
+    pub bbox: Option<[f64; 4]>,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// What was drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ViewReport {
+    pub input: String,
+    pub output: String,
+    pub width: u32,
+    pub height: u32,
+    /// West, south, east, north of the picture.
+    pub bounds: [f64; 4],
+    pub exaggeration: f64,
+    /// Lowest and highest height drawn; `None` when all is void.
+    pub lowest: Option<f32>,
+    pub highest: Option<f32>,
+    pub output_bytes: u64,
+}
+
+/// A surface ready to be painted.
+struct Drawn {
+    frame: Frame,
+    field: Field,
+    edges: Option<Coverage>,
+}
+
+/// Field pixels per picture pixel along each side: smooths outlines and facets.
+const FINENESS: u32 = 2;
+/// Bytes a picture pixel takes at the peak: heights, those of the coarser grid they come from (up
+/// to four for each), edges, and colours.
+const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
+
+/// Draws a picture.
+pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
+    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    let options = OpenOptions {
+        band: job.band,
+        nodata: job.nodata,
+        cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
+        threads: job.resources.threads,
+        temp_dir: job.resources.temp_dir.clone(),
+    };
+    let drawn = match surface::open(job.input.names(), &options)? {
+        Surface::Grid(_) if job.edges => {
+            return Err(Error::usage("a grid has no triangle edges to draw")
+                .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
+        }
+        Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
+        Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel)?,
+    };
+    paint(job, &drawn, progress, cancel)
+}
+
+/// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
+fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
+    let bounds = job.bbox.unwrap_or(data);
+    let apart =
+        bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
+    if apart {
+        let [west, south, east, north] = data;
+        return Err(Error::usage("--bbox lies outside the data")
+            .in_file(Path::new(&job.input.to_string()))
+            .remedy(format!("the data reach from {west},{south} to {east},{north}")));
+    }
+    let frame = Frame::fit(bounds, job.width, ground_scale(bounds, geographic));
+    within_memory(&frame, &job.resources)?;
+    Ok(frame)
+}
+
+/// Metres of one degree along a meridian.
+const DEGREE_METRES: f64 = 111_320.0;
+
+/// Ground units per world unit along x and y.
+fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {
+    if !geographic {
+        return [1.0, 1.0];
+    }
+    let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);
+    [DEGREE_METRES * latitude.to_radians().cos(), DEGREE_METRES]
+}
+
+fn within_memory(frame: &Frame, resources: &Resources) -> Result<()> {
+    let pixels = u64::from(frame.width) * u64::from(frame.height);
+    let need = pixels * PIXEL_BYTES;
+    if need > resources.memory {
+        let mib = need.div_ceil(1 << 20);
+        let message = format!(
+            "a picture of {} x {} pixels needs {mib} MiB of memory",
+            frame.width, frame.height,
+        );
+        return Err(Error::new(ErrorKind::Resource, message)
+            .remedy(format!("pass --memory {mib}M or more, or a smaller --width")));
+    }
+    Ok(())
+}
+
+/// Checks a picture width before work starts.
+pub fn check_width(width: u32) -> Result<()> {
+    if (1..=MAX_PICTURE_SIDE).contains(&width) {
+        return Ok(());
+    }
+    Err(Error::usage(format!("a picture cannot be {width} pixels wide"))
+        .remedy(format!("choose a width from 1 to {MAX_PICTURE_SIDE}")))
+}
+
+fn paint(
+    job: &ViewJob,
+    drawn: &Drawn,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<ViewReport> {
+    let frame = &drawn.frame;
+    let ground = frame.finer(FINENESS).ground_pixel();
+    let natural = || natural_exaggeration(&drawn.field, ground);
+    let exaggeration = job.exaggeration.unwrap_or_else(natural);
+    let light = Light::new(job.azimuth, job.altitude);
+    let style = Style { light, exaggeration, ground, fineness: FINENESS as usize };
+    let painter = Painter::new(&drawn.field, drawn.edges.as_ref(), style);
+    let mut file = AtomicFile::create(&job.output, job.overwrite)?;
+    write_png(&mut file, &painter, &job.resources, progress, cancel)?;
+    let (low, high) = extremes(&drawn.field);
+    Ok(ViewReport {
+        input: job.input.to_string(),
+        output: job.output.display().to_string(),
+        width: frame.width,
+        height: frame.height,
+        bounds: frame.bounds,
+        exaggeration,
+        lowest: low.is_finite().then_some(low),
+        highest: high.is_finite().then_some(high),
+        output_bytes: file.commit()?,
+    })
+}
+
+fn extremes(field: &Field) -> (f32, f32) {
+    let start = (f32::INFINITY, f32::NEG_INFINITY);
+    field.z.iter().fold(start, |(low, high), &z| (low.min(z), high.max(z)))
+}
+
+/// Rows painted together.
+const BAND: usize = 64;
+
+fn write_png(
+    file: &mut AtomicFile,
+    painter: &Painter<'_>,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<()> {
+    let path = file.path().to_path_buf();
+    let failed = |e| Error::write(&path, e);
+    let fail = |e: png::EncodingError| match e {
+        png::EncodingError::IoError(e) => failed(e),
+        other => Error::new(ErrorKind::Internal, other.to_string()).in_file(&path),
+    };
+    let (width, height) = (painter.width(), painter.height());
+    let mut out = BufWriter::new(file);
+    let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header().map_err(fail)?;
+    let mut stream = writer.stream_writer().map_err(fail)?;
+    let workers = surface::workers(resources)?;
+    let mut band = vec![0; width * 4 * BAND];
+    progress.begin("paint", height as u64);
+    for first in (0..height).step_by(BAND) {
+        cancel.check()?;
+        let rows = BAND.min(height - first);
+        let band = &mut band[..rows * width * 4];
+        workers.install(|| {
+            let lines = band.par_chunks_mut(width * 4).enumerate();
+            lines.for_each(|(row, line)| painter.row(first + row, line));
+        });
+        stream.write_all(band).map_err(failed)?;
+        progress.advance(rows as u64);
+    }
+    progress.end();
+    stream.finish().map_err(fail)?;
+    writer.finish().map_err(fail)?;
+    out.flush().map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_shrink_towards_the_pole_but_never_vanish() {
+        let [x, y] = ground_scale([0.0, 59.0, 1.0, 61.0], true);
+        assert!((x / y - 0.5).abs() < 1e-9);
+        assert!(ground_scale([0.0, 89.0, 1.0, 91.0], true)[0] > 0.0);
+        assert_eq!(ground_scale([0.0; 4], false), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn widths_of_nothing_or_too_much_are_refused() {
+        assert!(check_width(0).is_err() && check_width(MAX_PICTURE_SIDE + 1).is_err());
+        assert!(check_width(1).is_ok() && check_width(MAX_PICTURE_SIDE).is_ok());
+    }
+}

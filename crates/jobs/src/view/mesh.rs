@@ -1,0 +1,207 @@
+//! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
+
+use crate::surface::{mesh_bounds, vertex_count};
+use crate::view::{Drawn, FINENESS, ViewJob, frame};
+use crate::{Cancel, Progress};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point3, is_geographic};
+use terrane_mesh::MeshSource;
+use terrane_render::{Coverage, Field, Frame, fill_triangle};
+
+/// Triangles read at once.
+const TRIANGLE_BATCH: u64 = 1 << 16;
+/// Pixels across an edge.
+const EDGE_THICKNESS: f64 = 1.0;
+/// Coverage of long edges, and the length in pixels from which an edge counts as long: shorter
+/// ones are fainter, so that dense parts do not turn black.
+const EDGE_STRENGTH: f64 = 0.54;
+const LONG_EDGE: f64 = 14.0;
+const FAINTEST_EDGE: f64 = 0.08;
+
+pub(super) fn draw(
+    mesh: &dyn MeshSource,
+    job: &ViewJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Drawn> {
+    let bounds = mesh_bounds(mesh, progress, cancel)?;
+    let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
+    // Only degrees are stored in a unit of their own along each axis.
+    let [x, y, _] = mesh.info().scale;
+    let geographic = x != y || mesh.info().crs.as_deref().is_some_and(names_geographic);
+    let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
+    let mut canvas = Canvas::new(frame, job.edges);
+    let triangles = mesh.info().triangles;
+    let mut gather = Gather::new(vertex_count(mesh));
+    let mut batch = vec![[0u64; 3]; triangles.min(TRIANGLE_BATCH) as usize];
+    progress.begin("triangles", triangles);
+    for first in (0..triangles).step_by(TRIANGLE_BATCH as usize) {
+        cancel.check()?;
+        let count = (triangles - first).min(TRIANGLE_BATCH);
+        let batch = &mut batch[..count as usize];
+        mesh.read_triangles(first, batch)?;
+        gather.load(mesh, batch)?;
+        batch.iter().for_each(|ids| canvas.draw(ids.map(|id| gather.position(id))));
+        progress.advance(count);
+    }
+    progress.end();
+    Ok(Drawn { frame, field: canvas.field, edges: canvas.edges })
+}
+
+/// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
+fn names_geographic(label: &str) -> bool {
+    let digits = label.split("EPSG:").nth(1).unwrap_or_default();
+    let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
+    code.parse().ok().and_then(is_geographic).unwrap_or(false)
+}
+
+struct Canvas {
+    frame: Frame,
+    fine: Frame,
+    field: Field,
+    edges: Option<Coverage>,
+}
+
+impl Canvas {
+    fn new(frame: Frame, edges: bool) -> Self {
+        let fine = frame.finer(FINENESS);
+        let field = Field::void(fine.width as usize, fine.height as usize);
+        let coverage = || Coverage::empty(frame.width as usize, frame.height as usize);
+        Self { frame, fine, field, edges: edges.then(coverage) }
+    }
+
+    fn draw(&mut self, corners: [Point3; 3]) {
+        let placed = corners.map(|[x, y, z]| {
+            let [col, row] = self.fine.to_picture(x, y);
+            [col, row, z]
+        });
+        fill_triangle(&mut self.field, placed);
+        if let Some(edges) = &mut self.edges {
+            let ends = corners.map(|[x, y, _]| self.frame.to_picture(x, y));
+            for (a, b) in [(ends[0], ends[1]), (ends[1], ends[2]), (ends[2], ends[0])] {
+                edges.stroke(a, b, EDGE_THICKNESS, edge_strength(a, b));
+            }
+        }
+    }
+}
+
+fn edge_strength(a: [f64; 2], b: [f64; 2]) -> f64 {
+    let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+    EDGE_STRENGTH * (length / LONG_EDGE).clamp(FAINTEST_EDGE, 1.0)
+}
+
+/// Vertices read at once, and the largest run of unwanted ones that is read rather than skipped.
+const RUN: u64 = 1 << 13;
+const GAP: u64 = 1 << 8;
+
+/// Fetches the positions of a batch's vertices with few reads, in bounded memory however the ids
+/// are spread.
+struct Gather {
+    vertices: u64,
+    ids: Vec<u64>,
+    positions: Vec<Point3>,
+    run: Vec<Point3>,
+}
+
+impl Gather {
+    fn new(vertices: u64) -> Self {
+        Self { vertices, ids: Vec::new(), positions: Vec::new(), run: Vec::new() }
+    }
+
+    /// Reads the positions of all vertices of `triangles`.
+    fn load(&mut self, mesh: &dyn MeshSource, triangles: &[[u64; 3]]) -> Result<()> {
+        self.ids.clear();
+        self.ids.extend(triangles.iter().flatten());
+        self.ids.sort_unstable();
+        self.ids.dedup();
+        self.positions.clear();
+        if let Some(&last) = self.ids.last().filter(|&&last| last >= self.vertices) {
+            return Err(Error::bad_input(format!(
+                "a triangle names vertex {last}, but there are only {}",
+                self.vertices
+            )));
+        }
+        let mut rest = self.ids.as_slice();
+        while let Some(&first) = rest.first() {
+            let near = |pair: &[u64]| pair[1] - pair[0] <= GAP && pair[1] - first < RUN;
+            let count = 1 + rest.windows(2).take_while(|pair| near(pair)).count();
+            let (wanted, others) = rest.split_at(count);
+            self.run.resize((wanted[count - 1] - first + 1) as usize, [0.0; 3]);
+            mesh.read_vertices(first, &mut self.run)?;
+            self.positions.extend(wanted.iter().map(|id| self.run[(id - first) as usize]));
+            rest = others;
+        }
+        Ok(())
+    }
+
+    /// The position of a vertex of the loaded triangles.
+    fn position(&self, id: u64) -> Point3 {
+        self.ids.binary_search(&id).map_or([f64::NAN; 3], |at| self.positions[at])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_mesh::MeshInfo;
+
+    /// Vertex `i` is at (i, 2i, 3i).
+    struct Line(MeshInfo);
+
+    impl Line {
+        fn new(vertices: u64) -> Self {
+            Self(MeshInfo {
+                vertices,
+                triangles: 0,
+                format: "test",
+                origin: [0.0; 3],
+                scale: [1.0; 3],
+                single_precision: false,
+                indexed: true,
+                solid: false,
+                crs: None,
+                details: Vec::new(),
+            })
+        }
+    }
+
+    impl MeshSource for Line {
+        fn info(&self) -> &MeshInfo {
+            &self.0
+        }
+
+        fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+            assert!(first + out.len() as u64 <= self.0.vertices && out.len() as u64 <= RUN);
+            for (i, v) in out.iter_mut().enumerate() {
+                *v = [1.0, 2.0, 3.0].map(|k| k * (first + i as u64) as f64);
+            }
+            Ok(())
+        }
+
+        fn read_triangles(&self, _: u64, _: &mut [[u64; 3]]) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn gathers_near_and_far_vertices() {
+        let mesh = Line::new(1 << 40);
+        let mut gather = Gather::new(vertex_count(&mesh));
+        let far = (1 << 40) - 1;
+        let dense: Vec<[u64; 3]> = (0..30_000).step_by(3).map(|i| [i, i + 1, i + 2]).collect();
+        for triangles in [vec![[5, far, 5], [1 << 33, 6, 300]], dense] {
+            gather.load(&mesh, &triangles).unwrap();
+            for &id in triangles.iter().flatten() {
+                assert_eq!(gather.position(id), [1.0, 2.0, 3.0].map(|k| k * id as f64));
+            }
+        }
+        assert!(gather.load(&mesh, &[[0, 1, 1 << 40]]).is_err());
+    }
+
+    #[test]
+    fn latitude_and_longitude_are_told_by_code() {
+        assert!(names_geographic("EPSG:4326 (WGS 84)"));
+        assert!(!names_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
+        assert!(!names_geographic("unknown") && !names_geographic("EPSG:99999999999"));
+    }
+}

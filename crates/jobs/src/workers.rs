@@ -1,0 +1,86 @@
+//! Worker threads that take numbered units of work until none is left.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::Cancel;
+use terrane_base::error::{Error, Result};
+
+/// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
+/// that `start` makes and `finish` takes. Stops early at the first error, which is returned.
+pub(crate) fn run<S>(
+    threads: usize,
+    units: u64,
+    cancel: &Cancel,
+    start: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, u64) -> Result<()> + Sync,
+    finish: impl Fn(S) -> Result<()> + Sync,
+) -> Result<()> {
+    let next = AtomicU64::new(0);
+    let failed = AtomicBool::new(false);
+    let error: Mutex<Option<Error>> = Mutex::new(None);
+    let worker = || -> Result<()> {
+        let mut state = start();
+        loop {
+            let unit = next.fetch_add(1, Ordering::Relaxed);
+            if unit >= units || failed.load(Ordering::Relaxed) {
+                return finish(state);
+            }
+            cancel.check()?;
+            work(&mut state, unit)?;
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                if let Err(e) = worker() {
+                    failed.store(true, Ordering::Relaxed);
+                    lock(&error).get_or_insert(e);
+                }
+            });
+        }
+    });
+    lock(&error).take().map_or(Ok(()), Err)
+}
+
+/// Locks; what another thread left behind when it panicked is never used, since the panic goes on
+/// at the end of the scope.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+
+    #[test]
+    fn every_unit_is_done_once_and_every_state_is_finished() {
+        let (sum, finished) = (AtomicU64::new(0), AtomicU64::new(0));
+        let add = |total: &AtomicU64, n: u64| {
+            total.fetch_add(n, Ordering::Relaxed);
+        };
+        let work = |mine: &mut u64, unit| {
+            *mine += unit;
+            Ok(())
+        };
+        let finish = |mine| {
+            add(&sum, mine);
+            add(&finished, 1);
+            Ok(())
+        };
+        run(3, 101, &Cancel::default(), || 0, work, finish).unwrap();
+        assert_eq!((sum.into_inner(), finished.into_inner()), (5050, 3));
+    }
+
+    #[test]
+    fn errors_and_cancellation_come_through() {
+        let work = |_: &mut (), unit| if unit == 7 { Err(Error::usage("seven")) } else { Ok(()) };
+        let error = run(2, 100, &Cancel::default(), || (), work, Ok).unwrap_err();
+        assert_eq!(error.to_string(), "seven");
+        let cancel = Cancel::default();
+        cancel.cancel();
+        let error = run(2, 100, &cancel, || (), |_, _| Ok(()), Ok).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Interrupted);
+    }
+}
