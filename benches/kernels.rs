@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use terrane::geom::{Crs, Point3, Rect};
-use terrane::output::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
+use terrane::mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
 use terrane::synth::{CHARACTERS, Terrain};
 use terrane::tin::{
     Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,

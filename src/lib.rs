@@ -17,7 +17,7 @@ pub use terrane_files::atomic;
 pub use terrane_gridding as gridding;
 pub use terrane_jobs as jobs;
 pub use terrane_line as line;
-pub use terrane_mesh as output;
+pub use terrane_mesh as mesh;
 pub use terrane_proof as proof;
 pub use terrane_raster as raster;
 pub use terrane_render as render;

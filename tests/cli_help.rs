@@ -3,7 +3,7 @@
 mod cli_support;
 
 use cli_support::Place;
-use terrane::{output, raster, synth};
+use terrane::{mesh, raster, synth};
 
 const VERBS: [&str; 11] = [
     "tin",
@@ -84,7 +84,7 @@ fn the_readme_names_every_format_character_and_verb() {
     let formats = section("\n## Formats\n", "\n## ");
     let endings = |all: &[&str]| all.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ");
     let known = raster::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
-    let known = known.chain(output::FORMATS.iter().map(|f| (f.name, endings(f.extensions))));
+    let known = known.chain(mesh::FORMATS.iter().map(|f| (f.name, endings(f.extensions))));
     let written = raster::write::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
     for (name, endings) in written {
         assert!(formats.contains(&format!("| {name} | {endings} |")), "{name}: {endings}");

@@ -1,14 +1,14 @@
 //! Our GLB files pass the Khronos validator without error or warning. Needs node and npm, and is run
 //! when asked for.
 
-#[path = "common/mesh.rs"]
-mod mesh;
+#[path = "common/held.rs"]
+mod held;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use mesh::Mesh;
-use terrane::output::{self, SinkOptions};
+use held::Mesh;
+use terrane::mesh::{self, SinkOptions};
 
 const SCRIPT: &str = "
 const validator = require('gltf-validator'), fs = require('fs');
@@ -54,11 +54,11 @@ fn the_validator_finds_nothing() {
     let home = home();
     let folder = tempfile::tempdir().unwrap();
     let empty = Mesh { vertices: Vec::new(), triangles: Vec::new() };
-    let points = Mesh { vertices: vec![mesh::ORIGIN; 3], triangles: Vec::new() };
-    for (i, mesh) in [mesh::surface(1, 9), mesh::surface(50, 7), points, empty].iter().enumerate() {
+    let points = Mesh { vertices: vec![held::ORIGIN; 3], triangles: Vec::new() };
+    for (i, mesh) in [held::surface(1, 9), held::surface(50, 7), points, empty].iter().enumerate() {
         let path = folder.path().join(format!("{i}.glb"));
-        let glb = output::by_path(&path, None).unwrap();
-        mesh::write(glb, &path, mesh, &SinkOptions::default(), 100).unwrap();
+        let glb = mesh::by_path(&path, None).unwrap();
+        held::write(glb, &path, mesh, &SinkOptions::default(), 100).unwrap();
         let output = validate(&home, &path);
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use cli_support::Place;
 use serde_json::Value;
 use terrane::jobs::REVISION;
-use terrane::{gridding, line, output, raster, synth, vector};
+use terrane::{gridding, line, mesh, raster, synth, vector};
 
 /// Where the table is.
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.tsv");
@@ -100,7 +100,7 @@ fn jobs() -> Vec<String> {
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64 --tolerance 4"));
     }
-    for format in output::FORMATS {
+    for format in mesh::FORMATS {
         let mesh = format.extensions[0];
         add(format!("tin ../in/rough.tif o.{mesh} --max-error 4"));
         add(format!("tin ../in/rough.tif o -f {} --max-error 4 --tile 64 --split 2", format.name));

@@ -1,13 +1,13 @@
 //! Damaged and lying mesh files: an error or the right answer, never a panic, a hang, or memory
 //! taken for what is not there.
 
-#[path = "common/mesh.rs"]
-mod mesh;
+#[path = "common/held.rs"]
+mod held;
 
 use std::path::{Path, PathBuf};
 
-use mesh::Mesh;
-use terrane::output::{self, FORMATS, SinkOptions};
+use held::Mesh;
+use terrane::mesh::{self, FORMATS, SinkOptions};
 use terrane::{Error, ErrorKind};
 
 struct Lab {
@@ -26,9 +26,9 @@ impl Lab {
     /// The bytes of a small sound file of the format.
     fn sound(&self, ending: &str) -> Vec<u8> {
         let path = self.path(&format!("sound.{ending}"));
-        let format = output::by_path(&path, None).unwrap();
+        let format = mesh::by_path(&path, None).unwrap();
         let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
-        mesh::write(format, &path, &mesh::surface(2, 9), &options, 5).unwrap();
+        held::write(format, &path, &held::surface(2, 9), &options, 5).unwrap();
         std::fs::read(&path).unwrap()
     }
 
@@ -58,11 +58,11 @@ impl Lab {
 }
 
 fn read(path: &Path) -> Result<Mesh, Error> {
-    let source = output::open(path)?;
+    let source = mesh::open(path)?;
     let info = source.info();
     let bytes = std::fs::metadata(path).unwrap().len();
     assert!(info.vertices <= bytes && info.triangles <= bytes, "counts beyond the file's bytes");
-    let mesh = mesh::read(&*source, 4)?;
+    let mesh = held::read(&*source, 4)?;
     assert!(mesh.vertices.iter().flatten().all(|c| c.is_finite()));
     assert!(mesh.triangles.iter().flatten().all(|&id| id < info.vertices));
     Ok(mesh)
@@ -207,7 +207,7 @@ fn foreign_ply_files() {
     let found = lab.read("ply", &bytes).unwrap();
     assert_eq!(found.vertices, [[1.5, 2.5, -3.5], [1e10, 0.0, 8.0]]);
     assert_eq!(found.triangles, [[1, 0, 1]]);
-    let info = output::open(&lab.path("bad.ply")).unwrap().info().clone();
+    let info = mesh::open(&lab.path("bad.ply")).unwrap().info().clone();
     assert_eq!(info.crs.as_deref(), Some("EPSG:4326"));
 }
 

@@ -1,14 +1,14 @@
 //! Every mesh format of the registry: what is pushed is read back, whichever way it is pushed.
 
-#[path = "common/mesh.rs"]
-mod mesh;
+#[path = "common/held.rs"]
+mod held;
 
 use std::path::Path;
 
-use mesh::{Mesh, ORIGIN};
+use held::{Mesh, ORIGIN};
 use terrane::ErrorKind;
 use terrane::geom::Point3;
-use terrane::output::{self, FORMATS, MeshFormat, SinkOptions};
+use terrane::mesh::{self, FORMATS, MeshFormat, SinkOptions};
 
 fn file_name(format: &MeshFormat) -> String {
     format!("mesh.{}", format.extensions[0])
@@ -31,7 +31,7 @@ fn assert_same(format: &MeshFormat, found: &Mesh, expected: &Mesh, indexed: bool
             assert_near(f, e, exact);
         }
     }
-    let (found, expected) = (mesh::corners(found), mesh::corners(expected));
+    let (found, expected) = (held::corners(found), held::corners(expected));
     assert_eq!(found.len(), expected.len());
     for (f, e) in found.iter().flatten().zip(expected.iter().flatten()) {
         assert_near(f, e, exact);
@@ -41,13 +41,13 @@ fn assert_same(format: &MeshFormat, found: &Mesh, expected: &Mesh, indexed: bool
 #[test]
 fn what_is_pushed_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
-    for mesh in [mesh::surface(1, 9), mesh::surface(70, 11)] {
+    for mesh in [held::surface(1, 9), held::surface(70, 11)] {
         for format in FORMATS {
             let path = folder.path().join(file_name(format));
             let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
-            let bytes = mesh::write(format, &path, &mesh, &options, 1000).unwrap();
+            let bytes = held::write(format, &path, &mesh, &options, 1000).unwrap();
             assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
-            let source = output::open(&path).unwrap();
+            let source = mesh::open(&path).unwrap();
             let info = source.info();
             assert_eq!(info.format, format.name);
             assert_eq!(info.single_precision, format.single_precision);
@@ -59,7 +59,7 @@ fn what_is_pushed_is_read_back() {
                 assert!(info.details.iter().any(|(_, text)| text == "max error 1.5 metre"));
             }
             for batch in [1 << 20, 777] {
-                let found = mesh::read(&*source, batch).unwrap();
+                let found = held::read(&*source, batch).unwrap();
                 assert_same(format, &found, &mesh, info.indexed);
             }
             let mut beyond = [[0.0; 3]];
@@ -73,7 +73,7 @@ fn what_is_pushed_is_read_back() {
 #[test]
 fn positions_in_units_of_the_file_come_back() {
     let folder = tempfile::tempdir().unwrap();
-    let degrees = mesh::surface(9, 4);
+    let degrees = held::surface(9, 4);
     let origin = [7.25, 46.5, 0.0];
     let world = |v: &Point3| {
         let [x, y, z] = [0, 1, 2].map(|i| v[i] - [ORIGIN[0], ORIGIN[1], 0.0][i]);
@@ -85,18 +85,18 @@ fn positions_in_units_of_the_file_come_back() {
     for format in FORMATS {
         let path = folder.path().join(file_name(format));
         for scale in [[1.0; 3], [76_500.25, 111_170.5, 1.0], [0.02, 0.02, 0.04]] {
-            let header = output::MeshHeader { origin, scale, ..mesh::header() };
+            let header = mesh::MeshHeader { origin, scale, ..held::header() };
             let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
             let mut sink = (format.create)(&path, &header, &options).unwrap();
             let corners = if sink.wants_corners() { &corners[..] } else { &[] };
             let triangles = &degrees.triangles;
-            sink.push(output::MeshBatch { vertices: &vertices, triangles, corners }).unwrap();
+            sink.push(mesh::MeshBatch { vertices: &vertices, triangles, corners }).unwrap();
             sink.finish().unwrap();
-            let source = output::open(&path).unwrap();
+            let source = mesh::open(&path).unwrap();
             let own = if format.single_precision { scale } else { [1.0; 3] };
             assert_eq!(source.info().scale, own, "{}", format.name);
-            let found = mesh::read(&*source, 100).unwrap();
-            let found = mesh::corners(&found);
+            let found = held::read(&*source, 100).unwrap();
+            let found = held::corners(&found);
             let expected = triangles.iter().map(|ids| ids.map(|id| vertices[id as usize]));
             for (found, expected) in found.iter().flatten().zip(expected.flatten()) {
                 for i in 0..3 {
@@ -122,10 +122,10 @@ fn odd_numbers_survive() {
         let vertices = if format.single_precision { near.clone() } else { wide.clone() };
         let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [2, 3, 4], [4, 5, 6]] };
         let path = folder.path().join(file_name(format));
-        mesh::write(format, &path, &mesh, &SinkOptions::default(), 2).unwrap();
-        let found = mesh::read(&*output::open(&path).unwrap(), 100).unwrap();
+        held::write(format, &path, &mesh, &SinkOptions::default(), 2).unwrap();
+        let found = held::read(&*mesh::open(&path).unwrap(), 100).unwrap();
         let bits = |mesh: &Mesh| -> Vec<u64> {
-            mesh::corners(mesh).iter().flatten().flatten().map(|c| c.to_bits()).collect()
+            held::corners(mesh).iter().flatten().flatten().map(|c| c.to_bits()).collect()
         };
         assert_eq!(bits(&found), bits(&mesh), "{}", format.name);
     }
@@ -134,13 +134,13 @@ fn odd_numbers_survive() {
 #[test]
 fn bytes_do_not_depend_on_batches() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = mesh::surface(60, 7);
+    let mesh = held::surface(60, 7);
     for format in FORMATS {
         for solid_base in [None, Some(-5.0)] {
             let bytes = [7, 256, 1 << 20].map(|batch| {
                 let path = folder.path().join(file_name(format));
                 let options = SinkOptions { overwrite: true, solid_base, temp_dir: None };
-                mesh::write(format, &path, &mesh, &options, batch).unwrap();
+                held::write(format, &path, &mesh, &options, batch).unwrap();
                 std::fs::read(&path).unwrap()
             });
             assert!(bytes[0] == bytes[1] && bytes[1] == bytes[2], "{}", format.name);
@@ -157,9 +157,9 @@ fn empty_meshes_and_lone_vertices_are_files_too() {
         for mesh in [&empty, &lone] {
             let path = folder.path().join(file_name(format));
             let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
-            mesh::write(format, &path, mesh, &options, 10).unwrap();
-            let source = output::open(&path).unwrap();
-            let found = mesh::read(&*source, 10).unwrap();
+            held::write(format, &path, mesh, &options, 10).unwrap();
+            let source = mesh::open(&path).unwrap();
+            let found = held::read(&*source, 10).unwrap();
             assert_same(format, &found, mesh, source.info().indexed);
         }
     }
@@ -173,7 +173,7 @@ fn a_dropped_sink_leaves_nothing() {
         let temp_dir = Some(spools.path().to_path_buf());
         let options = SinkOptions { temp_dir, ..SinkOptions::default() };
         let path = folder.path().join(file_name(format));
-        let sink = (format.create)(&path, &mesh::header(), &options).unwrap();
+        let sink = (format.create)(&path, &held::header(), &options).unwrap();
         assert!(!path.exists());
         drop(sink);
         for place in [folder.path(), spools.path()] {
@@ -185,17 +185,17 @@ fn a_dropped_sink_leaves_nothing() {
 #[test]
 fn nothing_is_replaced_unasked() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = mesh::surface(2, 9);
+    let mesh = held::surface(2, 9);
     for format in FORMATS {
         let path = folder.path().join(file_name(format));
         std::fs::write(&path, "precious").unwrap();
         let options = SinkOptions::default();
-        let refused = mesh::write(format, &path, &mesh, &options, 10).unwrap_err();
+        let refused = held::write(format, &path, &mesh, &options, 10).unwrap_err();
         assert_eq!(refused.kind(), ErrorKind::Usage);
         assert_eq!(std::fs::read(&path).unwrap(), b"precious");
         let options = SinkOptions { overwrite: true, ..options };
-        mesh::write(format, &path, &mesh, &options, 10).unwrap();
-        assert!(output::open(&path).is_ok());
+        held::write(format, &path, &mesh, &options, 10).unwrap();
+        assert!(mesh::open(&path).is_ok());
     }
 }
 
@@ -205,7 +205,7 @@ fn folders_that_are_not_there_are_refused_at_the_start() {
     let missing = folder.path().join("missing");
     for format in FORMATS {
         let start = |path: &Path, options: &SinkOptions| {
-            (format.create)(path, &mesh::header(), options).err().unwrap()
+            (format.create)(path, &held::header(), options).err().unwrap()
         };
         let options = SinkOptions::default();
         let no_folder = start(&missing.join(file_name(format)), &options);
@@ -221,7 +221,7 @@ fn folders_that_are_not_there_are_refused_at_the_start() {
 #[test]
 fn formats_are_found_by_name_extension_and_content() {
     fn name(path: &str, name: Option<&str>) -> &'static str {
-        output::by_path(Path::new(path), name).unwrap().name
+        mesh::by_path(Path::new(path), name).unwrap().name
     }
     for format in FORMATS {
         assert_eq!(name("x", Some(format.name)), format.name);
@@ -231,9 +231,9 @@ fn formats_are_found_by_name_extension_and_content() {
         }
     }
     for error in [
-        output::by_path(Path::new("mesh.xyz"), None).unwrap_err(),
-        output::by_path(Path::new("mesh"), None).unwrap_err(),
-        output::by_path(Path::new("mesh.ply"), Some("dxf")).unwrap_err(),
+        mesh::by_path(Path::new("mesh.xyz"), None).unwrap_err(),
+        mesh::by_path(Path::new("mesh"), None).unwrap_err(),
+        mesh::by_path(Path::new("mesh.ply"), Some("dxf")).unwrap_err(),
     ] {
         assert_eq!(error.kind(), ErrorKind::Usage);
         let text = error.to_string().to_lowercase();
@@ -242,13 +242,13 @@ fn formats_are_found_by_name_extension_and_content() {
     let folder = tempfile::tempdir().unwrap();
     for format in FORMATS {
         let path = folder.path().join(format!("{}.bin", format.name));
-        let mesh = mesh::surface(3, 99);
-        mesh::write(format, &path, &mesh, &SinkOptions::default(), 10).unwrap();
-        assert_eq!(output::open(&path).unwrap().info().format, format.name);
+        let mesh = held::surface(3, 99);
+        held::write(format, &path, &mesh, &SinkOptions::default(), 10).unwrap();
+        assert_eq!(mesh::open(&path).unwrap().info().format, format.name);
     }
     let other = folder.path().join("other.txt");
     std::fs::write(&other, "ncols 3\nnrows 3\n").unwrap();
-    assert_eq!(output::open(&other).err().unwrap().kind(), ErrorKind::BadInput);
-    assert!(output::identify(&other).unwrap().is_none());
-    assert_eq!(output::open(folder.path()).err().unwrap().kind(), ErrorKind::BadInput);
+    assert_eq!(mesh::open(&other).err().unwrap().kind(), ErrorKind::BadInput);
+    assert!(mesh::identify(&other).unwrap().is_none());
+    assert_eq!(mesh::open(folder.path()).err().unwrap().kind(), ErrorKind::BadInput);
 }

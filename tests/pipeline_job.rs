@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use terrane::jobs::placing::Placing;
 use terrane::jobs::tin::{Goal, TinJob, TinReport, run};
 use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::{ErrorKind, Result, output};
+use terrane::{ErrorKind, Result, mesh};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=7";
 
@@ -44,7 +44,7 @@ fn writes_a_mesh_that_says_what_it_is() {
     for name in ["a.ply", "b.obj", "c.stl", "d.glb"] {
         let path = folder.path().join(name);
         let made = make(&job(TERRAIN, &path, Goal::MaxError(20.0))).unwrap();
-        let source = output::open(&path).unwrap();
+        let source = mesh::open(&path).unwrap();
         assert_eq!(source.info().triangles, made.triangles);
         let indexed = source.info().indexed;
         assert!(!indexed || source.info().vertices == made.vertices);

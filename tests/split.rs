@@ -1,21 +1,21 @@
 //! A mesh in many files is the mesh in one file: the same triangles, and a promise that can be proved.
 
 mod cli_support;
-#[path = "common/mesh.rs"]
-mod mesh;
+#[path = "common/held.rs"]
+mod held;
 
 use std::collections::HashSet;
 use std::ffi::OsString;
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::output;
+use terrane::mesh;
 
 const TERRAIN: &str = "synth:coast,width=700,height=420,seed=4";
 
 /// All triangles by the bits of their corners, beginning with the smallest; no two are the same.
 fn triangles(place: &Place, name: &str) -> HashSet<[[u64; 3]; 3]> {
-    let mesh = output::open(&place.path(name)).unwrap();
+    let mesh = mesh::open(&place.path(name)).unwrap();
     let info = mesh.info();
     let mut positions = vec![[0.0; 3]; info.vertices as usize];
     mesh.read_vertices(0, &mut positions).unwrap();
@@ -39,7 +39,7 @@ fn tin(place: &Place, output: &str, more: &[&str]) {
 
 #[test]
 fn the_blocks_are_the_whole_in_every_format() {
-    for format in output::FORMATS {
+    for format in mesh::FORMATS {
         let place = Place::new();
         let whole = format!("whole.{}", format.extensions[0]);
         tin(&place, &whole, &[]);
@@ -139,12 +139,12 @@ fn blocks_of_a_solid_are_solids() {
     let blocks: Vec<_> = names.filter(|name| name.to_string_lossy().ends_with(".stl")).collect();
     assert!(blocks.len() > 8);
     for name in blocks {
-        let block = output::open(&place.path("out").join(&name)).unwrap();
-        let solid = mesh::corners(&mesh::read(&*block, 1000).unwrap());
-        let sides = mesh::edges(&solid);
-        let is_closed = |([a, b], times): (&mesh::Edge, &u64)| sides.get(&[*b, *a]) == Some(times);
+        let block = mesh::open(&place.path("out").join(&name)).unwrap();
+        let solid = held::corners(&held::read(&*block, 1000).unwrap());
+        let sides = held::edges(&solid);
+        let is_closed = |([a, b], times): (&held::Edge, &u64)| sides.get(&[*b, *a]) == Some(times);
         assert!(sides.iter().all(is_closed), "{name:?}");
-        assert!(mesh::six_volumes(&solid) > 0.0, "{name:?}");
+        assert!(held::six_volumes(&solid) > 0.0, "{name:?}");
         let heights = solid.iter().flatten().map(|p| p[2]);
         assert_eq!(heights.fold(f64::INFINITY, f64::min), -500.0, "{name:?}");
     }

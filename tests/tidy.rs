@@ -299,7 +299,7 @@ fn every_check_can_fail() {
             "use crate::{error::{Error, Result}, pipeline::tin};",
             "must not import pipeline",
         ),
-        ("src/tin/a.rs", "fn f() -> crate::output::Sink {}", "must not import output"),
+        ("src/tin/a.rs", "fn f() -> crate::mesh::Sink {}", "must not import output"),
         ("src/tin/a.rs", "use std::path::Path;", "must not name std::path"),
         ("src/geom/a.rs", "rayon::join(a, b);", "must not name rayon"),
         ("src/attic/a.rs", "", "not in the import table"),

@@ -11,7 +11,7 @@ use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
-use crate::output;
+use crate::mesh;
 
 /// True when the inputs are clouds.
 ///
@@ -82,7 +82,7 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &tin::Args) -> Result<CloudTinJob> {
     let files = clouds::files(&args.input)?;
-    let format = output::by_path(&args.output, args.format.as_deref())?;
+    let format = mesh::by_path(&args.output, args.format.as_deref())?;
     check::not_among(&files, &[&args.output])?;
     check::new_file(&args.output, args.overwrite)?;
     let read = [files, args.points.files()?].concat();

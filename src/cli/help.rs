@@ -2,7 +2,7 @@
 
 use clap::{Command, CommandFactory};
 
-use crate::{gridding, line, output, raster, synth, vector};
+use crate::{gridding, line, mesh, raster, synth, vector};
 
 /// The whole command line, for parsing, help, completions and man pages.
 pub(super) fn command() -> Command {
@@ -98,7 +98,7 @@ fn creation_options() -> String {
 }
 
 fn meshes() -> String {
-    let formats = output::FORMATS.iter();
+    let formats = mesh::FORMATS.iter();
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
     list("Meshes read and written", &rows)
 }
@@ -205,7 +205,7 @@ mod tests {
         for format in raster::FORMATS {
             assert!(help("tin").contains(format.name), "{}", format.name);
         }
-        for format in output::FORMATS {
+        for format in mesh::FORMATS {
             assert!(help("tin").contains(format.name), "{}", format.name);
         }
         for format in raster::write::FORMATS {

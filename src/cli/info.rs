@@ -13,7 +13,7 @@ use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::surface::{self, GridStats, Surface};
 use crate::jobs::tin::{Plan, plan};
 use crate::jobs::{Cancel, Progress, Resources};
-use crate::output::MeshInfo;
+use crate::mesh::MeshInfo;
 use crate::raster::{GridInfo, Inputs, Note, notes, notes_on_heights};
 use crate::vector;
 

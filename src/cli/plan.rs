@@ -11,7 +11,7 @@ use crate::jobs::placing::Placing;
 use crate::jobs::sift::Sifted;
 use crate::jobs::tin::{Goal, PlanJob, TinJob, plan_work};
 use crate::jobs::{Cancel, Resources};
-use crate::output;
+use crate::mesh;
 use crate::raster::write;
 
 /// Write down the work on a large input as tasks, for `terrane run` here or on many machines
@@ -124,7 +124,7 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
 
 fn job(args: &TinArgs) -> Result<PlanJob> {
     args.grid.check_all(&args.input)?;
-    let format = output::by_path(&args.folder, Some(&args.format))?;
+    let format = mesh::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {
         input: args.input.clone().into(),
         band: args.grid.band(),

@@ -14,7 +14,7 @@ use crate::jobs::placing::Placing;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tin::{self, Goal, TinJob, TinReport};
 use crate::jobs::verify::{VerifyJob, VerifyReport};
-use crate::output;
+use crate::mesh;
 use crate::raster::{self, undeclared_nodata};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
@@ -262,7 +262,7 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
 fn job(args: &Args) -> Result<TinJob> {
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
-    let format = output::by_path(&args.output, args.format.as_deref().or(usual))?;
+    let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
     let files = raster::files(&args.input)?;
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.

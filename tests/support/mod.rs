@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use terrane::geom::predicates::in_circle;
 use terrane::geom::{Affine, Crs, Point3, Rect};
-use terrane::output::{MeshBatch, MeshSink};
+use terrane::mesh::{MeshBatch, MeshSink};
 use terrane::raster::{GridInfo, GridSource, SampleType};
 use terrane::{Error, Result};
 

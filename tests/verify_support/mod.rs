@@ -6,7 +6,7 @@ use terrane::Result;
 use terrane::geom::{Affine, Crs, Point3, Rect};
 use terrane::jobs::verify::{VerifyReport, verify};
 use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::output::{MeshInfo, MeshSource};
+use terrane::mesh::{MeshInfo, MeshSource};
 use terrane::raster::{GridInfo, GridSource, SampleType};
 
 /// A grid in memory.

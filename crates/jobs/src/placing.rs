@@ -271,10 +271,10 @@ fn rounded(scale: Point3) -> Point3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_mesh as output;
+    use terrane_mesh as mesh;
 
     fn format(name: &str) -> &'static MeshFormat {
-        output::by_path("a".as_ref(), Some(name)).unwrap()
+        mesh::by_path("a".as_ref(), Some(name)).unwrap()
     }
 
     fn crs(epsg: u32, unit: &str) -> Crs {

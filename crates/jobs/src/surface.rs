@@ -10,7 +10,7 @@ use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_files::path_of;
-use terrane_mesh::{self as output, MeshSource};
+use terrane_mesh::{self as mesh, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
 
 /// What a file turned out to hold.
@@ -25,7 +25,7 @@ pub enum Surface {
 /// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
 pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
     match inputs {
-        [one] if is_mesh(one)? => output::open(&path_of(one)).map(Surface::Mesh),
+        [one] if is_mesh(one)? => mesh::open(&path_of(one)).map(Surface::Mesh),
         _ => raster::open_all(inputs, options).map(Surface::Grid),
     }
 }
@@ -38,7 +38,7 @@ pub fn is_synthetic(input: &str) -> bool {
 /// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
     let path = &*path_of(raster::file_name(input));
-    if output::split::is_split(path) {
+    if mesh::split::is_split(path) {
         return Ok(true);
     }
     if is_synthetic(input) || raster::is_collection(input) {
@@ -52,7 +52,7 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     if raster::FORMATS.iter().any(|f| ends(f.extensions)) {
         return Ok(false);
     }
-    if output::FORMATS.iter().any(|f| ends(f.extensions)) {
+    if mesh::FORMATS.iter().any(|f| ends(f.extensions)) {
         return Ok(true);
     }
     if raster::has_header(path)
@@ -60,13 +60,13 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     {
         return Ok(false);
     }
-    if output::FORMATS.iter().any(|f| (f.sniff)(&head)) {
+    if mesh::FORMATS.iter().any(|f| (f.sniff)(&head)) {
         return Ok(true);
     }
     let known: Vec<&str> = raster::FORMATS
         .iter()
         .map(|f| f.name)
-        .chain(output::FORMATS.iter().map(|f| f.name))
+        .chain(mesh::FORMATS.iter().map(|f| f.name))
         .collect();
     Err(Error::bad_input("not a grid or mesh of a known format")
         .in_file(path)

@@ -28,7 +28,7 @@ use terrane_base::geom::{Frame, Point, Point3};
 use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_mesh::{
-    self as output, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+    self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 
 /// Most points of a region, unless a single square holds more.
@@ -156,7 +156,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
             .remedy("give a number of 0 or more, in the unit of the heights"));
     }
     refuse_existing(&job.output, job.overwrite)?;
-    let format = output::by_path(&job.output, job.format.as_deref())?;
+    let format = mesh::by_path(&job.output, job.format.as_deref())?;
     let source = cloud::synth::source(&job.inputs, &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;

@@ -208,7 +208,7 @@ fn few_points_and_lines_have_no_surface() {
             measure: false,
             resources: Resources::default(),
         };
-        let format = output::by_path(&job.output, None).unwrap();
+        let format = mesh::by_path(&job.output, None).unwrap();
         let error = make(&job, &source, format, &Silent, &Cancel::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());

@@ -21,7 +21,7 @@ use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
-    self as output, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+    self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_tin::Spec;
@@ -63,7 +63,7 @@ pub(super) struct Opened {
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
-        let format = output::by_path(&job.output, job.format.as_deref())?;
+        let format = mesh::by_path(&job.output, job.format.as_deref())?;
         let (source, shares) = open(job)?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;

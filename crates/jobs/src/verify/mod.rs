@@ -18,7 +18,7 @@ use std::time::Instant;
 use crate::memory::beside_program;
 use crate::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_mesh::{self as output, MeshInfo, MeshSource};
+use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_proof::{Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
@@ -74,7 +74,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
 /// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
 /// tells for sure which triangles they are.
 fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
-    let mesh = output::open(path)?;
+    let mesh = mesh::open(path)?;
     if mesh.info().solid {
         let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
         return Err(Error::unsupported(message)

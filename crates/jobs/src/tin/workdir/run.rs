@@ -20,7 +20,7 @@ use crate::tin::tally::Tally;
 use crate::tin::worker::Stock;
 use crate::{Cancel, Progress, Resources, Silent, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_mesh as output;
+use terrane_mesh as mesh;
 
 /// Work on a plan.
 #[derive(Clone, Debug)]
@@ -327,6 +327,6 @@ impl<'a> Run<'a> {
 
 /// The usual ending of mesh files of the plan's format.
 fn ending(folder: &Folder) -> &'static str {
-    let format = output::by_path(Path::new(""), Some(&folder.plan.method.format));
+    let format = mesh::by_path(Path::new(""), Some(&folder.plan.method.format));
     format.map_or("mesh", |format| format.extensions[0])
 }

@@ -7,7 +7,7 @@ use crate::Silent;
 use crate::cloud_tin::{self, CloudTinJob};
 use crate::few::Few;
 use terrane_base::geom::{Frame, Point3};
-use terrane_mesh::{self as output, MeshInfo};
+use terrane_mesh::{self as mesh, MeshInfo};
 
 const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };
 /// Steps of height allowed.
@@ -54,9 +54,9 @@ fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshS
         measure: false,
         resources: resources(2, 1 << 30, folder),
     };
-    let format = output::by_path(&job.output, None).unwrap();
+    let format = mesh::by_path(&job.output, None).unwrap();
     cloud_tin::make(&job, cloud, format, &Silent, &Cancel::default()).unwrap();
-    output::open(&job.output).unwrap()
+    mesh::open(&job.output).unwrap()
 }
 
 fn proved(mesh: &dyn MeshSource, cloud: &Few, resources: &Resources) -> CloudVerifyReport {

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use terrane::geom::{Crs, Point3};
-use terrane::output::{MeshBatch, MeshFormat, MeshHeader, MeshSource, SinkOptions};
+use terrane::mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, SinkOptions};
 use terrane::{Error, Result};
 
 /// A mesh held in memory.
