@@ -1,10 +1,10 @@
-//! terrane: an out-of-core terrain engine. This file is the map of the house; it holds no logic.
+//! terrane: an out-of-core terrain engine. This file is the door of the house: it gives its rooms, each a
+//! crate, their names, and holds no logic.
 //!
-//! Pure rooms (`geom`, `tin`, `contour`, `delaunay`, `gridding`, `line`, `synth`, `verify`, `render`) know
-//! slices and numbers only: no path, no file, no thread pool. Rooms at the edge (`files`, `raster`, `cloud`,
-//! `vector`, `output`) read and write files. `pipeline`
-//! joins them into jobs, and `cli` turns arguments into jobs. ARCHITECTURE.md has the import table,
-//! and `tests/tidy.rs` checks it.
+//! Pure rooms ([`geom`], [`tin`], [`contour`], [`delaunay`], [`gridding`], [`line`](mod@line), [`synth`],
+//! [`proof`], [`render`]) know slices and numbers only: no path, no file, no thread pool. Rooms at the edge
+//! ([`raster`], [`cloud`], [`vector`], [`mesh`]) read and write files. [`jobs`] joins them under one memory
+//! budget, and [`cli`] turns arguments into jobs. ARCHITECTURE.md says more.
 
 pub mod cli;
 
