@@ -3,7 +3,7 @@
 use terrane::line::metric::{Metric, largest_distance2};
 use terrane::line::topology::{Chains, Collapse, Kept, Options, Strategy, refining, untangle};
 use terrane::line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
-use terrane::verify::lines::{Distance, Lines, Question, check};
+use terrane::proof::lines::{Distance, Lines, Question, check};
 
 /// Most vertices.
 const MOST: usize = 4000;
