@@ -300,9 +300,9 @@ fn digests(jobs: &[String]) -> BTreeMap<String, String> {
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(number) else { return };
+                let take = || next.fetch_add(1, Ordering::Relaxed);
+                let one = || Some(take()).and_then(|number| Some((number, jobs.get(number)?)));
+                while let Some((number, job)) = one() {
                     let digest = digest(job, &place.path(&number.to_string()));
                     found.lock().unwrap().insert(job.clone(), digest);
                 }
@@ -312,6 +312,7 @@ fn digests(jobs: &[String]) -> BTreeMap<String, String> {
     let found = found.into_inner().unwrap();
     let failed: Vec<_> = found.values().filter_map(|digest| digest.as_ref().err()).collect();
     assert!(failed.is_empty(), "{failed:#?}");
+    assert_eq!(found.len(), jobs.len(), "every job is run, and none is there twice");
     found.into_iter().map(|(job, digest)| (job, digest.unwrap_or_default())).collect()
 }
 

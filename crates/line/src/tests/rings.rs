@@ -34,7 +34,7 @@ fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (Fate, Vec<u32>) {
 fn assert_ring_holds(ring: &[Xy], tolerance: f64, kept: &[u32]) {
     let count = ring.len() - 1;
     assert!(kept.is_sorted_by(|a, b| a < b) && kept.iter().all(|i| (*i as usize) < count));
-    let Some(first) = kept.first().map(|i| *i as usize) else { return };
+    let first = *kept.first().expect("a ring keeps a vertex") as usize;
     let line: Vec<Xy> = (0..=count).map(|i| ring[(first + i) % count]).collect();
     let mut turned: Vec<u32> = kept.iter().map(|i| i - first as u32).collect();
     turned.push(count as u32);
