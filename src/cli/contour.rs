@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
-use crate::cli::{Outcome, args, check, line, many, names, parse, pipes, text, tin};
+use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
@@ -74,7 +74,7 @@ struct Simple {
     /// 100m, 2km, 50ft (of longitudes and latitudes on the ellipsoid); lines still neither cross nor
     /// touch
     #[arg(long, visible_alias = "simplify", value_name = "LENGTH", allow_hyphen_values = true,
-          value_parser = line::parse_length)]
+          value_parser = parse::length)]
     tolerance: Option<Length>,
     /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they
     /// may have lost
@@ -123,9 +123,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ContourJob { input: stdin.inputs(names), ..job };
     let report = contour::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &told)?;
+        report::write(path, args.out.overwrite, &told)?;
     }
     args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::atomic;
-use crate::cli::{Outcome, args, check, many, names, parse, pipes, say, text};
+use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, say, text};
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
@@ -96,7 +96,7 @@ pub(super) fn copy(
     let made = convert::run(job, show.progress().as_ref(), cancel);
     let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
     if show.json {
-        say::json(&many::WithSkipped { report: &report, skipped })?;
+        say::json(&report::WithSkipped { report: &report, skipped })?;
     } else if !show.quiet {
         let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
         rows.retain(|(name, _)| name != "input" && name != "output");

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::atomic;
-use crate::cli::{Outcome, args, say, text, tin, verify};
+use crate::cli::shared::{Outcome, args, report, say, text};
+use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::placing::Placing;
@@ -69,7 +70,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
     jobs::view::run(&picture(&files, &resources), progress, cancel)?;
     let report = Report { tin: &made, verify: &checked };
-    tin::write_report(&files.report, true, &report)?;
+    report::write(&files.report, true, &report)?;
     if args.show.json {
         say::json(&report)?;
     } else if !args.show.quiet {
@@ -156,9 +157,9 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
             "how exact",
             format!(
                 "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
-                verify::height(checked.max_error),
+                text::height(checked.max_error),
                 text::number(made.tolerance),
-                verify::height(checked.rmse),
+                text::height(checked.rmse),
             ),
         ),
         (

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::atomic;
-use crate::cli::{Outcome, args, check, cloud, many, names, parse, pipes, text, tin};
+use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, points, report, text};
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
@@ -54,7 +54,7 @@ pub(super) struct Wanted {
     #[command(flatten)]
     method: Method,
     #[command(flatten)]
-    points: cloud::Points,
+    points: points::Points,
     #[command(flatten)]
     pub(super) file: Written,
 }
@@ -200,9 +200,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } = args.many.sift(args.input, clouds, &resources)?;
     let job = GridJob { input: names, ..job };
     let report = grid::run(&job, args.show.progress().as_ref(), cancel)?;
-    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &told)?;
+        report::write(path, args.out.overwrite, &told)?;
     }
     args.show.tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)

@@ -181,7 +181,7 @@ mod tests {
             digits.parse::<u8>().ok()
         };
         let mut codes: Vec<u8> = arms.split("=>").skip(1).filter_map(first_number).collect();
-        codes.extend([0, crate::cli::NOT_JUDGED]);
+        codes.extend([0, crate::cli::shared::NOT_JUDGED]);
         codes.sort_unstable();
         assert!(codes.len() > 9, "{codes:?}");
         let table = |text: &str, title: &str| -> Vec<u8> {

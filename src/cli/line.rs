@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use crate::atomic;
-use crate::cli::{Outcome, args, check, many, names, parse, pipes, text, tin};
+use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
-use crate::geom::metres_in;
 use crate::jobs::Cancel;
 use crate::jobs::line::{
     self, Goal, HierarchyReport, Length, LineJob, LineReport, Measure, Topology,
@@ -59,7 +58,7 @@ pub(super) struct Args {
 struct GoalArgs {
     /// Largest distance of a vertex from the segment in its place, in units of the data, or with a
     /// unit: 100m, 2km, 50ft (of longitudes and latitudes on the ellipsoid)
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
     tolerance: Option<Length>,
     /// For methods that go by area: smallest effective area, in squared units of the data
     #[arg(long, value_name = "A", value_parser = parse_area)]
@@ -137,62 +136,6 @@ struct Neighbours {
     sides: Option<PathBuf>,
 }
 
-/// What simplified lines are held to by `terrane verify`.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Lines")]
-pub(super) struct Promises {
-    /// Largest distance allowed, as in terrane line [default: only measure it]
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
-    pub(super) tolerance: Option<Length>,
-    /// What a distance is: 3d for x, y and z
-    #[arg(long, value_name = "NAME", value_enum)]
-    pub(super) metric: Option<Solid>,
-    /// Judge crossings, rings, sides and shared borders, too
-    #[arg(long)]
-    pub(super) topology: bool,
-    /// Points that had to stay on their side
-    #[arg(long, value_name = "FILE", requires = "topology")]
-    pub(super) sides: Option<PathBuf>,
-    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and
-    /// their holes with them [default: nothing may be gone]
-    #[arg(long, value_name = "HOW", value_enum)]
-    collapse: Option<Gone>,
-    /// The object of a TopoJSON file that the lines were made from
-    #[arg(long, value_name = "NAME")]
-    pub(super) layer: Option<String>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Solid {
-    #[value(name = "3d")]
-    Space,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Gone {
-    Drop,
-}
-
-impl Promises {
-    /// Whether rings may be gone.
-    pub(super) fn may_drop(&self) -> bool {
-        self.collapse == Some(Gone::Drop)
-    }
-
-    /// The first of these options that was given.
-    pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
-            ("--tolerance", self.tolerance.is_some()),
-            ("--metric", self.metric.is_some()),
-            ("--topology", self.topology),
-            ("--sides", self.sides.is_some()),
-            ("--collapse", self.collapse.is_some()),
-            ("--layer", self.layer.is_some()),
-        ];
-        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
-    }
-}
-
 /// What is written.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Output")]
@@ -244,9 +187,9 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check_report(&job, args.out.report.as_deref(), &names)?;
     let report = line::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.out.report {
-        tin::write_report(path, args.out.overwrite, &told)?;
+        report::write(path, args.out.overwrite, &told)?;
     }
     args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
@@ -338,18 +281,6 @@ impl Neighbours {
     }
 }
 
-/// A length such as 0.01, 100m, 2km or 50ft.
-pub(super) fn parse_length(text: &str) -> std::result::Result<Length, String> {
-    let unit = ["km", "ft", "m"]
-        .into_iter()
-        .find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
-    let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
-    match number.trim().parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
-        _ => Err("expected a number of 0 or more, alone or with m, km or ft".to_owned()),
-    }
-}
-
 fn parse_area(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
@@ -407,19 +338,4 @@ fn hierarchy(own: &HierarchyReport) -> String {
     let done = if own.made { "made" } else { "checked" };
     let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);
     format!("{}, {}, {done} in {prepared}, asked in {asked}", own.file, text::bytes(own.bytes))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lengths_have_units() {
-        let of = |text| parse_length(text).map(|l| (l.value, l.unit));
-        assert_eq!(of("0.01"), Ok((0.01, None)));
-        assert_eq!(of("100m"), Ok((100.0, Some(1.0))));
-        assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
-        assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
-        assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
-    }
 }

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::Command;
 
 use crate::atomic::{self, AtomicFile};
-use crate::cli::{Outcome, help, say};
+use crate::cli::help;
+use crate::cli::shared::{Outcome, say};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Write manual pages into a folder

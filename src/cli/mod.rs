@@ -3,36 +3,20 @@
 //! One file per verb; each has its arguments and a `run` that returns whether all promises were
 //! kept. Results go to stdout, progress and messages to stderr.
 
-mod args;
-mod check;
-mod cloud;
-mod cloud_info;
-mod cloud_tin;
-mod cloud_verify;
-mod complete;
+mod completions;
 mod contour;
 mod convert;
 mod demo;
-mod feature_info;
 mod grid;
 mod heap;
 mod help;
 mod info;
 mod line;
-mod line_verify;
 mod man;
-mod many;
-mod names;
-mod parse;
-mod pipes;
 mod plan;
-mod progress;
-mod run;
-mod say;
+mod shared;
 mod signal;
-mod status;
 mod synth;
-mod text;
 mod tin;
 mod usage;
 mod verify;
@@ -43,6 +27,7 @@ use std::process::ExitCode;
 
 use clap::{FromArgMatches, Parser, Subcommand};
 
+use crate::cli::shared::{NOT_JUDGED, Outcome, names, say};
 use crate::error::{Error, ErrorKind};
 use crate::jobs::Cancel;
 
@@ -83,11 +68,11 @@ enum Verb {
     Line(Box<line::Args>),
     Synth(synth::Args),
     Plan(plan::Args),
-    Run(run::Args),
-    Finish(run::FinishArgs),
-    Status(status::Args),
+    Run(plan::run::Args),
+    Finish(plan::run::FinishArgs),
+    Status(plan::status::Args),
     Demo(demo::Args),
-    Completions(complete::Args),
+    Completions(completions::Args),
     Man(man::Args),
 }
 
@@ -107,29 +92,6 @@ impl Verb {
             _ => return error,
         };
         many.advise(error)
-    }
-}
-
-/// Whether a verb found all promises kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    Kept,
-    Broken,
-    /// None is known to be broken, but one could not be judged.
-    NotJudged,
-}
-
-/// The exit code where nothing wrong was found, and something promised could not be judged.
-const NOT_JUDGED: u8 = 3;
-
-impl Outcome {
-    /// Of a proof that found nothing wrong, and one that judged all that is promised.
-    fn of(passed: bool, judged: bool) -> Self {
-        match (passed, judged) {
-            (false, _) => Self::Broken,
-            (true, false) => Self::NotJudged,
-            (true, true) => Self::Kept,
-        }
     }
 }
 
@@ -169,11 +131,11 @@ fn run(verb: &Verb, cancel: &Cancel) -> crate::error::Result<Outcome> {
         Verb::Line(args) => line::run(args, cancel),
         Verb::Synth(args) => synth::run(args, cancel),
         Verb::Plan(args) => plan::run(args, cancel),
-        Verb::Run(args) => run::run(args, cancel),
-        Verb::Finish(args) => run::finish(args, cancel),
-        Verb::Status(args) => status::run(args),
+        Verb::Run(args) => plan::run::run(args, cancel),
+        Verb::Finish(args) => plan::run::finish(args, cancel),
+        Verb::Status(args) => plan::status::run(args),
         Verb::Demo(args) => demo::run(args, cancel),
-        Verb::Completions(args) => complete::run(args),
+        Verb::Completions(args) => completions::run(args),
         Verb::Man(args) => man::run(args),
     }
 }

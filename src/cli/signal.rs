@@ -1,6 +1,6 @@
 //! Stopping on signals: the first asks the job to stop, the second leaves at once.
 
-use crate::cli::say;
+use crate::cli::shared::say;
 use crate::error::ErrorKind;
 use crate::jobs::Cancel;
 

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::cli::{Outcome, args, check, convert, text};
+use crate::cli::convert;
+use crate::cli::shared::{Outcome, args, check, text};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, Result};

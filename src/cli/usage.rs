@@ -8,7 +8,7 @@ use clap::error::ErrorKind::{
 };
 
 use crate::cli::help::command;
-use crate::cli::say;
+use crate::cli::shared::say;
 use crate::error::ErrorKind;
 
 /// Prints what clap has to say of a command line and returns the exit code.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, check, many, names, parse, text};
+use crate::cli::shared::{Outcome, args, check, many, names, parse, report, text};
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         resources,
     };
     let report = view::run(&job, args.show.progress().as_ref(), cancel)?;
-    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
     args.show.tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }

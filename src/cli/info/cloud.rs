@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::cli::{cloud, text};
+use crate::cli::shared::{points, text};
 use crate::cloud::{Cloud, PointSource, open};
 use crate::error::Result;
 use crate::geom::Point3;
@@ -11,7 +11,7 @@ use crate::jobs::{Cancel, Progress, Resources};
 
 /// What is known of a cloud.
 #[derive(Serialize)]
-pub(super) struct Facts {
+pub(crate) struct Facts {
     file: String,
     format: &'static str,
     files: usize,
@@ -36,9 +36,9 @@ pub(super) struct Facts {
 }
 
 /// Opens a cloud and tells what it is; with `stats`, all its points are read, withheld ones too.
-pub(super) fn describe(
+pub(crate) fn describe(
     (files, told): (&[String], &str),
-    args: &cloud::Points,
+    args: &points::Points,
     stats: bool,
     resources: &Resources,
     (progress, cancel): (&dyn Progress, &Cancel),
@@ -80,7 +80,7 @@ impl Facts {
     }
 
     /// Names and values for people.
-    pub(super) fn rows(&self) -> Vec<(String, String)> {
+    pub(crate) fn rows(&self) -> Vec<(String, String)> {
         let unit = self.horizontal_unit;
         let mut rows = vec![
             ("format", self.format.to_owned()),

@@ -1,5 +1,7 @@
 //! Values of arguments: sizes, heights, boxes. Each parser says what it expected.
 
+use crate::geom::metres_in;
+use crate::jobs::line::Length;
 use crate::raster::SampleType;
 
 /// A value, or what was expected.
@@ -10,7 +12,7 @@ const LEAST_BYTES: f64 = (1 << 20) as f64;
 
 /// Bytes from "128M", "4GiB", "512 MiB", "1.5g", "1000000": K, M, G and T are powers of 1024, with
 /// or without "B" or "iB". Fewer than [`LEAST_BYTES`] are a unit forgotten.
-pub(super) fn bytes(text: &str) -> Parsed<u64> {
+pub(crate) fn bytes(text: &str) -> Parsed<u64> {
     match size(text)? {
         few if (few as f64) < LEAST_BYTES => {
             Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
@@ -20,7 +22,7 @@ pub(super) fn bytes(text: &str) -> Parsed<u64> {
 }
 
 /// As [`bytes`], of any number above 0.
-pub(super) fn size(text: &str) -> Parsed<u64> {
+pub(crate) fn size(text: &str) -> Parsed<u64> {
     let lower = text.trim().to_ascii_lowercase();
     let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
     let (value, unit) = (lower[..digits].parse::<f64>(), lower[digits..].trim());
@@ -40,7 +42,7 @@ pub(super) fn size(text: &str) -> Parsed<u64> {
 }
 
 /// A vertical error bound: zero or more.
-pub(super) fn tolerance(text: &str) -> Parsed<f64> {
+pub(crate) fn tolerance(text: &str) -> Parsed<f64> {
     match text.trim().parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value.abs()),
         _ => Err("expected a height of zero or more, in the vertical unit of the data".to_owned()),
@@ -48,24 +50,24 @@ pub(super) fn tolerance(text: &str) -> Parsed<f64> {
 }
 
 /// A finite number.
-pub(super) fn finite(text: &str) -> Parsed<f64> {
+pub(crate) fn finite(text: &str) -> Parsed<f64> {
     let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     value.ok_or_else(|| "expected a number".to_owned())
 }
 
 /// A finite number or NaN, as nodata values are.
-pub(super) fn finite_or_nan(text: &str) -> Parsed<f64> {
+pub(crate) fn finite_or_nan(text: &str) -> Parsed<f64> {
     let value = text.trim().parse::<f64>().ok().filter(|v| !v.is_infinite());
     value.ok_or_else(|| "expected a number or nan".to_owned())
 }
 
 /// A finite number above zero.
-pub(super) fn positive(text: &str) -> Parsed<f64> {
+pub(crate) fn positive(text: &str) -> Parsed<f64> {
     finite(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a number above zero".to_owned())
 }
 
 /// Metres of a length such as 100mm, 12cm, 0.1m or 4in; a plain number is millimetres.
-pub(super) fn print_length(text: &str) -> Parsed<f64> {
+pub(crate) fn print_length(text: &str) -> Parsed<f64> {
     let units = [("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("m", 1.0)];
     let unit = units.into_iter().find_map(|(name, m)| Some((text.trim().strip_suffix(name)?, m)));
     let (number, metres) = unit.unwrap_or((text, 1e-3));
@@ -74,7 +76,7 @@ pub(super) fn print_length(text: &str) -> Parsed<f64> {
 }
 
 /// A scale such as 1:50000 or 0.001.
-pub(super) fn scale(text: &str) -> Parsed<f64> {
+pub(crate) fn scale(text: &str) -> Parsed<f64> {
     let parts = text.split_once(':').unwrap_or((text, "1"));
     match (positive(parts.0), positive(parts.1)) {
         (Ok(print), Ok(ground)) if (print / ground).is_normal() => Ok(print / ground),
@@ -82,21 +84,33 @@ pub(super) fn scale(text: &str) -> Parsed<f64> {
     }
 }
 
+/// A length such as 0.01, 100m, 2km or 50ft.
+pub(crate) fn length(text: &str) -> Parsed<Length> {
+    let unit = ["km", "ft", "m"]
+        .into_iter()
+        .find_map(|name| Some((text.strip_suffix(name)?, metres_in(name)?)));
+    let (number, unit) = unit.map_or((text, None), |(number, metres)| (number, Some(metres)));
+    match number.trim().parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(Length { value, unit }),
+        _ => Err("expected a number of 0 or more, alone or with m, km or ft".to_owned()),
+    }
+}
+
 /// Degrees of a light above the horizon, 1 to 90.
-pub(super) fn altitude(text: &str) -> Parsed<f64> {
+pub(crate) fn altitude(text: &str) -> Parsed<f64> {
     let value = finite(text).ok().filter(|v| (1.0..=90.0).contains(v));
     value.ok_or_else(|| "expected degrees from 1 to 90".to_owned())
 }
 
 /// "KEY=VAL".
-pub(super) fn key_value(text: &str) -> Parsed<(String, String)> {
+pub(crate) fn key_value(text: &str) -> Parsed<(String, String)> {
     let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
     let pair = pair.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()));
     pair.ok_or_else(|| "expected KEY=VAL, such as COMPRESS=ZSTD".to_owned())
 }
 
 /// The name of a sample type.
-pub(super) fn sample_type(text: &str) -> Parsed<SampleType> {
+pub(crate) fn sample_type(text: &str) -> Parsed<SampleType> {
     SampleType::by_name(text.trim()).ok_or_else(|| {
         let names: Vec<_> = SampleType::ALL.iter().map(|kind| kind.name()).collect();
         format!("expected one of {}", names.join(", "))
@@ -104,7 +118,7 @@ pub(super) fn sample_type(text: &str) -> Parsed<SampleType> {
 }
 
 /// "xmin,ymin,xmax,ymax".
-pub(super) fn bbox(text: &str) -> Parsed<[f64; 4]> {
+pub(crate) fn bbox(text: &str) -> Parsed<[f64; 4]> {
     let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
     let values: Result<Vec<f64>, _> = text.split(',').map(finite).collect();
     let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
@@ -130,6 +144,16 @@ mod tests {
         for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
             assert!(bytes(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn lengths_have_units() {
+        let of = |text| length(text).map(|l| (l.value, l.unit));
+        assert_eq!(of("0.01"), Ok((0.01, None)));
+        assert_eq!(of("100m"), Ok((100.0, Some(1.0))));
+        assert_eq!(of("2 km"), Ok((2.0, Some(1000.0))));
+        assert_eq!(of("50ft"), Ok((50.0, Some(0.3048))));
+        assert!(["", "m", "-1", "NaN", "1 mile", "inf"].iter().all(|text| of(text).is_err()));
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! `terrane verify` on point clouds.
 
-use crate::cli::{Outcome, check, cloud, many, text, tin, verify};
+use crate::cli::shared::{Outcome, check, many, points, report, text};
+use crate::cli::verify::args::Args;
+use crate::cli::verify::told;
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
@@ -9,26 +11,26 @@ use crate::jobs::sift::Sifted;
 use crate::jobs::surface::is_mesh;
 use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
-pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.points.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.source, many::Kind::Clouds(&options), &resources)?;
-    let args = &verify::Args { source: names, ..args.clone() };
+    let args = &Args { source: names, ..args.clone() };
     let job = job(args)?;
     let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
-    let told = many::WithSkipped { report: &report, skipped: &skipped };
+    let whole = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &told)?;
+        report::write(path, args.overwrite, &whole)?;
     }
-    if !args.show.tell(&told, || summary(&report))? {
-        verify::tell(&report.failures, &report.not_judged);
+    if !args.show.tell(&whole, || summary(&report))? {
+        told::tell(&report.failures, &report.not_judged);
     }
     Ok(outcome(&report))
 }
 
 /// Checks what can be checked without work, and makes the job.
-fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
+fn job(args: &Args) -> Result<CloudVerifyJob> {
     if let Some(option) = args.grid.given() {
         return Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
             .in_file(&path_of(&args.source[0]))
@@ -53,13 +55,13 @@ fn job(args: &verify::Args) -> Result<CloudVerifyJob> {
 }
 
 /// Whether the mesh kept its promises.
-pub(super) fn outcome(report: &CloudVerifyReport) -> Outcome {
+pub(crate) fn outcome(report: &CloudVerifyReport) -> Outcome {
     Outcome::of(report.passed, report.judged)
 }
 
 /// A proof for people: the verdict, what failed, and the figures.
-pub(super) fn summary(r: &CloudVerifyReport) -> String {
-    let verdict = verify::verdict(r.passed, &r.not_judged);
+pub(crate) fn summary(r: &CloudVerifyReport) -> String {
+    let verdict = told::verdict(r.passed, &r.not_judged);
     let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
@@ -70,10 +72,10 @@ pub(super) fn summary(r: &CloudVerifyReport) -> String {
         ("mesh", sizes),
         (
             "vertices",
-            verify::vertices(r.off_point_vertices.count, r.made_by_terrane, ["points", "cloud"]),
+            told::vertices(r.off_point_vertices.count, r.made_by_terrane, ["points", "cloud"]),
         ),
-        ("edges", verify::edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
-        ("angles", verify::angles(r.smallest_angle)),
+        ("edges", told::edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
+        ("angles", told::angles(r.smallest_angle)),
         ("time", format!("{}, {rate}", text::seconds(r.wall_seconds))),
     ];
     format!("{verdict}\n{failures}{}", text::table(&rows))
@@ -85,7 +87,7 @@ fn errors(r: &CloudVerifyReport) -> String {
         Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
         None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
     };
-    let [rmse, mean] = [r.rmse, r.mean_error].map(verify::height);
+    let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
     format!("{allowed}; RMSE {rmse}, mean {mean} ({unit})")
 }
 
@@ -95,5 +97,5 @@ fn points(r: &CloudVerifyReport) -> String {
         0 => String::new(),
         n => format!("; {} above another at the same position", text::count(n)),
     };
-    format!("{covered} covered of {judged}{stacked}; read: {}", cloud::census(&r.points))
+    format!("{covered} covered of {judged}{stacked}; read: {}", points::census(&r.points))
 }

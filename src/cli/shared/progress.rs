@@ -9,12 +9,12 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::cli::{say, text};
+use crate::cli::shared::{say, text};
 use crate::jobs::{Progress, Silent};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum How {
+pub(crate) enum How {
     /// A bar on a terminal, nothing otherwise
     Auto,
     /// A bar on a terminal, plain lines otherwise
@@ -26,7 +26,7 @@ pub(super) enum How {
 }
 
 /// The display for `how`.
-pub(super) fn display(how: How) -> Box<dyn Progress> {
+pub(crate) fn display(how: How) -> Box<dyn Progress> {
     match (how, stderr().is_terminal()) {
         (How::Auto | How::Bar, true) => Box::new(Bar::new()),
         (How::Bar, false) => Box::new(Lines::new(plain)),

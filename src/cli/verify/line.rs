@@ -1,34 +1,28 @@
 //! `terrane verify` on simplified lines.
 
-use std::path::Path;
-
-use crate::cli::{Outcome, check, text, tin, verify};
+use crate::cli::shared::{Outcome, check, report, text};
+use crate::cli::verify::args::Args;
+use crate::cli::verify::told;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::line::Measure;
 use crate::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use crate::vector;
 
-/// True for a file of features.
-pub(super) fn are_lines(path: &Path) -> bool {
-    path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
-}
-
-pub(super) fn run(args: &verify::Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let report = verify_lines(&job, args.show.progress().as_ref(), cancel)?;
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &report)?;
+        report::write(path, args.overwrite, &report)?;
     }
     if !args.show.tell(&report, || summary(&report))? {
-        verify::tell(&report.failures, &report.not_judged);
+        told::tell(&report.failures, &report.not_judged);
     }
     Ok(Outcome::of(report.passed, report.judged))
 }
 
 /// Checks what can be checked without work, and makes the job.
-fn job(args: &verify::Args) -> Result<LineVerifyJob> {
+fn job(args: &Args) -> Result<LineVerifyJob> {
     let [original] = args.source.as_slice() else {
         return Err(Error::usage("lines are proved against one file")
             .remedy("name the file that they were made from"));
@@ -70,7 +64,7 @@ fn job(args: &verify::Args) -> Result<LineVerifyJob> {
 
 /// A proof for people: the verdict, what failed, and the figures.
 fn summary(r: &LineVerifyReport) -> String {
-    let verdict = verify::verdict(r.passed, &r.not_judged);
+    let verdict = told::verdict(r.passed, &r.not_judged);
     let unit = if r.measure == Measure::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);
     let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, args, grid, status, text, tin};
+use crate::cli::plan::status;
+use crate::cli::shared::{Outcome, args, text};
+use crate::cli::{grid, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::grid::plan::{GridRun, RunGridJob, run_grid};
@@ -13,7 +15,7 @@ use crate::jobs::tin::{RunJob, RunReport, run_plan};
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh or grid is written. Killed, it goes on where it was when it is run again
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
     /// Only this task, such as strip-0, seam-0, tile-0 or finish; many may be done at the same time, on any
@@ -29,7 +31,7 @@ pub(super) struct Args {
 
 /// Write the mesh or grid of a plan whose other tasks are all done
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct FinishArgs {
+pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
     /// File to write [default: in the folder]
@@ -53,11 +55,11 @@ struct How {
     show: args::Show,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     work(&args.folder, args.task.clone(), args.output.clone(), &args.how, cancel)
 }
 
-pub(super) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
     let task = Some("finish".to_owned());
     work(&args.folder, task, args.output.clone(), &args.how, cancel)
 }

@@ -1,8 +1,8 @@
 //! Batches: files in folders below, and bad files among good ones.
 
-use serde::Serialize;
+use std::path::Path;
 
-use crate::cli::{check, pipes, say};
+use crate::cli::shared::{check, pipes, say};
 use crate::cloud;
 use crate::error::{Error, Result, all};
 use crate::files::path_of;
@@ -16,18 +16,18 @@ use crate::vector;
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Many files")]
 #[group(id = "many")]
-pub(super) struct Many {
+pub(crate) struct Many {
     /// Take the files in folders below the folders, too
     #[arg(long)]
     recursive: bool,
     /// Go on without files that cannot be opened: each is told on stderr and listed in the report
     #[arg(long)]
-    pub(super) skip_bad: bool,
+    pub(crate) skip_bad: bool,
 }
 
 /// What files hold, and how they are opened.
 #[derive(Clone, Copy)]
-pub(super) enum Kind<'a> {
+pub(crate) enum Kind<'a> {
     Grids(&'a raster::OpenOptions),
     Clouds(&'a cloud::OpenOptions),
     Features(&'a vector::OpenOptions),
@@ -69,6 +69,11 @@ impl Kind<'_> {
     }
 }
 
+/// True for a file of features.
+pub(crate) fn are_lines(path: &Path) -> bool {
+    path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
+}
+
 /// Fails when a cloud is missing.
 fn is_there(file: &str) -> Result<()> {
     let path = path_of(file);
@@ -80,7 +85,7 @@ fn is_there(file: &str) -> Result<()> {
 
 impl Many {
     /// The first of these options that was given.
-    pub(super) fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [("--recursive", self.recursive), ("--skip-bad", self.skip_bad)];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
@@ -89,7 +94,7 @@ impl Many {
     ///
     /// # Errors
     /// A folder that holds grids as well: one of both would be left out unsaid.
-    pub(super) fn is_cloud(&self, input: &str) -> Result<bool> {
+    pub(crate) fn is_cloud(&self, input: &str) -> Result<bool> {
         let is_cloud: fn(&str) -> bool =
             if self.recursive { cloud::is_cloud_below } else { cloud::is_cloud };
         let grids = if self.recursive { raster::files_below } else { raster::files };
@@ -102,12 +107,27 @@ impl Many {
         Ok(is_cloud)
     }
 
+    /// True when the inputs are clouds.
+    ///
+    /// # Errors
+    /// Clouds and grids together.
+    pub(crate) fn are_clouds(&self, inputs: &[String]) -> Result<bool> {
+        let are = inputs.iter().map(|input| self.is_cloud(input)).collect::<Result<Vec<_>>>()?;
+        let all = are.iter().all(|is_cloud| *is_cloud);
+        match inputs.iter().zip(&are).find(|(_, is_cloud)| **is_cloud != all) {
+            Some((odd, _)) => Err(Error::usage("clouds and grids cannot be one input")
+                .in_file(&path_of(odd))
+                .remedy("name files of one kind")),
+            None => Ok(all),
+        }
+    }
+
     /// The files that are taken of `inputs`, good and bad; the names as they are where nothing is asked
     /// for. Features have nothing that takes several files for one: theirs are found in any case.
     ///
     /// # Errors
     /// Folders and patterns without files; files that are not there, unless they are to be sifted.
-    pub(super) fn find(&self, inputs: &[String], kind: Kind<'_>) -> Result<Vec<String>> {
+    pub(crate) fn find(&self, inputs: &[String], kind: Kind<'_>) -> Result<Vec<String>> {
         inputs.iter().try_for_each(|input| pipes::refuse_input(input))?;
         let names = match (self.recursive, self.skip_bad, kind) {
             (true, ..) => kind.files_below(inputs)?,
@@ -122,7 +142,7 @@ impl Many {
 
     /// The good ones of the files that were found, if bad ones are to be skipped. A file by itself
     /// is taken as it is: nothing would be left without it.
-    pub(super) fn sift(
+    pub(crate) fn sift(
         &self,
         names: Vec<String>,
         kind: Kind<'_>,
@@ -141,7 +161,7 @@ impl Many {
     }
 
     /// The files that are taken of `inputs`, without bad ones if these are to be skipped.
-    pub(super) fn take(
+    pub(crate) fn take(
         &self,
         inputs: &[String],
         kind: Kind<'_>,
@@ -151,7 +171,7 @@ impl Many {
     }
 
     /// An error with the advice to skip bad files, where that was not asked for and would help.
-    pub(super) fn advise(&self, error: Error) -> Error {
+    pub(crate) fn advise(&self, error: Error) -> Error {
         match !self.skip_bad && error.spares_some() {
             true => {
                 error.remedy("mend them, leave them out, or go on without them with --skip-bad")
@@ -162,15 +182,6 @@ impl Many {
 }
 
 /// Names a file that is left out on stderr.
-pub(super) fn tell(Skipped { file, reason }: &Skipped) {
+pub(crate) fn tell(Skipped { file, reason }: &Skipped) {
     say::note(&format!("skipped {file}: {reason}"));
-}
-
-/// A report with the files that were left out.
-#[derive(Serialize)]
-pub(super) struct WithSkipped<'a, R> {
-    #[serde(flatten)]
-    pub(super) report: &'a R,
-    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
-    pub(super) skipped: &'a [Skipped],
 }

@@ -8,16 +8,16 @@ use clap::error::ErrorKind::MissingRequiredArgument;
 use crate::files::{name_of, path_of};
 
 /// What the names are called in the help.
-pub(super) const NAMES: [&str; 2] = ["INPUT", "OUTPUT"];
+pub(crate) const NAMES: [&str; 2] = ["INPUT", "OUTPUT"];
 
 /// A name of any bytes that the system allows.
-pub(super) fn any() -> impl TypedValueParser<Value = String> {
+pub(crate) fn any() -> impl TypedValueParser<Value = String> {
     clap::builder::OsStringValueParser::new().try_map(|name| name_of(PathBuf::from(name)))
 }
 
 /// Takes the output off the names. An option may stand between them, so that only at the end of the
 /// command line it is known which name is the last.
-pub(super) fn take_output(
+pub(crate) fn take_output(
     names: &mut Vec<String>,
     output: &mut PathBuf,
 ) -> Result<(), clap::Error> {

@@ -1,10 +1,14 @@
 //! `terrane plan`: work on a large input is written down as tasks for many machines or many nights.
 
+pub(crate) mod run;
+pub(crate) mod status;
+
 use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use crate::cli::{Outcome, args, grid, many, names, parse, status, tin};
+use crate::cli::shared::{Outcome, args, many, names, parse};
+use crate::cli::{grid, tin};
 use crate::error::Result;
 use crate::jobs::grid::plan::{PlanGridJob, plan_grid};
 use crate::jobs::placing::Placing;
@@ -16,7 +20,7 @@ use crate::raster::write;
 
 /// Write down the work on a large input as tasks, for `terrane run` here or on many machines
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     what: What,
 }
@@ -80,7 +84,7 @@ struct GridArgs {
 
 impl Args {
     /// Which of many files are taken.
-    pub(super) fn many(&self) -> &many::Many {
+    pub(crate) fn many(&self) -> &many::Many {
         match &self.what {
             What::Tin(args) => &args.many,
             What::Grid(args) => &args.many,
@@ -88,7 +92,7 @@ impl Args {
     }
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
         What::Grid(args) => plan_of_grid(args, cancel),

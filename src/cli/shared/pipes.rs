@@ -35,7 +35,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What is in a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Holds<'a> {
+pub(crate) enum Holds<'a> {
     /// A grid: XYZ.
     Grid,
     /// Points as text.
@@ -45,7 +45,7 @@ pub(super) enum Holds<'a> {
 }
 
 /// Stdin as a file; it goes with the value.
-pub(super) struct Stdin<'a> {
+pub(crate) struct Stdin<'a> {
     file: Option<Gathered>,
     holds: Holds<'a>,
 }
@@ -59,7 +59,7 @@ struct Gathered {
 impl<'a> Stdin<'a> {
     /// Makes an empty file where one of `names` stands for stdin, and puts the file's name there. What
     /// can be wrong with the rest is to be asked before it is [gathered](Self::gather).
-    pub(super) fn expect(
+    pub(crate) fn expect(
         names: &mut [String],
         holds: Holds<'a>,
         resources: &Resources,
@@ -85,12 +85,12 @@ impl<'a> Stdin<'a> {
     }
 
     /// True where an input is stdin.
-    pub(super) fn is_read(&self) -> bool {
+    pub(crate) fn is_read(&self) -> bool {
         self.file.is_some()
     }
 
     /// Fails where an input is stdin, because `option` needs one that can be read again.
-    pub(super) fn refuse(&self, option: &str) -> Result<()> {
+    pub(crate) fn refuse(&self, option: &str) -> Result<()> {
         if !self.is_read() {
             return Ok(());
         }
@@ -103,7 +103,7 @@ impl<'a> Stdin<'a> {
 
     /// Reads stdin, if it is among `names`. Where its format is known only now, the file gets another
     /// name, there too.
-    pub(super) fn gather(&mut self, names: &mut [String], cancel: &Cancel) -> Result<()> {
+    pub(crate) fn gather(&mut self, names: &mut [String], cancel: &Cancel) -> Result<()> {
         let Some(Gathered { path, .. }) = &mut self.file else { return Ok(()) };
         if fill(path, cancel)? == 0 {
             return Err(Error::bad_input("is empty")
@@ -126,7 +126,7 @@ impl<'a> Stdin<'a> {
     }
 
     /// Inputs of a job, told as the user called them.
-    pub(super) fn inputs(&self, names: Vec<String>) -> Inputs {
+    pub(crate) fn inputs(&self, names: Vec<String>) -> Inputs {
         let inputs = Inputs::from(names);
         if !self.is_read() {
             return inputs;
@@ -191,14 +191,14 @@ fn known() -> String {
 }
 
 /// A file of features that is written to stdout once it is complete.
-pub(super) struct Stdout {
+pub(crate) struct Stdout {
     _folder: TempDir,
     path: PathBuf,
 }
 
 impl Stdout {
     /// Where `output` is stdout: puts the name of a temporary file there.
-    pub(super) fn take(
+    pub(crate) fn take(
         output: &mut PathBuf,
         format: Option<&str>,
         resources: &Resources,
@@ -213,7 +213,7 @@ impl Stdout {
     }
 
     /// Writes the file to stdout.
-    pub(super) fn pour(&self) -> Result<()> {
+    pub(crate) fn pour(&self) -> Result<()> {
         let mut file = File::open(&self.path).map_err(|e| Error::read(&self.path, e))?;
         match io::copy(&mut file, &mut io::stdout().lock()) {
             Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
@@ -245,7 +245,7 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
 
 /// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user
 /// calls them.
-pub(super) fn told(text: &str) -> Cow<'_, str> {
+pub(crate) fn told(text: &str) -> Cow<'_, str> {
     let places = PLACES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
         true => Cow::Owned(without(place, &text)),
@@ -265,7 +265,7 @@ fn without(place: &str, text: &str) -> String {
 }
 
 /// Fails when an input is stdin.
-pub(super) fn refuse_input(name: &str) -> Result<()> {
+pub(crate) fn refuse_input(name: &str) -> Result<()> {
     if name != STDIN && name != CLOUD {
         return Ok(());
     }

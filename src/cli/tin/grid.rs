@@ -1,200 +1,19 @@
-//! `terrane tin`: a grid becomes a mesh with a proven error bound.
+//! `terrane tin` on grids.
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::atomic::{AtomicFile, refuse_existing};
-use crate::cli::{
-    Outcome, args, check, cloud, cloud_tin, many, names, parse, pipes, say, text, verify,
-};
+use crate::cli::shared::{Outcome, check, many, pipes, report, say, text};
+use crate::cli::tin::args::{Args, Creation};
+use crate::cli::verify;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
-use crate::jobs::placing::Placing;
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tin::{self, Goal, TinJob, TinReport};
+use crate::jobs::tin::{self, TinJob, TinReport};
 use crate::jobs::verify::{VerifyJob, VerifyReport};
 use crate::mesh;
 use crate::raster::{self, undeclared_nodata};
-
-/// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
-    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
-    /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
-    /// one or many. The last name is that of the mesh file to write
-    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
-    pub(super) input: Vec<String>,
-    #[arg(skip)]
-    pub(super) output: PathBuf,
-    #[command(flatten)]
-    pub(super) goal: GoalArgs,
-    #[command(flatten)]
-    pub(super) many: many::Many,
-    #[command(flatten)]
-    pub(super) grid: args::Grid,
-    #[command(flatten)]
-    pub(super) points: cloud::Points,
-    /// Mesh format [default: by the output's ending]
-    #[arg(short, long, value_name = "NAME", help_heading = "Output")]
-    pub(super) format: Option<String>,
-    /// Option of the format: SOLID_BASE=HEIGHT closes an STL with walls and a flat bottom
-    #[arg(long, value_name = "KEY=VAL", value_parser = parse_creation, help_heading = "Output")]
-    pub(super) co: Vec<Creation>,
-    /// Replace files that exist
-    #[arg(long, help_heading = "Output")]
-    pub(super) overwrite: bool,
-    /// Write the report to this JSON file
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    pub(super) report: Option<PathBuf>,
-    /// Check the written mesh against the grid afterwards
-    #[arg(long, help_heading = "Output")]
-    pub(super) verify: bool,
-    #[command(flatten)]
-    pub(super) print: PrintArgs,
-    #[command(flatten)]
-    pub(super) split: Split,
-    #[command(flatten)]
-    pub(super) method: Method,
-    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
-    /// be removed when the mesh is there
-    #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]
-    pub(super) workdir: Option<PathBuf>,
-    #[command(flatten)]
-    pub(super) disk: args::Disk,
-    #[command(flatten)]
-    pub(super) machine: args::SpillingMachine,
-    #[command(flatten)]
-    pub(super) show: args::Show,
-}
-
-/// One file or many.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Split {
-    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
-    #[arg(long = "split", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = "Output")]
-    pub(super) tiles: Option<u32>,
-}
-
-impl Split {
-    /// Fails when `output` cannot become what is asked for.
-    pub(super) fn check_output(&self, output: &Path, overwrite: bool) -> Result<()> {
-        match self.tiles {
-            Some(_) => refuse_existing(output, overwrite),
-            None => check::new_file(output, overwrite),
-        }
-    }
-}
-
-/// How the mesh lies in its file.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Viewers and printers (STL and GLB)")]
-pub(super) struct PrintArgs {
-    /// Leave longitudes and latitudes as they are [default: metres east, north and up of the middle]
-    #[arg(long)]
-    keep_degrees: bool,
-    /// Longest side of the print, such as 100mm or 12cm; STL is in millimetres then
-    #[arg(long, value_name = "LENGTH", value_parser = parse::print_length, conflicts_with_all = ["scale", "keep_degrees"])]
-    size: Option<f64>,
-    /// Scale of the print, such as 1:50000 or 0.001; STL is in millimetres then
-    #[arg(long, value_name = "SCALE", value_parser = parse::scale, conflicts_with = "keep_degrees")]
-    scale: Option<f64>,
-    /// Make heights so many times higher
-    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
-    exaggerate: Option<f64>,
-    /// For STL: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
-    #[arg(long, value_name = "LENGTH", value_parser = parse::print_length)]
-    base: Option<f64>,
-}
-
-impl PrintArgs {
-    pub(super) fn placing(&self) -> Result<Placing> {
-        let Self { keep_degrees, size, scale, exaggerate, base } = *self;
-        if base.is_some() && size.is_none() && scale.is_none() {
-            return Err(Error::usage("--base is a length of the print, which has no scale")
-                .remedy("add --size or --scale, or give a height with --co SOLID_BASE=HEIGHT"));
-        }
-        Ok(Placing { keep_degrees, size, scale, exaggerate, base })
-    }
-}
-
-/// How the mesh is made.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Method")]
-pub(super) struct Method {
-    /// Insert one global maximum at a time (the reference; slower, more vertices)
-    #[arg(long)]
-    pub(super) strict: bool,
-    /// Keep vertices that turned out to be redundant (faster, more vertices)
-    #[arg(long)]
-    pub(super) no_drop: bool,
-    /// Cells along the side of a tile, 16 to 8192 [default: 512]
-    #[arg(long, value_name = "CELLS", value_parser = tile_cells())]
-    pub(super) tile: Option<u32>,
-}
-
-impl Method {
-    /// Cells along the side of a tile.
-    pub(super) fn tile(&self) -> u32 {
-        self.tile.unwrap_or(USUAL_TILE)
-    }
-}
-
-/// Cells along the side of a tile, unless told otherwise.
-const USUAL_TILE: u32 = 512;
-
-fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
-    let (least, most) = tin::TILE_CELLS.into_inner();
-    clap::value_parser!(u32).range(i64::from(least)..=i64::from(most))
-}
-
-/// What the mesh has to reach: exactly one of these.
-#[derive(Clone, Debug, clap::Args)]
-#[group(required = true, multiple = false)]
-pub(super) struct GoalArgs {
-    /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
-    max_error: Option<f64>,
-    /// The smallest error that this many vertices allow
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(3..))]
-    max_vertices: Option<u64>,
-    /// The smallest error that this many triangles allow
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    max_triangles: Option<u64>,
-}
-
-impl GoalArgs {
-    /// The largest error, for those who cannot keep to a number of vertices or triangles.
-    pub(super) fn max_error(&self) -> Result<f64> {
-        self.max_error.ok_or_else(|| {
-            Error::usage("--max-vertices and --max-triangles are for grids")
-                .remedy("give a cloud --max-error")
-        })
-    }
-
-    fn goal(&self) -> Result<Goal> {
-        let error = self.max_error.map(Goal::MaxError);
-        let vertices = self.max_vertices.map(Goal::MaxVertices);
-        let triangles = self.max_triangles.map(Goal::MaxTriangles);
-        let goal = error.or(vertices).or(triangles);
-        goal.ok_or_else(|| Error::usage("no goal given").remedy("add --max-error"))
-    }
-}
-
-/// An option of an output format.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Creation {
-    SolidBase(f64),
-}
-
-fn parse_creation(given: &str) -> std::result::Result<Creation, String> {
-    match given.split_once('=') {
-        Some((key, value)) if key.eq_ignore_ascii_case("SOLID_BASE") => {
-            parse::finite(value).map(Creation::SolidBase)
-        }
-        _ => Err("the only option known is SOLID_BASE=HEIGHT".to_owned()),
-    }
-}
 
 /// The report of both steps, as one JSON object.
 #[derive(Serialize)]
@@ -207,10 +26,7 @@ struct Report<'a> {
     skipped: &'a [Skipped],
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    if cloud_tin::are_clouds(&args.input, &args.many)? {
-        return cloud_tin::run(args, cancel);
-    }
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.points.refuse(&args.input[0])?;
     if args.disk.no_disk_check && args.workdir.is_none() {
         return Err(Error::usage("--no-disk-check is for runs by plan")
@@ -245,7 +61,7 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
     };
     let report = Report { tin: &made, verify: checked.as_ref(), skipped };
     if let Some(path) = &args.report {
-        write_report(path, args.overwrite, &report)?;
+        report::write(path, args.overwrite, &report)?;
     }
     if args.show.json {
         say::json(&report)?;
@@ -309,7 +125,7 @@ fn job(args: &Args) -> Result<TinJob> {
 }
 
 /// The job of proving what a tin job wrote.
-pub(super) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
+pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
     VerifyJob {
         mesh: job.output.clone(),
         raster: job.input.clone(),
@@ -320,16 +136,8 @@ pub(super) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
     }
 }
 
-/// Writes a report as a JSON file, whole or not at all.
-pub(super) fn write_report(path: &Path, overwrite: bool, report: &impl Serialize) -> Result<()> {
-    use std::io::Write;
-    let mut file = AtomicFile::create(path, overwrite)?;
-    file.write_all(say::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
-    file.commit().map(drop)
-}
-
 /// A made mesh for people.
-pub(super) fn summary(r: &TinReport) -> String {
+pub(crate) fn summary(r: &TinReport) -> String {
     let mut rows = vec![
         (
             "grid",
@@ -392,7 +200,7 @@ fn time(r: &TinReport) -> String {
 }
 
 /// Stages with their times.
-pub(super) fn stages(stages: &[tin::StageReport]) -> String {
+pub(crate) fn stages(stages: &[tin::StageReport]) -> String {
     let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
     stages.iter().map(stage).collect::<Vec<_>>().join(", ")
 }
@@ -441,11 +249,5 @@ mod tests {
         let lines: Vec<_> = text.lines().collect();
         let is_new = |i: usize| !lines[..i].contains(&lines[i]);
         assert!((0..lines.len()).all(is_new), "a line is there twice:\n{text}");
-    }
-
-    #[test]
-    fn creation_options_are_known_by_name() {
-        assert_eq!(parse_creation("solid_base=-12.5"), Ok(Creation::SolidBase(-12.5)));
-        assert!(parse_creation("SOLID_BASE=x").is_err() && parse_creation("LEVEL=9").is_err());
     }
 }

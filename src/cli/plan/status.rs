@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Outcome, say, text};
+use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
 use crate::jobs::grid::plan::{GridStatus, grid_status};
 use crate::jobs::plan::{Forecast, Kind, TaskReport, Told, kind};
@@ -11,7 +11,7 @@ use crate::jobs::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
     /// Print the result as JSON, with every task that is not done and those it waits for
@@ -19,7 +19,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-pub(super) fn run(args: &Args) -> Result<Outcome> {
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
         Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
@@ -39,7 +39,7 @@ fn tell<R: serde::Serialize>(
 }
 
 /// The plan of a grid for people.
-pub(super) fn grid_summary(r: &GridStatus) -> String {
+pub(crate) fn grid_summary(r: &GridStatus) -> String {
     let (width, height) = (text::count(r.width.into()), text::count(r.height.into()));
     let tile = text::count(r.tile_cells.into());
     let plan = Summary {
@@ -65,7 +65,7 @@ pub(super) fn grid_summary(r: &GridStatus) -> String {
 }
 
 /// The plan of a mesh for people.
-pub(super) fn summary(r: &StatusReport) -> String {
+pub(crate) fn summary(r: &StatusReport) -> String {
     let plan = Summary {
         kind: "mesh",
         folder: &r.folder,
@@ -86,7 +86,7 @@ pub(super) fn summary(r: &StatusReport) -> String {
 }
 
 /// Files that were left out of the input of a plan, as rows of a table.
-pub(super) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str, String)> {
+pub(crate) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str, String)> {
     skipped.iter().map(|Skipped { file, reason }| ("skipped", format!("{file}: {reason}")))
 }
 

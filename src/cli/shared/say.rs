@@ -5,27 +5,27 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use crate::cli::pipes::told;
+use crate::cli::shared::pipes::told;
 use crate::error::{Error, ErrorKind, Result};
 
 /// Prints a result.
-pub(super) fn result(text: &str) -> Result<()> {
+pub(crate) fn result(text: &str) -> Result<()> {
     to_stdout(told(text).as_bytes())
 }
 
 /// Prints a result as indented JSON.
-pub(super) fn json(value: &impl Serialize) -> Result<()> {
+pub(crate) fn json(value: &impl Serialize) -> Result<()> {
     to_stdout(pretty(value)?.as_bytes())
 }
 
 /// Prints a result as JSON on a line of its own.
-pub(super) fn json_line(value: &impl Serialize) -> Result<()> {
+pub(crate) fn json_line(value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string(value).map_err(not_json)?;
     to_stdout((told(&text) + "\n").as_bytes())
 }
 
 /// A value as indented JSON with a line end.
-pub(super) fn pretty(value: &impl Serialize) -> Result<String> {
+pub(crate) fn pretty(value: &impl Serialize) -> Result<String> {
     let text = serde_json::to_string_pretty(value).map_err(not_json)?;
     Ok((told(&text) + "\n").into_owned())
 }
@@ -35,7 +35,7 @@ fn not_json(error: serde_json::Error) -> Error {
 }
 
 /// Writes bytes to stdout as they are.
-pub(super) fn to_stdout(bytes: &[u8]) -> Result<()> {
+pub(crate) fn to_stdout(bytes: &[u8]) -> Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
@@ -46,29 +46,29 @@ pub(super) fn to_stdout(bytes: &[u8]) -> Result<()> {
 }
 
 /// Prints a result on stderr.
-pub(super) fn aside(text: &str) {
+pub(crate) fn aside(text: &str) {
     flushed(io::stderr().write_all(told(text).as_bytes()));
 }
 
 /// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
 /// of them on the last.
-pub(super) fn error(error: &Error) {
+pub(crate) fn error(error: &Error) {
     error.each().iter().for_each(|inner| failure(&inner.to_string()));
     failure(&error.summary());
 }
 
 /// Prints an error message on stderr, on one line whatever file names hold.
-pub(super) fn failure(message: &str) {
+pub(crate) fn failure(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: error: {}", one_line(message)));
 }
 
 /// Prints what could not be judged on stderr, on one line.
-pub(super) fn not_judged(what: &str) {
+pub(crate) fn not_judged(what: &str) {
     flushed(writeln!(io::stderr(), "terrane: not judged: {}", one_line(what)));
 }
 
 /// Prints a remark on stderr, on one line.
-pub(super) fn note(message: &str) {
+pub(crate) fn note(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: {}", one_line(message)));
 }
 
@@ -77,6 +77,6 @@ fn one_line(message: &str) -> String {
 }
 
 /// For output that nobody may be reading any more.
-pub(super) fn flushed(written: io::Result<()>) {
+pub(crate) fn flushed(written: io::Result<()>) {
     let _ = written.and_then(|()| io::stdout().flush());
 }

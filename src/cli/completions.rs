@@ -2,7 +2,8 @@
 
 use clap_complete::Shell;
 
-use crate::cli::{Outcome, help, say};
+use crate::cli::help;
+use crate::cli::shared::{Outcome, say};
 use crate::error::Result;
 
 /// Print a completion script for a shell

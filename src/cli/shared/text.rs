@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::jobs::placing::Placed;
 
 /// "1,234,567".
-pub(super) fn count(n: u64) -> String {
+pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::with_capacity(digits.len() + digits.len() / 3);
     for (i, digit) in digits.chars().enumerate() {
@@ -20,7 +20,7 @@ pub(super) fn count(n: u64) -> String {
 }
 
 /// Up to six significant digits, without trailing zeros.
-pub(super) fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return if value == 0.0 { "0".to_owned() } else { value.to_string() };
     }
@@ -28,16 +28,11 @@ pub(super) fn number(value: f64) -> String {
     if !(-5..=14).contains(&magnitude) {
         return powers(&format!("{value:.5e}"));
     }
-    let text = format!("{value:.*}", (5 - magnitude).max(0) as usize);
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
+    trimmed(&format!("{value:.*}", (5 - magnitude).max(0) as usize))
 }
 
 /// As [`number`], but never below the value, which is not negative.
-pub(super) fn bound(value: f64) -> String {
+pub(crate) fn bound(value: f64) -> String {
     let text = number(value);
     if text.parse::<f64>().is_ok_and(|shown| shown < value) {
         let half_a_digit = 10_f64.powi(value.log10().floor() as i32 - 5) / 2.0;
@@ -46,18 +41,38 @@ pub(super) fn bound(value: f64) -> String {
     text
 }
 
-/// A number in powers of ten without trailing zeros: "1.50000e-9" becomes "1.5e-9".
-fn powers(text: &str) -> String {
-    match text.split_once('e') {
-        Some((digits, power)) if digits.contains('.') => {
-            format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.'))
-        }
-        _ => text.to_owned(),
+/// A height, or a dash where none was measured.
+pub(crate) fn height(value: Option<f64>) -> String {
+    value.map_or("-".to_owned(), number)
+}
+
+/// A coordinate to nine decimals, shortest form; tiny and huge ones in powers of ten.
+pub(crate) fn position(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if !(1e-6..1e15).contains(&value.abs()) {
+        return format!("{value:e}");
+    }
+    trimmed(&format!("{value:.9}"))
+}
+
+/// Digits without zeros that say nothing.
+fn trimmed(text: &str) -> String {
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
     }
 }
 
+/// A number in powers of ten without trailing zeros: "1.50000e-9" becomes "1.5e-9".
+fn powers(text: &str) -> String {
+    text.split_once('e')
+        .map_or(text.to_owned(), |(digits, power)| format!("{}e{power}", trimmed(digits)))
+}
+
 /// "12.3 MiB".
-pub(super) fn bytes(n: u64) -> String {
+pub(crate) fn bytes(n: u64) -> String {
     const UNITS: [&str; 5] = ["KiB", "MiB", "GiB", "TiB", "PiB"];
     if n < 1024 {
         return format!("{n} bytes");
@@ -72,7 +87,7 @@ pub(super) fn bytes(n: u64) -> String {
 }
 
 /// "0.42 s", "3 min 20 s", "2 h 05 min".
-pub(super) fn seconds(s: f64) -> String {
+pub(crate) fn seconds(s: f64) -> String {
     if s < 10.0 {
         return format!("{s:.2} s");
     }
@@ -85,7 +100,7 @@ pub(super) fn seconds(s: f64) -> String {
 }
 
 /// "12.3 M samples/s".
-pub(super) fn rate(per_second: f64, what: &str) -> String {
+pub(crate) fn rate(per_second: f64, what: &str) -> String {
     let (value, prefix) = match per_second {
         r if r >= 1e9 => (r / 1e9, "G "),
         r if r >= 1e6 => (r / 1e6, "M "),
@@ -96,7 +111,7 @@ pub(super) fn rate(per_second: f64, what: &str) -> String {
 }
 
 /// "1.23 %"; small shares keep two significant digits.
-pub(super) fn percent(share: f64) -> String {
+pub(crate) fn percent(share: f64) -> String {
     let value = share * 100.0;
     if value >= 0.1 || value == 0.0 {
         return format!("{value:.2} %");
@@ -106,7 +121,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 /// Aligned "name  value" lines, each indented by two.
-pub(super) fn table(rows: &[(impl AsRef<str>, String)]) -> String {
+pub(crate) fn table(rows: &[(impl AsRef<str>, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.as_ref().chars().count()).max().unwrap_or(0);
     rows.iter().fold(String::new(), |mut text, (name, value)| {
         let _ = writeln!(text, "  {:width$}  {value}", name.as_ref());
@@ -115,7 +130,7 @@ pub(super) fn table(rows: &[(impl AsRef<str>, String)]) -> String {
 }
 
 /// The plain values of a report as rows: keys become words, numbers become readable.
-pub(super) fn rows(report: &Value) -> Vec<(String, String)> {
+pub(crate) fn rows(report: &Value) -> Vec<(String, String)> {
     let entries = report.as_object().into_iter().flatten();
     entries.filter_map(|(key, value)| Some((key.replace('_', " "), plain(key, value)?))).collect()
 }
@@ -138,7 +153,7 @@ fn plain(key: &str, value: &Value) -> Option<String> {
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
-pub(super) fn placed(placed: &Placed) -> String {
+pub(crate) fn placed(placed: &Placed) -> String {
     let scale = placed.scale.map(number).join(" x ");
     let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
     format!("{unit}{scale} to a unit of x, y and z")
@@ -172,6 +187,18 @@ mod tests {
         assert_eq!(percent(0.000_01), "0.001 %");
         assert_eq!(percent(1e-9), "1e-7 %");
         assert_eq!((percent(0.0), percent(1.0)), ("0.00 %".into(), "100.00 %".into()));
+    }
+
+    #[test]
+    fn positions_keep_their_digits_and_no_more() {
+        assert_eq!(position(30.0), "30");
+        assert_eq!(position(-124.000138889), "-124.000138889");
+        assert_eq!(position(4_000_000.5), "4000000.5");
+        assert_eq!((position(0.0), position(-0.0)), ("0".to_owned(), "0".to_owned()));
+        assert_eq!(position(1e-9), "1e-9");
+        assert_eq!(position(-2.5e-12), "-2.5e-12");
+        assert_eq!(position(1e300), "1e300");
+        assert_eq!(position(499_999.999_5), "499999.9995");
     }
 
     #[test]

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::progress::{self, How};
-use crate::cli::{parse, say};
+use crate::cli::shared::progress::{self, How};
+use crate::cli::shared::{parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::plan::DiskCheck;
@@ -15,45 +15,45 @@ use crate::raster::OpenOptions;
 
 /// How a grid is read.
 #[derive(Clone, Debug, Args)]
-pub(super) struct Grid {
+pub(crate) struct Grid {
     /// Band to read, from 1 [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     band: Option<u32>,
     /// Stored value that means "no height", instead of the file's own
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
-    pub(super) nodata: Option<f64>,
+    pub(crate) nodata: Option<f64>,
 }
 
 impl Grid {
     /// The band asked for.
-    pub(super) fn band(&self) -> u32 {
+    pub(crate) fn band(&self) -> u32 {
         self.band.unwrap_or(1)
     }
 
     /// Options for opening the grid within `resources`.
-    pub(super) fn open_options(&self, resources: &Resources) -> OpenOptions {
+    pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
         OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, threads, temp_dir }
     }
 
     /// As [`check`](Self::check), for each of `inputs`.
-    pub(super) fn check_all(&self, inputs: &[String]) -> Result<()> {
+    pub(crate) fn check_all(&self, inputs: &[String]) -> Result<()> {
         inputs.iter().try_for_each(|input| self.check(input))
     }
 
     /// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
-    pub(super) fn check(&self, input: &str) -> Result<()> {
+    pub(crate) fn check(&self, input: &str) -> Result<()> {
         self.given().map_or(Ok(()), |option| only_grid_files(option, input))
     }
 
     /// Fails when an option was given, because `input` is `what`, such as a point cloud.
-    pub(super) fn refuse(&self, input: &str, what: &str) -> Result<()> {
+    pub(crate) fn refuse(&self, input: &str, what: &str) -> Result<()> {
         self.given().map_or(Ok(()), |option| Err(refusal(option, input, what)))
     }
 
     /// The first of these options that was given.
-    pub(super) fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
@@ -68,7 +68,7 @@ fn only_grid_files(option: &str, input: &str) -> Result<()> {
 }
 
 /// Fails when `input` is a mesh, because `option` is about grids.
-pub(super) fn only_grids(option: &str, input: &str) -> Result<()> {
+pub(crate) fn only_grids(option: &str, input: &str) -> Result<()> {
     // What cannot be told from a grid is told of when it is opened.
     if is_mesh(input).unwrap_or(false) { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
 }
@@ -82,7 +82,7 @@ fn refusal(option: &str, input: &str, what: &str) -> Error {
 /// What a job may use.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Resources")]
-pub(super) struct Machine {
+pub(crate) struct Machine {
     /// Worker threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -94,7 +94,7 @@ pub(super) struct Machine {
 
 impl Machine {
     /// The resources asked for.
-    pub(super) fn resources(&self) -> Resources {
+    pub(crate) fn resources(&self) -> Resources {
         let default = Resources::default();
         Resources {
             threads: self.threads.map_or(default.threads, usize::from),
@@ -107,7 +107,7 @@ impl Machine {
 /// What a job may use that spills to temporary files.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Resources")]
-pub(super) struct SpillingMachine {
+pub(crate) struct SpillingMachine {
     #[command(flatten)]
     machine: Machine,
     /// Folder for temporary files [default: the output's, or the system's where there is none and
@@ -118,12 +118,12 @@ pub(super) struct SpillingMachine {
 
 impl SpillingMachine {
     /// The resources asked for.
-    pub(super) fn resources(&self) -> Resources {
+    pub(crate) fn resources(&self) -> Resources {
         Resources { temp_dir: self.temp_dir.clone(), ..self.machine.resources() }
     }
 
     /// For a verb that needs none of it for meshes: fails when any was given and `input` is one.
-    pub(super) fn check(&self, input: &str) -> Result<()> {
+    pub(crate) fn check(&self, input: &str) -> Result<()> {
         let options = [
             ("--threads", self.machine.threads.is_some()),
             ("--memory", self.machine.memory.is_some()),
@@ -136,7 +136,7 @@ impl SpillingMachine {
 
     /// For a verb that spills nothing itself: fails when the folder was given and `input` is a mesh,
     /// which is never unpacked.
-    pub(super) fn check_temp_dir(&self, input: &str) -> Result<()> {
+    pub(crate) fn check_temp_dir(&self, input: &str) -> Result<()> {
         if self.temp_dir.is_some() { only_grids("--temp-dir", input) } else { Ok(()) }
     }
 }
@@ -144,15 +144,15 @@ impl SpillingMachine {
 /// Whether there has to be room on the disk.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Resources")]
-pub(super) struct Disk {
+pub(crate) struct Disk {
     /// Begin even where the disk seems to have too little room for the results of tasks and the output
     #[arg(long)]
-    pub(super) no_disk_check: bool,
+    pub(crate) no_disk_check: bool,
 }
 
 impl Disk {
     /// What is asked for.
-    pub(super) fn check(&self) -> DiskCheck {
+    pub(crate) fn check(&self) -> DiskCheck {
         if self.no_disk_check { DiskCheck::Off } else { DiskCheck::On }
     }
 }
@@ -160,16 +160,16 @@ impl Disk {
 /// What is shown while a job runs and after.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Messages")]
-pub(super) struct Show {
+pub(crate) struct Show {
     /// Progress on stderr: a bar on a terminal, lines of JSON for programs
     #[arg(long, value_name = "HOW", value_enum, default_value_t = How::Auto)]
     progress: How,
     /// Print the result as JSON
     #[arg(long)]
-    pub(super) json: bool,
+    pub(crate) json: bool,
     /// Print no progress and no summary
     #[arg(short, long)]
-    pub(super) quiet: bool,
+    pub(crate) quiet: bool,
     /// True where stdout has the result itself.
     #[arg(skip)]
     is_taken: bool,
@@ -177,17 +177,17 @@ pub(super) struct Show {
 
 impl Show {
     /// The progress display asked for.
-    pub(super) fn progress(&self) -> Box<dyn Progress> {
+    pub(crate) fn progress(&self) -> Box<dyn Progress> {
         progress::display(if self.quiet { How::None } else { self.progress })
     }
 
     /// The same, on stderr where stdout has the result itself.
-    pub(super) fn beside(&self, is_taken: bool) -> Self {
+    pub(crate) fn beside(&self, is_taken: bool) -> Self {
         Self { is_taken, ..self.clone() }
     }
 
     /// Tells a result, as JSON or for people, unless nothing is wanted; returns whether it was told.
-    pub(super) fn tell<R: serde::Serialize>(
+    pub(crate) fn tell<R: serde::Serialize>(
         &self,
         report: &R,
         summary: impl FnOnce() -> String,

@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::cli::{parse, text};
+use crate::cli::shared::{parse, text};
 use crate::cloud::{Census, Filter, Flags, OpenOptions, Polygon, Return};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
@@ -15,7 +15,7 @@ use crate::jobs::Resources;
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Points")]
 #[group(id = "cloud")]
-pub(super) struct Points {
+pub(crate) struct Points {
     /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     class: Vec<u8>,
@@ -53,7 +53,7 @@ impl Points {
     ///
     /// # Errors
     /// A polygon file that cannot be read.
-    pub(super) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
+    pub(crate) fn open_options(&self, resources: &Resources) -> Result<OpenOptions> {
         let polygon = self.polygon.as_deref().map(Polygon::read).transpose()?;
         let filter = Filter {
             classes: (!self.class.is_empty()).then(|| self.class.clone()),
@@ -71,12 +71,12 @@ impl Points {
     }
 
     /// The files that the options name.
-    pub(super) fn files(&self) -> Result<Vec<String>> {
+    pub(crate) fn files(&self) -> Result<Vec<String>> {
         self.polygon.iter().map(|path| name_of(path.clone())).collect()
     }
 
     /// The first of these options that was given.
-    pub(super) fn given(&self) -> Option<&'static str> {
+    pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [
             ("--class", !self.class.is_empty()),
             ("--return", self.returns.is_some()),
@@ -93,7 +93,7 @@ impl Points {
     }
 
     /// Fails when any of these options was given, because `input` is no cloud.
-    pub(super) fn refuse(&self, input: &str) -> Result<()> {
+    pub(crate) fn refuse(&self, input: &str) -> Result<()> {
         let Some(option) = self.given() else { return Ok(()) };
         Err(Error::usage(format!("{option} is for point clouds, and this is none"))
             .in_file(&path_of(input))
@@ -102,7 +102,7 @@ impl Points {
 }
 
 /// What became of the points, for people.
-pub(super) fn census(census: &Census) -> String {
+pub(crate) fn census(census: &Census) -> String {
     let left_out = [
         (census.withheld, "withheld"),
         (census.filtered, "filtered out"),

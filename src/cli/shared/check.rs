@@ -5,19 +5,19 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::atomic;
-use crate::cli::pipes;
+use crate::cli::shared::pipes;
 use crate::error::{Error, ErrorKind, Result, all};
 use crate::files::{companions, path_of};
 use crate::jobs::surface::is_synthetic;
 use crate::raster;
 
 /// As [`input`], for each of `inputs`.
-pub(super) fn inputs(inputs: &[String]) -> Result<()> {
+pub(crate) fn inputs(inputs: &[String]) -> Result<()> {
     all(inputs.iter().map(|name| input(name)).collect()).map(drop)
 }
 
 /// Fails when `input` is neither files that are there nor the name of a synthetic terrain.
-pub(super) fn input(input: &str) -> Result<()> {
+pub(crate) fn input(input: &str) -> Result<()> {
     pipes::refuse_input(input)?;
     let path = &*path_of(raster::file_name(input));
     if is_synthetic(input) || path.is_file() || raster::is_collection(input) {
@@ -39,7 +39,7 @@ fn is_nowhere(kind: io::ErrorKind) -> bool {
 }
 
 /// Fails when `path` cannot become a new file: it exists, or its folder does not.
-pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
+pub(crate) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     atomic::refuse_existing(path, overwrite)?;
     if path.is_dir() {
         return Err(Error::usage("is a folder").in_file(path).remedy("name a file in it"));
@@ -54,7 +54,7 @@ pub(super) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
 }
 
 /// Fails when `path` cannot become a folder: a file is there.
-pub(super) fn folder(path: &Path) -> Result<()> {
+pub(crate) fn folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
         return Err(Error::usage("is a file, and several inputs go into a folder")
             .in_file(path)
@@ -64,12 +64,12 @@ pub(super) fn folder(path: &Path) -> Result<()> {
 }
 
 /// Fails when one of `outputs` is one of the files that `inputs` stand for, or another output.
-pub(super) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
+pub(crate) fn not_inputs(inputs: &[String], outputs: &[&Path]) -> Result<()> {
     not_among(&raster::files(inputs)?, outputs)
 }
 
 /// Fails when one of `outputs` is one of `files`, or another output.
-pub(super) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
+pub(crate) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
     distinct(outputs)?;
     outputs.iter().try_for_each(|output| {
         let is_it = |file: &String| is_same(&path_of(raster::file_name(file)), output);
@@ -79,7 +79,7 @@ pub(super) fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
 
 /// Fails when two of the files are one and the same: one would be replaced by the other. Outputs
 /// need not exist yet.
-pub(super) fn distinct(files: &[&Path]) -> Result<()> {
+pub(crate) fn distinct(files: &[&Path]) -> Result<()> {
     for (i, &file) in files.iter().enumerate() {
         if files[..i].iter().any(|&other| is_same(file, other)) {
             return Err(taken(file));
@@ -90,7 +90,7 @@ pub(super) fn distinct(files: &[&Path]) -> Result<()> {
 
 /// Fails when `report` cannot become a new file that is none of the files `read`, none of the `results`,
 /// and no part of either: a file that comes with one, or lies in one that is a folder.
-pub(super) fn report(
+pub(crate) fn report(
     report: Option<&Path>,
     read: &[String],
     results: &[&Path],
@@ -136,7 +136,7 @@ fn place(path: &Path) -> PathBuf {
 }
 
 /// Fails when `path` does not end in one of `endings`.
-pub(super) fn ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
+pub(crate) fn ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if endings.contains(&ending.as_str()) {
         return Ok(());

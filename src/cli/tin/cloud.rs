@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
-use crate::cli::many::{Kind, Many};
-use crate::cli::{Outcome, check, cloud, cloud_verify, say, text, tin, verify};
+use crate::cli::shared::many::Kind;
+use crate::cli::shared::{Outcome, check, points, report, say, text};
+use crate::cli::tin::args::Args;
+use crate::cli::verify;
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::path_of;
@@ -13,28 +15,13 @@ use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 use crate::mesh;
 
-/// True when the inputs are clouds.
-///
-/// # Errors
-/// Clouds and grids together.
-pub(super) fn are_clouds(inputs: &[String], many: &Many) -> Result<bool> {
-    let are = inputs.iter().map(|input| many.is_cloud(input)).collect::<Result<Vec<_>>>()?;
-    let all = are.iter().all(|is_cloud| *is_cloud);
-    match inputs.iter().zip(&are).find(|(_, is_cloud)| **is_cloud != all) {
-        Some((odd, _)) => Err(Error::usage("clouds and grids cannot be one input")
-            .in_file(&path_of(odd))
-            .remedy("name files of one kind")),
-        None => Ok(all),
-    }
-}
-
-pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     refuse_grid_options(args)?;
     let resources = args.machine.resources();
     let options = args.points.open_options(&resources)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, Kind::Clouds(&options), &resources)?;
-    let args = &tin::Args { input: names, ..args.clone() };
+    let args = &Args { input: names, ..args.clone() };
     let job = job(args)?;
     let progress = args.show.progress();
     let made = cloud_tin::run(&job, progress.as_ref(), cancel)?;
@@ -44,17 +31,17 @@ pub(super) fn run(args: &tin::Args, cancel: &Cancel) -> Result<Outcome> {
     };
     let report = Report { tin: &made, verify: checked.as_ref(), skipped: &skipped };
     if let Some(path) = &args.report {
-        tin::write_report(path, args.overwrite, &report)?;
+        report::write(path, args.overwrite, &report)?;
     }
     if args.show.json {
         say::json(&report)?;
     } else if !args.show.quiet {
         say::result(&summary(&made))?;
-        checked.as_ref().map_or(Ok(()), |c| say::result(&cloud_verify::summary(c)))?;
+        checked.as_ref().map_or(Ok(()), |c| say::result(&verify::cloud::summary(c)))?;
     } else {
         checked.iter().for_each(|r| verify::tell(&r.failures, &r.not_judged));
     }
-    Ok(checked.as_ref().map_or(Outcome::Kept, cloud_verify::outcome))
+    Ok(checked.as_ref().map_or(Outcome::Kept, verify::cloud::outcome))
 }
 
 /// The report of both steps, as one JSON object.
@@ -80,7 +67,7 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
 }
 
 /// Checks what can be checked without work, and makes the job.
-fn job(args: &tin::Args) -> Result<CloudTinJob> {
+fn job(args: &Args) -> Result<CloudTinJob> {
     let files = clouds::files(&args.input)?;
     let format = mesh::by_path(&args.output, args.format.as_deref())?;
     check::not_among(&files, &[&args.output])?;
@@ -102,7 +89,7 @@ fn job(args: &tin::Args) -> Result<CloudTinJob> {
 }
 
 /// Fails when an option was given that is about grids.
-fn refuse_grid_options(args: &tin::Args) -> Result<()> {
+fn refuse_grid_options(args: &Args) -> Result<()> {
     let options = [
         ("--split", args.split.tiles.is_some()),
         ("--workdir", args.workdir.is_some()),
@@ -145,7 +132,7 @@ fn points(r: &CloudTinReport) -> String {
         0 => String::new(),
         n => format!("; {} above another at the same position", text::count(n)),
     };
-    format!("{}, {}{stacked}", cloud::census(&r.points), r.crs)
+    format!("{}, {}{stacked}", points::census(&r.points), r.crs)
 }
 
 fn errors(r: &CloudTinReport) -> String {

@@ -2,8 +2,8 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::cli::line_verify::are_lines;
-use crate::cli::{info, text};
+use crate::cli::shared::many::are_lines;
+use crate::cli::shared::text;
 use crate::error::Result;
 use crate::files::{path_of, shown};
 use crate::jobs::feature_stats::{FeatureStats, FieldStats, feature_stats};
@@ -12,13 +12,13 @@ use crate::jobs::{Cancel, Progress};
 use crate::vector::{Kind, OpenOptions};
 
 /// True for a file of features that is no grid or mesh as well.
-pub(super) fn are_features(file: &str) -> bool {
+pub(crate) fn are_features(file: &str) -> bool {
     are_lines(&path_of(file)) && is_mesh(file).is_err()
 }
 
 /// What is known of a file of features.
 #[derive(Serialize)]
-pub(super) struct Facts {
+pub(crate) struct Facts {
     file: String,
     format: &'static str,
     layer: Option<String>,
@@ -56,7 +56,7 @@ fn by_name<S: Serializer>(
 }
 
 /// Reads a file to its end and tells what it is.
-pub(super) fn describe(
+pub(crate) fn describe(
     file: &str,
     layer: Option<&String>,
     (progress, cancel): (&dyn Progress, &Cancel),
@@ -92,24 +92,24 @@ impl Facts {
     }
 
     /// True where there is more than positions.
-    pub(super) fn is_more_than_positions(&self) -> bool {
+    pub(crate) fn is_more_than_positions(&self) -> bool {
         self.ids > 0 || !self.fields.is_empty()
     }
 
     /// Adds a note.
-    pub(super) fn noted(mut self, note: String) -> Self {
+    pub(crate) fn noted(mut self, note: String) -> Self {
         self.notes.push(note);
         self
     }
 
     /// Names and values for people.
-    pub(super) fn rows(&self) -> Vec<(String, String)> {
+    pub(crate) fn rows(&self) -> Vec<(String, String)> {
         let join = |values: &[f64]| {
-            values.iter().map(|value| info::position(*value)).collect::<Vec<_>>().join(", ")
+            values.iter().map(|value| text::position(*value)).collect::<Vec<_>>().join(", ")
         };
         let kinds = self.geometries.iter();
         let kinds = kinds.map(|(kind, n)| format!("{}: {}", kind.name(), text::count(*n)));
-        let range = |ends: &[f64; 2]| ends.map(info::position).join(" to ");
+        let range = |ends: &[f64; 2]| ends.map(text::position).join(" to ");
         let mut rows = vec![("format", self.format.to_owned())];
         rows.extend(self.layer.clone().map(|layer| ("layer", layer)));
         rows.extend([

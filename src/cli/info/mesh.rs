@@ -1,0 +1,64 @@
+//! `terrane info` of meshes.
+
+use serde::Serialize;
+
+use crate::cli::info::details;
+use crate::cli::shared::text;
+use crate::geom::Point3;
+use crate::mesh::MeshInfo;
+
+/// What is known of a mesh.
+#[derive(Serialize)]
+pub(crate) struct Facts {
+    file: String,
+    format: &'static str,
+    vertices: u64,
+    triangles: u64,
+    crs: Option<String>,
+    indexed: bool,
+    single_precision: bool,
+    origin: Point3,
+    /// Stored units in one unit of each coordinate.
+    scale: Point3,
+    /// Smallest and largest coordinates; absent without vertices.
+    bounds: Option<[Point3; 2]>,
+    details: serde_json::Map<String, serde_json::Value>,
+}
+
+impl Facts {
+    pub(crate) fn new(file: &str, info: &MeshInfo, bounds: Option<[Point3; 2]>) -> Self {
+        Self {
+            file: file.to_owned(),
+            format: info.format,
+            vertices: info.vertices,
+            triangles: info.triangles,
+            crs: info.crs.clone(),
+            indexed: info.indexed,
+            single_precision: info.single_precision,
+            origin: info.origin,
+            scale: info.scale,
+            bounds,
+            details: details::of(&info.details),
+        }
+    }
+
+    pub(crate) fn rows(&self) -> Vec<(String, String)> {
+        let corner = |p: Point3| p.map(text::position).join(", ");
+        let sharing = if self.indexed { "shared by triangles" } else { "three to each triangle" };
+        let stored = if self.single_precision { "32-bit" } else { "64-bit" };
+        let mut rows = vec![
+            ("format", self.format.to_owned()),
+            ("vertices", format!("{}, {sharing}", text::count(self.vertices))),
+            ("triangles", text::count(self.triangles)),
+            ("crs", self.crs.clone().unwrap_or_else(|| "unknown".to_owned())),
+            ("positions", format!("{stored}, origin {}", corner(self.origin))),
+        ];
+        if let Some([low, high]) = self.bounds {
+            rows.push(("lowest corner", corner(low)));
+            rows.push(("highest corner", corner(high)));
+        }
+        let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+        rows.extend(details::rows(&self.details));
+        rows
+    }
+}

@@ -1,0 +1,108 @@
+//! Arguments of `terrane verify`.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use crate::cli::shared::{args, many, names, parse, points};
+use crate::error::Error;
+use crate::jobs::line::Length;
+
+/// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
+/// bound, coverage, topology; of lines also features, properties, heights and points. Exits with 1
+/// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
+/// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
+/// failure of meshes written by terrane only: the bound of other meshes may hold all the same
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Mesh file, or simplified lines
+    pub(crate) mesh: PathBuf,
+    /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
+    /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
+    /// made with. Or the file that lines were made from
+    #[arg(required = true, value_name = "ORIGINAL", value_parser = names::any())]
+    pub(crate) source: Vec<String>,
+    /// Largest vertical distance allowed [default: the one the mesh file states]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
+    pub(crate) max_error: Option<f64>,
+    #[command(flatten)]
+    pub(crate) many: many::Many,
+    #[command(flatten)]
+    pub(crate) grid: args::Grid,
+    #[command(flatten)]
+    pub(crate) points: points::Points,
+    #[command(flatten)]
+    pub(crate) lines: Promises,
+    /// Write the report to this JSON file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Replace a report that exists
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) machine: args::SpillingMachine,
+    #[command(flatten)]
+    pub(crate) show: args::Show,
+}
+
+/// What simplified lines are held to by `terrane verify`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Lines")]
+pub(crate) struct Promises {
+    /// Largest distance allowed, as in terrane line [default: only measure it]
+    #[arg(long, value_name = "LENGTH", value_parser = parse::length)]
+    pub(crate) tolerance: Option<Length>,
+    /// What a distance is: 3d for x, y and z
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub(crate) metric: Option<Solid>,
+    /// Judge crossings, rings, sides and shared borders, too
+    #[arg(long)]
+    pub(crate) topology: bool,
+    /// Points that had to stay on their side
+    #[arg(long, value_name = "FILE", requires = "topology")]
+    pub(crate) sides: Option<PathBuf>,
+    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and
+    /// their holes with them [default: nothing may be gone]
+    #[arg(long, value_name = "HOW", value_enum)]
+    collapse: Option<Gone>,
+    /// The object of a TopoJSON file that the lines were made from
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Solid {
+    #[value(name = "3d")]
+    Space,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Gone {
+    Drop,
+}
+
+impl Promises {
+    /// Whether rings may be gone.
+    pub(crate) fn may_drop(&self) -> bool {
+        self.collapse == Some(Gone::Drop)
+    }
+
+    /// The first of these options that was given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let options = [
+            ("--tolerance", self.tolerance.is_some()),
+            ("--metric", self.metric.is_some()),
+            ("--topology", self.topology),
+            ("--sides", self.sides.is_some()),
+            ("--collapse", self.collapse.is_some()),
+            ("--layer", self.layer.is_some()),
+        ];
+        options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+}
+
+/// The error of a mesh and its original that have changed places.
+pub(crate) fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
+    Error::usage(format!("mesh and {what} are the wrong way round"))
+        .remedy(format!("write `terrane verify {second} {first}`"))
+}

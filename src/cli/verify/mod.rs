@@ -1,0 +1,40 @@
+//! `terrane verify`: a written mesh is proved against its grid or cloud, simplified lines against their
+//! original.
+
+mod args;
+pub(crate) mod cloud;
+mod grid;
+mod line;
+mod told;
+
+pub(crate) use args::Args;
+pub(crate) use grid::{outcome, summary};
+pub(crate) use told::tell;
+
+use crate::cli::shared::{Outcome, check, many};
+use crate::cloud::is_cloud;
+use crate::error::{Error, Result};
+use crate::files::name_of;
+use crate::jobs::Cancel;
+use crate::jobs::surface::is_mesh;
+
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let mesh = name_of(args.mesh.clone())?;
+    check::input(&mesh)?;
+    if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {
+        return line::run(args, cancel);
+    }
+    if let Some(option) = args.lines.given() {
+        return Err(Error::usage(format!("{option} is for simplified lines"))
+            .in_file(&args.mesh)
+            .remedy(format!("leave {option} out")));
+    }
+    if is_cloud(&mesh) {
+        return Err(args::wrong_way_round("cloud", &mesh, &args.source[0]));
+    }
+    if args.many.are_clouds(&args.source)? {
+        return cloud::run(args, cancel);
+    }
+    args.points.refuse(&args.source[0])?;
+    grid::run(args, cancel)
+}
