@@ -19,13 +19,16 @@ const VERBS: [&str; 11] = [
     "man",
 ];
 
+/// The others.
+const MORE: [&str; 5] = ["line", "plan", "run", "finish", "status"];
+
 #[test]
 fn help_and_version_go_to_stdout() {
     let place = Place::new();
     let version = place.ok(&["--version"]);
     assert_eq!(version.out, format!("terrane {}\n", env!("CARGO_PKG_VERSION")));
     let help = place.ok(&["--help"]);
-    for verb in VERBS {
+    for verb in VERBS.iter().chain(&MORE) {
         assert!(help.out.contains(&format!("\n  {verb} ")), "{verb} in\n{}", help.out);
         let own = place.ok(&[verb, "--help"]);
         assert!(own.out.contains(&format!("Usage: terrane {verb}")), "{}", own.out);
@@ -53,7 +56,7 @@ fn completions_for_every_shell() {
 fn a_manual_page_for_each_verb() {
     let place = Place::new();
     place.ok(&["man", "pages"]);
-    for verb in VERBS {
+    for verb in VERBS.iter().chain(&MORE) {
         let page = std::fs::read_to_string(place.path(&format!("pages/terrane-{verb}.1"))).unwrap();
         assert!(page.contains(".TH"), "{verb}");
     }

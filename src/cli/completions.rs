@@ -1,8 +1,9 @@
 //! `terrane completions`: a script that teaches a shell the command line.
 
+use clap::Command;
 use clap_complete::Shell;
 
-use crate::cli::help;
+use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say};
 use crate::error::Result;
 
@@ -14,9 +15,17 @@ pub(super) struct Args {
     shell: Shell,
 }
 
-pub(super) fn run(args: &Args) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "completions";
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.command)
+    }
+}
+
+fn run(args: &Args, command: &Command) -> Result<Outcome> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut help::command(), "terrane", &mut script);
+    clap_complete::generate(args.shell, &mut command.clone(), "terrane", &mut script);
     say::to_stdout(&script)?;
     Ok(Outcome::Kept)
 }

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
-use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::contour::{self, ContourJob, ContourReport, Heights, TILE_CELLS, USUAL_TILE};
@@ -109,7 +111,23 @@ fn tile_cells() -> impl TypedValueParser<Value = u32> {
     RangedI64ValueParser::<u32>::new().range(i64::from(least)..=i64::from(most))
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "contour";
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::features_written(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let mut args = args.clone();

@@ -3,7 +3,11 @@
 use std::path::PathBuf;
 
 use crate::atomic;
-use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, say, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{
+    Outcome, args, check, lists, many, names, parse, pipes, report, say, text,
+};
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
@@ -59,7 +63,33 @@ pub(super) struct Args {
     show: args::Show,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "convert";
+    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn lists() -> Vec<String> {
+        vec![
+            lists::grids(),
+            lists::grids_written(),
+            lists::creation_options(),
+            lists::EXIT_CODES.to_owned(),
+        ]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let grids = many::Kind::Grids(&options);

@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::atomic;
-use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, points, report, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{
+    Outcome, args, check, lists, many, names, parse, pipes, points, report, text,
+};
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
 use crate::gridding::{self, Asked, Statistic};
@@ -188,7 +192,33 @@ struct Output {
     report: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "grid";
+    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn lists() -> Vec<String> {
+        vec![
+            lists::statistics(),
+            lists::grids_written(),
+            lists::creation_options(),
+            lists::EXIT_CODES.to_owned(),
+        ]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.wanted.open_options(&resources)?;
     let clouds = many::Kind::Clouds(&options);

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use crate::atomic;
-use crate::cli::shared::{Outcome, args, check, many, names, parse, pipes, report, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
@@ -157,7 +159,30 @@ struct Output {
     report: Option<PathBuf>,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "line";
+    const USAGE: Option<&'static str> = Some(
+        "[OPTIONS] <--tolerance <LENGTH>|--area <A>|--keep-ratio <SHARE>|--keep-count <N>|--target-size <SIZE>> <INPUT>... <OUTPUT>",
+    );
+
+    fn lists() -> Vec<String> {
+        vec![lists::simplifiers(), lists::features(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let mut args = args.clone();
     let holds = pipes::Holds::Features(args.input_format.as_deref());

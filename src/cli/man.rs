@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Command;
 
 use crate::atomic::{self, AtomicFile};
-use crate::cli::help;
+use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -20,9 +20,17 @@ pub(super) struct Args {
     overwrite: bool,
 }
 
-pub(super) fn run(args: &Args) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "man";
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.command)
+    }
+}
+
+fn run(args: &Args, command: &Command) -> Result<Outcome> {
     atomic::create_folders(&args.dir)?;
-    let mut command = help::command().disable_help_subcommand(true);
+    let mut command = command.clone().disable_help_subcommand(true);
     command.build();
     let verbs = command.get_subcommands().cloned().collect::<Vec<_>>();
     for page in std::iter::once(command).chain(verbs) {

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::cli::convert;
-use crate::cli::shared::{Outcome, args, check, text};
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, text};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, Result};
@@ -44,7 +45,25 @@ fn point_format(text: &str) -> std::result::Result<PointFormat, String> {
     PointFormat::new(number).map_err(|error| error.to_string())
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "synth";
+
+    fn lists() -> Vec<String> {
+        vec![
+            lists::characters(),
+            lists::parameters(),
+            lists::cloud_parameters(),
+            lists::shapes(),
+            lists::line_parameters(),
+        ]
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
     if cloud::synth::is_synthetic(&name) {
         return fly(&name, args, cancel);

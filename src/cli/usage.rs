@@ -3,16 +3,16 @@
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::Command;
 use clap::error::ErrorKind::{
     DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion,
 };
 
-use crate::cli::help::command;
 use crate::cli::shared::say;
 use crate::error::ErrorKind;
 
 /// Prints what clap has to say of a command line and returns the exit code.
-pub(super) fn report(error: &clap::Error, args: &[OsString]) -> ExitCode {
+pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) -> ExitCode {
     match error.kind() {
         DisplayHelp | DisplayVersion => {
             say::flushed(error.print());
@@ -23,27 +23,27 @@ pub(super) fn report(error: &clap::Error, args: &[OsString]) -> ExitCode {
             ErrorKind::Usage.exit_code().into()
         }
         _ => {
-            say::failure(&one_line(&error.render().to_string(), args));
+            say::failure(&one_line(&error.render().to_string(), args, command));
             ErrorKind::Usage.exit_code().into()
         }
     }
 }
 
 /// A clap error without its usage block, joined into a line, with where to read on.
-fn one_line(text: &str, args: &[OsString]) -> String {
+fn one_line(text: &str, args: &[OsString], command: &Command) -> String {
     let message = text.split("\n\nUsage:").next().unwrap_or(text);
     let message = message.split("\n\nFor more information").next().unwrap_or(message);
     let words: Vec<&str> = message.split_whitespace().collect();
     let message = words.join(" ");
     let message = message.strip_prefix("error: ").unwrap_or(&message);
     let message = message.replace(" tip: ", "; ");
-    format!("{message}; see `terrane{} --help`", verb(args))
+    format!("{message}; see `terrane{} --help`", verb(args, command))
 }
 
 /// " tin" where the command line has a verb.
-fn verb(args: &[OsString]) -> String {
+fn verb(args: &[OsString], command: &Command) -> String {
     let first = args.get(1).map(|a| a.to_string_lossy()).unwrap_or_default();
-    let known = command().find_subcommand(first.as_ref()).is_some();
+    let known = command.find_subcommand(first.as_ref()).is_some();
     if known { format!(" {first}") } else { String::new() }
 }
 
@@ -54,8 +54,9 @@ mod tests {
     fn line(args: &[&str]) -> String {
         let args: Vec<OsString> =
             std::iter::once("terrane").chain(args.iter().copied()).map(OsString::from).collect();
-        let error = command().try_get_matches_from(&args).unwrap_err();
-        one_line(&error.render().to_string(), &args)
+        let command = crate::cli::command();
+        let error = command.clone().try_get_matches_from(&args).unwrap_err();
+        one_line(&error.render().to_string(), &args, &command)
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::cli::shared::{Outcome, args, check, many, names, parse, report, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
 use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
@@ -51,7 +53,23 @@ pub(super) struct Args {
     show: args::Show,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "view";
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::meshes()]
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let Sifted { names, skipped } =

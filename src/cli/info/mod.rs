@@ -11,7 +11,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::cli::shared::many::Kind;
-use crate::cli::shared::{Outcome, args, many, names, points, report, say, text};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, lists, many, names, points, report, say, text};
 use crate::cloud::is_cloud;
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::sift::{Sifted, Skipped};
@@ -52,7 +54,23 @@ pub(crate) struct Args {
 }
 
 /// Tells about each file; a bad one does not keep the others from being told about.
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "info";
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::meshes()]
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };

@@ -7,6 +7,8 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names, parse};
 use crate::cli::{grid, tin};
 use crate::error::Result;
@@ -82,17 +84,22 @@ struct GridArgs {
     show: args::Show,
 }
 
-impl Args {
-    /// Which of many files are taken.
-    pub(crate) fn many(&self) -> &many::Many {
-        match &self.what {
+impl Verb for Args {
+    const NAME: &'static str = "plan";
+
+    fn many(&self) -> Option<&Many> {
+        Some(match &self.what {
             What::Tin(args) => &args.many,
             What::Grid(args) => &args.many,
-        }
+        })
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
     }
 }
 
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
         What::Grid(args) => plan_of_grid(args, cancel),

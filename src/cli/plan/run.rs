@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::plan::status;
+use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, text};
 use crate::cli::{grid, tin};
 use crate::error::{Error, Result};
@@ -55,7 +56,23 @@ struct How {
     show: args::Show,
 }
 
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for FinishArgs {
+    const NAME: &'static str = "finish";
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        finish(self, call.cancel)
+    }
+}
+
+impl Verb for Args {
+    const NAME: &'static str = "run";
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     work(&args.folder, args.task.clone(), args.output.clone(), &args.how, cancel)
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
 use crate::jobs::grid::plan::{GridStatus, grid_status};
@@ -19,7 +20,15 @@ pub(crate) struct Args {
     json: bool,
 }
 
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "status";
+
+    fn run(&self, _: &Call<'_>) -> Result<Outcome> {
+        run(self)
+    }
+}
+
+fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
         Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),

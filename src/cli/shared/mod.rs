@@ -2,6 +2,7 @@
 
 pub(crate) mod args;
 pub(crate) mod check;
+pub(crate) mod lists;
 pub(crate) mod many;
 pub(crate) mod names;
 mod outcome;
@@ -12,5 +13,6 @@ mod progress;
 pub(crate) mod report;
 pub(crate) mod say;
 pub(crate) mod text;
+pub(crate) mod verb;
 
 pub(crate) use outcome::{NOT_JUDGED, Outcome};

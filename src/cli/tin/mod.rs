@@ -7,11 +7,38 @@ mod grid;
 pub(crate) use args::{Args, Method, Split};
 pub(crate) use grid::{proof, stages, summary};
 
-use crate::cli::shared::Outcome;
+use std::path::PathBuf;
+
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, lists};
 use crate::error::Result;
 use crate::jobs::Cancel;
 
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "tin";
+    const USAGE: Option<&'static str> = Some(
+        "[OPTIONS] <--max-error <E>|--max-vertices <N>|--max-triangles <N>> <INPUT>... <OUTPUT>",
+    );
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::meshes(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match args.many.are_clouds(&args.input)? {
         true => cloud::run(args, cancel),
         false => grid::run(args, cancel),

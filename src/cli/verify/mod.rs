@@ -11,14 +11,32 @@ pub(crate) use args::Args;
 pub(crate) use grid::{outcome, summary};
 pub(crate) use told::tell;
 
-use crate::cli::shared::{Outcome, check, many};
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, check, lists, many};
 use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
 use crate::jobs::surface::is_mesh;
 
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+impl Verb for Args {
+    const NAME: &'static str = "verify";
+
+    fn lists() -> Vec<String> {
+        vec![lists::meshes(), lists::grids(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = name_of(args.mesh.clone())?;
     check::input(&mesh)?;
     if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {

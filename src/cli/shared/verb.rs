@@ -1,0 +1,85 @@
+//! What a verb is to the command line, and how one of any type becomes a line of the list of them.
+
+use std::path::PathBuf;
+
+use clap::{ArgMatches, Command};
+
+use crate::cli::shared::many::Many;
+use crate::cli::shared::{Outcome, names};
+use crate::error::Result;
+use crate::jobs::Cancel;
+
+/// Arguments that can be run.
+pub(crate) trait Verb: clap::Args + 'static {
+    const NAME: &'static str;
+
+    /// Its usage after its name, where the last of its names is that of the output: clap does not know
+    /// that one.
+    const USAGE: Option<&'static str> = None;
+
+    /// The lists that its help ends in.
+    fn lists() -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Its names, and where the last of them belongs: that of the output.
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        None
+    }
+
+    /// Which of many files are taken.
+    fn many(&self) -> Option<&Many> {
+        None
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome>;
+}
+
+/// What surrounds a run.
+pub(crate) struct Call<'a> {
+    pub(crate) cancel: &'a Cancel,
+    /// The whole command line, for those who write about it.
+    pub(crate) command: &'a Command,
+}
+
+/// A verb with its arguments, ready to run.
+pub(crate) type Job = Box<dyn Fn(&Call<'_>) -> Result<Outcome>>;
+
+/// A verb of any type.
+pub(crate) struct Entry {
+    pub(crate) name: &'static str,
+    /// The verb as clap sees it.
+    pub(crate) command: fn() -> Command,
+    /// Takes its arguments from what clap found.
+    pub(crate) parse: fn(&ArgMatches) -> std::result::Result<Job, clap::Error>,
+}
+
+impl Entry {
+    pub(crate) const fn of<V: Verb>() -> Self {
+        Self { name: V::NAME, command: command::<V>, parse: parse::<V> }
+    }
+}
+
+fn command<V: Verb>() -> Command {
+    let command = V::augment_args(Command::new(V::NAME));
+    let command = match V::USAGE {
+        Some(usage) => command.override_usage(format!("terrane {} {usage}", V::NAME)),
+        None => command,
+    };
+    let lists = V::lists();
+    if lists.is_empty() { command } else { command.after_help(lists.join("\n\n")) }
+}
+
+/// Errors of its job come with the advice that only this verb can give.
+fn parse<V: Verb>(found: &ArgMatches) -> std::result::Result<Job, clap::Error> {
+    let mut verb = V::from_arg_matches(found)?;
+    if let Some((names, output)) = verb.names() {
+        names::take_output(names, output)?;
+    }
+    Ok(Box::new(move |call| {
+        verb.run(call).map_err(|error| match verb.many() {
+            Some(many) => many.advise(error),
+            None => error,
+        })
+    }))
+}
