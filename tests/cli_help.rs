@@ -1,4 +1,4 @@
-//! Help, version, completions, manual pages, and the README against the registries.
+//! Help, version, completions, manual pages, and the book against the registries.
 
 mod cli_support;
 
@@ -78,13 +78,8 @@ fn a_reader_that_goes_away_is_no_error() {
 }
 
 #[test]
-fn the_readme_names_every_format_character_and_verb() {
-    let readme = include_str!("../README.md");
-    let section = |from: &str, to: &str| {
-        let rest = readme.split(from).nth(1).unwrap();
-        rest.split(to).next().unwrap().to_owned()
-    };
-    let formats = section("\n## Formats\n", "\n## ");
+fn the_book_tells_of_every_format_character_and_verb() {
+    let formats = include_str!("../docs/src/guide/formats.md");
     let endings = |all: &[&str]| all.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ");
     let known = raster::FORMATS.iter().map(|f| (f.name, endings(f.extensions)));
     let known = known.chain(mesh::FORMATS.iter().map(|f| (f.name, endings(f.extensions))));
@@ -102,11 +97,12 @@ fn the_readme_names_every_format_character_and_verb() {
         let line = help.lines().find(|l| l.trim().starts_with(name)).unwrap();
         assert!(line.contains(&endings), "{name}: {endings} in {line}");
     }
+    let names = include_str!("../docs/src/reference/names.md");
     for character in synth::CHARACTERS {
-        assert!(formats.contains(&format!("`{}`", character.name)), "{}", character.name);
+        assert!(names.contains(&format!("| `{}` |", character.name)), "{}", character.name);
     }
-    let usage = section("\n## Use it\n", "\n### ");
+    let verbs = include_str!("../docs/src/reference/verbs.md");
     for verb in VERBS {
-        assert!(usage.contains(&format!("\nterrane {verb}")), "{verb}");
+        assert!(verbs.contains(&format!("\n## terrane {verb}\n")), "{verb}");
     }
 }

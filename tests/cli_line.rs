@@ -398,15 +398,16 @@ fn metres_heights_rings_and_sides() {
 }
 
 #[test]
-fn the_readme_names_every_method_and_format() {
-    let readme = include_str!("../README.md");
+fn the_book_tells_of_every_method_and_format() {
+    let methods = include_str!("../docs/src/guide/line.md");
     for method in METHODS {
-        assert!(readme.contains(&format!("| `{}` |", method.name)), "{}", method.name);
+        assert!(methods.contains(&format!("| `{}` |", method.name)), "{}", method.name);
     }
+    let formats = include_str!("../docs/src/guide/formats.md");
     for format in FORMATS {
-        assert!(readme.contains(&format!("| {} |", format.name)), "{}", format.name);
+        assert!(formats.contains(&format!("| {} |", format.name)), "{}", format.name);
         for ending in format.extensions {
-            assert!(readme.contains(&format!(".{ending}")), "{}: {ending}", format.name);
+            assert!(formats.contains(&format!(".{ending}")), "{}: {ending}", format.name);
         }
     }
 }

@@ -240,7 +240,7 @@ fn no_verb_takes_more_than_it_may() {
         for mib in BUDGETS {
             let (mut mib, (mut code, mut told, mut peak)) = (mib, measured(&place, &again, mib));
             // Of one feature that is too large its own need is told, and what its neighbours take once
-            // that is met, as README.md says; otherwise what is told to be enough is enough.
+            // that is met, as docs/src/guide/promises.md says; otherwise what is told to be enough is enough.
             let steps =
                 if told.contains("a feature of") && job.contains("--topology") { 2 } else { 1 };
             for _ in 0..steps {

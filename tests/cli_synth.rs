@@ -77,9 +77,9 @@ fn lines_become_files_and_are_inputs_by_name() {
     place.fails(&["synth", "koch", "k.tif"], 2, &["k.tif", ".shp"]);
     place.fails(&["synth", "koch", "k.shp", "--point-format", "6"], 2, &["--point-format"]);
     let help = place.ok(&["synth", "--help"]).out;
-    let readme = include_str!("../README.md");
+    let names = include_str!("../docs/src/reference/names.md");
     let rows = SHAPES.iter().map(|shape| format!("| `{}` | {} |", shape.name, shape.about));
     for (row, shape) in rows.zip(SHAPES) {
-        assert!(readme.contains(&row) && help.contains(shape.about), "{row}");
+        assert!(names.contains(&row) && help.contains(shape.about), "{row}");
     }
 }

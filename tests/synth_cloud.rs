@@ -279,10 +279,12 @@ fn a_synthetic_cloud_is_an_input_but_not_among_files() {
 }
 
 #[test]
-fn every_parameter_is_in_the_readme() {
-    let readme = include_str!("../README.md");
+fn every_parameter_is_in_the_book() {
+    let names = include_str!("../docs/src/reference/names.md");
+    let clouds = names.split("\n## Parameters of a cloud\n").nth(1).unwrap();
+    let clouds = clouds.split("\n## ").next().unwrap();
     for parameter in terrane::synth::cloud::PARAMETERS {
-        assert!(readme.contains(&format!("`{}`", parameter.key)), "{}", parameter.key);
+        assert!(clouds.contains(&format!("| `{}` |", parameter.key)), "{}", parameter.key);
     }
 }
 

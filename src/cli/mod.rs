@@ -14,6 +14,8 @@ mod info;
 mod line;
 mod man;
 mod plan;
+#[cfg(test)]
+mod reference;
 mod shared;
 mod signal;
 mod synth;

@@ -1,0 +1,246 @@
+//! The documents: links that lead somewhere, pages that are in the book, tutorials that run as they are
+//! written, and reports whose members are all told of.
+
+mod cli_support;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cli_support::Place;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The pages of the book, and SUMMARY.md.
+fn pages() -> Vec<PathBuf> {
+    let mut folders = vec![root().join("docs/src")];
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path()) {
+            match path.is_dir() {
+                true => folders.push(path),
+                false => found.push(path),
+            }
+        }
+    }
+    found.retain(|path| path.extension().is_some_and(|e| e == "md"));
+    found.sort();
+    assert!(found.len() > 20, "only {} pages found", found.len());
+    found
+}
+
+/// A page without its blocks of code.
+fn prose(text: &str) -> String {
+    let outside = text.split("\n```").step_by(2);
+    outside.map(|part| part.trim_start_matches('\n')).collect::<Vec<_>>().join("\n")
+}
+
+/// Where the links and pictures of a page lead, but for other sites.
+fn links(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let targets = prose.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    targets.filter(|to| !to.contains("://")).map(str::to_owned).collect()
+}
+
+/// What a heading is called in a link, as mdBook and code hosts have it.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let headings = prose(text);
+    let headings = headings.lines().filter(|line| line.starts_with('#'));
+    let kept = |c: &char| c.is_alphanumeric() || ['-', '_', ' '].contains(c);
+    let name = |line: &str| -> String {
+        let text = line.trim_start_matches('#').trim();
+        text.to_lowercase().chars().filter(kept).map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    headings.map(name).collect()
+}
+
+/// What is wrong with the links of the page at `path`.
+fn broken(path: &Path, text: &str) -> Vec<String> {
+    let fault = |to: &String| {
+        let (file, anchor) = to.split_once('#').unwrap_or((to, ""));
+        let target = path.parent().unwrap().join(file);
+        if !target.exists() {
+            return Some(format!("{}: {to} is not there", path.display()));
+        }
+        let headings = || if file.is_empty() { anchors(text) } else { anchors(&read(&target)) };
+        let held = anchor.is_empty() || headings().contains(anchor);
+        (!held).then(|| format!("{}: {to} has no such heading", path.display()))
+    };
+    links(text).iter().filter_map(fault).collect()
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut files = pages();
+    files.extend(["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|name| root().join(name)));
+    let texts: Vec<_> = files.iter().map(|path| (path, read(path))).collect();
+    let count: usize = texts.iter().map(|(_, text)| links(text).len()).sum();
+    assert!(count > 50, "only {count} links found");
+    let faults: Vec<_> = texts.iter().flat_map(|(path, text)| broken(path, text)).collect();
+    assert!(faults.is_empty(), "\n{}", faults.join("\n"));
+}
+
+#[test]
+fn links_that_lead_nowhere_are_found() {
+    let page = root().join("docs/src/index.md");
+    let nowhere = "# A\n[a](gone.md) [b](#c) [c](guide/tin.md#no-such) [d](https://x.y)\n";
+    assert_eq!(broken(&page, nowhere).len(), 3);
+    let sound = "# A `b`: c\n[a](#a-b-c) [b](guide/tin.md#options)\n```sh\n[c](gone.md)\n```\n";
+    assert_eq!(broken(&page, sound), Vec::<String>::new());
+}
+
+/// Links to files beside the book work in the repository and are broken in the book.
+#[test]
+fn the_book_has_every_page_and_links_within_itself() {
+    let book = root().join("docs/src").canonicalize().unwrap();
+    let summary = book.join("SUMMARY.md");
+    let listed: BTreeSet<_> = links(&read(&summary)).iter().map(|to| book.join(to)).collect();
+    let there = pages().into_iter().map(|page| page.canonicalize().unwrap());
+    let there: BTreeSet<_> = there.filter(|page| *page != summary).collect();
+    assert_eq!(listed, there);
+    for page in there {
+        for to in links(&read(&page)) {
+            let file = to.split('#').next().unwrap();
+            let target = page.parent().unwrap().join(file).canonicalize().unwrap();
+            assert!(target.starts_with(&book), "{}: {to} leaves the book", page.display());
+        }
+    }
+}
+
+/// A fenced block: what stands behind its backquotes, and its lines.
+fn blocks(text: &str) -> Vec<(&str, &str)> {
+    let inside = text.split("\n```").skip(1).step_by(2);
+    inside.filter_map(|block| block.split_once('\n')).collect()
+}
+
+/// Whether `told` has a line with the parts of `line` in their order; `...` stands for anything.
+fn tells(told: &str, line: &str) -> bool {
+    let parts: Vec<&str> = line.trim().split("...").map(str::trim).collect();
+    told.lines().any(|told| {
+        let mut rest = Some(told);
+        for part in &parts {
+            rest = rest.and_then(|rest| rest.split_once(part)).map(|(_, behind)| behind);
+        }
+        rest.is_some()
+    })
+}
+
+/// Runs the blocks marked `run` of a page in their order in one folder, and looks in what they print for
+/// the lines of blocks marked `out`.
+#[cfg(unix)]
+fn follow(page: &str, text: &str) {
+    let place = Place::new();
+    let program = Path::new(env!("CARGO_BIN_EXE_terrane")).parent().unwrap().to_owned();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let mut told = String::new();
+    let mut count = 0;
+    for (kind, block) in blocks(text) {
+        if kind == "sh run" {
+            let mut shell = std::process::Command::new("sh");
+            shell.args(["-ec", &format!("{{\n{block}\n}} 2>&1")]).env("PATH", &path);
+            let ran = shell.current_dir(place.path("")).output().unwrap();
+            told = String::from_utf8(ran.stdout).unwrap();
+            assert!(ran.status.success(), "{page}: {block}\n{told}");
+            count += 1;
+        } else if kind == "text out" {
+            for line in block.lines() {
+                assert!(tells(&told, line), "{page}: no {line:?} in\n{told}");
+            }
+        }
+    }
+    assert!(count > 0, "{page}: nothing was run");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_readme_runs() {
+    follow("README.md", include_str!("../README.md"));
+}
+
+#[cfg(unix)]
+#[test]
+fn the_tutorial_of_elevation_models_runs() {
+    follow("dem.md", include_str!("../docs/src/tutorials/dem.md"));
+}
+
+#[cfg(unix)]
+#[test]
+fn the_tutorial_of_point_clouds_runs() {
+    follow("lidar.md", include_str!("../docs/src/tutorials/lidar.md"));
+}
+
+#[cfg(unix)]
+#[test]
+fn the_tutorial_of_maps_runs() {
+    follow("maps.md", include_str!("../docs/src/tutorials/maps.md"));
+}
+
+#[cfg(unix)]
+#[test]
+fn the_tutorial_of_clusters_runs() {
+    follow("clusters.md", include_str!("../docs/src/tutorials/clusters.md"));
+}
+
+/// A tutorial whose program fails, or does not print what it says, is found.
+#[cfg(unix)]
+#[test]
+fn a_tutorial_that_does_not_hold_is_found() {
+    let fails = |text: &str| std::panic::catch_unwind(|| follow("a.md", text)).is_err();
+    let good = "\n```sh run\necho a b c\n```\n\n```text out\na ... c\n```\n";
+    assert!(!fails(good));
+    assert!(fails(&good.replace("a ... c", "c ... a")));
+    assert!(fails(&good.replace("echo a b c", "echo a b c\nfalse")));
+    assert!(fails("\n```sh\ntrue\n```\n"));
+}
+
+/// The members of what a run prints with `--json`.
+fn members(place: &Place, job: &str) -> BTreeSet<String> {
+    let args: Vec<&str> = job.split(' ').collect();
+    let told = place.run(&[&args[..], &["--json"]].concat());
+    let report: serde_json::Value =
+        serde_json::from_str(&told.out).unwrap_or_else(|e| panic!("{job}: {e}: {}", told.err));
+    report.as_object().unwrap().keys().cloned().collect()
+}
+
+#[test]
+fn members_of_reports_are_told_of() {
+    let page = include_str!("../docs/src/guide/programs.md");
+    let page = page.split("\n## Reports\n").nth(1).unwrap();
+    let place = Place::new();
+    let jobs = [
+        "synth rough,size=65 dem.tif",
+        "synth cloud,size=40,density=2 c.laz",
+        "synth coverage,vertices=100,features=4 lines.geojson",
+        "tin dem.tif mesh.ply --max-error 20 --verify",
+        "tin dem.tif mesh.glb --max-vertices 50",
+        "tin c.laz ground.ply --max-error 1",
+        "verify mesh.ply dem.tif",
+        "verify ground.ply c.laz",
+        "line lines.geojson few.geojson --tolerance 5 --hierarchy h",
+        "verify few.geojson lines.geojson --tolerance 5",
+        "grid c.laz grid.tif --cell 2",
+        "contour dem.tif -o contours.fgb -i 50",
+        "convert dem.tif copy.asc",
+        "view dem.tif -o view.png --width 50",
+        "info dem.tif --stats",
+        "info c.laz --stats",
+        "info mesh.ply",
+        "info lines.geojson",
+        "plan tin dem.tif -o mesh --max-error 20",
+        "run mesh",
+        "status mesh",
+        "plan grid c.laz -o grid --cell 2",
+        "run grid",
+    ];
+    for job in jobs {
+        for member in members(&place, job) {
+            assert!(page.contains(&format!("`{member}`")), "{member}, of {job}");
+        }
+    }
+}
