@@ -54,7 +54,7 @@ fn every_method_keeps_its_promises_on_a_coverage() {
     for method in METHODS {
         let goal = match method.bounds {
             Bounds::Distance => ["--tolerance", "0.05"],
-            Bounds::Area => ["--area", "0.002"],
+            Bounds::Area(_) => ["--area", "0.002"],
         };
         for strategy in ["retroactive", "proactive"] {
             let base = ["line", "a.geojson", "b.geojson", "--method", method.name, "--overwrite"];
@@ -65,7 +65,7 @@ fn every_method_keeps_its_promises_on_a_coverage() {
             assert!(kept * 4 < all, "{}: {kept} of {all}", method.name);
             let held = match method.bounds {
                 Bounds::Distance => &["--tolerance", "0.05"][..],
-                Bounds::Area => &[],
+                Bounds::Area(_) => &[],
             };
             let proof = ["verify", "b.geojson", "a.geojson", "--topology", "--json"];
             let proof = place.run(&[&proof[..], held].concat());

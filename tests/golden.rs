@@ -164,7 +164,7 @@ fn jobs() -> Vec<String> {
         let name = method.name;
         let (much, little) = match method.bounds {
             line::registry::Bounds::Distance => ("--tolerance 4", "--tolerance 0.4"),
-            line::registry::Bounds::Area => ("--area 40", "--area 0.2"),
+            line::registry::Bounds::Area(_) => ("--area 40", "--area 0.2"),
         };
         for shape in synth::lines::SHAPES {
             let input = format!("synth:{},vertices=700,features=4,seed=5", shape.name);

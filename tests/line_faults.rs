@@ -411,7 +411,7 @@ fn what_is_made_passes() {
         let tolerance = dice.of(&[0.0, 0.5, 1.0, 3.0]);
         let goal = match method.bounds {
             Bounds::Distance => Goal::Tolerance(length(tolerance)),
-            Bounds::Area => Goal::Area(tolerance),
+            Bounds::Area(_) => Goal::Area(tolerance),
         };
         let collapse = dice.of(&[Collapse::Minimal, Collapse::Drop, Collapse::Keep]);
         let strategy = dice.of(&[Strategy::Retroactive, Strategy::Proactive]);

@@ -286,9 +286,8 @@ impl GoalArgs {
 
 impl MethodArgs {
     fn method(&self) -> &'static Method {
-        let of_hierarchies = METHODS.iter().find(|method| method.name == "rdp");
-        let other = of_hierarchies.filter(|_| self.hierarchy.is_some());
-        self.method.or(other).unwrap_or(&METHODS[0])
+        let usual = if self.hierarchy.is_some() { &Method::RDP } else { &METHODS[0] };
+        self.method.unwrap_or(usual)
     }
 }
 

@@ -1,7 +1,8 @@
 //! The methods by name.
 
 use super::metric::{Geographic, Located, Plane, Space, Vertical};
-use super::{Scratch, Xy, cone, imai_iri, rdp, visvalingam};
+use super::visvalingam::{self, Weight};
+use super::{Scratch, Xy, cone, imai_iri, rdp};
 
 /// A method for vertices `V` in the metric `M`: metric, vertices, tolerance, scratch, kept indices
 /// (appended).
@@ -12,8 +13,18 @@ pub type Run<V, M> = fn(&M, &[V], f64, &mut Scratch, &mut Vec<u32>);
 pub enum Bounds {
     /// The largest distance of a vertex from the segment that replaces it.
     Distance,
-    /// The effective area below which a vertex goes; no distance is bounded.
-    Area,
+    /// The effective area, weighted like this, below which a vertex goes; no distance is bounded.
+    Area(Weight),
+}
+
+impl Bounds {
+    /// How areas are weighted; `None` for methods that go by distance.
+    pub fn weight(self) -> Option<Weight> {
+        match self {
+            Self::Distance => None,
+            Self::Area(weight) => Some(weight),
+        }
+    }
 }
 
 /// A method of simplification.
@@ -25,6 +36,9 @@ pub struct Method {
     pub summary: &'static str,
     /// What it bounds.
     pub bounds: Bounds,
+    /// It splits at vertices, so what it keeps at a tolerance it keeps at any smaller one: a
+    /// [`Hierarchy`](crate::Hierarchy) answers for it, and rings keep the vertex they were split at first.
+    pub splits: bool,
     /// In the plane.
     pub plane: Run<Xy, Plane>,
     /// In space.
@@ -36,11 +50,12 @@ pub struct Method {
 }
 
 macro_rules! method {
-    ($name:literal, $bounds:ident, $run:path, $summary:literal) => {
+    ($name:literal, $bounds:expr, $run:path, $summary:literal) => {
         Method {
             name: $name,
             summary: $summary,
-            bounds: Bounds::$bounds,
+            bounds: $bounds,
+            splits: false,
             plane: $run,
             space: $run,
             vertical: $run,
@@ -49,23 +64,54 @@ macro_rules! method {
     };
 }
 
-/// All methods, the default first.
-pub const METHODS: &[Method] = &[
-    method!("cone", Distance, cone::cone, "greedy double cone: one pass, near the fewest vertices"),
-    method!("rdp", Distance, rdp::rdp, "Ramer-Douglas-Peucker: split at the farthest vertex"),
-    method!("imai-iri", Distance, imai_iri::imai_iri, "the fewest vertices, by shortest path"),
-    method!(
+impl Method {
+    /// Greedy double cone.
+    pub const CONE: Self = method!(
+        "cone",
+        Bounds::Distance,
+        cone::cone,
+        "greedy double cone: one pass, near the fewest vertices"
+    );
+    /// Ramer-Douglas-Peucker.
+    pub const RDP: Self = Self {
+        splits: true,
+        ..method!(
+            "rdp",
+            Bounds::Distance,
+            rdp::rdp,
+            "Ramer-Douglas-Peucker: split at the farthest vertex"
+        )
+    };
+    /// Imai and Iri.
+    pub const IMAI_IRI: Self = method!(
+        "imai-iri",
+        Bounds::Distance,
+        imai_iri::imai_iri,
+        "the fewest vertices, by shortest path"
+    );
+    /// Visvalingam and Whyatt.
+    pub const VISVALINGAM: Self = method!(
         "visvalingam",
-        Area,
+        Bounds::Area(Weight::Plain),
         visvalingam::visvalingam,
         "Visvalingam-Whyatt: smallest triangles first"
-    ),
-    method!(
+    );
+    /// Visvalingam and Whyatt, with areas weighted by the angle.
+    pub const WEIGHTED_VISVALINGAM: Self = method!(
         "weighted-visvalingam",
-        Area,
+        Bounds::Area(Weight::Angle),
         visvalingam::weighted_visvalingam,
         "Visvalingam-Whyatt with areas weighted by the angle: spikes first"
-    ),
+    );
+}
+
+/// All methods, the default first.
+pub const METHODS: &[Method] = &[
+    Method::CONE,
+    Method::RDP,
+    Method::IMAI_IRI,
+    Method::VISVALINGAM,
+    Method::WEIGHTED_VISVALINGAM,
 ];
 
 /// The method called `name`.

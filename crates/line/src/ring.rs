@@ -37,7 +37,7 @@ const AROUND: usize = 64;
 
 /// Simplifies a ring, first and last vertex the same, with a method for lines.
 ///
-/// `can_move` says that the start may be dropped too: true for all but Ramer-Douglas-Peucker.
+/// `can_move` says that the start may be dropped too: true for all methods but those that split.
 pub fn simplify<V: Copy, M: Metric<V>>(
     metric: &M,
     ring: &[V],

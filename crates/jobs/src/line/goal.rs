@@ -44,7 +44,7 @@ impl Goal {
     /// Fails when the method cannot be held to it.
     pub(super) fn check(&self, method: &Method) -> Result<()> {
         match (self, method.bounds) {
-            (Self::Tolerance(_), Bounds::Area) => {
+            (Self::Tolerance(_), Bounds::Area(_)) => {
                 Err(Error::usage(format!("{} bounds no distance", method.name))
                     .remedy("pass --area or --keep-ratio, or choose another --method"))
             }
@@ -52,7 +52,8 @@ impl Goal {
                 Err(Error::usage(format!("{} goes by distance, not by area", method.name))
                     .remedy("pass --tolerance, or --method visvalingam"))
             }
-            _ => Ok(()),
+            (Self::Tolerance(_), Bounds::Distance) | (Self::Area(_), Bounds::Area(_)) => Ok(()),
+            (Self::Ratio(_) | Self::Count(_) | Self::Size(_), _) => Ok(()),
         }
     }
 

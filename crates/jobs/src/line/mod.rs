@@ -178,11 +178,12 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
         return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
             .remedy("leave --hierarchy out, or --topology"));
     }
-    match job.method.name {
-        "rdp" => Ok(()),
-        name => Err(Error::usage(format!("a hierarchy is of rdp, and the method is {name}"))
-            .remedy("leave --hierarchy out, or pass --method rdp")),
+    if job.method.splits {
+        return Ok(());
     }
+    let (rdp, other) = (Method::RDP.name, job.method.name);
+    Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
+        .remedy(format!("leave --hierarchy out, or pass --method {rdp}")))
 }
 
 impl LineReport {

@@ -1,7 +1,6 @@
 //! A method with its threshold in a metric, and what it keeps of lines and rings.
 
 use terrane_line::topology::Collapse;
-use terrane_line::visvalingam::Weight;
 use terrane_line::{
     Geographic, Located, Method, Metric, Plane, Scratch, Space, Xy, metric, registry, ring,
 };
@@ -191,23 +190,14 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         kept: &mut Vec<u32>,
     ) -> bool {
         let Rule { method, threshold, .. } = self.rule;
-        let fate = match self.weight() {
+        let fate = match method.bounds.weight() {
             Some(weight) => ring::visvalingam(&self.metric, points, threshold, weight, kept),
             None => {
-                let can_move = method.name != "rdp";
+                let can_move = !method.splits;
                 ring::simplify(&self.metric, points, threshold, can_move, choose, scratch, kept)
             }
         };
         fate == ring::Fate::Collapsed
-    }
-
-    /// How a method that goes by area weighs it.
-    pub(super) fn weight(&self) -> Option<Weight> {
-        match self.rule.method.name {
-            "visvalingam" => Some(Weight::Plain),
-            "weighted-visvalingam" => Some(Weight::Angle),
-            _ => None,
-        }
     }
 
     fn ends(&self, points: &[V]) -> [u32; 2] {

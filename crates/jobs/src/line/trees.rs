@@ -7,9 +7,8 @@ use super::part::{check, vertices};
 use super::tool::{Measure, Rule, Task, Tool, Vertex};
 use crate::plan::Digest;
 use terrane_base::error::{Error, Result};
-use terrane_line::registry::{self, Bounds};
 use terrane_line::visvalingam::{Areas, Weight};
-use terrane_line::{Hierarchy, METHODS, Method, Metric, Scratch};
+use terrane_line::{Hierarchy, Method, Metric, Scratch};
 use terrane_vector::{Geometry, Part};
 
 /// Bytes before each hierarchy: how many it takes.
@@ -125,21 +124,16 @@ pub(super) fn thresholds(
     trees: Option<&Trees>,
     rule: &Rule,
 ) -> Result<Vec<f64>> {
-    if rule.method.bounds == Bounds::Area {
+    if rule.method.bounds.weight().is_some() {
         geometry.parts().try_for_each(|part| check(&part, rule.measure))?;
         return Ok(rule.apply(Weighing(geometry)));
     }
     let made = match trees {
         Some(_) => Trees::default(),
-        None => Trees::of(geometry, &Rule { method: rdp(), ..*rule })?,
+        None => Trees::of(geometry, &Rule { method: &Method::RDP, ..*rule })?,
     };
     let squares = trees.unwrap_or(&made).0.iter().flat_map(|tree| tree.squares());
     Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
-}
-
-/// The method that hierarchies are of.
-fn rdp() -> &'static Method {
-    registry::method("rdp").unwrap_or(&METHODS[0])
 }
 
 /// A geometry whose vertices have areas.
@@ -150,7 +144,7 @@ impl Task for Weighing<'_> {
 
     fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
         let (mut points, mut all) = (Vec::new(), Vec::new());
-        let weight = tool.weight().unwrap_or(Weight::Plain);
+        let weight = tool.rule.method.bounds.weight().unwrap_or(Weight::Plain);
         for part in self.0.parts() {
             vertices(&part, &mut points);
             let areas = match (part.is_ring(), points.len()) {

@@ -13,7 +13,6 @@ use crate::line::tool::Rule;
 use crate::line::{LineReport, on_threads, trees};
 use crate::workers::lock;
 use terrane_base::error::{Error, Result};
-use terrane_line::registry::Bounds;
 use terrane_line::topology::Collapse;
 use terrane_vector::{Feature, Part};
 
@@ -26,7 +25,7 @@ pub(super) fn run(
 ) -> Result<()> {
     let job = whole.job;
     let rule = whole.files.rule(job, 0.0)?;
-    let is_area = job.method.bounds == Bounds::Area;
+    let is_area = job.method.bounds.weight().is_some();
     let (profile, extent) = profile(whole, input, &rule)?;
     let all = match unit {
         Unit::Vertices => profile.total as f64,
