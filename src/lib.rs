@@ -7,6 +7,20 @@
 //! budget, and [`cli`] turns arguments into jobs. ARCHITECTURE.md says more.
 
 pub mod cli;
+mod facade;
+
+pub use facade::*;
+pub use terrane_base::geom::{Affine, Crs, Rect};
+pub use terrane_cloud::{CloudInfo, Filter, Return};
+pub use terrane_jobs::cloud_tin::CloudTinReport;
+pub use terrane_jobs::contour::ContourReport;
+pub use terrane_jobs::convert::ConvertReport;
+pub use terrane_jobs::grid::{GridReport, Preset};
+pub use terrane_jobs::line::LineReport;
+pub use terrane_jobs::tin::TinReport;
+pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, VerifyReport};
+pub use terrane_jobs::{Cancel, Progress};
+pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType};
 
 pub use terrane_base::{Error, ErrorKind, Result, error, geom, limits};
 pub use terrane_cloud as cloud;

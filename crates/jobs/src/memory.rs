@@ -67,6 +67,17 @@ fn too_little(memory: u64, least: u64) -> Error {
         .remedy(format!("pass --memory {needed}M or more, or a smaller --tile"))
 }
 
+/// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
+pub fn parse(text: &str) -> Option<u64> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
+    let (value, unit) = (lower[..digits].parse::<f64>().ok()?, lower[digits..].trim());
+    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
+    let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
+    let bytes = value * (1u64 << (10 * shift)) as f64;
+    (1.0..1e18).contains(&bytes).then_some(bytes as u64)
+}
+
 /// An opened grid and how its memory is divided.
 pub type Opened = (Box<dyn GridSource>, Shares);
 

@@ -3,6 +3,7 @@
 //! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
 //! written by terrane are memory-mapped.
 
+mod array;
 mod asc;
 mod cache;
 mod decimal;
@@ -37,6 +38,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use array::{ArrayGrid, ArraySample};
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
@@ -274,7 +276,7 @@ const HEAD_BYTES: u64 = 64;
 /// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
 pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     if input.starts_with(SYNTH_PREFIX) {
-        return synth::open(input);
+        return synth::open(input, options);
     }
     if let Some((packing, path)) = png::Packing::stated(input) {
         let path = &*file::path_of(path);

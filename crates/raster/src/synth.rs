@@ -1,7 +1,7 @@
 //! Synthetic terrains as grids: `synth:rough,size=80000,seed=7` in place of a file.
 
 use super::store::complete;
-use super::{GridInfo, GridSource, SampleType};
+use super::{GridInfo, GridSource, OpenOptions, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_synth::Terrain;
@@ -12,7 +12,11 @@ pub(crate) const PREFIX: &str = "synth:";
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
 
 /// Opens the terrain `name`, with or without `synth:` before it.
-pub(crate) fn open(name: &str) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    if options.band != 1 || options.nodata.is_some() {
+        let message = format!("{name:?} is made by rule: it has one band, and voids of its own");
+        return Err(Error::usage(message).remedy("name no band and no nodata value"));
+    }
     let terrain = Terrain::parse(name.strip_prefix(PREFIX).unwrap_or(name))?;
     Ok(Box::new(Synthetic { info: info(&terrain), terrain }))
 }

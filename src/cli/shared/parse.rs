@@ -2,6 +2,7 @@
 
 use crate::geom::metres_in;
 use crate::jobs::line::Length;
+use crate::jobs::memory;
 use crate::raster::SampleType;
 
 /// A value, or what was expected.
@@ -23,22 +24,7 @@ pub(crate) fn bytes(text: &str) -> Parsed<u64> {
 
 /// As [`bytes`], of any number above 0.
 pub(crate) fn size(text: &str) -> Parsed<u64> {
-    let lower = text.trim().to_ascii_lowercase();
-    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
-    let (value, unit) = (lower[..digits].parse::<f64>(), lower[digits..].trim());
-    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
-    let shift = match unit {
-        "" => 0,
-        "k" => 10,
-        "m" => 20,
-        "g" => 30,
-        "t" => 40,
-        _ => return Err("expected a size such as 512M or 4GiB".to_owned()),
-    };
-    match value.map(|v| v * (1u64 << shift) as f64) {
-        Ok(bytes) if (1.0..1e18).contains(&bytes) => Ok(bytes as u64),
-        _ => Err("expected a size such as 512M or 4GiB".to_owned()),
-    }
+    memory::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
 }
 
 /// A vertical error bound: zero or more.

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::budget::{Trial, search};
-use super::estimate::{Estimator, Size};
+use super::estimate::Size;
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
 use super::local::height_origin;
 use super::report::TinReport;
-use super::run::{Outcome, Settings, run_on};
+use super::run::{Outcome, Settings};
+use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
 use crate::memory::{self, Shares};
@@ -21,7 +21,7 @@ use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
-    self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+    self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_tin::Spec;
@@ -127,7 +127,7 @@ impl Maker<'_> {
     fn make(&self) -> Result<TinReport> {
         self.check_output()?;
         let (tolerance, trials) = self.tolerance()?;
-        self.complete(tolerance, trials, |sink, spec| self.run("triangulate", sink, spec))
+        self.complete(tolerance, trials, |sink, spec| self.run(sink, spec))
     }
 
     /// Writes the mesh that `write` hands to the sink it is given, and reports on it.
@@ -211,43 +211,27 @@ impl Maker<'_> {
         check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
     }
 
-    /// The tolerance to run with, and how many trials it took to find it.
+    /// The tolerance to run with, and how many trials it took to find it; fails when the format will not
+    /// hold the mesh.
     pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
-        let layout = self.layout()?;
-        let most = Size { vertices: layout.samples(), triangles: 2 * layout.cells() };
+        let (layout, folder) = (self.layout()?, self.temp_dir());
+        let settings = self.settings(self.spec(0.0), &folder);
+        let seeker = Seeker { source: &*self.opened.source, layout, settings };
+        let most = seeker.most();
         match self.job.goal {
+            // Hardly any mesh keeps all samples.
             Goal::MaxError(tolerance) => {
-                self.check_capacity(layout, most, tolerance)?;
-                Ok((tolerance, 0))
+                self.check_size(most).or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
             }
-            Goal::MaxVertices(budget) if budget >= most.vertices => self.everything(most),
-            Goal::MaxTriangles(budget) if budget >= most.triangles => self.everything(most),
-            Goal::MaxVertices(budget) => {
-                self.check_size(Size { vertices: budget, triangles: budget })?;
-                self.search(layout, budget, |size| size.vertices)
+            Goal::MaxVertices(vertices) if vertices < most.vertices => {
+                self.check_size(Size { vertices, triangles: vertices })?;
             }
-            Goal::MaxTriangles(budget) => {
-                self.check_size(Size { vertices: budget / 2, triangles: budget })?;
-                self.search(layout, budget, |size| size.triangles)
+            Goal::MaxTriangles(triangles) if triangles < most.triangles => {
+                self.check_size(Size { vertices: triangles / 2, triangles })?;
             }
+            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => self.check_size(most)?,
         }
-    }
-
-    /// A budget that every mesh of this grid fits: no error at all.
-    fn everything(&self, most: Size) -> Result<(f64, u32)> {
-        self.check_size(most)?;
-        Ok((0.0, 0))
-    }
-
-    /// Fails when the format will not hold the mesh. Sure when every sample fits; otherwise from
-    /// an estimate, because hardly any mesh keeps all samples.
-    fn check_capacity(&self, layout: Layout, most: Size, tolerance: f64) -> Result<()> {
-        if self.check_size(most).is_ok() {
-            return Ok(());
-        }
-        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
-        let size = estimator.size(&Spec { measure: false, ..self.spec(tolerance) })?;
-        self.check_size(size)
+        seeker.tolerance(self.job.goal)
     }
 
     /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
@@ -256,32 +240,6 @@ impl Maker<'_> {
         let [vertices, triangles] =
             [size.vertices, size.triangles].map(|count| (count as f64 * share).ceil() as u64);
         self.opened.format.check_capacity(vertices, triangles)
-    }
-
-    fn search(
-        &self,
-        layout: Layout,
-        budget: u64,
-        counted: impl Fn(Size) -> u64,
-    ) -> Result<(f64, u32)> {
-        let spec = Spec { measure: false, ..self.spec(0.0) };
-        let count = |tolerance| self.count(tolerance, &counted);
-        let may_be_all = budget >= layout.samples() / 2;
-        let all = || Ok::<_, Error>(Trial { tolerance: 0.0, count: count(0.0)? });
-        let known = may_be_all.then(all).transpose()?;
-        if known.is_some_and(|all| all.count <= budget) {
-            return Ok((0.0, 1));
-        }
-        let mut estimator = Estimator::new(&*self.opened.source, layout, self.cancel);
-        search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
-    }
-
-    /// The size of the mesh at a tolerance, by making it and throwing it away.
-    fn count(&self, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
-        let stage = format!("count at {tolerance:.4}");
-        let spec = Spec { measure: false, ..self.spec(tolerance) };
-        let outcome = self.run(&stage, Box::new(Counter), spec)?;
-        Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
     }
 
     pub(super) fn spec(&self, tolerance: f64) -> Spec {
@@ -294,11 +252,10 @@ impl Maker<'_> {
         }
     }
 
-    fn run(&self, stage: &str, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
-        self.progress.begin(stage, self.layout()?.samples());
-        let outcome = run_on(&*self.opened.source, sink, &self.settings(spec, &self.temp_dir()));
-        self.progress.end();
-        outcome
+    fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
+        let folder = self.temp_dir();
+        let settings = self.settings(spec, &folder);
+        run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
     }
 
     /// How to run the core.
@@ -373,20 +330,8 @@ impl Maker<'_> {
     }
 }
 
-/// A sink that keeps nothing; the run itself counts.
-struct Counter;
-
-impl MeshSink for Counter {
-    fn push(&mut self, _batch: MeshBatch<'_>) -> Result<()> {
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> Result<u64> {
-        Ok(0)
-    }
-}
-
-fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHeader {
+/// What a file of the mesh is told of it.
+pub(super) fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHeader {
     let bounds = bounds(info);
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
     MeshHeader {

@@ -1,6 +1,7 @@
 //! The main job: a grid in, a seamless mesh with a proven error bound out.
 
 mod budget;
+mod build;
 mod container;
 mod estimate;
 mod job;
@@ -13,6 +14,7 @@ mod report;
 mod run;
 mod schedule;
 mod scope;
+mod seek;
 pub(crate) mod spill;
 mod store;
 mod tally;
@@ -23,6 +25,7 @@ mod worker;
 mod writer;
 mod zone;
 
+pub use build::{BuildJob, Built, build};
 pub use job::{Goal, TinJob};
 pub use layout::TILE_CELLS;
 pub use make::run;

@@ -1,7 +1,7 @@
 //! The files of a grid: one, or those of a mosaic in the order in which later ones lie on top.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
 use terrane_base::error::{Error, Result};
@@ -74,6 +74,26 @@ impl From<&str> for Inputs {
 impl From<&String> for Inputs {
     fn from(name: &String) -> Self {
         Self::from(vec![name.clone()])
+    }
+}
+
+impl From<&Path> for Inputs {
+    fn from(path: &Path) -> Self {
+        // A name that is no text where names have to be is none of a file.
+        let lossy = |_| path.to_string_lossy().into_owned();
+        Self::from(name_of(path.to_owned()).unwrap_or_else(lossy))
+    }
+}
+
+impl From<&PathBuf> for Inputs {
+    fn from(path: &PathBuf) -> Self {
+        Self::from(path.as_path())
+    }
+}
+
+impl From<PathBuf> for Inputs {
+    fn from(path: PathBuf) -> Self {
+        Self::from(path.as_path())
     }
 }
 

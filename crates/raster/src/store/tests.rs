@@ -11,7 +11,7 @@ use terrane_base::geom::Rect;
 /// A small store of a terrain, with every optional tag.
 fn make(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join("a.tif");
-    let source = synth::open(name).unwrap();
+    let source = synth::open(name, &OpenOptions::default()).unwrap();
     let info = source.info();
     let writer = StoreWriter::create(&path, info, 256, true).unwrap();
     for row in (0..info.height).step_by(256) {

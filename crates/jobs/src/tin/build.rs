@@ -1,0 +1,78 @@
+//! A grid that is open already into any sink: for meshes that stay in memory.
+
+use super::job::Goal;
+use super::layout::{Layout, checked_tile};
+use super::make::header;
+use super::run::{Outcome, Settings};
+use super::seek::{Seeker, run_stage};
+use super::worker::worker_bytes;
+use crate::{Cancel, Progress, Resources, memory};
+use terrane_base::error::Result;
+use terrane_mesh::{MeshHeader, MeshSink};
+use terrane_raster::GridSource;
+use terrane_tin::Spec;
+
+/// A mesh to make of a grid that is open.
+#[derive(Clone, Copy, Debug)]
+pub struct BuildJob<'a> {
+    /// What to reach.
+    pub goal: Goal,
+    /// Reference greedy instead of adaptive strides.
+    pub strict: bool,
+    /// Run the drop pass.
+    pub drop: bool,
+    /// Cells along a tile's side.
+    pub tile: u32,
+    /// What the job may use, beside what the source and the sink hold.
+    pub resources: &'a Resources,
+}
+
+/// What a [`BuildJob`] did.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The tolerance of the mesh.
+    pub tolerance: f64,
+    /// What the run counted, errors measured.
+    pub outcome: Outcome,
+    /// What files of the mesh are to be told of it.
+    pub header: MeshHeader,
+}
+
+/// Triangulates all of `source` into `sink`, heights as exact as the source has them.
+///
+/// # Errors
+/// Those of [`run`](super::run) that are not about files.
+pub fn build(
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    job.goal.check()?;
+    let info = source.info();
+    let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
+    let worker = worker_bytes(layout.side(), job.goal.keeps_all());
+    let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
+    let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let settings = Settings {
+        spec: Spec {
+            tolerance: 0.0,
+            strict: job.strict,
+            drop: job.drop,
+            single_precision: None,
+            measure: true,
+        },
+        tile: job.tile,
+        threads: shares.threads,
+        mesh_bytes: shares.mesh,
+        temp_dir: &folder,
+        order_seed: None,
+        progress,
+        cancel,
+    };
+    let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
+    let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
+    let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
+    Ok(Built { tolerance, outcome, header: header(info, info.format, tolerance, 0.0) })
+}

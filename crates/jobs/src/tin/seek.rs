@@ -1,0 +1,98 @@
+//! The tolerance that meets a goal.
+
+use super::budget::{Trial, search};
+use super::estimate::{Estimator, Size};
+use super::job::Goal;
+use super::layout::Layout;
+use super::run::{Outcome, Settings, run_on};
+use terrane_base::error::{Error, Result};
+use terrane_mesh::{MeshBatch, MeshSink};
+use terrane_raster::GridSource;
+use terrane_tin::Spec;
+
+/// Seeks among the meshes of one grid.
+pub(super) struct Seeker<'a> {
+    pub(super) source: &'a dyn GridSource,
+    pub(super) layout: Layout,
+    /// How meshes are made, whatever their tolerance.
+    pub(super) settings: Settings<'a>,
+}
+
+impl Seeker<'_> {
+    /// The tolerance to run with, and how many trials it took to find it.
+    pub(super) fn tolerance(&self, goal: Goal) -> Result<(f64, u32)> {
+        let most = self.most();
+        match goal {
+            Goal::MaxError(tolerance) => Ok((tolerance, 0)),
+            Goal::MaxVertices(budget) if budget >= most.vertices => Ok((0.0, 0)),
+            Goal::MaxTriangles(budget) if budget >= most.triangles => Ok((0.0, 0)),
+            Goal::MaxVertices(budget) => self.search(budget, |size| size.vertices),
+            Goal::MaxTriangles(budget) => self.search(budget, |size| size.triangles),
+        }
+    }
+
+    /// The size of the mesh of all samples.
+    pub(super) fn most(&self) -> Size {
+        Size { vertices: self.layout.samples(), triangles: 2 * self.layout.cells() }
+    }
+
+    /// The size of the mesh at a tolerance, about.
+    pub(super) fn estimate(&self, tolerance: f64) -> Result<Size> {
+        self.estimator().size(&self.spec(tolerance))
+    }
+
+    fn estimator(&self) -> Estimator<'_> {
+        Estimator::new(self.source, self.layout, self.settings.cancel)
+    }
+
+    fn spec(&self, tolerance: f64) -> Spec {
+        Spec { measure: false, tolerance, ..self.settings.spec }
+    }
+
+    fn search(&self, budget: u64, counted: impl Fn(Size) -> u64) -> Result<(f64, u32)> {
+        let count = |tolerance| self.count(tolerance, &counted);
+        let may_be_all = budget >= self.layout.samples() / 2;
+        let all = || Ok::<_, Error>(Trial { tolerance: 0.0, count: count(0.0)? });
+        let known = may_be_all.then(all).transpose()?;
+        if known.is_some_and(|all| all.count <= budget) {
+            return Ok((0.0, 1));
+        }
+        let (mut estimator, spec) = (self.estimator(), self.spec(0.0));
+        search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
+    }
+
+    /// The size of the mesh at a tolerance, by making it and throwing it away.
+    fn count(&self, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
+        let stage = format!("count at {tolerance:.4}");
+        let settings = Settings { spec: self.spec(tolerance), ..self.settings };
+        let outcome = run_stage(&stage, self.source, Box::new(Counter), self.layout, &settings)?;
+        Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
+    }
+}
+
+/// Triangulates all of `source` into `sink`, as a stage of this name.
+pub(super) fn run_stage(
+    name: &str,
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    layout: Layout,
+    settings: &Settings<'_>,
+) -> Result<Outcome> {
+    settings.progress.begin(name, layout.samples());
+    let outcome = run_on(source, sink, settings);
+    settings.progress.end();
+    outcome
+}
+
+/// A sink that keeps nothing; the run itself counts.
+struct Counter;
+
+impl MeshSink for Counter {
+    fn push(&mut self, _batch: MeshBatch<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        Ok(0)
+    }
+}

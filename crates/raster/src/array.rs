@@ -1,0 +1,111 @@
+//! Heights in memory as a grid.
+
+use bytemuck::Pod;
+
+use super::sample::{Height, ToHeight};
+use super::window::Window;
+use super::{GridInfo, GridSource, SampleType};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_base::limits;
+
+/// A type of samples in memory.
+pub trait ArraySample: Pod {
+    /// How grids call it.
+    const TYPE: SampleType;
+}
+
+macro_rules! array_samples {
+    ($($type:ty, $name:ident;)*) => {$(
+        impl ArraySample for $type {
+            const TYPE: SampleType = SampleType::$name;
+        }
+    )*};
+}
+
+array_samples! { i8, I8; u8, U8; i16, I16; u16, U16; i32, I32; u32, U32; f32, F32; f64, F64; }
+
+/// Samples in memory, row by row. NaN and infinities are voids, and so is the nodata value.
+#[derive(Clone, Debug)]
+pub struct ArrayGrid<'a> {
+    info: GridInfo,
+    bytes: &'a [u8],
+}
+
+impl<'a> ArrayGrid<'a> {
+    /// `height` rows of `width` samples each, on the lattice itself ([`Affine::LATTICE`]):
+    /// x is the column, and y the row with its sign changed, so that north is up.
+    ///
+    /// # Errors
+    /// Usage: another number of samples, none, or a side of more than [`limits::MAX_SIDE`].
+    pub fn new<S: ArraySample>(samples: &'a [S], width: u32, height: u32) -> Result<Self> {
+        limits::check("number of columns", u64::from(width), limits::MAX_SIDE)?;
+        limits::check("number of rows", u64::from(height), limits::MAX_SIDE)?;
+        if samples.is_empty() || samples.len() as u64 != u64::from(width) * u64::from(height) {
+            let message = format!("{} samples are no {width} x {height}", samples.len());
+            return Err(Error::usage(message).remedy("give as many as there are, row by row"));
+        }
+        let info = GridInfo::plain("array", width, height, S::TYPE);
+        Ok(Self { info, bytes: bytemuck::cast_slice(samples) })
+    }
+
+    /// The same where samples lie elsewhere, in a reference system.
+    pub fn placed(mut self, transform: Affine, crs: Crs) -> Self {
+        self.info = GridInfo { transform, crs, georeferenced: true, ..self.info };
+        self
+    }
+
+    /// The same with a value that stands for no height.
+    pub fn with_nodata(mut self, nodata: Option<f64>) -> Self {
+        self.info.nodata = nodata;
+        self
+    }
+
+    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = Window::new(&self.info, rect, out)?;
+        let (to_height, size) = (ToHeight::of(&self.info), self.info.sample_type.bytes());
+        for row in 0..rect.height {
+            let first = (rect.row + row) as usize * self.info.width as usize + rect.col as usize;
+            let bytes = &self.bytes[first * size..][..rect.width as usize * size];
+            to_height.convert(bytes, window.row(rect, row));
+        }
+        Ok(())
+    }
+}
+
+impl GridSource for ArrayGrid<'_> {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out)
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_hold_the_samples_of_their_rows() {
+        let samples: Vec<i16> = (0..12).collect();
+        let grid = ArrayGrid::new(&samples, 4, 3).unwrap().with_nodata(Some(6.0));
+        let mut out = [0.0; 4];
+        grid.read_f64(Rect::new(1, 1, 2, 2), &mut out).unwrap();
+        assert_eq!((out[0], out[2], out[3]), (5.0, 9.0, 10.0));
+        assert!(out[1].is_nan(), "{}", out[1]);
+        assert!(grid.read_f32(Rect::new(3, 0, 2, 1), &mut [0.0; 2]).is_err());
+    }
+
+    #[test]
+    fn arrays_have_as_many_samples_as_their_sides_say() {
+        for (count, width, height) in [(11, 4, 3), (13, 4, 3), (0, 0, 5), (1, u32::MAX, 1)] {
+            assert!(ArrayGrid::new(&vec![0f32; count], width, height).is_err(), "{width}");
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! Point clouds in files.
+
+use std::path::{Path, PathBuf};
+
+use super::run::{Run, overwrite_setting, run_settings};
+use super::verify::VerifyBuilder;
+use terrane_base::{Error, Result};
+use terrane_cloud::{self as cloud, CloudInfo, Filter, OpenOptions};
+use terrane_gridding::parse_list;
+use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use terrane_jobs::grid::{self, GridJob, GridReport, Placement, Preset};
+use terrane_jobs::placing::Placing;
+use terrane_raster::Inputs;
+
+/// A point cloud, in one file or many: what [`open_cloud`] opens. Nothing of it is held.
+pub struct Cloud {
+    pub(super) inputs: Vec<String>,
+    pub(super) options: OpenOptions,
+    info: CloudInfo,
+}
+
+/// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by its name. Several files (a
+/// `Vec<String>`), a folder, a list or a pattern are one cloud.
+///
+/// # Errors
+/// A file that is missing, damaged or no cloud; files that do not fit together.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("dtm.tif");
+/// let cloud = terrane::open_cloud("synth:cloud,size=100,density=2,seed=7")?;
+/// let report = cloud.grid(1.0).stats("mean,count").write(&path)?;
+/// assert_eq!(report.bands.len(), 2);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
+    Cloud::open(input.into().names().to_vec(), OpenOptions::default())
+}
+
+impl Cloud {
+    fn open(inputs: Vec<String>, options: OpenOptions) -> Result<Self> {
+        let info = cloud::synth::source(&inputs, &options)?.info().clone();
+        Ok(Self { inputs, options, info })
+    }
+
+    /// The same cloud, only the points that pass `filter`.
+    ///
+    /// # Errors
+    /// As [`open_cloud`].
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::Filter;
+    /// let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7")?;
+    /// let ground = cloud.filter(Filter { classes: Some(vec![2]), ..Filter::default() })?;
+    /// # let _ = ground;
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn filter(self, filter: Filter) -> Result<Self> {
+        Self::open(self.inputs, OpenOptions { filter, ..self.options })
+    }
+
+    /// The same cloud; what cannot be read is given up and counted, instead of failing the job.
+    ///
+    /// # Errors
+    /// As [`open_cloud`].
+    pub fn salvage(self, salvage: bool) -> Result<Self> {
+        Self::open(self.inputs, OpenOptions { salvage, ..self.options })
+    }
+
+    /// Bounds, number of points and reference system, as the headers claim.
+    pub fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    /// A triangle mesh of it, none of its points further from the mesh than a tolerance.
+    pub fn tin(&self) -> CloudTinBuilder<'_> {
+        let run = Run::default();
+        CloudTinBuilder { cloud: self, tolerance: None, format: None, run }
+    }
+
+    /// A grid with square cells of this side, in units of the reference system: statistics of the points
+    /// in each, or a model of the terrain.
+    pub fn grid(&self, cell: f64) -> GridBuilder<'_> {
+        GridBuilder::of(self, cell)
+    }
+
+    /// The proof of a mesh in a file against this cloud.
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Cloud> {
+        VerifyBuilder::of(self, mesh.as_ref())
+    }
+}
+
+/// A mesh of a cloud to be made: the Delaunay triangulation of some of its points.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("mesh.ply");
+/// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+/// let report = cloud.tin().max_error(0.5).write(&path)?;
+/// assert!(report.max_error <= Some(0.5));
+/// # Ok(())
+/// # }
+/// ```
+pub struct CloudTinBuilder<'a> {
+    cloud: &'a Cloud,
+    tolerance: Option<f64>,
+    format: Option<String>,
+    run: Run,
+}
+
+run_settings!([] CloudTinBuilder<'_>);
+overwrite_setting!([] CloudTinBuilder<'_>);
+
+impl CloudTinBuilder<'_> {
+    /// No point further than this from the mesh, vertically, in the unit of the heights; 0 keeps all.
+    pub fn max_error(mut self, tolerance: f64) -> Self {
+        self.tolerance = Some(tolerance);
+        self
+    }
+
+    /// Write this format, by its name, instead of the one of the file's ending.
+    pub fn format(mut self, name: impl Into<String>) -> Self {
+        self.format = Some(name.into());
+        self
+    }
+
+    /// Makes the mesh and writes it, within the memory allowed.
+    ///
+    /// # Errors
+    /// No tolerance, or one that is none; points that are no surface; damage in the files; too little
+    /// memory; an output that exists or cannot be written; cancelled.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<CloudTinReport> {
+        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
+        let job = CloudTinJob {
+            inputs: self.cloud.inputs.clone(),
+            options: self.cloud.options.clone(),
+            output: path.into(),
+            format: self.format,
+            overwrite: self.run.overwrite,
+            placing: Placing::default(),
+            tolerance: self.tolerance.ok_or_else(none)?,
+            measure: true,
+            resources: self.run.resources()?,
+        };
+        cloud_tin::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+}
+
+/// A grid of a cloud to be made: in one pass over the points, each band a statistic of the points in its
+/// cells, or a model of the terrain. Corners of cells are at multiples of their size. The result does not
+/// depend on the order of points or files.
+pub struct GridBuilder<'a> {
+    cloud: &'a Cloud,
+    stats: String,
+    preset: Option<Preset>,
+    placement: Placement,
+    radius: Option<f64>,
+    max_edge: Option<f64>,
+    fill: u32,
+    format: Option<String>,
+    creation: Vec<(String, String)>,
+    run: Run,
+}
+
+run_settings!([] GridBuilder<'_>);
+overwrite_setting!([] GridBuilder<'_>);
+
+impl<'a> GridBuilder<'a> {
+    fn of(cloud: &'a Cloud, cell: f64) -> Self {
+        Self {
+            cloud,
+            stats: "mean".to_owned(),
+            preset: None,
+            placement: Placement::new([cell; 2]),
+            radius: None,
+            max_edge: None,
+            fill: 0,
+            format: None,
+            creation: Vec::new(),
+            run: Run::default(),
+        }
+    }
+
+    /// A band for each of these statistics, such as `"mean,p95,idw:radius=2"`; the mean unless told otherwise.
+    pub fn stats(mut self, list: impl Into<String>) -> Self {
+        (self.stats, self.preset) = (list.into(), None);
+        self
+    }
+
+    /// A model of the terrain instead of statistics: of the ground, of what is seen from above, or the height
+    /// of the one above the other.
+    pub fn model(mut self, model: Preset) -> Self {
+        self.preset = Some(model);
+        self
+    }
+
+    /// All cells that the box (x low, y low, x high, y high) overlaps, instead of those of the cloud.
+    pub fn bounds(mut self, bounds: [f64; 4]) -> Self {
+        self.placement.bbox = Some(bounds);
+        self
+    }
+
+    /// The very cells of this grid, instead of those of a size.
+    pub fn like(mut self, grid: impl Into<String>) -> Self {
+        self.placement = Placement { like: Some(grid.into()), cell: None, ..self.placement };
+        self
+    }
+
+    /// The radius of idw and nearest, in units of the reference system; the diagonal of a cell unless told
+    /// otherwise.
+    pub fn radius(mut self, radius: f64) -> Self {
+        self.radius = Some(radius);
+        self
+    }
+
+    /// Triangles with a longer edge are no surface, for statistics and models made of triangulations.
+    pub fn max_edge(mut self, length: f64) -> Self {
+        self.max_edge = Some(length);
+        self
+    }
+
+    /// Fill voids from known cells at most so many columns and rows away.
+    pub fn fill(mut self, cells: u32) -> Self {
+        self.fill = cells;
+        self
+    }
+
+    /// Write this format, by its name, instead of the one of the file's ending.
+    pub fn format(mut self, name: impl Into<String>) -> Self {
+        self.format = Some(name.into());
+        self
+    }
+
+    /// A creation option of the format, such as `COMPRESS`, `DEFLATE`.
+    pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
+        self.creation.push((key.into(), value.into()));
+        self
+    }
+
+    /// Makes the grid and writes it, within the memory allowed.
+    ///
+    /// # Errors
+    /// An unknown statistic; damage in the files; too little memory; an output that exists, cannot be written
+    /// or does not hold the bands; cancelled.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<GridReport> {
+        let stats = match self.preset {
+            Some(preset) => vec![preset.band()],
+            None => parse_list(&self.stats)?,
+        };
+        let job = GridJob {
+            cloud: self.cloud.options.clone(),
+            preset: self.preset,
+            placement: self.placement,
+            radius: self.radius,
+            max_edge: self.max_edge,
+            fill: self.fill,
+            format: self.format,
+            creation: self.creation,
+            overwrite: self.run.overwrite,
+            resources: self.run.resources()?,
+            ..GridJob::new(self.cloud.inputs.clone(), path.into(), stats, 1.0)
+        };
+        grid::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+}

@@ -1,0 +1,91 @@
+//! Contour lines of grids.
+
+use std::path::PathBuf;
+
+use super::grid::Grid;
+use super::run::{Run, overwrite_setting, run_settings};
+use terrane_base::{Error, Result};
+use terrane_jobs::contour::{self, ContourJob, ContourReport, Heights};
+use terrane_jobs::line::Length;
+
+/// Contour lines to be made: at every interval or at given heights, joined across tiles, voids respected.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("contours.geojson");
+/// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
+/// let report = dem.contours().every(20.0).write(&path)?;
+/// assert!(report.levels > 0);
+/// # Ok(())
+/// # }
+/// ```
+pub struct ContourBuilder<'a> {
+    grid: &'a Grid,
+    heights: Option<Heights>,
+    tolerance: Option<f64>,
+    with_z: bool,
+    format: Option<String>,
+    run: Run,
+}
+
+run_settings!([] ContourBuilder<'_>);
+overwrite_setting!([] ContourBuilder<'_>);
+
+impl<'a> ContourBuilder<'a> {
+    pub(super) fn of(grid: &'a Grid) -> Self {
+        let run = Run::default();
+        Self { grid, heights: None, tolerance: None, with_z: false, format: None, run }
+    }
+
+    /// At multiples of this height.
+    pub fn every(mut self, interval: f64) -> Self {
+        self.heights = Some(Heights::Every { interval, base: 0.0 });
+        self
+    }
+
+    /// At these heights.
+    pub fn at(mut self, heights: impl Into<Vec<f64>>) -> Self {
+        self.heights = Some(Heights::List(heights.into()));
+        self
+    }
+
+    /// Leave out vertices within this distance of the line that is left, in units of the grid, so that no two
+    /// lines come to cross.
+    pub fn simplify(mut self, tolerance: f64) -> Self {
+        self.tolerance = Some(tolerance);
+        self
+    }
+
+    /// Give each vertex the height of its line as z.
+    pub fn with_z(mut self, with_z: bool) -> Self {
+        self.with_z = with_z;
+        self
+    }
+
+    /// Write this format, by its name, instead of the one of the file's ending.
+    pub fn format(mut self, name: impl Into<String>) -> Self {
+        self.format = Some(name.into());
+        self
+    }
+
+    /// Makes the lines and writes them as features, within the memory allowed.
+    ///
+    /// # Errors
+    /// No heights, or an interval that is none; damage in the grid; too little memory; an output that exists,
+    /// cannot be written or holds no lines; cancelled.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<ContourReport> {
+        let none = || Error::usage("no heights of lines are given").remedy("say .every(...)");
+        let job = ContourJob {
+            band: self.grid.band_number(),
+            nodata: self.grid.nodata_given(),
+            format: self.format,
+            overwrite: self.run.overwrite,
+            tolerance: self.tolerance.map(|value| Length { value, unit: None }),
+            with_z: self.with_z,
+            resources: self.run.resources()?,
+            ..ContourJob::new(self.grid.inputs.clone(), path.into(), self.heights.ok_or_else(none)?)
+        };
+        contour::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+}

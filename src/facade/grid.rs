@@ -1,0 +1,115 @@
+//! Grids of heights in files.
+
+use std::path::Path;
+
+use super::contours::ContourBuilder;
+use super::convert::ConvertBuilder;
+use super::tin::TinBuilder;
+use super::verify::VerifyBuilder;
+use terrane_base::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
+
+/// A grid of heights, in one file or many: what [`open`] opens.
+///
+/// Nothing of it is held; jobs read it by window. A grid is a lattice of *samples*; those without a value
+/// (nodata, masked, NaN) are *voids*.
+pub struct Grid {
+    pub(super) inputs: Inputs,
+    options: OpenOptions,
+    source: Box<dyn GridSource>,
+}
+
+/// Opens a grid of heights: a GeoTIFF, SRTM, ASCII, DTED, NumPy or any other
+/// [format](https://docs.rs/terrane-raster) by its content, or a synthetic terrain by its name.
+///
+/// Several files (a `Vec<String>`), a folder, a list or a pattern are one mosaic: on the lattice of the
+/// first one, later ones on top wherever they are valid.
+///
+/// # Errors
+/// A file that is missing, damaged, of no known format or beyond a limit; files that do not fit together.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// let grid = terrane::open("synth:rough,size=129,seed=7")?;
+/// assert_eq!((grid.info().width, grid.info().height), (129, 129));
+/// let corner = grid.heights(terrane::Rect::new(0, 0, 2, 2))?;
+/// assert_eq!(corner.len(), 4);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
+    Grid::open(input.into(), OpenOptions::default())
+}
+
+impl Grid {
+    fn open(inputs: Inputs, options: OpenOptions) -> Result<Self> {
+        let source = raster::open_all(inputs.names(), &options)?;
+        Ok(Self { inputs, options, source })
+    }
+
+    /// The same files, another band of them, counted from 1.
+    ///
+    /// # Errors
+    /// A band there is not.
+    pub fn band(self, band: u32) -> Result<Self> {
+        Self::open(self.inputs, OpenOptions { band, ..self.options })
+    }
+
+    /// The same, with this stored value for voids instead of the files' own.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn nodata(self, value: f64) -> Result<Self> {
+        Self::open(self.inputs, OpenOptions { nodata: Some(value), ..self.options })
+    }
+
+    /// Size, place, reference system and storage.
+    pub fn info(&self) -> &GridInfo {
+        self.source.info()
+    }
+
+    /// The heights of a rectangle of samples, row by row, NaN for voids. Takes 8 bytes for each.
+    ///
+    /// # Errors
+    /// A rectangle that reaches out of the grid; damage in the file.
+    pub fn heights(&self, rect: Rect) -> Result<Vec<f64>> {
+        let mut heights = vec![f64::NAN; rect.len()];
+        self.source.read_f64(rect, &mut heights)?;
+        Ok(heights)
+    }
+
+    /// A triangle mesh of it, none of its samples further from the mesh than a tolerance.
+    pub fn tin(&self) -> TinBuilder<&Grid> {
+        TinBuilder::of(self)
+    }
+
+    /// Contour lines of it.
+    pub fn contours(&self) -> ContourBuilder<'_> {
+        ContourBuilder::of(self)
+    }
+
+    /// A copy of it, or of a part, in another format.
+    pub fn convert(&self) -> ConvertBuilder<'_> {
+        ConvertBuilder::of(self)
+    }
+
+    /// The proof of a mesh in a file against this grid.
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Grid> {
+        VerifyBuilder::of(self, mesh.as_ref())
+    }
+
+    pub(super) fn band_number(&self) -> u32 {
+        self.options.band
+    }
+
+    pub(super) fn nodata_given(&self) -> Option<f64> {
+        self.options.nodata
+    }
+
+    /// Opened again, its cache within `bytes`.
+    pub(super) fn reopened(&self, bytes: u64) -> Result<Box<dyn GridSource>> {
+        let cache_bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+        raster::open_all(self.inputs.names(), &OpenOptions { cache_bytes, ..self.options.clone() })
+    }
+}

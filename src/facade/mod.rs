@@ -1,0 +1,22 @@
+//! What a Rust programmer meets first: data that is opened, jobs that are built up by what they are to
+//! reach, meshes and lines in memory. All of it is the command line's own work by other means.
+
+mod cloud;
+mod contours;
+mod convert;
+mod features;
+mod grid;
+mod run;
+mod simplify;
+mod tin;
+mod verify;
+
+pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud};
+pub use contours::ContourBuilder;
+pub use convert::ConvertBuilder;
+pub use features::{Features, LineBuilder, open_features};
+pub use grid::{Grid, open};
+pub use run::Memory;
+pub use simplify::{Coordinates, Method, Simplify, simplify};
+pub use tin::{ArrayGrid, Tin, TinBuilder};
+pub use verify::VerifyBuilder;

@@ -1,0 +1,134 @@
+//! What all jobs have in common: what they may use, who is told of them, who may stop them.
+
+use std::path::PathBuf;
+
+use terrane_base::{Error, Result};
+use terrane_jobs::{Cancel, Progress, Resources, Silent, memory};
+
+/// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
+/// fails the job it was given to.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// let grid = terrane::open("synth:smooth,size=65")?;
+/// let tin = grid.tin().max_error(1.0).memory("256M").build()?;
+/// assert!(grid.tin().max_error(1.0).memory("much").build().is_err());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Memory(std::result::Result<u64, String>);
+
+impl From<u64> for Memory {
+    fn from(bytes: u64) -> Self {
+        Self(Ok(bytes))
+    }
+}
+
+impl From<&str> for Memory {
+    fn from(text: &str) -> Self {
+        Self(memory::parse(text).ok_or_else(|| text.to_owned()))
+    }
+}
+
+impl From<String> for Memory {
+    fn from(text: String) -> Self {
+        Self::from(text.as_str())
+    }
+}
+
+/// What a builder was told of its run.
+pub(super) struct Run {
+    pub(super) memory: Option<Memory>,
+    pub(super) threads: Option<usize>,
+    pub(super) temp_dir: Option<PathBuf>,
+    pub(super) overwrite: bool,
+    pub(super) progress: Box<dyn Progress + Send>,
+    pub(super) cancel: Cancel,
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self {
+            memory: None,
+            threads: None,
+            temp_dir: None,
+            overwrite: false,
+            progress: Box::new(Silent),
+            cancel: Cancel::default(),
+        }
+    }
+}
+
+impl Run {
+    /// What the job may use.
+    pub(super) fn resources(&self) -> Result<Resources> {
+        let usual = Resources::default();
+        let memory = match &self.memory {
+            None => usual.memory,
+            Some(Memory(Ok(bytes))) => *bytes,
+            Some(Memory(Err(text))) => {
+                return Err(Error::usage(format!("{text:?} is no amount of memory"))
+                    .remedy("give a size such as \"512M\" or \"4GiB\""));
+            }
+        };
+        let threads = self.threads.map_or(usual.threads, |threads| threads.max(1));
+        Ok(Resources { threads, memory, temp_dir: self.temp_dir.clone() })
+    }
+}
+
+/// The settings of a run, for a builder that has them as `run`.
+macro_rules! run_settings {
+    ([$($generic:tt)*] $builder:ty) => {
+        impl<$($generic)*> $builder {
+            /// Most memory for everything the job holds: bytes, or a text such as `"512M"`. Half of the
+            /// machine's, at most 4 GiB, unless told otherwise. No result depends on it.
+            pub fn memory(mut self, most: impl Into<crate::Memory>) -> Self {
+                self.run.memory = Some(most.into());
+                self
+            }
+
+            /// Worker threads; all cores unless told otherwise. No result depends on them.
+            pub fn threads(mut self, threads: usize) -> Self {
+                self.run.threads = Some(threads);
+                self
+            }
+
+            /// Folder for temporary files; the output's unless told otherwise.
+            pub fn temp_dir(mut self, folder: impl Into<std::path::PathBuf>) -> Self {
+                self.run.temp_dir = Some(folder.into());
+                self
+            }
+
+            /// Who is told how far the job is.
+            pub fn progress(mut self, told: impl crate::Progress + Send + 'static) -> Self {
+                self.run.progress = Box::new(told);
+                self
+            }
+
+            /// What may stop the job: once cancelled, it fails with [`ErrorKind::Interrupted`] and leaves
+            /// nothing behind.
+            ///
+            /// [`ErrorKind::Interrupted`]: crate::ErrorKind::Interrupted
+            pub fn cancel(mut self, by: &crate::Cancel) -> Self {
+                self.run.cancel = by.clone();
+                self
+            }
+        }
+    };
+}
+
+/// The leave to replace files, for a builder that writes.
+macro_rules! overwrite_setting {
+    ([$($generic:tt)*] $builder:ty) => {
+        impl<$($generic)*> $builder {
+            /// Replace an output that exists, once the new one is complete; else that is an error.
+            pub fn overwrite(mut self, overwrite: bool) -> Self {
+                self.run.overwrite = overwrite;
+                self
+            }
+        }
+    };
+}
+
+pub(super) use {overwrite_setting, run_settings};

@@ -1,0 +1,240 @@
+//! Lines in memory made simpler.
+
+use terrane_line::registry::Run;
+use terrane_line::{self as line, Plane, Scratch, Space, ring};
+
+/// How vertices of lines are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Method {
+    /// Greedy double cone: one pass, near the fewest vertices. O(n) in practice.
+    #[default]
+    Cone,
+    /// Ramer (1972), Douglas and Peucker (1973): split at the farthest vertex. O(n log n) as a rule.
+    Rdp,
+    /// Imai and Iri (1988): the fewest vertices there can be, by shortest path. O(n^2) at worst.
+    ImaiIri,
+    /// Visvalingam and Whyatt (1993): smallest triangles first. The tolerance is an area, and no distance is
+    /// bounded. O(n log n).
+    Visvalingam,
+    /// The same with areas weighted by the angle, so that spikes go first.
+    WeightedVisvalingam,
+}
+
+impl Method {
+    /// Its entry in the registry.
+    pub(super) fn entry(self) -> &'static line::Method {
+        match self {
+            Self::Cone => &line::Method::CONE,
+            Self::Rdp => &line::Method::RDP,
+            Self::ImaiIri => &line::Method::IMAI_IRI,
+            Self::Visvalingam => &line::Method::VISVALINGAM,
+            Self::WeightedVisvalingam => &line::Method::WEIGHTED_VISVALINGAM,
+        }
+    }
+}
+
+/// A position that lines are made of: `[f64; 2]` in the plane or `[f64; 3]` in space.
+pub trait Coordinates: Copy + sealed::Sealed {}
+
+impl Coordinates for [f64; 2] {}
+impl Coordinates for [f64; 3] {}
+
+mod sealed {
+    use super::*;
+
+    pub trait Sealed: Copy {
+        type Metric: line::Metric<Self>;
+        const METRIC: Self::Metric;
+        fn run(method: &line::Method) -> Run<Self, Self::Metric>;
+        fn is_finite(&self) -> bool;
+    }
+
+    impl Sealed for [f64; 2] {
+        type Metric = Plane;
+        const METRIC: Plane = Plane;
+
+        fn run(method: &line::Method) -> Run<Self, Plane> {
+            method.plane
+        }
+
+        fn is_finite(&self) -> bool {
+            self.iter().all(|coordinate| coordinate.is_finite())
+        }
+    }
+
+    impl Sealed for [f64; 3] {
+        type Metric = Space;
+        const METRIC: Space = Space;
+
+        fn run(method: &line::Method) -> Run<Self, Space> {
+            method.space
+        }
+
+        fn is_finite(&self) -> bool {
+            self.iter().all(|coordinate| coordinate.is_finite())
+        }
+    }
+}
+
+/// A line in memory to be made simpler: no vertex that is left out is further than `tolerance` from the
+/// segment in its place.
+///
+/// A vertex with a coordinate that is no number is kept, and so are those beside it; a tolerance below 0 or
+/// that is no number keeps all.
+///
+/// ```
+/// use terrane::Method;
+///
+/// let coords = [[0.0, 0.0], [1.0, 0.004], [2.0, 0.0], [2.0, 1.0]];
+/// assert_eq!(terrane::simplify(&coords, 0.01).indices(), [0, 2, 3]);
+/// let kept = terrane::simplify(&coords, 0.01).method(Method::Rdp).coords();
+/// assert_eq!(kept, [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]);
+/// ```
+pub fn simplify<C: Coordinates>(coords: &[C], tolerance: f64) -> Simplify<'_, C> {
+    Simplify { coords, tolerance, method: Method::default(), is_ring: false }
+}
+
+/// What [`simplify`] is to do.
+#[derive(Clone, Copy, Debug)]
+pub struct Simplify<'a, C> {
+    coords: &'a [C],
+    tolerance: f64,
+    method: Method,
+    is_ring: bool,
+}
+
+impl<C: Coordinates> Simplify<'_, C> {
+    /// How vertices are chosen; the cone unless told otherwise.
+    pub fn method(mut self, method: Method) -> Self {
+        self.method = method;
+        self
+    }
+
+    /// The line is a ring, whose last vertex is its first one: that one may go, too, and three are left at
+    /// least. Its indices are those of different vertices, the last one never among them;
+    /// [`coords`](Self::coords) closes it again.
+    ///
+    /// ```
+    /// let square = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0], [1.0, 0.0]];
+    /// assert_eq!(terrane::simplify(&square, 0.0).ring(true).indices(), [1, 2, 3, 4]);
+    /// ```
+    pub fn ring(mut self, is_ring: bool) -> Self {
+        self.is_ring = is_ring;
+        self
+    }
+
+    /// The vertices that are kept, by ascending index.
+    pub fn indices(&self) -> Vec<usize> {
+        let keeps_all = self.tolerance.is_nan() || self.tolerance < 0.0;
+        let is_finite = self.coords.iter().all(sealed::Sealed::is_finite);
+        let different = self.coords.len() - usize::from(self.is_ring && !self.coords.is_empty());
+        if keeps_all || (self.is_ring && !is_finite) {
+            return (0..different).collect();
+        }
+        let mut kept = Vec::new();
+        match self.is_ring {
+            true => kept.extend(self.of_ring(&mut Scratch::default())),
+            false => {
+                self.each_run(|from, found| kept.extend(found.iter().map(|i| from + *i as usize)))
+            }
+        }
+        kept
+    }
+
+    /// The vertices that are kept themselves.
+    pub fn coords(&self) -> Vec<C> {
+        let mut kept: Vec<C> = self.indices().into_iter().map(|at| self.coords[at]).collect();
+        let closing = kept.first().copied().filter(|_| self.is_ring);
+        kept.extend(closing);
+        kept
+    }
+
+    /// Calls `each` with the first vertex of every run without bad ones, and with what is kept of it.
+    fn each_run(&self, mut each: impl FnMut(usize, &[u32])) {
+        let (mut scratch, mut kept) = (Scratch::default(), Vec::new());
+        let run = C::run(self.method.entry());
+        let same = |a: &C, b: &C| a.is_finite() == b.is_finite();
+        let mut from = 0;
+        for piece in self.coords.chunk_by(same).flat_map(|run| run.chunks(MOST)) {
+            kept.clear();
+            match piece[0].is_finite() {
+                true => run(&C::METRIC, piece, self.tolerance, &mut scratch, &mut kept),
+                false => kept.extend(0..piece.len() as u32),
+            }
+            each(from, &kept);
+            from += piece.len();
+        }
+    }
+
+    fn of_ring(&self, scratch: &mut Scratch) -> impl Iterator<Item = usize> + use<C> {
+        let (method, tolerance, mut kept) = (self.method.entry(), self.tolerance, Vec::new());
+        let run = C::run(method);
+        match method.bounds.weight() {
+            Some(weight) => {
+                ring::visvalingam(&C::METRIC, self.coords, tolerance, weight, &mut kept);
+            }
+            None => {
+                let choose = |points: &[C], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+                    run(&C::METRIC, points, tolerance, scratch, kept);
+                };
+                let can_move = !method.splits;
+                ring::simplify(
+                    &C::METRIC,
+                    self.coords,
+                    tolerance,
+                    can_move,
+                    choose,
+                    scratch,
+                    &mut kept,
+                );
+            }
+        }
+        kept.into_iter().map(|at| at as usize)
+    }
+}
+
+/// Most vertices of a run: their numbers have 32 bits.
+const MOST: usize = 1 << 31;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Method; 5] = [
+        Method::Cone,
+        Method::Rdp,
+        Method::ImaiIri,
+        Method::Visvalingam,
+        Method::WeightedVisvalingam,
+    ];
+
+    #[test]
+    fn every_method_of_the_registry_has_a_name_here() {
+        let names = ALL.map(|method| method.entry().name);
+        assert_eq!(names.to_vec(), line::METHODS.iter().map(|m| m.name).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn bad_vertices_and_their_neighbours_stay() {
+        let mut line: Vec<[f64; 2]> = (0..9).map(|i| [f64::from(i), 0.0]).collect();
+        line[4][1] = f64::NAN;
+        for method in ALL {
+            let kept = simplify(&line, 0.5).method(method).indices();
+            assert_eq!(kept, [0, 3, 4, 5, 8], "{method:?}");
+            assert_eq!(simplify(&line, f64::NAN).method(method).indices().len(), 9);
+        }
+    }
+
+    #[test]
+    fn short_lines_and_rings_are_left_alone() {
+        for count in 0..3 {
+            let line = vec![[1.0, 2.0, 3.0]; count];
+            for method in ALL {
+                let lone = simplify(&line, 1.0).method(method);
+                assert_eq!(lone.indices(), (0..count).collect::<Vec<_>>());
+                assert_eq!(lone.ring(true).indices().len(), count.saturating_sub(1));
+            }
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! Meshes with a proven bound on their error, in memory and into files.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::grid::Grid;
+use super::run::{Run, overwrite_setting, run_settings};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::{Error, Result};
+use terrane_jobs::placing::Placing;
+use terrane_jobs::tin::{self, BuildJob, Built, Goal, TILE_CELLS, TinJob, TinReport};
+use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use terrane_raster::{self as raster, ArraySample, GridSource};
+
+/// A triangle mesh in memory.
+///
+/// Vertices are samples of the grid it was made from; triangles refer to them by index and are
+/// counter-clockwise seen from above. The mesh is Delaunay, has no cracks, and covers every cell whose
+/// four samples are valid, and nothing else.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// let heights: Vec<f32> = (0..64 * 64).map(|i| ((i % 64) as f32 / 5.0).sin() * 10.0).collect();
+/// let tin = terrane::Tin::from_array(&heights, 64, 64)?.max_error(0.5).build()?;
+/// assert!(tin.max_error() <= 0.5 && tin.vertices().len() < 64 * 64);
+/// let [a, b, c] = tin.triangles()[0].map(|corner| tin.vertices()[corner as usize]);
+/// # let _ = (a, b, c);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tin {
+    vertices: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    tolerance: f64,
+    max_error: f64,
+    rmse: f64,
+    header: MeshHeader,
+}
+
+/// A grid of heights in memory: what [`Tin::from_array`] takes a slice for.
+pub type ArrayGrid<'a> = raster::ArrayGrid<'a>;
+
+impl Tin {
+    /// A mesh of `height` rows of `width` samples each, row by row, of any type of number. NaN and infinities
+    /// are voids. x is the column and y the row with its sign changed, unless
+    /// [`place`](TinBuilder::place)d elsewhere.
+    ///
+    /// # Errors
+    /// Another number of samples than `width * height`, or none.
+    pub fn from_array<S: ArraySample>(
+        heights: &[S],
+        width: u32,
+        height: u32,
+    ) -> Result<TinBuilder<ArrayGrid<'_>>> {
+        ArrayGrid::new(heights, width, height).map(TinBuilder::of)
+    }
+
+    /// Positions, x, y and z in the units of the grid.
+    pub fn vertices(&self) -> &[[f64; 3]] {
+        &self.vertices
+    }
+
+    /// Corners as indices of [`vertices`](Self::vertices).
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The largest vertical distance of a valid sample from the mesh.
+    pub fn max_error(&self) -> f64 {
+        self.max_error
+    }
+
+    /// The root of the mean square of these distances.
+    pub fn rmse(&self) -> f64 {
+        self.rmse
+    }
+
+    /// The bound that was kept: the one asked for, or that which a number of vertices or triangles allowed.
+    pub fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns
+    /// the size of the file in bytes.
+    ///
+    /// # Errors
+    /// A file that exists or cannot be written; an unknown ending; heights that the format, which has 32 bits
+    /// for them, does not hold exactly (the bound would be broken: [`TinBuilder::write`] keeps it).
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<u64> {
+        let path = path.as_ref();
+        let format = mesh::by_path(path, None)?;
+        let is_exact = |[.., z]: &[f64; 3]| f64::from(*z as f32) == *z;
+        if format.single_precision && !self.vertices.iter().all(is_exact) {
+            let message = format!("{} has 32 bits for a height, too few for these", format.name);
+            return Err(Error::unsupported(message)
+                .in_file(path)
+                .remedy("write PLY or OBJ, or make the mesh of 32-bit heights"));
+        }
+        let [vertices, triangles] = [self.vertices.len(), self.triangles.len()].map(|n| n as u64);
+        format.check_capacity(vertices, triangles)?;
+        mesh::check_prj(path, &self.header.crs, false)?;
+        let mut sink = (format.create)(path, &self.header, &SinkOptions::default())?;
+        self.push(&mut *sink)?;
+        let bytes = sink.finish()?;
+        mesh::write_prj(path, &self.header.crs, false)?;
+        Ok(bytes)
+    }
+
+    fn push(&self, sink: &mut dyn MeshSink) -> Result<()> {
+        let wants_corners = sink.wants_corners();
+        for vertices in self.vertices.chunks(BATCH) {
+            sink.push(MeshBatch { vertices, triangles: &[], corners: &[] })?;
+        }
+        for triangles in self.triangles.chunks(BATCH) {
+            let place = |id: &u32| self.vertices[*id as usize];
+            let corners =
+                triangles.iter().filter(|_| wants_corners).map(|t| t.each_ref().map(place));
+            let corners: Vec<_> = corners.collect();
+            let triangles: Vec<_> = triangles.iter().map(|t| t.map(u64::from)).collect();
+            sink.push(MeshBatch { vertices: &[], triangles: &triangles, corners: &corners })?;
+        }
+        Ok(())
+    }
+}
+
+/// Vertices or triangles handed to a sink at once.
+const BATCH: usize = 1 << 14;
+
+/// A mesh to be made: by greedy insertion (Garland and Heckbert 1995) in tiles that share the vertices along
+/// their rims, joined without seams, redundant vertices dropped again.
+///
+/// One of [`max_error`](Self::max_error), [`max_vertices`](Self::max_vertices) and
+/// [`max_triangles`](Self::max_triangles) says what it has to reach; the last one given counts. Takes time
+/// about in proportion to the samples, and twice to six times as long for a number of vertices or triangles.
+/// The result depends on nothing but the heights, this and the size of [tiles](Self::tile).
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("mesh.ply");
+/// let dem = terrane::open("synth:rough,size=257,seed=7")?;
+/// let report = dem.tin().max_error(2.0).memory("256M").write(&path)?;
+/// assert!(report.vertices < 257 * 257);
+/// assert!(dem.verify(&path).run()?.passed);
+/// # Ok(())
+/// # }
+/// ```
+pub struct TinBuilder<S> {
+    source: S,
+    goal: Option<Goal>,
+    strict: bool,
+    drop: bool,
+    tile: u32,
+    format: Option<String>,
+    split: Option<u32>,
+    run: Run,
+}
+
+run_settings!([S] TinBuilder<S>);
+
+impl<S> TinBuilder<S> {
+    pub(super) fn of(source: S) -> Self {
+        Self {
+            source,
+            goal: None,
+            strict: false,
+            drop: true,
+            tile: USUAL_TILE,
+            format: None,
+            split: None,
+            run: Run::default(),
+        }
+    }
+
+    /// No valid sample further than this from the mesh, vertically, in the unit of the heights. 0 keeps
+    /// all but what lies in planes.
+    pub fn max_error(mut self, tolerance: f64) -> Self {
+        self.goal = Some(Goal::MaxError(tolerance));
+        self
+    }
+
+    /// The smallest tolerance that so many vertices allow.
+    pub fn max_vertices(mut self, count: u64) -> Self {
+        self.goal = Some(Goal::MaxVertices(count));
+        self
+    }
+
+    /// The smallest tolerance that so many triangles allow.
+    pub fn max_triangles(mut self, count: u64) -> Self {
+        self.goal = Some(Goal::MaxTriangles(count));
+        self
+    }
+
+    /// Insert one largest error at a time, as the paper has it: slower, and more vertices.
+    pub fn strict(mut self, strict: bool) -> Self {
+        self.strict = strict;
+        self
+    }
+
+    /// Drop vertices that later ones made redundant (so it is unless told otherwise).
+    pub fn drop_redundant(mut self, drop: bool) -> Self {
+        self.drop = drop;
+        self
+    }
+
+    /// Cells along the side of a tile, 16 to 8192; 512 unless told otherwise. The mesh depends on it, and the
+    /// memory that each thread takes.
+    pub fn tile(mut self, cells: u32) -> Self {
+        self.tile = cells;
+        self
+    }
+
+    fn goal(&self) -> Result<Goal> {
+        let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
+        self.goal.ok_or_else(none)
+    }
+
+    fn build_of(&self, source: &dyn GridSource, memory: u64) -> Result<Tin> {
+        let resources = terrane_jobs::Resources { memory, ..self.run.resources()? };
+        let (goal, resources) = (self.goal()?, &resources);
+        let job =
+            BuildJob { goal, strict: self.strict, drop: self.drop, tile: self.tile, resources };
+        let kept = Kept::default();
+        let sink = Box::new(kept.clone());
+        let built = tin::build(source, sink, &job, &*self.run.progress, &self.run.cancel)?;
+        Ok(kept.into_tin(built))
+    }
+}
+
+/// Cells along the side of a tile, unless told otherwise.
+const USUAL_TILE: u32 = 512;
+const _: () = assert!(*TILE_CELLS.start() <= USUAL_TILE && USUAL_TILE <= *TILE_CELLS.end());
+
+impl TinBuilder<ArrayGrid<'_>> {
+    /// Where samples lie, and in which reference system.
+    pub fn place(mut self, transform: Affine, crs: Crs) -> Self {
+        self.source = self.source.placed(transform, crs);
+        self
+    }
+
+    /// A value that stands for no height.
+    pub fn nodata(mut self, value: f64) -> Self {
+        self.source = self.source.with_nodata(Some(value));
+        self
+    }
+
+    /// Makes the mesh.
+    ///
+    /// # Errors
+    /// A tolerance that is none; no goal; samples without a cell of four valid ones; too few vertices
+    /// allowed for any mesh; too little memory; cancelled.
+    pub fn build(self) -> Result<Tin> {
+        self.build_of(&self.source, self.run.resources()?.memory)
+    }
+}
+
+overwrite_setting!([] TinBuilder<&Grid>);
+
+impl TinBuilder<&Grid> {
+    /// Write this format, by its name, instead of the one of the file's ending.
+    pub fn format(mut self, name: impl Into<String>) -> Self {
+        self.format = Some(name.into());
+        self
+    }
+
+    /// Write a folder with a mesh for every so many by so many tiles.
+    pub fn split(mut self, tiles: u32) -> Self {
+        self.split = Some(tiles);
+        self
+    }
+
+    /// Makes the mesh in memory, which it takes about 50 bytes a vertex of, beside what the job may use.
+    ///
+    /// # Errors
+    /// As for arrays; damage in the grid's files; [`split`](Self::split) and [`format`](Self::format), which
+    /// are about files.
+    pub fn build(self) -> Result<Tin> {
+        if self.split.is_some() || self.format.is_some() {
+            return Err(Error::usage("a format and a split are of files")
+                .remedy("write the mesh, or leave them out"));
+        }
+        let memory = self.run.resources()?.memory;
+        let cache = memory / CACHE_SHARE;
+        self.build_of(&*self.source.reopened(cache)?, memory - cache)
+    }
+
+    /// Makes the mesh and writes it while it is made, whatever its size, within the memory allowed. The file
+    /// appears whole or not at all.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build); an output that exists or cannot be written, or a format that does not hold
+    /// the mesh.
+    pub fn write(self, path: impl Into<PathBuf>) -> Result<TinReport> {
+        tin::run(&self.job(path.into())?, &*self.run.progress, &self.run.cancel)
+    }
+
+    fn job(&self, output: PathBuf) -> Result<TinJob> {
+        Ok(TinJob {
+            input: self.source.inputs.clone(),
+            band: self.source.band_number(),
+            nodata: self.source.nodata_given(),
+            output,
+            format: self.format.clone(),
+            overwrite: self.run.overwrite,
+            split: self.split,
+            solid_base: None,
+            placing: Placing::default(),
+            goal: self.goal()?,
+            strict: self.strict,
+            drop: self.drop,
+            tile: self.tile,
+            measure: true,
+            resources: self.run.resources()?,
+        })
+    }
+}
+
+/// Part of the memory for decoded blocks of a grid whose mesh stays in memory.
+const CACHE_SHARE: u64 = 4;
+
+/// A sink that keeps what it is given.
+#[derive(Clone, Default)]
+struct Kept(Arc<Mutex<Lists>>);
+
+#[derive(Default)]
+struct Lists {
+    vertices: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Kept {
+    fn into_tin(self, built: Built) -> Tin {
+        let mut lists = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Lists { vertices, triangles } = std::mem::take(&mut *lists);
+        let Built { tolerance, outcome, header } = built;
+        let surface = (outcome.valid - outcome.isolated).max(1) as f64;
+        Tin {
+            vertices,
+            triangles,
+            tolerance,
+            max_error: outcome.max_error,
+            rmse: (outcome.square_sum / surface).sqrt(),
+            header,
+        }
+    }
+}
+
+impl MeshSink for Kept {
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+        let mut lists = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        lists.vertices.extend_from_slice(batch.vertices);
+        if u32::try_from(lists.vertices.len()).is_err() {
+            return Err(Error::limit("number of vertices in memory", "above 2^32", u32::MAX)
+                .remedy("write the mesh into a file, or allow a larger error"));
+        }
+        // An id is that of a vertex that came before.
+        lists.triangles.extend(batch.triangles.iter().map(|t| t.map(|id| id as u32)));
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        Ok(0)
+    }
+}

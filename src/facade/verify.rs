@@ -1,0 +1,105 @@
+//! Proofs of what was written, by code that shares nothing with what wrote it.
+
+use std::path::{Path, PathBuf};
+
+use super::cloud::Cloud;
+use super::features::Features;
+use super::grid::Grid;
+use super::run::{Run, run_settings};
+use terrane_base::Result;
+use terrane_jobs::line::Length;
+use terrane_jobs::verify::{
+    self, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyJob,
+    VerifyReport,
+};
+
+/// A proof to be done: of a mesh against a [`Grid`] or [`Cloud`], or of simplified lines against the
+/// [`Features`] they were made from.
+///
+/// A broken promise is no error, but a report whose `passed` is false and whose `failures` say what and
+/// where; `judged` is true when all that is promised was looked at.
+pub struct VerifyBuilder<'a, T> {
+    against: &'a T,
+    file: PathBuf,
+    tolerance: Option<f64>,
+    topology: bool,
+    run: Run,
+}
+
+run_settings!(['a, T] VerifyBuilder<'a, T>);
+
+impl<'a, T> VerifyBuilder<'a, T> {
+    pub(super) fn of(against: &'a T, file: &Path) -> Self {
+        let run = Run::default();
+        Self { against, file: file.to_owned(), tolerance: None, topology: false, run }
+    }
+
+    /// The largest distance allowed. Meshes of terrane state theirs, lines do not; without one errors are
+    /// measured and not judged.
+    pub fn max_error(mut self, tolerance: f64) -> Self {
+        self.tolerance = Some(tolerance);
+        self
+    }
+}
+
+impl VerifyBuilder<'_, Grid> {
+    /// Proves the mesh.
+    ///
+    /// # Errors
+    /// What keeps the proof from being done: files that cannot be read, a solid, too little memory.
+    pub fn run(self) -> Result<VerifyReport> {
+        let job = VerifyJob {
+            mesh: self.file,
+            raster: self.against.inputs.clone(),
+            band: self.against.band_number(),
+            nodata: self.against.nodata_given(),
+            tolerance: self.tolerance,
+            resources: self.run.resources()?,
+        };
+        verify::run(&job, &*self.run.progress, &self.run.cancel)
+    }
+}
+
+impl VerifyBuilder<'_, Cloud> {
+    /// Proves the mesh.
+    ///
+    /// # Errors
+    /// What keeps the proof from being done: files that cannot be read, a solid, too little memory.
+    pub fn run(self) -> Result<CloudVerifyReport> {
+        let job = CloudVerifyJob {
+            mesh: self.file,
+            inputs: self.against.inputs.clone(),
+            options: self.against.options.clone(),
+            tolerance: self.tolerance,
+            resources: self.run.resources()?,
+        };
+        verify::verify_cloud(&job, &*self.run.progress, &self.run.cancel)
+    }
+}
+
+impl VerifyBuilder<'_, Features> {
+    /// Judge crossings, rings and shared borders, too.
+    pub fn topology(mut self, topology: bool) -> Self {
+        self.topology = topology;
+        self
+    }
+
+    /// Proves the lines.
+    ///
+    /// # Errors
+    /// What keeps the proof from being done: files that cannot be read or compared, too little memory.
+    pub fn run(self) -> Result<LineVerifyReport> {
+        let job = LineVerifyJob {
+            lines: self.file,
+            original: self.against.path.clone(),
+            layer: self.against.layer.clone(),
+            tolerance: self.tolerance.map(|value| Length { value, unit: None }),
+            is_space: false,
+            topology: self.topology,
+            may_drop: false,
+            sides: None,
+            resources: self.run.resources()?,
+        };
+        verify::verify_lines(&job, &*self.run.progress, &self.run.cancel)
+    }
+}
