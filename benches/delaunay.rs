@@ -7,11 +7,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use spade::Triangulation as _;
-use terrane::delaunay::{
+use terrane_base::geom::Point;
+use terrane_delaunay::{
     Bins, Finder, Found, Hull, Loaded, Natural, Position, Triangulation, Window, interpolate, stars,
 };
-use terrane::geom::Point;
-use terrane::jobs::delaunay::triangulate;
+use terrane_jobs::delaunay::triangulate;
 
 /// Mean spacing of points in airborne data, in steps of a centimetre: 5.76 a square metre.
 const SPACING: f64 = 41.7;

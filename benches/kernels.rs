@@ -6,10 +6,10 @@
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use terrane::geom::{Crs, Point3, Rect};
-use terrane::mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
-use terrane::synth::{CHARACTERS, Terrain};
-use terrane::tin::{
+use terrane_base::geom::{Crs, Point3, Rect};
+use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
+use terrane_synth::{CHARACTERS, Terrain};
+use terrane_tin::{
     Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
     triangulate_tile,
 };

@@ -14,7 +14,7 @@ use laz::record::{
     RecordDecompressor, SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
 use laz::{DecompressionSelection, LazItem, LazItemRecordBuilder};
-use terrane::cloud::lazip::{Chunk, Decoder, Fields, Item, Schema, Wanted};
+use terrane_cloud::lazip::{Chunk, Decoder, Fields, Item, Schema, Wanted};
 
 /// Points of a chunk, as LASzip has them.
 const CHUNK: usize = 50_000;

@@ -14,8 +14,8 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use geo::{Simplify as _, SimplifyVw as _};
-use terrane::line::visvalingam::{Areas, Weight};
-use terrane::line::{Geographic, Hierarchy, Located, METHODS, Plane, Scratch, Vertical, Xy};
+use terrane_line::visvalingam::{Areas, Weight};
+use terrane_line::{Geographic, Hierarchy, Located, METHODS, Plane, Scratch, Vertical, Xy};
 
 /// Doublings of the synthetic coast.
 const DOUBLINGS: u32 = 20;

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{Criterion, criterion_group, criterion_main};
-use terrane::line::arcs::Arcs;
-use terrane::line::metric::Plane;
-use terrane::line::rdp::rdp;
-use terrane::line::topology::{Chains, Kept, Options, Strategy, refining, untangle};
-use terrane::line::{Scratch, Xy};
+use terrane_line::arcs::Arcs;
+use terrane_line::metric::Plane;
+use terrane_line::rdp::rdp;
+use terrane_line::topology::{Chains, Kept, Options, Strategy, refining, untangle};
+use terrane_line::{Scratch, Xy};
 
 /// Processor time of the thread, from Linux.
 struct Processor;

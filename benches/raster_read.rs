@@ -12,8 +12,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use criterion::{Criterion, Throughput};
-use terrane::geom::Rect;
-use terrane::raster::{GridSource, OpenOptions, open};
+use terrane_base::geom::Rect;
+use terrane_raster::{GridSource, OpenOptions, open};
 
 #[path = "../tests/raster_support/tiff_builder.rs"]
 #[allow(dead_code)]

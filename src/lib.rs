@@ -1,16 +1,64 @@
-//! terrane: an out-of-core terrain engine. This file is the door of the house: it gives its rooms, each a
-//! crate, their names, and holds no logic.
+//! Terrain that does not fit into memory, made small with a proven bound on the error.
 //!
-//! Pure rooms ([`geom`], [`tin`], [`contour`], [`delaunay`], [`gridding`], [`line`](mod@line), [`synth`],
-//! [`proof`], [`render`]) know slices and numbers only: no path, no file, no thread pool. Rooms at the edge
-//! ([`raster`], [`cloud`], [`vector`], [`mesh`]) read and write files. [`jobs`] joins them under one memory
-//! budget, and [`cli`] turns arguments into jobs. ARCHITECTURE.md says more.
+//! terrane reads elevation grids, point clouds and lines out of core and hands back triangle meshes, grids
+//! and simpler lines. Of every mesh it is promised that no sample is further from it, vertically, than the
+//! tolerance asked for; [`Grid::verify`] proves that of the written file by code of its own. What comes out
+//! does not depend on threads or memory, and a job keeps within the memory it is allowed.
+//!
+//! # From an array
+//!
+//! ```
+//! # fn main() -> terrane::Result<()> {
+//! let (width, height) = (200, 100);
+//! let heights: Vec<f32> = (0..width * height).map(|i| ((i % width) as f32 / 9.0).sin()).collect();
+//!
+//! let tin = terrane::Tin::from_array(&heights, width, height)?.max_error(0.1).build()?;
+//!
+//! println!("{} vertices, {} triangles", tin.vertices().len(), tin.triangles().len());
+//! assert!(tin.max_error() <= 0.1);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # From file to file
+//!
+//! ```
+//! # fn main() -> terrane::Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = |name| folder.path().join(name);
+//! # terrane::open("synth:rough,size=257")?.convert().write(path("dem.tif"))?;
+//! # let (dem, mesh, lines) = (path("dem.tif"), path("mesh.ply"), path("lines.geojson"));
+//! let dem = terrane::open(dem)?;                                            // "dem.tif"
+//! let report = dem.tin().max_error(1.5).memory("512M").write(&mesh)?;       // "mesh.ply"
+//! assert!(dem.verify(&mesh).run()?.passed);
+//! dem.contours().every(10.0).write(lines)?;                                 // "lines.geojson"
+//! println!("{} of {} samples kept", report.vertices, report.valid_samples);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where to look
+//!
+//! | data | door | what can be made of it |
+//! |---|---|---|
+//! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
+//! | grids in files | [`open`] | [`tin`](Grid::tin), [`contours`](Grid::contours), [`convert`](Grid::convert), [`verify`](Grid::verify) |
+//! | point clouds | [`open_cloud`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
+//! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
+//! | a line in memory | [`simplify`] | fewer vertices |
+//!
+//! Every builder says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
+//! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in `build` or `write`.
+//! Outputs appear whole or not at all. Nothing is printed, and no handler or hook of the process is changed.
+//!
+//! Rooms of the house that are of use alone (the triangulations, the methods for lines, the readers of
+//! formats) are crates of their own, named `terrane-*`.
 
-pub mod cli;
 mod facade;
 
 pub use facade::*;
 pub use terrane_base::geom::{Affine, Crs, Rect};
+pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_cloud::{CloudInfo, Filter, Return};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
@@ -21,20 +69,3 @@ pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType};
-
-pub use terrane_base::{Error, ErrorKind, Result, error, geom, limits};
-pub use terrane_cloud as cloud;
-pub use terrane_contour as contour;
-pub use terrane_delaunay as delaunay;
-use terrane_files as files;
-pub use terrane_files::atomic;
-pub use terrane_gridding as gridding;
-pub use terrane_jobs as jobs;
-pub use terrane_line as line;
-pub use terrane_mesh as mesh;
-pub use terrane_proof as proof;
-pub use terrane_raster as raster;
-pub use terrane_render as render;
-pub use terrane_synth as synth;
-pub use terrane_tin as tin;
-pub use terrane_vector as vector;

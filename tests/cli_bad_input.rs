@@ -112,19 +112,19 @@ fn reporting() -> Vec<(Vec<String>, String)> {
         verbs.push((words.split(' ').map(str::to_owned).collect(), output.to_owned()));
     };
     let ending = |endings: &[&str]| format!("out.{}", endings[0]);
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let output = ending(format.extensions);
         add("tin dem.asc @ --max-error 1", &output);
         add("tin cloud:cloud.txt @ --max-error 1 --crs EPSG:4326", &output);
     }
     add("tin dem.asc out.ply --max-error 1 --workdir work", "out.ply");
     add("tin dem.asc @ --max-error 1 --split 1", "blocks");
-    for format in terrane::raster::write::FORMATS.iter().filter(|format| format.name != "PNG") {
+    for format in terrane_raster::write::FORMATS.iter().filter(|format| format.name != "PNG") {
         let output = ending(format.extensions);
         add(&format!("grid cloud.txt @ --cell 0.002 --crs EPSG:4326 -f {}", format.name), &output);
     }
-    let written = |f: &&terrane::vector::VectorFormat| f.create.is_some();
-    for format in terrane::vector::FORMATS.iter().filter(written) {
+    let written = |f: &&terrane_vector::VectorFormat| f.create.is_some();
+    for format in terrane_vector::FORMATS.iter().filter(written) {
         let output = ending(format.extensions);
         add("line in.geojson @ --tolerance 0.01", &output);
         add("line in.geojson more.geojson out --tolerance 0.01", "out");

@@ -4,7 +4,7 @@
 mod cli_support;
 
 use cli_support::Place;
-use terrane::gridding;
+use terrane_gridding as gridding;
 
 /// A cloud as text: a corner of each of four cells, and one point more.
 const CLOUD: &str = "x y z\n0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n0.5 0.5 2.0\n";
@@ -42,7 +42,7 @@ fn what_refuses_a_height_for_want_of_rounding_takes_it_rounded() {
     let place = Place::new();
     place.write("a.xyz", "0.5 0.5 1.4999999999\n1.5 0.5 2.26\n");
     let mut advised = 0;
-    for format in terrane::raster::write::FORMATS {
+    for format in terrane_raster::write::FORMATS {
         let name = format!("{}.{}", format.name, format.extensions[0]);
         for to_type in ["int16", "float32", "float64"] {
             let args = ["grid", "a.xyz", &name, "-f", format.name, "--cell", "1", "--stat", "mean"];

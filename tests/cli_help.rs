@@ -3,7 +3,9 @@
 mod cli_support;
 
 use cli_support::Place;
-use terrane::{mesh, raster, synth};
+use terrane_mesh as mesh;
+use terrane_raster as raster;
+use terrane_synth as synth;
 
 const VERBS: [&str; 11] = [
     "tin",

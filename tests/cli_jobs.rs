@@ -70,7 +70,7 @@ fn overwrite_replaces_and_quiet_is_quiet() {
 #[test]
 fn every_mesh_format_is_written_told_about_and_drawn() {
     let place = Place::new();
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let mesh = format!("as_{0}.{0}", format.extensions[0]);
         let picture = format!("{}.png", format.name);
         place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5"]);

@@ -6,9 +6,9 @@ use std::fmt::Write;
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::line::METHODS;
-use terrane::line::registry::Bounds;
-use terrane::vector::FORMATS;
+use terrane_line::METHODS;
+use terrane_line::registry::Bounds;
+use terrane_vector::FORMATS;
 
 /// A wriggly coverage of `side` x `side` squares of 1 x 1, each with a hole in it: borders are shared.
 fn coverage(side: usize) -> String {
@@ -87,13 +87,13 @@ fn properties_and_ids_go_through_every_format() {
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         let output = format!("b.{}", format.extensions[0]);
         let args = ["line", "a.geojson", &output, "--format", format.name];
-        if format.name == "GPX" || !format.holds.kinds.contains(&terrane::vector::Kind::Polygon) {
+        if format.name == "GPX" || !format.holds.kinds.contains(&terrane_vector::Kind::Polygon) {
             continue;
         }
         place.ok(&[&args[..], &goal].concat());
         let proof = ["verify", &output, "a.geojson", "--tolerance", "0.05", "--topology", "-q"];
         let proof = place.run(&proof);
-        let is_whole = format.holds.values != terrane::vector::Values::None;
+        let is_whole = format.holds.values != terrane_vector::Values::None;
         assert_eq!(proof.code, if is_whole { 0 } else { 3 }, "{}: {}", format.name, proof.err);
         assert_eq!(proof.err.contains("not judged: properties of 4 features"), !is_whole);
         place.ok(&["line", &output, "c.geojson", "--tolerance", "0", "--overwrite", "-q"]);
@@ -194,7 +194,7 @@ fn bytes_of_output(place: &Place) -> u64 {
 
 /// Vertices of a file, counted as they are read.
 fn vertices_of(place: &Place, name: &str) -> u64 {
-    let mut source = terrane::vector::open(&place.path(name), &Default::default()).unwrap();
+    let mut source = terrane_vector::open(&place.path(name), &Default::default()).unwrap();
     let mut count = 0;
     while let Some(feature) = source.next().unwrap() {
         count += feature.geometry.vertices() as u64;
@@ -221,7 +221,7 @@ fn goals_are_met_by_what_is_written() {
     let formats: Vec<_> = FORMATS
         .iter()
         .filter(|format| format.create.is_some())
-        .filter(|format| format.holds.kinds.contains(&terrane::vector::Kind::Polygon))
+        .filter(|format| format.holds.kinds.contains(&terrane_vector::Kind::Polygon))
         .collect();
     assert!(formats.len() > 4);
     for method in METHODS {
@@ -265,7 +265,7 @@ fn decimals_are_those_of_every_format() {
             let base = ["line", "a.wkt", &output, "--decimals", "2", "-q", "--overwrite"];
             place.ok(&[&base[..], way].concat());
             let mut source =
-                terrane::vector::open(&place.path(&output), &Default::default()).unwrap();
+                terrane_vector::open(&place.path(&output), &Default::default()).unwrap();
             let mut count = 0;
             while let Some(feature) = source.next().unwrap() {
                 for part in feature.geometry.parts() {

@@ -59,7 +59,7 @@ const PRINTS: [(&[&str], [f64; 3]); 6] = [
 #[test]
 fn meshes_of_degrees_are_proved_in_any_units() {
     for (options, _) in PRINTS.into_iter().filter(|(options, _)| !options.contains(&"--base")) {
-        for format in terrane::mesh::FORMATS {
+        for format in terrane_mesh::FORMATS {
             let place = Place::new();
             degrees(&place);
             let mesh = format!("mesh.{}", format.extensions[0]);
@@ -148,7 +148,7 @@ fn solids_are_never_proved_and_never_called_broken() {
         (&["--co", "SOLID_BASE=250", "--split", "1", "--tile", "16", "--format", "STL"], true),
         (&["--co", "SOLID_BASE=250", "--workdir", "work"], true),
     ] {
-        for format in terrane::mesh::FORMATS {
+        for format in terrane_mesh::FORMATS {
             let place = Place::new();
             degrees(&place);
             let mesh = format!("mesh.{}", format.extensions[0]);
@@ -185,7 +185,7 @@ fn prints_that_collapse_are_refused_by_name() {
     let place = Place::new();
     degrees(&place);
     place.write("plain.asc", GRID).write("a.txt", points(100.0));
-    for format in terrane::mesh::FORMATS.iter().filter(|format| format.single_precision) {
+    for format in terrane_mesh::FORMATS.iter().filter(|format| format.single_precision) {
         let output = format!("a.{}", format.extensions[0]);
         for input in ["dem.asc", "plain.asc", "a.txt"] {
             for (option, value) in BEYOND {

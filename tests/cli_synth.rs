@@ -3,7 +3,7 @@
 mod cli_support;
 
 use cli_support::Place;
-use terrane::synth::lines::SHAPES;
+use terrane_synth::lines::SHAPES;
 
 #[test]
 fn a_cloud_by_name_becomes_a_file() {

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_file};
 use terrane::Result;
-use terrane::cloud::{Census, OpenOptions};
+use terrane_cloud::{Census, OpenOptions};
 
 /// Far below what any of the lying headers asks for.
 const MOST_MEMORY: u64 = 512 << 20;
@@ -41,7 +41,7 @@ fn both(name: &str) -> (Found, Found) {
 }
 
 fn peak_is_low() -> bool {
-    terrane::jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
+    terrane_jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
 }
 
 /// Small files, one of each kind.

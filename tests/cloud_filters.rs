@@ -6,10 +6,10 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use cloud_support::{Made, Packing, Place, Random, copc, keep_all, raw, read_all, read_file};
-use terrane::cloud::{
-    self, Census, Filter, Flags, OpenOptions, PointSource, Polygon, Return, is_cloud,
+use terrane_base::geom::{Crs, wkt};
+use terrane_cloud::{
+    self as cloud, Census, Filter, Flags, OpenOptions, PointSource, Polygon, Return, is_cloud,
 };
-use terrane::geom::{Crs, wkt};
 
 /// A triangle with a hole.
 fn polygon() -> Polygon {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use cloud_support::{Made, Packing, Place, copc, keep_all, raw, read_all, read_file};
-use terrane::cloud::{self, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, OpenOptions, PointSource};
 
 const PACKINGS: [Packing; 5] = [
     Packing::Plain,

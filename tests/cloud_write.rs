@@ -4,14 +4,14 @@ use std::path::Path;
 
 use las::Reader;
 use terrane::ErrorKind;
-use terrane::cloud::synth;
-use terrane::cloud::write::{
+use terrane_base::geom::{Crs, Frame, Point};
+use terrane_cloud::synth;
+use terrane_cloud::write::{
     CHUNK, CloudWriter, PointFormat, Record, WriteOptions, compressed_by_name,
 };
-use terrane::cloud::{Filter, OpenOptions, PointSource, Return};
-use terrane::geom::{Crs, Frame, Point};
-use terrane::jobs::survey::{self, SurveyJob};
-use terrane::jobs::{Cancel, Resources, Silent};
+use terrane_cloud::{Filter, OpenOptions, PointSource, Return};
+use terrane_jobs::survey::{self, SurveyJob};
+use terrane_jobs::{Cancel, Resources, Silent};
 
 fn options(format: u8, compress: bool) -> WriteOptions {
     WriteOptions {

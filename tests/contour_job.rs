@@ -10,13 +10,13 @@ use std::collections::HashMap;
 use contour_support::{Grid, Line, first_meeting, job, lines_of, made, read, units};
 use proptest::prelude::*;
 use terrane::ErrorKind;
-use terrane::contour::{self, Levels, Lines, Scratch, Window};
-use terrane::geom::{Affine, Crs, Rect};
-use terrane::jobs::contour::{ContourJob, Heights, trace};
-use terrane::jobs::line::Length;
-use terrane::jobs::{Cancel, Silent};
-use terrane::proof::lines::{self, Distance, Question};
-use terrane::vector;
+use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_contour::{self as contour, Levels, Lines, Scratch, Window};
+use terrane_jobs::contour::{ContourJob, Heights, trace};
+use terrane_jobs::line::Length;
+use terrane_jobs::{Cancel, Silent};
+use terrane_proof::lines::{self, Distance, Question};
+use terrane_vector as vector;
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 
@@ -485,7 +485,7 @@ fn what_cannot_be_is_refused_before_the_work() {
 #[ignore = "needs TERRANE_DATA"]
 fn windows_of_real_terrain_are_joined() {
     let dem = data::at("dem/srtm_bigtujunga30m_utm11.tif");
-    let source = terrane::raster::open(dem.to_str().unwrap(), &Default::default()).unwrap();
+    let source = terrane_raster::open(dem.to_str().unwrap(), &Default::default()).unwrap();
     let info = source.info().clone();
     let mut heights = vec![0.0; info.bounds().len()];
     source.read_f64(Rect::new(0, 0, info.width, info.height), &mut heights).unwrap();

@@ -8,8 +8,9 @@ mod tiff_builder;
 use std::path::Path;
 
 use cli_support::Place;
-use terrane::geom::{Crs, wkt};
-use terrane::{raster, vector};
+use terrane_base::geom::{Crs, wkt};
+use terrane_raster as raster;
+use terrane_vector as vector;
 use tiff_builder::{Spec, Value};
 
 /// GeoKeys: their directory behind its header, their numbers and their texts.

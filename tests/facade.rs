@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use terrane::{Affine, Cancel, Crs, ErrorKind, Progress, Tin};
+use terrane::{Affine, Cancel, Crs, Progress, Tin};
+use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
 
@@ -14,7 +15,7 @@ fn heights() -> Vec<f64> {
 
 /// What is stored in a mesh file.
 fn stored(path: &std::path::Path) -> (Vec<[f64; 3]>, Vec<[u64; 3]>) {
-    let mesh = terrane::mesh::open(path).unwrap();
+    let mesh = terrane_mesh::open(path).unwrap();
     let mut vertices = vec![[0.0; 3]; mesh.info().vertices as usize];
     let mut triangles = vec![[0; 3]; mesh.info().triangles as usize];
     mesh.read_vertices(0, &mut vertices).unwrap();
@@ -51,7 +52,7 @@ fn a_mesh_in_memory_is_written_and_proved() {
     let grid = terrane::open(NAME).unwrap();
     let tin = grid.tin().max_vertices(4000).build().unwrap();
     assert!(tin.vertices().len() <= 4000 && tin.max_error() <= tin.tolerance());
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let path = folder.path().join("mesh").with_extension(format.extensions[0]);
         assert_eq!(tin.write(&path).unwrap(), path.metadata().unwrap().len());
         let proof = grid.verify(&path).max_error(tin.tolerance()).run().unwrap();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use held::Mesh;
-use terrane::mesh::{self, SinkOptions};
+use terrane_mesh::{self as mesh, SinkOptions};
 
 const SCRIPT: &str = "
 const validator = require('gltf-validator'), fs = require('fs');

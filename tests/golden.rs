@@ -16,8 +16,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::jobs::REVISION;
-use terrane::{gridding, line, mesh, raster, synth, vector};
+use terrane_gridding as gridding;
+use terrane_jobs::REVISION;
+use terrane_line as line;
+use terrane_mesh as mesh;
+use terrane_raster as raster;
+use terrane_synth as synth;
+use terrane_vector as vector;
 
 /// Where the table is.
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.tsv");

@@ -5,11 +5,11 @@ mod grid_support;
 
 use grid_support::{Memory, cells, frame, job, near, plain, points, read, run};
 use tempfile::tempdir;
-use terrane::geom::{Frame, Point};
-use terrane::gridding::{Statistic, parse_list};
-use terrane::jobs::Resources;
-use terrane::jobs::grid::{Compat, GridJob, Placement};
-use terrane::raster::SampleType;
+use terrane_base::geom::{Frame, Point};
+use terrane_gridding::{Statistic, parse_list};
+use terrane_jobs::Resources;
+use terrane_jobs::grid::{Compat, GridJob, Placement};
+use terrane_raster::SampleType;
 
 const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0,p100";
 const ALL: &str = "count,min,max,mean,std,median,idw,idw:radius=2.5,power=2,nearest";
@@ -357,11 +357,11 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     let path = |name: &str| folder.path().join(name);
     let source = Memory::new(frame(0.01, [0.0; 3]), &points(10, 1000, 100, 1), 9);
     let fails = |job: &GridJob, part: &str| {
-        let told = terrane::jobs::grid::grid(
+        let told = terrane_jobs::grid::grid(
             &source,
             job,
-            &terrane::jobs::Silent,
-            &terrane::jobs::Cancel::default(),
+            &terrane_jobs::Silent,
+            &terrane_jobs::Cancel::default(),
         );
         let told = told.unwrap_err().to_string();
         assert!(told.contains(part), "{told}");

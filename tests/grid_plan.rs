@@ -3,15 +3,16 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use terrane::gridding::parse_list;
-use terrane::jobs::grid::plan::{
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_gridding::parse_list;
+use terrane_jobs::grid::plan::{
     GridRun, PlanGridJob, RunGridJob, grid_status, plan_grid, run_grid,
 };
-use terrane::jobs::grid::{GridJob, run};
-use terrane::jobs::plan::DiskCheck;
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::raster::SampleType;
-use terrane::{ErrorKind, Result};
+use terrane_jobs::grid::{GridJob, run};
+use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_raster::SampleType;
 
 /// Side of the cloud, and of the square that a file of it has.
 const SIDE: i32 = 1024;

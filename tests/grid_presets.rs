@@ -8,11 +8,11 @@ use std::path::Path;
 
 use cli_support::Place;
 use grid_support::{Written, read};
-use terrane::cloud::synth::survey;
-use terrane::gridding::parse_list;
-use terrane::jobs::grid::{GridJob, GridReport, GroundFrom, Preset, run};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::synth::cloud::{BUILDING, Survey};
+use terrane_cloud::synth::survey;
+use terrane_gridding::parse_list;
+use terrane_jobs::grid::{GridJob, GridReport, GroundFrom, Preset, run};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_synth::cloud::{BUILDING, Survey};
 
 /// World coordinates of a synthetic cloud's south-west corner.
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
@@ -94,7 +94,7 @@ fn a_surface_has_no_pits_and_stands_on_the_ground() {
     let (dsm, _) = preset(FOREST, &at("dsm.tif"), Preset::Dsm, GroundFrom::Auto);
     let (chm, report) = preset(FOREST, &at("chm.tif"), Preset::Chm, GroundFrom::Auto);
     let mut plain = GridJob::new([FOREST], at("tin.tif"), parse_list("tin,max").unwrap(), 1.0);
-    plain.cloud.filter.returns = Some(terrane::cloud::Return::First);
+    plain.cloud.filter.returns = Some(terrane_cloud::Return::First);
     plain.cloud.filter.classes = Some((0..=255).filter(|c| ![7, 18].contains(c)).collect());
     let (tin, _) = made(&plain);
     let max = read(&plain.output, 2);

@@ -6,10 +6,10 @@ mod grid_support;
 use std::path::Path;
 
 use grid_support::{Lots, Memory, frame, job, read, run};
-use terrane::cloud::{OpenOptions, PointSource, synth};
-use terrane::delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
-use terrane::geom::{Frame, Point};
-use terrane::jobs::Resources;
+use terrane_base::geom::{Frame, Point};
+use terrane_cloud::{OpenOptions, PointSource, synth};
+use terrane_delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
+use terrane_jobs::Resources;
 
 /// All points of a source.
 fn all(source: &dyn PointSource) -> Vec<Point> {
@@ -104,7 +104,7 @@ fn planes_are_reproduced_and_beyond_the_hull_is_nothing() {
     let source = Memory::new(frame(0.01, [10.0, 20.0, 5.0]), &points, 1000);
     for stats in ["tin", "natural"] {
         let mut job = job(&output, stats, 1.0);
-        (job.overwrite, job.sample_type) = (true, terrane::raster::SampleType::F64);
+        (job.overwrite, job.sample_type) = (true, terrane_raster::SampleType::F64);
         job.placement.bbox = Some([0.0, 10.0, 70.0, 80.0]);
         run(&source, &job);
         let written = read(&output, 1);

@@ -5,9 +5,9 @@
 mod data;
 
 use spade::{DelaunayTriangulation, FloatTriangulation, HasPosition, Point2, Triangulation};
-use terrane::cloud::synth::survey;
-use terrane::gridding::ground::{EMPTY, Ground, Parameters, ground};
-use terrane::synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use terrane_cloud::synth::survey;
+use terrane_gridding::ground::{EMPTY, Ground, Parameters, ground};
+use terrane_synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, Survey};
 
 /// A point in cells and centimetres, with its class.
 struct Classified {

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use terrane::ErrorKind;
-use terrane::jobs::line::{Goal, Length, LineJob, Topology, run};
-use terrane::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::line::METHODS;
-use terrane::line::registry::Bounds;
-use terrane::line::topology::{Collapse, Strategy};
-use terrane::vector::{FORMATS, VectorFormat};
+use terrane_jobs::line::{Goal, Length, LineJob, Topology, run};
+use terrane_jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_line::METHODS;
+use terrane_line::registry::Bounds;
+use terrane_line::topology::{Collapse, Strategy};
+use terrane_vector::{FORMATS, VectorFormat};
 
 /// Numbers that look random, and are the same each time.
 struct Dice(u64);

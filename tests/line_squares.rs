@@ -11,11 +11,11 @@ mod worlds;
 
 use std::path::{Path, PathBuf};
 
-use terrane::jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::line::Xy;
-use terrane::line::topology::{Chains, Collapse, Kept, Strategy};
+use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_line::Xy;
+use terrane_line::topology::{Chains, Collapse, Kept, Strategy};
 use worlds::{Dice, World};
 
 /// A folder with the files of a world.

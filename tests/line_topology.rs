@@ -3,12 +3,12 @@
 mod line_support;
 
 use line_support::{Rings, world};
-use terrane::line::arcs::Arcs;
-use terrane::line::metric::Plane;
-use terrane::line::registry::Bounds;
-use terrane::line::topology::{Collapse, Kept, Options, Strategy, refining, untangle};
-use terrane::line::{METHODS, Method, Scratch, Xy};
-use terrane::proof::lines::{Distance, Lines, Question, Report, check};
+use terrane_line::arcs::Arcs;
+use terrane_line::metric::Plane;
+use terrane_line::registry::Bounds;
+use terrane_line::topology::{Collapse, Kept, Options, Strategy, refining, untangle};
+use terrane_line::{METHODS, Method, Scratch, Xy};
+use terrane_proof::lines::{Distance, Lines, Question, Report, check};
 
 fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<'_>) -> Report {
     let mut scratch = Scratch::default();

@@ -11,10 +11,10 @@ mod whole;
 use std::collections::{BTreeMap, BTreeSet};
 
 use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
-use terrane::jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::line::METHODS;
-use terrane::line::topology::{Collapse, Strategy};
+use terrane_jobs::line::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_line::METHODS;
+use terrane_line::topology::{Collapse, Strategy};
 use whole::{
     area, cross_within, is_on, is_simple, is_within, meet, segments, turns, without_repeats,
 };

@@ -7,8 +7,9 @@ mod held;
 use std::path::{Path, PathBuf};
 
 use held::Mesh;
-use terrane::mesh::{self, FORMATS, SinkOptions};
-use terrane::{Error, ErrorKind};
+use terrane_base::Error;
+use terrane_base::ErrorKind;
+use terrane_mesh::{self as mesh, FORMATS, SinkOptions};
 
 struct Lab {
     folder: tempfile::TempDir,

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use held::{Mesh, ORIGIN};
 use terrane::ErrorKind;
-use terrane::geom::Point3;
-use terrane::mesh::{self, FORMATS, MeshFormat, SinkOptions};
+use terrane_base::geom::Point3;
+use terrane_mesh::{self as mesh, FORMATS, MeshFormat, SinkOptions};
 
 fn file_name(format: &MeshFormat) -> String {
     format!("mesh.{}", format.extensions[0])

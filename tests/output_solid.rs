@@ -5,8 +5,8 @@ mod held;
 
 use held::{Mesh, edges, six_volumes};
 use terrane::ErrorKind;
-use terrane::geom::Point3;
-use terrane::mesh::{self, MeshFormat, SinkOptions};
+use terrane_base::geom::Point3;
+use terrane_mesh::{self as mesh, MeshFormat, SinkOptions};
 
 const BASE: f64 = -12.5;
 

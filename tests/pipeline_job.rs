@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane::jobs::placing::Placing;
-use terrane::jobs::tin::{Goal, TinJob, TinReport, run};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::{ErrorKind, Result, mesh};
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_jobs::placing::Placing;
+use terrane_jobs::tin::{Goal, TinJob, TinReport, run};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_mesh as mesh;
 
 const TERRAIN: &str = "synth:rough,size=300,seed=7";
 

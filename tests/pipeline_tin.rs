@@ -4,10 +4,11 @@
 mod support;
 
 use support::{Capture, FunctionGrid, Mesh, hills, noise, non_delaunay_edges, validate};
-use terrane::jobs::tin::{Outcome, Settings, run_on};
-use terrane::jobs::{Cancel, Silent};
-use terrane::tin::Spec;
-use terrane::{ErrorKind, Result};
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_jobs::tin::{Outcome, Settings, run_on};
+use terrane_jobs::{Cancel, Silent};
+use terrane_tin::Spec;
 
 struct Run {
     tolerance: f64,
@@ -129,7 +130,7 @@ fn bytes_do_not_depend_on_threads_memory_or_order() {
 #[test]
 fn heights_wider_than_f32_come_out_exact() {
     let mut grid = FunctionGrid::new(60, 50, fine);
-    grid.info.sample_type = terrane::raster::SampleType::F64;
+    grid.info.sample_type = terrane_raster::SampleType::F64;
     let (mesh, _) = Run::default().on(&grid).unwrap();
     validate(&mesh, &grid, 2.0);
 }

@@ -8,8 +8,8 @@ use raster_support::formats::{
     SIZE, Sample, bil, dted, envi, flt, gzip, height, heights, npy, png, samples, usgs, xyz, zip,
 };
 use raster_support::{open_band, read_all, read_in_windows, same, write_anew};
-use terrane::geom::Rect;
-use terrane::raster::{GridSource, OpenOptions, open};
+use terrane_base::geom::Rect;
+use terrane_raster::{GridSource, OpenOptions, open};
 
 fn open_sample(folder: &Path, sample: &Sample) -> Box<dyn GridSource> {
     sample.write(folder);
@@ -242,7 +242,7 @@ fn what_fills_up_the_last_row_may_be_left_out() {
 
 #[test]
 fn a_header_without_the_width_of_samples_goes_by_the_length() {
-    use terrane::raster::SampleType;
+    use terrane_raster::SampleType;
     let head = "NCOLS 7\nNROWS 5\nBYTEORDER I\nULXMAP 0\nULYMAP 0\nXDIM 1\nYDIM 1\n";
     // What GDAL 3.10 makes of these, but for those with a pixel type, which it takes for bytes.
     for (more, size, kind) in [
@@ -358,9 +358,9 @@ fn every_line_of_a_text_cloud_is_like_the_first() {
             let text = format!("1 1 5\n{bad}\n1 2 7\n2 2 8\n").replace(' ', separator);
             let path = folder.path().join(format!("a.{ending}"));
             write_anew(&path, text.as_bytes());
-            let options = terrane::cloud::OpenOptions::default();
+            let options = terrane_cloud::OpenOptions::default();
             let name = path.to_str().unwrap().to_owned();
-            let Err(error) = terrane::cloud::open(&[name], &options) else { panic!("{text:?}") };
+            let Err(error) = terrane_cloud::open(&[name], &options) else { panic!("{text:?}") };
             let told = error.to_string();
             assert!(told.contains("line 2") && told.contains(ending), "{text:?}: {told}");
         }

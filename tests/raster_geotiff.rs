@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use raster_support::tiff_builder::{Spec, Value};
 use raster_support::{open_band, read_all};
-use terrane::geom::{Affine, Rect};
-use terrane::raster::{GridSource, OpenOptions, open};
-use terrane::{Error, ErrorKind};
+use terrane_base::Error;
+use terrane_base::ErrorKind;
+use terrane_base::geom::{Affine, Rect};
+use terrane_raster::{GridSource, OpenOptions, open};
 
 struct Folder(tempfile::TempDir);
 

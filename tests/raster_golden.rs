@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use raster_support::{crc, open_band, read_all, read_in_windows, same};
-use terrane::raster::{GridInfo, GridSource};
+use terrane_raster::{GridInfo, GridSource};
 
 const GOLDEN: &str = include_str!("raster_support/golden.tsv");
 

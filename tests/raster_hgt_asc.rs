@@ -6,8 +6,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use raster_support::{open_band, read_all, read_in_windows, same};
-use terrane::geom::Rect;
-use terrane::raster::{OpenOptions, SampleType, open};
+use terrane_base::geom::Rect;
+use terrane_raster::{OpenOptions, SampleType, open};
 
 const SIDE: usize = 1201;
 

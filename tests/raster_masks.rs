@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use raster_support::tiff_builder::{Spec, Value};
 use raster_support::{open_band, read_all, read_in_windows};
 use terrane::ErrorKind;
-use terrane::jobs::convert::{self, ConvertJob};
-use terrane::jobs::{Cancel, Silent};
-use terrane::raster::{OpenOptions, open};
+use terrane_jobs::convert::{self, ConvertJob};
+use terrane_jobs::{Cancel, Silent};
+use terrane_raster::{OpenOptions, open};
 
 const WIDTH: usize = 37;
 const HEIGHT: usize = 21;

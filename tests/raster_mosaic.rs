@@ -10,9 +10,10 @@ use std::path::Path;
 use proptest::prelude::*;
 use raster_support::{crc, read_all, read_in_windows, same};
 use tempfile::TempDir;
-use terrane::geom::Rect;
-use terrane::raster::{GridSource, OpenOptions, SampleType, open, open_all};
-use terrane::{ErrorKind, Result};
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{GridSource, OpenOptions, SampleType, open, open_all};
 
 const NODATA: f64 = -9999.0;
 

@@ -11,7 +11,7 @@ use raster_support::formats::{self, Sample};
 use raster_support::hostile::{MOST_MEMORY, Random, guarded, mutate};
 use raster_support::tiff_builder::{Spec, Value};
 use raster_support::write_anew;
-use terrane::raster::FORMATS;
+use terrane_raster::FORMATS;
 
 /// Real files up to this long are damaged too.
 const MOST_BYTES: u64 = 200_000;
@@ -225,7 +225,7 @@ fn damage(name: &str) {
     }
     println!("{name}: {count} mutations, {read} read, {} refused", count - read);
     assert!(read < count, "all {count} read: nothing was damaged");
-    assert!(terrane::jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
+    assert!(terrane_jobs::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
 }
 
 /// True when the grid was read, false when it was refused in one line.

@@ -9,7 +9,7 @@ use std::ffi::OsString;
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::mesh;
+use terrane_mesh as mesh;
 
 const TERRAIN: &str = "synth:coast,width=700,height=420,seed=4";
 

@@ -3,12 +3,14 @@
 
 use std::path::Path;
 
-use terrane::geom::{Affine, Crs, Rect};
-use terrane::jobs::convert::{ConvertJob, ConvertReport, copy, run};
-use terrane::jobs::{Cancel, Silent};
-use terrane::raster::store::{Heights, StoreWriter};
-use terrane::raster::{self, GridInfo, GridSource, OpenOptions, SampleType};
-use terrane::{Error, ErrorKind, Result};
+use terrane_base::Error;
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_jobs::convert::{ConvertJob, ConvertReport, copy, run};
+use terrane_jobs::{Cancel, Silent};
+use terrane_raster::store::{Heights, StoreWriter};
+use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType};
 
 const TYPES: [SampleType; 9] = [
     SampleType::I8,

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use terrane::ErrorKind;
-use terrane::cloud::synth::{self, Synthetic, frame, survey};
-use terrane::cloud::{Filter, Flags, OpenOptions, PointSource, Return, is_cloud};
-use terrane::geom::Point;
-use terrane::synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
-use terrane::synth::{CHARACTERS, Terrain};
+use terrane_base::geom::Point;
+use terrane_cloud::synth::{self, Synthetic, frame, survey};
+use terrane_cloud::{Filter, Flags, OpenOptions, PointSource, Return, is_cloud};
+use terrane_synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use terrane_synth::{CHARACTERS, Terrain};
 
 const NAME: &str = "cloud,width=420,height=300,density=4,seed=11,outliers=0.01";
 
@@ -243,7 +243,7 @@ fn filters_act_on_synthetic_clouds() {
     for (filter, wanted) in cases {
         let source = Synthetic::new(survey.clone(), filter.clone());
         let info = source.info().clone();
-        let (mut points, mut census) = (Vec::new(), terrane::cloud::Census::default());
+        let (mut points, mut census) = (Vec::new(), terrane_cloud::Census::default());
         for part in 0..source.parts() {
             let mut take = |batch: &[Point]| {
                 points.extend_from_slice(batch);
@@ -283,7 +283,7 @@ fn every_parameter_is_in_the_book() {
     let names = include_str!("../docs/src/reference/names.md");
     let clouds = names.split("\n## Parameters of a cloud\n").nth(1).unwrap();
     let clouds = clouds.split("\n## ").next().unwrap();
-    for parameter in terrane::synth::cloud::PARAMETERS {
+    for parameter in terrane_synth::cloud::PARAMETERS {
         assert!(clouds.contains(&format!("| `{}` |", parameter.key)), "{}", parameter.key);
     }
 }

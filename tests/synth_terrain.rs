@@ -1,8 +1,8 @@
 //! Synthetic terrains: windows agree bit for bit, and every character shows what it promises.
 
 use proptest::prelude::*;
-use terrane::geom::Rect;
-use terrane::synth::{CHARACTERS, MAX_SIDE, Terrain};
+use terrane_base::geom::Rect;
+use terrane_synth::{CHARACTERS, MAX_SIDE, Terrain};
 
 fn terrain(name: &str) -> Terrain {
     Terrain::parse(name).unwrap()

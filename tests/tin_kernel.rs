@@ -4,9 +4,9 @@
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
-use terrane::geom::Rounding;
-use terrane::geom::predicates::{Lattice, in_circle, orient};
-use terrane::tin::{
+use terrane_base::geom::Rounding;
+use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+use terrane_tin::{
     Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
     triangulate_tile,
 };

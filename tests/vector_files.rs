@@ -6,7 +6,7 @@ mod data;
 use std::path::Path;
 
 use terrane::Result;
-use terrane::vector::{self, Feature, Kind, OpenOptions, Value};
+use terrane_vector::{self as vector, Feature, Kind, OpenOptions, Value};
 
 fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
     let options = OpenOptions { layer: layer.map(str::to_owned) };

@@ -2,8 +2,8 @@
 
 mod verify_support;
 
-use terrane::geom::Affine;
-use terrane::jobs::verify::{FaultReport, VerifyReport};
+use terrane_base::geom::Affine;
+use terrane_jobs::verify::{FaultReport, VerifyReport};
 use verify_support::{Grid, Mesh, check, delaunay, noise, split_cells};
 
 /// World y of a row, under the default map.
@@ -323,9 +323,9 @@ fn unusable_vertices_and_bad_ids() {
     assert_eq!((report.unusable_vertices, report.broken_triangles), (1, 6));
     assert!(!report.passed);
     mesh.triangles[3][1] = 1 << 40;
-    let resources = terrane::jobs::Resources::default();
-    let (progress, cancel) = (terrane::jobs::Silent, terrane::jobs::Cancel::default());
-    let verify = terrane::jobs::verify::verify;
+    let resources = terrane_jobs::Resources::default();
+    let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
+    let verify = terrane_jobs::verify::verify;
     let error = verify(&mesh, &grid, None, &resources, &progress, &cancel).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::BadInput);
     assert!(error.to_string().starts_with("triangle 3: refers to vertex 1099511627776"));

@@ -5,7 +5,7 @@ mod verify_support;
 
 use cli_support::Place;
 use serde_json::Value;
-use terrane::jobs::verify::VerifyReport;
+use terrane_jobs::verify::VerifyReport;
 use verify_support::{Grid, Mesh, check, check_with, noise, split_cells};
 
 /// A tolerance that no planted fault breaks.
@@ -122,7 +122,7 @@ fn json(text: &str) -> Value {
 #[test]
 fn meshes_of_every_format_lie_on_the_samples() {
     let place = Place::new();
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let mesh = format!("a.{}", format.extensions[0]);
         place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5", "--overwrite"]);
         let report = json(&place.ok(&["verify", &mesh, TERRAIN, "--json", "--max-error", "5"]).out);
@@ -155,7 +155,7 @@ fn a_written_mesh_that_was_tampered_with_fails_unless_it_is_not_ours() {
 #[test]
 fn a_mesh_that_states_no_bound_is_not_said_to_keep_it() {
     let place = Place::new();
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let mesh = format!("a.{}", format.extensions[0]);
         place.ok(&["tin", TERRAIN, &mesh, "--max-error", "5"]);
         // Every format states its bound.
@@ -204,7 +204,7 @@ fn heights_far_from_zero_keep_their_digits_in_every_format() {
         (0..900u64).map(|i| (20_000_001 + (i * i) % 77).to_string()).collect();
     let head = "ncols 30\nnrows 30\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\n";
     place.write("far.asc", format!("{head}{}\n", heights.join(" ")));
-    for format in terrane::mesh::FORMATS {
+    for format in terrane_mesh::FORMATS {
         let mesh = format!("far.{}", format.extensions[0]);
         place.ok(&["tin", "far.asc", &mesh, "--max-error", "0.25", "--overwrite"]);
         let verify = ["verify", &mesh, "far.asc", "--json", "--max-error", "0.25"];

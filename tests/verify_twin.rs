@@ -6,8 +6,8 @@ mod verify_support;
 use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
-use terrane::geom::Affine;
-use terrane::jobs::verify::VerifyReport;
+use terrane_base::geom::Affine;
+use terrane_jobs::verify::VerifyReport;
 use verify_support::{Grid, Mesh, check_with, delaunay, findings, noise, split_cells};
 
 /// Positions are in quarters of a cell (column, row), heights and tolerances in eighths.
@@ -442,9 +442,9 @@ fn a_crowd_of_triangles_in_one_place_is_refused_by_name() {
     let one = mesh.triangles[0];
     mesh.triangles.extend(std::iter::repeat_n(one, 20_000));
     mesh.recount();
-    let resources = terrane::jobs::Resources { threads: 1, memory: 1 << 20, temp_dir: None };
-    let (progress, cancel) = (terrane::jobs::Silent, terrane::jobs::Cancel::default());
-    let verify = terrane::jobs::verify::verify;
+    let resources = terrane_jobs::Resources { threads: 1, memory: 1 << 20, temp_dir: None };
+    let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
+    let verify = terrane_jobs::verify::verify;
     let error = verify(&mesh, &grid, None, &resources, &progress, &cancel).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::Resource);
     assert!(error.to_string().contains("raise --memory"), "{error}");

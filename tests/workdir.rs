@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane::jobs::placing::Placing;
-use terrane::jobs::plan::DiskCheck;
-use terrane::jobs::tin::{
+use terrane_base::ErrorKind;
+use terrane_base::Result;
+use terrane_jobs::placing::Placing;
+use terrane_jobs::plan::DiskCheck;
+use terrane_jobs::tin::{
     Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
     status_of,
 };
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::{ErrorKind, Result};
+use terrane_jobs::{Cancel, Resources, Silent};
 
 const TERRAIN: &str = "synth:rough,width=700,height=1100,seed=7";
 

@@ -10,8 +10,8 @@
 
 use std::fs;
 
-use terrane::line::topology::{Chains, Kept, Options, refining, untangle};
-use terrane::line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
+use terrane_line::topology::{Chains, Kept, Options, refining, untangle};
+use terrane_line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
 
 /// Questions to a hierarchy that are timed together: one is shorter than the clock tells.
 const QUESTIONS: u32 = 50;

@@ -84,7 +84,7 @@ fn parse(args: &[OsString], command: &Command) -> Result<Job, clap::Error> {
 }
 
 /// Runs the command line and returns the process exit code.
-pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     heap::give_back();
     let args: Vec<OsString> = args.into_iter().collect();
     let command = &command();

@@ -15,7 +15,7 @@ use terrane_raster::SampleType;
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("copy.tif");
 /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
-/// dem.convert().creation("COMPRESS", "DEFLATE").write(&path)?;
+/// dem.convert().write(&path)?;
 /// let copy = terrane::open(&path)?;
 /// assert_eq!(copy.heights(copy.info().bounds())?, dem.heights(dem.info().bounds())?);
 /// # Ok(())

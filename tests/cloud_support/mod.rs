@@ -7,7 +7,7 @@ use std::path::Path;
 
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlrBuilder};
 use terrane::Result;
-use terrane::cloud::{self, Census, Cloud, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, Census, Cloud, OpenOptions, PointSource};
 
 /// Bytes of a record by point format.
 pub(crate) const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];

@@ -5,9 +5,10 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use terrane::geom::{Crs, Point3};
-use terrane::mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, SinkOptions};
-use terrane::{Error, Result};
+use terrane_base::Error;
+use terrane_base::Result;
+use terrane_base::geom::{Crs, Point3};
+use terrane_mesh::{MeshBatch, MeshFormat, MeshHeader, MeshSource, SinkOptions};
 
 /// A mesh held in memory.
 #[derive(Clone, Debug, PartialEq)]

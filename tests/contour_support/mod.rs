@@ -5,13 +5,13 @@ use std::cmp::Ordering;
 use std::path::Path;
 
 use terrane::Result;
-use terrane::geom::plane::orient;
-use terrane::geom::{Affine, Crs, Rect};
-use terrane::jobs::contour::{ContourJob, ContourReport, Heights, run, trace};
-use terrane::jobs::line::Length;
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::raster::{GridInfo, GridSource, SampleType};
-use terrane::vector::{self, Value};
+use terrane_base::geom::plane::orient;
+use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_jobs::contour::{ContourJob, ContourReport, Heights, run, trace};
+use terrane_jobs::line::Length;
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_vector::{self as vector, Value};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use terrane::Result;
-use terrane::cloud::{BATCH, Census, CloudInfo, PointSource};
-use terrane::geom::{Crs, Frame, Point};
-use terrane::gridding::{Statistic, parse_list};
-use terrane::jobs::grid::{GridJob, GridReport, grid};
-use terrane::jobs::{Cancel, Silent};
-use terrane::raster;
+use terrane_base::geom::{Crs, Frame, Point};
+use terrane_cloud::{BATCH, Census, CloudInfo, PointSource};
+use terrane_gridding::{Statistic, parse_list};
+use terrane_jobs::grid::{GridJob, GridReport, grid};
+use terrane_jobs::{Cancel, Silent};
+use terrane_raster as raster;
 
 /// Points in memory.
 pub struct Memory {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use terrane::line::topology::{Collapse, Strategy};
+use terrane_line::topology::{Collapse, Strategy};
 
 /// A position in thousandths.
 pub(crate) type Cell = [i64; 2];

@@ -1,7 +1,7 @@
 //! A coverage with islands and lakes, for tests of lines.
 
-use terrane::line::Xy;
-use terrane::line::topology::Chains;
+use terrane_line::Xy;
+use terrane_line::topology::Chains;
 
 /// A generator with a fixed seed (SplitMix64).
 struct Dice(u64);

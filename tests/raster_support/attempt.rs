@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use terrane::Result;
-use terrane::geom::Rect;
-use terrane::raster::{OpenOptions, open};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{OpenOptions, open};
 
 /// Most samples read at once.
 const MOST_SAMPLES: u64 = 1 << 19;

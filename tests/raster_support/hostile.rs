@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::mpsc;
 use std::time::Duration;
 
-use terrane::Result;
+use terrane_base::error::Result;
 
 use super::attempt::attempt;
 

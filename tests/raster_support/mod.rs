@@ -9,8 +9,8 @@ pub(crate) mod tiff_builder;
 use std::path::Path;
 
 use terrane::Result;
-use terrane::geom::Rect;
-use terrane::raster::{GridSource, OpenOptions, open};
+use terrane_base::geom::Rect;
+use terrane_raster::{GridSource, OpenOptions, open};
 
 /// Opens `path` with default options and the given band.
 pub(crate) fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {

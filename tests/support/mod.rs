@@ -3,11 +3,12 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
-use terrane::geom::predicates::in_circle;
-use terrane::geom::{Affine, Crs, Point3, Rect};
-use terrane::mesh::{MeshBatch, MeshSink};
-use terrane::raster::{GridInfo, GridSource, SampleType};
-use terrane::{Error, Result};
+use terrane_base::Error;
+use terrane_base::Result;
+use terrane_base::geom::predicates::in_circle;
+use terrane_base::geom::{Affine, Crs, Point3, Rect};
+use terrane_mesh::{MeshBatch, MeshSink};
+use terrane_raster::{GridInfo, GridSource, SampleType};
 
 /// A grid whose heights are a function of the position; NaN is void.
 pub(crate) struct FunctionGrid {

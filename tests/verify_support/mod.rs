@@ -3,11 +3,11 @@
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::Result;
-use terrane::geom::{Affine, Crs, Point3, Rect};
-use terrane::jobs::verify::{VerifyReport, verify};
-use terrane::jobs::{Cancel, Resources, Silent};
-use terrane::mesh::{MeshInfo, MeshSource};
-use terrane::raster::{GridInfo, GridSource, SampleType};
+use terrane_base::geom::{Affine, Crs, Point3, Rect};
+use terrane_jobs::verify::{VerifyReport, verify};
+use terrane_jobs::{Cancel, Resources, Silent};
+use terrane_mesh::{MeshInfo, MeshSource};
+use terrane_raster::{GridInfo, GridSource, SampleType};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]

@@ -1,9 +1,9 @@
 //! Lines from bytes, through every method: what each promises, and what slow loops give.
 
-use terrane::line::metric::{Metric, largest_distance2};
-use terrane::line::topology::{Chains, Collapse, Kept, Options, Strategy, refining, untangle};
-use terrane::line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
-use terrane::proof::lines::{Distance, Lines, Question, check};
+use terrane_line::metric::{Metric, largest_distance2};
+use terrane_line::topology::{Chains, Collapse, Kept, Options, Strategy, refining, untangle};
+use terrane_line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
+use terrane_proof::lines::{Distance, Lines, Question, check};
 
 /// Most vertices.
 const MOST: usize = 4000;
@@ -46,7 +46,7 @@ fn kept(method: &Method, line: &[Xy], tolerance: f64) -> Vec<u32> {
 /// What methods that bound a distance promise.
 fn bounded(line: &[Xy], tolerance: f64) {
     let square = tolerance * tolerance;
-    let run = |name| kept(terrane::line::registry::method(name).expect("known"), line, tolerance);
+    let run = |name| kept(terrane_line::registry::method(name).expect("known"), line, tolerance);
     for method in METHODS {
         let kept = kept(method, line, tolerance);
         let worst = largest_distance2(&Plane, line, &kept).map_or(0.0, |(_, worst)| worst);

@@ -1,7 +1,7 @@
 //! Files of features from bytes, read to their end.
 
-use terrane::Result;
-use terrane::vector::{FORMATS, OpenOptions, open};
+use terrane_base::Result;
+use terrane_vector::{FORMATS, OpenOptions, open};
 
 /// Reads `data` as a file of the format that the first byte picks. The next two bytes say how many of those
 /// that follow are the table beside it (`.dbf`), where the format has one.
