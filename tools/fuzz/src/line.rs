@@ -118,7 +118,7 @@ fn clean(line: &[Xy], tolerance: f64) {
                     (method.plane)(&Plane, part, tolerance, &mut scratch, kept);
                 });
                 let kept = Kept::simplified(&chains, &mut refine);
-                let options = Options { strategy, collapse: Collapse::Keep };
+                let options = Options { strategy, collapse: Collapse::Keep, ..Options::default() };
                 let clean = untangle(&chains, &kept, &[], &options, &mut refine);
                 let own = clean.expect("a sound chain").kept.vertices;
                 let worst = largest_distance2(&Plane, &points, &own).map_or(0.0, |(_, d)| d);
