@@ -287,7 +287,7 @@ fn a_survey_by_name_and_its_file_are_one_cloud() {
         ..Filter::default()
     };
     let options = OpenOptions { filter, ..OpenOptions::default() };
-    let open = |input: &str| synth::source(&[input.to_owned()], &options).unwrap();
+    let open = |input: &str| terrane_cloud::source(&[input.to_owned()], &options).unwrap();
     let by_name = world(open(name).as_ref());
     assert!(by_name.len() > 5000);
     for ending in ["las", "laz"] {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use grid_support::{Lots, Memory, frame, job, read, run};
 use terrane_base::geom::{Frame, Point};
-use terrane_cloud::{OpenOptions, PointSource, synth};
+use terrane_cloud::{OpenOptions, PointSource};
 use terrane_delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
 use terrane_jobs::Resources;
 
@@ -27,7 +27,7 @@ fn all(source: &dyn PointSource) -> Vec<Point> {
 /// An airborne cloud with voids of 15 to 60 m on the lines between tiles.
 fn survey() -> (Frame, Vec<Point>) {
     let name = "synth:cloud,size=300,density=4,seed=5,voids=14,tile=75".to_owned();
-    let source = synth::source(&[name], &OpenOptions::default()).unwrap();
+    let source = terrane_cloud::source(&[name], &OpenOptions::default()).unwrap();
     (source.info().frame, all(&*source))
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use terrane::ErrorKind;
 use terrane_base::geom::Point;
-use terrane_cloud::synth::{self, Synthetic, frame, survey};
+use terrane_cloud::synth::{Synthetic, frame, survey};
 use terrane_cloud::{Filter, Flags, OpenOptions, PointSource, Return, is_cloud};
 use terrane_synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
 use terrane_synth::{CHARACTERS, Terrain};
@@ -270,7 +270,7 @@ fn filters_act_on_synthetic_clouds() {
 #[test]
 fn a_synthetic_cloud_is_an_input_but_not_among_files() {
     let names = |all: &[&str]| all.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-    let open = |all: &[&str]| synth::source(&names(all), &OpenOptions::default());
+    let open = |all: &[&str]| terrane_cloud::source(&names(all), &OpenOptions::default());
     assert!(is_cloud("synth:cloud,size=5") && !is_cloud("synth:rough,size=5"));
     assert_eq!(open(&["synth:cloud,size=5,density=4"]).unwrap().info().count, 100);
     let error = open(&["synth:cloud,size=5", "a.las"]).err().unwrap();

@@ -11,8 +11,8 @@ use crate::cli::shared::{
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
+use crate::jobs::input::is_synthetic;
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::surface::is_synthetic;
 use crate::raster::{SampleType, write};
 
 /// Copy a grid, or a part of it, into a file of another format

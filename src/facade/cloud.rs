@@ -41,7 +41,7 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 
 impl Cloud {
     fn open(inputs: Vec<String>, options: OpenOptions) -> Result<Self> {
-        let info = cloud::synth::source(&inputs, &options)?.info().clone();
+        let info = cloud::source(&inputs, &options)?.info().clone();
         Ok(Self { inputs, options, info })
     }
 

@@ -23,6 +23,20 @@ pub use polygon::Polygon;
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Frame, Point};
 
+/// Opens files as one cloud, or a synthetic cloud by its name.
+///
+/// # Errors
+/// Those of [`open`]; a name that is none; a synthetic cloud among other inputs.
+pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointSource>> {
+    match inputs {
+        [name] if synth::is_synthetic(name) => {
+            let survey = synth::survey(name)?;
+            Ok(Box::new(synth::Synthetic::new(survey, options.filter.clone())))
+        }
+        _ => Ok(Box::new(open(inputs, options)?)),
+    }
+}
+
 /// What a cloud is, before any point is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudInfo {

@@ -1,7 +1,7 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
 use super::filter::{Filter, Flags, Gate, Record, Verdict};
-use super::{BATCH, Census, CloudInfo, OpenOptions, PointSource, write};
+use super::{BATCH, Census, CloudInfo, PointSource, write};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame, Point};
 use terrane_synth::cloud::{Echo, Survey};
@@ -14,19 +14,6 @@ const ORIGIN: [f64; 3] = [500_000.0, 4_750_000.0, 0.0];
 /// True for the name of a synthetic cloud, `synth:cloud` and what may follow.
 pub fn is_synthetic(input: &str) -> bool {
     input.strip_prefix(PREFIX).is_some_and(Survey::is_named)
-}
-
-/// Opens files as one cloud, or a synthetic cloud by its name.
-///
-/// # Errors
-/// Those of [`open`](super::open); a name that is none; a synthetic cloud among other inputs.
-pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointSource>> {
-    match inputs {
-        [name] if is_synthetic(name) => {
-            Ok(Box::new(Synthetic::new(survey(name)?, options.filter.clone())))
-        }
-        _ => Ok(Box::new(super::open(inputs, options)?)),
-    }
 }
 
 /// Fails when one of `inputs` is a synthetic cloud, where files are wanted.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::surface::workers;
+use crate::input::workers;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;

@@ -11,13 +11,13 @@ pub mod feature_stats;
 #[cfg(test)]
 mod few;
 pub mod grid;
+pub mod input;
 pub mod line;
 pub mod memory;
 pub mod placing;
 pub mod plan;
 mod points;
 pub mod sift;
-pub mod surface;
 pub mod survey;
 pub mod tin;
 pub mod verify;

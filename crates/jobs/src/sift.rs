@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Resources;
-use super::surface::workers;
+use super::input::workers;
 use terrane_base::error::{Error, Result};
 use terrane_cloud as cloud;
 use terrane_files::{path_of, shown};

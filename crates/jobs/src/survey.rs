@@ -7,7 +7,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::surface::workers;
+use super::input::workers;
 use super::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;

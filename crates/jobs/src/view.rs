@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::surface::{self, Surface};
+use crate::input::{self, Surface};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
@@ -88,7 +88,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
         threads: job.resources.threads,
         temp_dir: job.resources.temp_dir.clone(),
     };
-    let drawn = match surface::open(job.input.names(), &options)? {
+    let drawn = match input::open(job.input.names(), &options)? {
         Surface::Grid(_) if job.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
@@ -208,7 +208,7 @@ fn write_png(
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header().map_err(fail)?;
     let mut stream = writer.stream_writer().map_err(fail)?;
-    let workers = surface::workers(resources)?;
+    let workers = input::workers(resources)?;
     let mut band = vec![0; width * 4 * BAND];
     progress.begin("paint", height as u64);
     for first in (0..height).step_by(BAND) {

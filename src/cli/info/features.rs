@@ -7,7 +7,7 @@ use crate::cli::shared::text;
 use crate::error::Result;
 use crate::files::{path_of, shown};
 use crate::jobs::feature_stats::{FeatureStats, FieldStats, feature_stats};
-use crate::jobs::surface::is_mesh;
+use crate::jobs::input::is_mesh;
 use crate::jobs::{Cancel, Progress};
 use crate::vector::{Kind, OpenOptions};
 

@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use crate::cli::info::details;
 use crate::cli::shared::text;
-use crate::jobs::surface::GridStats;
-use crate::jobs::tin::Plan;
+use crate::jobs::input::GridStats;
+use crate::jobs::tin::Cost;
 use crate::raster::{GridInfo, Note, notes, notes_on_heights};
 
 /// What is known of a grid.
@@ -42,7 +42,7 @@ pub(crate) struct Facts {
     stats: Option<GridStats>,
     /// What a TIN of it would take; absent where it has no cell.
     #[serde(skip_serializing_if = "Option::is_none")]
-    tin: Option<Plan>,
+    tin: Option<Cost>,
     notes: Vec<Note>,
 }
 
@@ -51,7 +51,7 @@ impl Facts {
         file: &str,
         info: &GridInfo,
         stats: Option<GridStats>,
-        tin: Option<Plan>,
+        tin: Option<Cost>,
     ) -> Self {
         let map = &info.transform;
         Self {
@@ -110,7 +110,7 @@ impl Facts {
         let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
         rows.extend(details::rows(&self.details));
         rows.extend(self.stats.iter().flat_map(|stats| stats_rows(stats, self.samples)));
-        rows.extend(self.tin.iter().flat_map(plan_rows));
+        rows.extend(self.tin.iter().flat_map(cost_rows));
         rows.extend(self.notes.iter().map(|note| ("note".to_owned(), note.text.clone())));
         rows
     }
@@ -126,7 +126,7 @@ fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
     notes(info).into_iter().chain(on_heights.into_iter().flatten()).collect()
 }
 
-fn plan_rows(plan: &Plan) -> Vec<(String, String)> {
+fn cost_rows(plan: &Cost) -> Vec<(String, String)> {
     let [coarse, fine] = plan.seconds.map(text::seconds);
     let rates: Vec<String> = std::iter::zip(plan.nanoseconds_per_sample, plan.kept)
         .map(|(rate, kept)| format!("{} ns at {} kept", text::number(rate), text::percent(kept)))

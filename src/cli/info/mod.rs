@@ -16,9 +16,9 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, points, report, say, text};
 use crate::cloud::is_cloud;
 use crate::error::{Error, ErrorKind, Result};
+use crate::jobs::input::{self, Surface};
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::surface::{self, Surface};
-use crate::jobs::tin::plan;
+use crate::jobs::tin::cost;
 use crate::jobs::{Cancel, Progress, Resources};
 use crate::raster::Inputs;
 use crate::vector;
@@ -212,15 +212,15 @@ fn describe_surface(
     }
     let file = &told(files);
     let resources: Resources = args.machine.resources();
-    match surface::open(files, &args.grid.open_options(&resources))? {
+    match input::open(files, &args.grid.open_options(&resources))? {
         Surface::Grid(grid) => {
-            let measure = || surface::grid_stats(grid.as_ref(), &resources, progress, cancel);
+            let measure = || input::grid_stats(grid.as_ref(), &resources, progress, cancel);
             let stats = args.stats.then(measure).transpose()?;
-            let plan = plan(grid.as_ref(), &resources);
+            let plan = cost(grid.as_ref(), &resources);
             Ok(Facts::Grid(Box::new(grid::Facts::new(file, grid.info(), stats, plan))))
         }
         Surface::Mesh(mesh) => {
-            let bounds = surface::mesh_bounds(mesh.as_ref(), progress, cancel)?;
+            let bounds = input::mesh_bounds(mesh.as_ref(), progress, cancel)?;
             Ok(Facts::Mesh(Box::new(mesh::Facts::new(file, mesh.info(), bounds))))
         }
     }

@@ -8,8 +8,8 @@ use crate::cli::shared::progress::{self, How};
 use crate::cli::shared::{parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::jobs::input::{is_mesh, is_synthetic};
 use crate::jobs::plan::DiskCheck;
-use crate::jobs::surface::{is_mesh, is_synthetic};
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
 

@@ -8,7 +8,7 @@ use crate::atomic;
 use crate::cli::shared::pipes;
 use crate::error::{Error, ErrorKind, Result, all};
 use crate::files::{companions, path_of};
-use crate::jobs::surface::is_synthetic;
+use crate::jobs::input::is_synthetic;
 use crate::raster;
 
 /// As [`input`], for each of `inputs`.

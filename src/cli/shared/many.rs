@@ -7,8 +7,8 @@ use crate::cloud;
 use crate::error::{Error, Result, all};
 use crate::files::path_of;
 use crate::jobs::Resources;
+use crate::jobs::input::is_synthetic;
 use crate::jobs::sift::{self, Sifted, Skipped};
-use crate::jobs::surface::is_synthetic;
 use crate::raster;
 use crate::vector;
 

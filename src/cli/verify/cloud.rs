@@ -7,8 +7,8 @@ use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
+use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
-use crate::jobs::surface::is_mesh;
 use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {

@@ -8,8 +8,8 @@ use crate::cli::verify::told;
 use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
+use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
-use crate::jobs::surface::is_mesh;
 use crate::jobs::verify::{self, VerifyJob, VerifyReport};
 use crate::raster;
 

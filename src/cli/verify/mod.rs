@@ -18,7 +18,7 @@ use crate::cloud::is_cloud;
 use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
-use crate::jobs::surface::is_mesh;
+use crate::jobs::input::is_mesh;
 
 impl Verb for Args {
     const NAME: &'static str = "verify";

@@ -9,7 +9,7 @@
 use std::sync::Mutex;
 
 use super::Work;
-use super::local::Local;
+use super::region_mesh::RegionMesh;
 use super::regions::Region;
 use crate::points::{PointStore, Tiling};
 use crate::workers::lock;
@@ -153,7 +153,7 @@ fn look_at(
     hull: &[Point],
     region: &Region,
 ) -> Result<Look> {
-    let mut local = Local::new(vertices, *region, hull)?;
+    let mut local = RegionMesh::new(vertices, *region, hull)?;
     let influence = local.influence();
     let (mut points, mut square_points) = (Vec::new(), Vec::new());
     for square in region.squares(work.points.tiling()) {

@@ -4,7 +4,7 @@
 //! no seams by its nature: every region computes the triangles it sees and no other, exactly.
 
 mod choose;
-mod local;
+mod region_mesh;
 mod regions;
 #[cfg(test)]
 mod tests;
@@ -157,7 +157,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     }
     refuse_existing(&job.output, job.overwrite)?;
     let format = mesh::by_path(&job.output, job.format.as_deref())?;
-    let source = cloud::synth::source(&job.inputs, &job.options)?;
+    let source = cloud::source(&job.inputs, &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let mut report = make(job, &*source, format, progress, cancel)?;

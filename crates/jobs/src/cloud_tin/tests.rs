@@ -155,7 +155,7 @@ fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
     let hull = store.hull().unwrap().corners();
     let (mut state, mut beyond) = (3, 0);
     for &region in &Regions::new(&store, 500).all {
-        let local = local::Local::new(&store, region, &hull).unwrap();
+        let local = region_mesh::RegionMesh::new(&store, region, &hull).unwrap();
         let (influence, window) = (local.influence(), region.window(&tiling));
         let all = (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
         let sites = all.map(|corners| corners.map(|p| [p.x, p.y]));

@@ -4,7 +4,7 @@
 use std::sync::Mutex;
 
 use super::Work;
-use super::local::Local;
+use super::region_mesh::RegionMesh;
 use crate::points::PointStore;
 use crate::workers::lock;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -90,7 +90,7 @@ fn part(
     number: usize,
 ) -> Result<Part> {
     let region = work.regions.all[number];
-    let mut local = Local::new(vertices, region, hull)?;
+    let mut local = RegionMesh::new(vertices, region, hull)?;
     let (tiling, mut own) = (vertices.tiling(), Vec::new());
     for square in region.squares(tiling) {
         own.extend_from_slice(local.vertices_of(square)?);
@@ -117,7 +117,7 @@ fn part(
 }
 
 /// The number of a vertex.
-fn id(local: &mut Local<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
+fn id(local: &mut RegionMesh<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
     let found = local.vertices_of(square)?.binary_search(&vertex);
     let rank =
         found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;

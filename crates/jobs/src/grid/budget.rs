@@ -15,7 +15,7 @@ use terrane_gridding::Recipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
 use super::extent::Extent;
-use super::surface;
+use super::neighbours;
 
 const WORKER: u64 = 12 << 20;
 /// Least for blocks.
@@ -115,7 +115,7 @@ impl Budget {
 
 /// Bytes a thread needs.
 fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
-    let around = if recipe.triangulates() { surface::WORKER } else { 0 };
+    let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
     WORKER.max(around + writing(format, sink, extent, recipe))
 }
 

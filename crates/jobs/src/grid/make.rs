@@ -7,10 +7,10 @@ use super::blocks::Blocks;
 use super::budget::Budget;
 use super::extent::Extent;
 use super::feed::{Fed, Feed};
+use super::neighbours::{self, Heights, Surfaces};
 use super::preset::{Making, Model};
 use super::report::{BandReport, GridReport, GridStage};
 use super::source::{BandSource, Cells, Finished};
-use super::surface::{self, Heights, Surfaces};
 use crate::convert::{copy_levels, task};
 use crate::points::{Limits, parts_in};
 use crate::{Cancel, Progress, peak_memory};
@@ -119,8 +119,9 @@ impl<'a> Maker<'a> {
             return Ok((fed, Some(Heights::Model(Box::new(model)))));
         }
         let limits = || self.within.map(|window| Limits::new(points, window));
-        let store = (memory > 0)
-            .then(|| surface::store(points.info(), job.spill_folder(), memory).limited(limits()));
+        let store = (memory > 0).then(|| {
+            neighbours::store(points.info(), job.spill_folder(), memory).limited(limits())
+        });
         let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
         let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
         Ok((fed, surfaces.transpose()?.map(Box::new).map(Heights::Surfaces)))

@@ -6,12 +6,12 @@ mod budget;
 mod extent;
 mod feed;
 mod make;
+mod neighbours;
 pub mod plan;
 mod preset;
 mod queue;
 mod report;
 mod source;
-mod surface;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -213,7 +213,7 @@ const PLAIN: &str = "GTiff";
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
     let start = Instant::now();
-    let cloud = cloud::synth::source(&job.input, &job.reading())?;
+    let cloud = cloud::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
     let report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
     let stages = [vec![opened], report.stages].concat();

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::blocks::Blocks;
 use super::extent::Extent;
 use super::make::Bands;
-use super::surface::Heights;
+use super::neighbours::Heights;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_gridding::{Band, Statistic, Units, fill};

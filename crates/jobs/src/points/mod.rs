@@ -5,8 +5,8 @@
 
 mod around;
 mod buckets;
+mod interpolated;
 mod limits;
-mod surface;
 mod tiling;
 
 use std::path::Path;
@@ -14,8 +14,8 @@ use std::sync::Mutex;
 
 pub(crate) use around::Around;
 pub(crate) use buckets::Buckets;
+pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Shape, Surface, reach};
 pub(crate) use limits::{Limits, parts_in};
-pub(crate) use surface::{MOST_POINTS, Part, Positions, Shape, Surface, reach};
 pub(crate) use tiling::Tiling;
 
 use crate::workers::{self, lock};

@@ -3,13 +3,13 @@
 mod budget;
 mod build;
 mod container;
+mod cost;
 mod estimate;
+mod height_origin;
 mod job;
 mod layout;
-mod local;
 mod make;
 mod number;
-mod plan;
 mod report;
 mod run;
 mod schedule;
@@ -26,10 +26,10 @@ mod writer;
 mod zone;
 
 pub use build::{BuildJob, Built, build};
+pub use cost::{Cost, cost};
 pub use job::{Goal, TinJob};
 pub use layout::TILE_CELLS;
 pub use make::run;
-pub use plan::{Plan, plan};
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
 pub(crate) use units::{horizontal_unit, vertical_unit};

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use crate::surface::{window_samples, workers};
+use crate::input::{window_samples, workers};
 use crate::view::{Drawn, FINENESS, ViewJob, frame};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;

@@ -1,6 +1,6 @@
 //! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
 
-use crate::surface::{mesh_bounds, vertex_count};
+use crate::input::{mesh_bounds, vertex_count};
 use crate::view::{Drawn, FINENESS, ViewJob, frame};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};

@@ -211,7 +211,7 @@ impl Manifest {
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
     pub(super) fn open(&self, job: &GridJob) -> Result<(Box<dyn PointSource>, Extent)> {
-        let points = cloud::synth::source(&job.input, &job.cloud)?;
+        let points = cloud::source(&job.input, &job.cloud)?;
         let extent = Extent::new(points.info(), job)?;
         let here = Cells::of(&*points, &extent, Some(self.grid.side));
         match plan::difference(&self.grid, &here) {

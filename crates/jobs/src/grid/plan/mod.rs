@@ -123,7 +123,7 @@ pub fn plan_grid(
         return Err(Error::usage(format!("a tile of {side} cells is no multiple of {BLOCK}")));
     }
     grid.check()?;
-    let points = cloud::synth::source(&grid.input, &grid.cloud)?;
+    let points = cloud::source(&grid.input, &grid.cloud)?;
     let extent = Extent::new(points.info(), grid)?;
     let mut manifest = Manifest::new(grid, &*points, &extent, *tile)?;
     manifest.skipped.clone_from(skipped);

@@ -10,8 +10,8 @@ use super::manifest::{Cells, TaskId};
 use crate::grid::GridJob;
 use crate::grid::extent::Extent;
 use crate::grid::make::Maker;
+use crate::grid::neighbours;
 use crate::grid::report::GridReport;
-use crate::grid::surface;
 use crate::plan::{self, Digest, Look, OBJECTS, damaged_object as damaged};
 use crate::points::reach;
 use crate::{Cancel, Progress};
@@ -224,7 +224,7 @@ impl Opened {
             Statistic::Tin { max_edge } => {
                 // What has long edges is void, whatever lies further away.
                 let longest = max_edge.or(self.job.max_edge).map(|most| reach(&info.frame, most));
-                Some(longest.unwrap_or(0).max(surface::tiling(info).side()).saturating_add(4))
+                Some(longest.unwrap_or(0).max(neighbours::tiling(info).side()).saturating_add(4))
             }
             _ => Some(0),
         };

@@ -4,7 +4,7 @@
 use std::convert::Infallible;
 
 use super::super::extent::Extent;
-use super::super::surface::{Centres, Surfaces};
+use super::super::neighbours::{Centres, Surfaces};
 use super::Making;
 use super::filter::spacing;
 use super::metres::Metres;

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::GridJob;
 use super::extent::Extent;
-use super::surface::Surfaces;
+use super::neighbours::Surfaces;
 use crate::points::{Filling, PointStore, Tiling};
 use crate::{Cancel, Progress};
 use canopy::Canopy;
@@ -236,7 +236,7 @@ impl Making<'_> {
     fn read(&self, classes: Vec<u8>, returns: Option<Return>) -> Result<PointStore> {
         let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
         let options = OpenOptions { filter, ..self.reading.clone() };
-        let source = cloud::synth::source(&self.job.input, &options)?;
+        let source = cloud::source(&self.job.input, &options)?;
         let filling = Filling {
             threads: self.threads,
             memory: self.store_memory(),
@@ -244,7 +244,7 @@ impl Making<'_> {
             progress: self.progress,
             cancel: self.cancel,
         };
-        let tiling = super::surface::tiling(source.info());
+        let tiling = super::neighbours::tiling(source.info());
         PointStore::fill(&*source, tiling, &filling)
     }
 

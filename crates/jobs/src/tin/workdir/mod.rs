@@ -16,10 +16,10 @@ pub(super) use object::{ObjectWriter, Record};
 pub use report::{RunReport, StatusReport};
 pub use run::{RunJob, run_plan};
 
+use super::cost::{nanoseconds, seconds};
 use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
-use super::plan::{nanoseconds, seconds};
 use super::report::TinReport;
 use super::worker::worker_bytes;
 use crate::plan::{DiskCheck, Forecast, Look, PLAN, TaskReport, last_output};

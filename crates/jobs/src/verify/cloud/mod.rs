@@ -48,7 +48,7 @@ pub fn verify_cloud(
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let source = cloud::synth::source(&job.inputs, &job.options)?;
+    let source = cloud::source(&job.inputs, &job.options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,

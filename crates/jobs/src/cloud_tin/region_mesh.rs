@@ -20,7 +20,7 @@ const AT_ONCE: usize = 64;
 const STRIDES: i64 = 6;
 
 /// A region's part of the triangulation of the vertices in a store.
-pub(super) struct Local<'a> {
+pub(super) struct RegionMesh<'a> {
     vertices: &'a PointStore,
     region: Region,
     pub(super) mesh: Mesh,
@@ -30,7 +30,7 @@ pub(super) struct Local<'a> {
     whole: Window,
 }
 
-impl<'a> Local<'a> {
+impl<'a> RegionMesh<'a> {
     /// The triangulation of `vertices` as far as `region` sees it. `hull` has the corners of
     /// the convex hull of all vertices, at least three.
     pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {

@@ -25,7 +25,7 @@ const ROWS_IN_FLIGHT: u64 = 3;
 /// What a TIN of a grid takes with tiles of the usual size. What depends on the mesh is told for a
 /// coarse and for a fine one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Plan {
+pub struct Cost {
     /// Bytes of memory without which it cannot be made.
     pub least_memory: u64,
     /// Bytes it may use.
@@ -45,7 +45,7 @@ pub struct Plan {
 }
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
-pub fn plan(source: &dyn GridSource, resources: &Resources) -> Option<Plan> {
+pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
     let layout = Layout::new(source.info().width, source.info().height, TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
     let worker = worker_bytes(layout.side(), false);
@@ -53,7 +53,7 @@ pub fn plan(source: &dyn GridSource, resources: &Resources) -> Option<Plan> {
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;
     let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(TILE));
-    Some(Plan {
+    Some(Cost {
         least_memory,
         memory: resources.memory,
         threads: shares.threads,
@@ -88,41 +88,41 @@ mod tests {
     use super::*;
     use terrane_raster::{OpenOptions, open};
 
-    fn plan_of(terrain: &str, threads: usize, memory: u64) -> Option<Plan> {
+    fn cost_of(terrain: &str, threads: usize, memory: u64) -> Option<Cost> {
         let source = open(terrain, &OpenOptions::default()).unwrap();
-        plan(source.as_ref(), &Resources { threads, memory, temp_dir: None })
+        cost(source.as_ref(), &Resources { threads, memory, temp_dir: None })
     }
 
     #[test]
     fn time_goes_with_samples_and_threads() {
-        let small = plan_of("synth:rough,size=1001", 1, 1 << 30).unwrap();
-        let large = plan_of("synth:rough,size=2001", 1, 1 << 30).unwrap();
+        let small = cost_of("synth:rough,size=1001", 1, 1 << 30).unwrap();
+        let large = cost_of("synth:rough,size=2001", 1, 1 << 30).unwrap();
         assert!((large.seconds[1] / small.seconds[1] - 4.0).abs() < 0.01);
         assert!(small.seconds[0] < small.seconds[1]);
-        let two = plan_of("synth:rough,size=2001", 2, 1 << 30).unwrap();
+        let two = cost_of("synth:rough,size=2001", 2, 1 << 30).unwrap();
         assert!((large.seconds[0] / two.seconds[0] - 1.85).abs() < 1e-9);
         assert_eq!((two.threads, two.spill_bytes), (2, [0, 0]));
     }
 
     #[test]
     fn threads_that_do_not_fit_are_left_out_and_too_little_memory_is_told() {
-        let needed = plan_of("synth:rough,size=2001", 8, 1 << 30).unwrap().least_memory;
-        let poor = plan_of("synth:rough,size=2001", 8, needed - 1).unwrap();
+        let needed = cost_of("synth:rough,size=2001", 8, 1 << 30).unwrap().least_memory;
+        let poor = cost_of("synth:rough,size=2001", 8, needed - 1).unwrap();
         assert_eq!((poor.threads, poor.memory, poor.least_memory), (1, needed - 1, needed));
-        let most = plan_of("synth:rough,size=2001", 8, needed).unwrap();
+        let most = cost_of("synth:rough,size=2001", 8, needed).unwrap();
         assert_eq!(most.threads, 1);
     }
 
     #[test]
     fn wide_fine_meshes_spill_in_little_memory() {
-        let plan = plan_of("synth:rough,width=1000000,height=100000", 2, 128 << 20).unwrap();
-        let [coarse, fine] = plan.spill_bytes;
-        assert!(coarse < fine && fine > 1 << 30, "{plan:?}");
-        assert!(plan.seconds[1] > 3600.0);
+        let cost = cost_of("synth:rough,width=1000000,height=100000", 2, 128 << 20).unwrap();
+        let [coarse, fine] = cost.spill_bytes;
+        assert!(coarse < fine && fine > 1 << 30, "{cost:?}");
+        assert!(cost.seconds[1] > 3600.0);
     }
 
     #[test]
     fn a_single_row_has_no_mesh() {
-        assert_eq!(plan_of("synth:rough,width=9,height=1", 1, 1 << 30), None);
+        assert_eq!(cost_of("synth:rough,width=9,height=1", 1, 1 << 30), None);
     }
 }
