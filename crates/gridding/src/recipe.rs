@@ -1,5 +1,10 @@
 //! From the statistics asked for to what has to be kept of the points: statistics share what they
 //! have in common, and nothing else is kept.
+//!
+//! A cell keeps what its statistics need and no more: count, sum, sum of squares, lowest, highest, sums
+//! of weights, the nearest point, or all heights. Sums are of whole numbers and the rest are extremes, so
+//! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
+//! once, before they are added.
 
 use super::method::{Asked, Statistic};
 use super::plane::{Falloff, Primitive};

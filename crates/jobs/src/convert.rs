@@ -1,5 +1,13 @@
 //! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in
 //! bounded memory, the same bytes whatever the threads.
+//!
+//! Threads take blocks of the output in row-major order; each reads the block's samples, codes and
+//! compresses them, and waits for its turn to append. So a sink sees blocks in one order on any number of
+//! threads, and at most one block by thread is in flight. A store needs no order: its blocks go straight
+//! to their places. A COG has directories and overviews before the image, so the coded blocks of each
+//! level wait in an unnamed file beside the output (or in the folder for temporary files), and its
+//! heights, halved block by block as the level above passes by, in another; each level is then fed like
+//! the first, and the file is put together at the end.
 
 mod bbox;
 pub(crate) mod task;

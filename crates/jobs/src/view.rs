@@ -1,5 +1,12 @@
 //! Draws a grid or a mesh as a shaded relief picture, out of core: memory depends on the picture's
 //! size, not on the file's.
+//!
+//! The lattice of heights is twice as fine as the picture: from a grid by averaging blocks of samples and
+//! interpolating between the means, from a mesh by filling triangles (the higher surface wins) as they
+//! stream by. Of a grid with more than 2^26 samples under the picture not all are read: each pixel gets
+//! the mean of a square of samples in the middle of its block, as large as 2^22 samples in all allow and
+//! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
+//! decodes each block that a pixel falls into).
 
 mod grid;
 mod mesh;

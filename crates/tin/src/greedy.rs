@@ -1,4 +1,14 @@
 //! Greedy insertion: adaptive-stride scans by default, one global maximum at a time on demand.
+//!
+//! Three things make it fast. The tile is copied into a contiguous array together with
+//! coarser copies of itself; a triangle is scanned first at the stride that gives a few dozen samples,
+//! and only triangles that pass are scanned more finely, down to every sample. A scan finds the largest
+//! distance from the plane in vector registers. And all of it stays in the L2 cache, because a tile is
+//! small. Every triangle that survives has been scanned in full.
+//!
+//! Measured: a first scan of about 64 samples instead of 32 leaves 1.2 % fewer vertices at 5 % kept (876
+//! against 887 thousand, rough 4097 x 4097), as fast within 2 %. Insertion in spatial order within a
+//! batch is slower: sorting costs more than the cache gives back (37 against 26.6 ns).
 
 use super::Local;
 use super::exact;

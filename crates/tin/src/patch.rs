@@ -2,6 +2,11 @@
 //!
 //! The border of a patch is frozen. What changed beside it is reported, so that the caller can tell
 //! whether the change would have gone on in a larger patch.
+//!
+//! Along a rim, triangles end on vertices chosen for the line alone: the mesh is sound but neither
+//! Delaunay nor economical there. When both sides of a seam are done, the triangles near it are put into
+//! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
+//! and redundant rim vertices are dropped.
 
 use super::bits::BitSet;
 use super::field::Field;

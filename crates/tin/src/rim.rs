@@ -1,5 +1,18 @@
 //! What both sides of a tile border compute alike: which samples on a rim, and which along the
 //! outline of the voids, must be vertices.
+//!
+//! **Rims.** The corners of a tile are vertices. Others along each rim line are chosen by a
+//! one-dimensional greedy over the line's samples: in `f64`, from low to high index, the first maximum
+//! wins. That is a pure function of the line and the tolerance, so two tiles that share a line choose the
+//! same vertices without exchanging a word. Rim samples take no part in the tile's own scans, and rim
+//! vertices are neither inserted nor dropped by a tile.
+//!
+//! **Voids.** The surface is the union of the cells whose four samples are valid. Samples on its outline
+//! are vertices from the start. Edges of the unit lattice are Delaunay edges whatever else is inserted
+//! (the circle around them holds no other sample), so the outline is in the mesh without constraints, and
+//! triangles outside it are cut away. A valid sample with no valid cell has no surface. Whether a rim
+//! sample lies on the outline depends on the cells beyond the rim, so a tile's window has one sample more
+//! on each side where the grid goes on (the *apron*).
 
 use super::exact::within;
 use super::{Local, TileInput};

@@ -148,6 +148,5 @@ mod tests {
         assert_eq!(told.filter_map(first_number).collect::<Vec<_>>(), codes);
         let book = include_str!("../../../docs/src/guide/programs.md");
         assert_eq!(table(book, "| exit code | means |"), codes);
-        assert_eq!(table(include_str!("../../../ARCHITECTURE.md"), "| exit | kind |"), codes);
     }
 }

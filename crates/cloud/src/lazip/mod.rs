@@ -8,6 +8,20 @@
 //! depends on. So symbols are found without branches that depend on them, and streams that do not
 //! depend on each other take turns: the layers of a chunk, and two chunks at a time where the caller
 //! has two (see [`Decoder::pair`]).
+//!
+//! The layers that a filter needs are decoded into columns, some thousand points at a time, so that
+//! memory does not depend on what a chunk claims. Files that are one stream (before LASzip had chunks)
+//! pass through a window, as they need not fit in memory, and so do chunks whose table is lost, to find
+//! where they end.
+//!
+//! **Why a damaged chunk is given up whole.** Nothing in it is under a checksum, and what is decoded
+//! behind the damage looks like points for long: the first point that cannot be is far behind the first
+//! that is invented. What tells is the end. An arithmetic encoder leaves its stream in one of a few
+//! states, at the last byte; a decoder that took one wrong turn anywhere is elsewhere by then. The
+//! heights' contexts are those of x and y, so damage to one layer shows in the other, too. Salvage
+//! therefore decodes a chunk twice, first to look at its end, its bounds and its returns, and then to
+//! hand it on; without salvage the end is looked at all the same, and a chunk that does not end is an
+//! error.
 
 mod channel;
 mod coder;

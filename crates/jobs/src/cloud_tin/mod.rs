@@ -2,6 +2,16 @@
 //!
 //! The mesh is the Delaunay triangulation of a set of points of the cloud, and nothing else, so it has
 //! no seams by its nature: every region computes the triangles it sees and no other, exactly.
+//!
+//! Regions are blocks of squares of up to 131,072 points. At the end each writes the triangles whose last
+//! corner, in the order of regions, is its own. A sparse set of vertices far away (one for so many
+//! squares, fewer with the distance) and the corners of the convex hull keep circles small while the
+//! neighbourhood is being completed.
+//!
+//! **Why not borders of real points, as tiles of grids have.** Points do not lie on lines. A chain of
+//! points along a border has to be constrained, and leaves slivers that must be mended afterwards.
+//! Choosing freely and letting the triangulation decide costs one more pass over the points and has
+//! nothing to mend.
 
 mod choose;
 mod region_mesh;

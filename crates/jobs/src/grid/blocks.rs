@@ -3,6 +3,11 @@
 //! What blocks keep can be added up, so a block that was spilled begins anew when it is touched
 //! again, and its parts are joined when it is read (or when they become many). The least recently
 //! touched are spilled first.
+//!
+//! Blocks are of 256 x 256 cells, smaller where memory is short. A batch of points is cut into runs for
+//! one block, which is locked once for each; a batch whose runs are short is put in order first. A cell
+//! that takes points within a radius reaches into neighbouring blocks: such a point is handed to each of
+//! them.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};

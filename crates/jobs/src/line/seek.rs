@@ -3,6 +3,12 @@
 //! What comes out of a threshold is known once it was tried. How many vertices a run by itself would
 //! keep is known before, for all thresholds at once ([`Profile`]): so the search goes along that number,
 //! as what comes out is nearly a line over it, whatever the data are like.
+//!
+//! A hierarchy of each line (areas, for methods that go by them) says how many vertices any threshold
+//! would keep without neighbours, in bins of a 64th of a power of two. After one trial, what came beyond
+//! what was foreseen is taken for something that stays; after two, a line goes through both. Where
+//! neighbours keep more at a large threshold than at a smaller one, a fixed row of thresholds is tried
+//! before a goal is refused, so the least that is told can be had.
 
 use std::ops::RangeInclusive;
 

@@ -4,6 +4,11 @@
 //! a digest of these), then for each feature, in the order of the inputs, the length of its record, the
 //! digest of its coordinates and its hierarchies. What else a feature has may change, and files may be
 //! copied or converted: a hierarchy belongs to coordinates, bit by bit.
+//!
+//! Records are read along with the features, and a record may not be longer than its feature's vertices
+//! explain; so memory is that of a batch, and a false claim costs none. Closed lines and rings are cut
+//! before they reach the method, and a hierarchy takes the method's place behind that cut, so rings that
+//! collapse, halves and policies are the same code for both.
 
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,10 @@
 //! Heights of surfaces through all points, at positions in columns and rows.
+//!
+//! The triangle at a cell's centre is found without a triangulation: it is the optimal basis of a linear
+//! programme with three rows, reached in about one pivot from the nearest points of the four quadrants
+//! (`terrane_delaunay::Finder`). If its circle reaches into squares that are not loaded and hold points
+//! there, those are loaded, too. No buffer has to be guessed: a fixed one is wrong wherever voids are
+//! wider than it.
 
 use std::ops::Range;
 

@@ -2,6 +2,9 @@
 //!
 //! Methods that need a point's neighbours read the squares they touch. A square's points are handed
 //! out in canonical order, so that nothing depends on the order in which they came.
+//!
+//! Squares hold about 4,096 points. What is known of each (its count, the box around its points, its
+//! lowest point) stays in memory and answers most questions about squares far away without reading them.
 
 mod around;
 mod buckets;

@@ -2,6 +2,10 @@
 //!
 //! Each container has its own lock and a thread holds at most one of them, so there can be no
 //! deadlock. What is spilled never changes a result, only where it waits.
+//!
+//! Containers have to leave when a worker needs room: what it holds between taking triangles and handing
+//! over their ids is counted as long as it lasts, and tasks are taken in an order in which parts can be
+//! written soon, at the end of the grid too.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,4 +1,13 @@
 //! Which triangles a seam patch takes in, and whether the mesh beyond it agrees with the result.
+//!
+//! A patch takes in every triangle that touches a narrow band around the seam and lies wholly within half
+//! a tile of it, so no two patches of a kind can overlap, and large triangles (a flat sea) do not bring
+//! along all the small ones beside them. Afterwards the triangles beyond the frozen border are asked: if
+//! one of them is not Delaunay with its changed neighbour inside, the patch is thrown away and done again
+//! with a band twice as wide. The bands tried follow from the triangles and heights alone.
+//!
+//! Measured, against patches that take in rectangles: integer heights with sea at 5.5 % kept, seams 0.54
+//! to 0.12 s, tiles 0.55 s.
 
 use super::container::{Container, Frame, Shift, inner_bounds};
 use super::layout::{Layout, Seam, TileId};

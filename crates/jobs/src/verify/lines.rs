@@ -3,6 +3,19 @@
 //! Both files are read side by side, feature by feature. What has to be looked at together is held
 //! while memory lasts; then only what lies to the west of a line is, and the files are read again for
 //! the rest. No figure depends on where that line was.
+//!
+//! What a feature leaves for looking at together are its *pieces*, stretches of the original each with
+//! the segment in its place (17 bytes a vertex). They are judged in bands of x, on all threads. When they
+//! outgrow their share of the memory, only those west of their median are kept and the files are read
+//! again for the rest: no temporary file.
+//!
+//! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
+//! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
+//! counts; features that are not in the order of the original are held, and paired by vertices and
+//! properties, then by vertices, then by properties, so that exchanged geometries are found. A part that
+//! is gone is a failure, unless dropping was declared and a segment between two of its vertices has all
+//! others within the tolerance: that is what is left of a ring that collapses. Properties are compared as
+//! the format can say them; what it cannot say is named, never passed over.
 
 mod attributes;
 mod findings;

@@ -1,4 +1,9 @@
 //! The vertical distance of a profile.
+//!
+//! Monotone chains need no root and no circle where distances are vertical, which is what `line::wedge`
+//! has a wedge of slopes for. In the plane they gain nothing: a vertex is as far from a segment whichever
+//! way the chain runs. Rims of tiles are refined by the loop that refines lines (`line::rdp::refine`);
+//! their distance is decided without rounding.
 
 use super::{Metric, Range, SURELY, cosine};
 use crate::Xy;

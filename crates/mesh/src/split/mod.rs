@@ -3,6 +3,10 @@
 //! A triangle belongs to the block in which its bounding box begins. Vertices on both sides of a
 //! border are in both files with the same coordinates, bit for bit, so the blocks fit together. The
 //! index is GeoJSON: a polygon for each block, in the coordinates of the mesh, with its file's name.
+//!
+//! Triangles are sorted by block into a nameless file until a row of blocks is complete; then block after
+//! block is written, so one file is open at a time, whatever the grid's width. A block's ids are held
+//! while it is written; positions come with the triangles.
 
 mod buckets;
 mod index;

@@ -1,4 +1,9 @@
 //! Positions on another side of a part than before.
+//!
+//! Whether a vertex has changed sides of a part is the parity of the closed curves of that part's pieces
+//! around it, so only pieces whose boxes hold the vertex are asked, not every segment above it.
+//!
+//! Measured, against rays: 10.6 million vertices from 29 to 13.5 s of CPU, and from 2.0 GiB to 216 MiB.
 
 use super::exact::{in_box, side};
 use super::pieces::{Band, Kind, Piece, Pieces};

@@ -1,6 +1,18 @@
 //! Many files that are one grid: placed on one lattice, later ones on top where they are valid, read
 //! by window. Files are opened when they are read and closed again, so that any number of them will
 //! do.
+//!
+//! `members` makes files of the inputs, `find` looks at them in parallel, `agree` demands that they fit
+//! together, `layout` (pure) places them on the lattice of the first, `index` (a packed tree of
+//! rectangles) finds those under a window, and the window is painted from bottom to top. A part that
+//! fills a window by itself is read straight into it. A VRT is the same thing with parts placed by its
+//! text; both kinds may hold others.
+//!
+//! Nothing grows with the samples, and only names and rectangles with the number of files. Open files and
+//! their decoded blocks are in one pool for a mosaic and all mosaics within it: at most 256 files (a
+//! quarter of the process's limit if that is less) whose blocks take the bytes the source was opened
+//! with. A file gets an eighth of those bytes (all of them, if it cannot be read otherwise). A file found
+//! to have another size or type when it is opened again is an error.
 
 mod agree;
 mod cache;

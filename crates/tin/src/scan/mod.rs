@@ -2,6 +2,12 @@
 //!
 //! Every kernel does the same arithmetic in the same order (see [`scalar`]), so all of them give
 //! the same bits; which one runs is chosen once, at run time.
+//!
+//! Which samples of a row lie in a narrow triangle is told by the signs of three integer edge functions,
+//! in a wide one by the exact span of each row.
+//!
+//! Measured: edge functions in narrow triangles, 31.4 to 26.2 ns a sample at 5 % kept with AVX-512, 50 to
+//! 34.6 with AVX2; two rows to a vector with exact row ends was slower (35.7).
 
 mod scalar;
 #[cfg(target_arch = "x86_64")]

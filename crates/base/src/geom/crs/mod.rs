@@ -1,5 +1,13 @@
 //! A coordinate reference system, carried from input to output: the definition as it was given, and
 //! what it means.
+//!
+//! **What is written is what came**, where the format can hold it: GeoKeys to TIFFs, text to `.prj`
+//! files, FlatGeobuf and GeoJSON; otherwise the first kind of well-known text is made from the meaning,
+//! because every reader knows it. A code counts only where nothing overrides it, so a text or keys with
+//! other units than their code's have none. One table has the projection methods, with their names and
+//! numbers in all dialects; a method, or a number of one, that is not in it is never guessed: the system
+//! is then compared by what the files say, carried as it came, and where that is impossible a note tells.
+//! Vertical systems by code are in a table of all EPSG ones, as text needs their units.
 
 mod codes;
 mod definition;

@@ -1,5 +1,11 @@
 //! Models of the terrain from what kinds of points there are: the ground, by class or found by a
 //! filter; the surface of first returns without pits; and how high it is above the ground.
+//!
+//! They are put into stores of their own: ground by class, or the candidates that the ground filter picks
+//! from, tile by tile with its reach as a halo; first returns, and those high above the ground again in a
+//! store for each threshold. A triangle that counts in a higher store has short edges, so it is a
+//! triangle of the points near by, too: those that are long there are dropped without asking how far
+//! their discs reach.
 
 mod canopy;
 mod filter;

@@ -1,5 +1,26 @@
 //! Features as a coverage, square by square: what does not fit into memory is sorted into squares
 //! first, and what is kept is put together again as the features are read once more.
+//!
+//! Up to `SQUARE` (2^20) vertices are one square. Where all files have more, a first pass counts vertices
+//! by the cells of a grid, a quadtree is divided until no square has more, and each part is cut into
+//! runs, where a segment goes from one square to another. What is kept of a square is a bit by vertex, in
+//! the order in which the input comes by them: the features are read once more, each part is cut again,
+//! takes the next bits of its squares, and is written. Features are held in memory instead where there is
+//! room, and read anew where there is not: the bytes are the same, as squares follow from the vertices
+//! alone.
+//!
+//! Of rings that cross themselves the sign is looked at before anything appears; one that has turned over
+//! is kept whole, and its squares are done again. So is an outer ring that would be dropped while one of
+//! its holes would not. Such rings do not collapse either: whatever the policy says, they keep the
+//! vertices at the borders that they cross.
+//!
+//! **Why segments that cross over stay**, and are not simplified in a second round over the borders: a
+//! second round would need its own squares around the borders, and a third around their corners. A square
+//! has so many vertices that those at its border are few: of the coastlines' 10.6 million vertices, 893
+//! more are kept than without squares, beside 1.07 million.
+//!
+//! **Why the number of vertices of a square is fixed** and does not follow the memory: what comes out
+//! depends on it.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};

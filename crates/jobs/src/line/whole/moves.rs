@@ -1,5 +1,13 @@
 //! Vertices moved before all else: those that are nearly one made one, then all of them rounded to the
 //! decimals that are written. So what is judged is what is written.
+//!
+//! Snapping and rounding are done to features as they are read, before squares and arcs, so that topology
+//! is judged on the very numbers that are written. To round afterwards would need a second judgement
+//! across squares, as what is moved no longer lies in the hull of its square. Snapping is greedy, so it
+//! is done square after square: what has stayed near a border is an anchor for squares to come, and where
+//! each vertex went is spooled in the order in which the input comes by it. What the moves themselves
+//! spoil cannot be mended by keeping more; it is counted, from the segments that meet and what they were
+//! before, and told.
 
 use std::cmp::Ordering;
 use std::path::Path;

@@ -1,5 +1,10 @@
 //! A square: its runs are cut into arcs where they meet, arcs are simplified once and untangled
 //! among the segments that come by, and what is left is found in the runs again.
+//!
+//! What is kept is mapped back to each part's own vertices, step by step along its arcs: attributes,
+//! heights and measures are never those of a neighbour, and a vertex that a part comes by twice is the
+//! right one of the two. A closed arc keeps the sign of its area by itself; a ring of several arcs that
+//! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
 
 use super::gaps::Gaps;
 use super::kept::Bits;

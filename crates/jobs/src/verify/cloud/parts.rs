@@ -1,4 +1,7 @@
 //! The domains of a cloud and its mesh, one after the other; those too crowded are spread again.
+//!
+//! Domains are squares of the plane. One that is too crowded for a thread is spread over sixteen pieces
+//! through another temporary file, as often as it takes.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};

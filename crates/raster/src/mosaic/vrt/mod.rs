@@ -3,6 +3,10 @@
 //! A simple source covers what lies below it, its nodata included; a complex source with a nodata
 //! value lets through what lies below. Where nothing was painted, and where the band's nodata value
 //! was, there is a void.
+//!
+//! A VRT is text from a stranger: it is read as a stream with limits on depth, text, sources and bytes,
+//! without document types or entities; files outside its folder are refused unless the user allows them;
+//! nesting ends at eight, and bytes and sources are counted over all VRTs within it.
 
 mod parse;
 mod path;
