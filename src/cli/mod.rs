@@ -1,7 +1,7 @@
 //! Arguments to jobs, progress, reports. Uses the public API of the other rooms only.
 //!
 //! A file or folder for each verb, which has its arguments and says how they are run; it is listed in
-//! [`VERBS`]. Verbs take from `shared`, and it takes from none of them. Results go to stdout, progress and
+//! `VERBS`. Verbs take from `shared`, and it takes from none of them. Results go to stdout, progress and
 //! messages to stderr.
 
 mod completions;
