@@ -1,15 +1,13 @@
 //! The pages of the book that the code writes: verbs with their options, and what is in the registries.
 //! A test compares them with what is checked in.
-//!
-//! To renew them: `TERRANE_DOCS=renew cargo test -p terrane --lib reference`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use clap::{Arg, Command};
 
-const NOTE: &str =
-    "<!-- Written by the code: TERRANE_DOCS=renew cargo test -p terrane --lib reference -->";
+/// How the pages are renewed.
+const RENEW: &str = "TERRANE_DOCS=renew cargo test --bin terrane reference";
 
 /// As many verbs have an option in common before it is told of once, in a table of its own.
 const MANY: usize = 5;
@@ -40,7 +38,7 @@ fn verbs_page() -> String {
         }
     }
     users.retain(|_, verbs| verbs.len() >= MANY);
-    let mut page = format!("# Verbs and options\n\n{NOTE}\n");
+    let mut page = format!("# Verbs and options\n\n<!-- Written by the code: {RENEW} -->\n");
     page += "\nOptions of many verbs are at the [end](#options-of-many-verbs).\n";
     for (name, verb) in &verbs {
         page += &section(name, verb, &users);
@@ -127,7 +125,7 @@ fn meaning(arg: &Arg) -> String {
 }
 
 fn names_page() -> String {
-    let mut page = format!("# Names\n\n{NOTE}\n");
+    let mut page = format!("# Names\n\n<!-- Written by the code: {RENEW} -->\n");
     page += "\nWhat formats, statistics, methods, characters and parameters are called.\n";
     let mut told = BTreeSet::new();
     for (_, verb) in verbs() {
@@ -174,9 +172,6 @@ fn the_pages_are_what_the_code_says() {
         }
         let kept = std::fs::read_to_string(&path).unwrap_or_default();
         let differs = kept.lines().zip(page.lines()).find(|(kept, page)| kept != page);
-        assert!(
-            kept == page,
-            "{name} is not what the code says ({differs:?}): TERRANE_DOCS=renew cargo test -p terrane --lib reference"
-        );
+        assert!(kept == page, "{name} is not what the code says ({differs:?}): {RENEW}");
     }
 }

@@ -1,4 +1,7 @@
 //! From points to the cells whose centres are near them.
+//!
+//! Distances from the centres of cells are counted in halves of the last decimal of all that is given, in
+//! `u128`, so that a tie is a tie.
 
 use super::block::Block;
 use super::lattice::{Lattice, Unit};

@@ -1,4 +1,10 @@
 //! How far what a store holds is all there is: a store may be filled from a part of a cloud.
+//!
+//! Of a surface through all points, two things are noted on the way: a disc that was found empty but
+//! reaches out of the window that was read, and a position that the points read do not surround but those
+//! of unread parts might. Then more has to be read, and the work done again. Both notes are on the safe
+//! side, so what comes out is what the whole cloud gives. With a longest edge, corners of triangles that
+//! count lie within it, and nothing further away can matter.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};

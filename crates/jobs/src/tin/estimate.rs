@@ -1,4 +1,7 @@
 //! How large a mesh will be, from a few tiles spread over the grid.
+//!
+//! 256 tiles of 128 cells in 16 bands at most are made, which say more than a few large ones do of a grid
+//! of land and sea, and their standard error is added on top.
 
 use super::budget::Trial;
 use super::layout::{Layout, TileId};
