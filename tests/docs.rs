@@ -113,6 +113,33 @@ fn the_book_has_every_page_and_links_within_itself() {
     }
 }
 
+/// The file of a module, such as `jobs::tin::zone`, if there is one.
+fn module(path: &str) -> Option<PathBuf> {
+    let (room, rest) = path.split_once("::").unwrap_or((path, "lib"));
+    let file = root().join("crates").join(room).join("src").join(rest.replace("::", "/"));
+    [file.with_extension("rs"), file.join("mod.rs")].into_iter().find(|file| file.is_file())
+}
+
+/// Whether there is such a module, or something of that name in the module above.
+fn is_there(path: &str) -> bool {
+    let (above, name) = path.rsplit_once("::").unwrap_or((path, ""));
+    module(path).or_else(|| module(above).filter(|file| read(file).contains(name))).is_some()
+}
+
+#[test]
+fn modules_that_the_architecture_names_are_there() {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    let named = prose(&text);
+    let named = named.split('`').skip(1).step_by(2).filter(|word| word.contains("::"));
+    let of_rooms =
+        |path: &&str| root().join("crates").join(path.split("::").next().unwrap()).exists();
+    let paths: BTreeSet<&str> = named.filter(of_rooms).collect();
+    assert!(paths.len() > 30, "only {paths:?} found");
+    let gone: Vec<_> = paths.iter().filter(|path| !is_there(path)).collect();
+    assert!(gone.is_empty(), "not there: {gone:?}");
+    assert!(!is_there("jobs::tin::zones") && !is_there("tin::no_such"));
+}
+
 /// A fenced block: what stands behind its backquotes, and its lines.
 fn blocks(text: &str) -> Vec<(&str, &str)> {
     let inside = text.split("\n```").skip(1).step_by(2);
