@@ -1,14 +1,23 @@
-//! Files of others: read by position, and found by name, in folders, lists and patterns.
+//! Files of others: read by position, and found by name, in folders, lists and patterns. Files of our
+//! own: written from front to back, appearing whole or not at all, or without a name while they last.
 
 pub mod atomic;
 mod beside;
 pub mod fault;
 mod glob;
 mod list;
+mod lock;
 mod name;
+mod out;
+mod position;
 mod raw;
+mod spool;
 
 pub use beside::{beside_grid, companions, prj};
 pub use list::Seek;
+pub use lock::{lock, unlocked, wait};
 pub use name::{name_of, path_of, shown};
+pub use out::Out;
+pub use position::{read_exact_at, write_all_at};
 pub use raw::{RawFile, Reader, RowRun, to_usize};
+pub use spool::{Buckets, Extent, Spool, Writer, folder_for, nameless};

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::position::read_exact_at;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Most bytes read at once where rows lie close together.
@@ -176,24 +177,6 @@ fn rows_at_once(run: &RowRun) -> usize {
 pub fn to_usize(name: &str, value: u64) -> Result<usize> {
     usize::try_from(value)
         .map_err(|_| Error::new(ErrorKind::Resource, format!("{name} of {value} bytes")))
-}
-
-#[cfg(unix)]
-fn read_exact_at(file: &File, out: &mut [u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, out, offset)
-}
-
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut out: &mut [u8], mut offset: u64) -> io::Result<()> {
-    while !out.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, out, offset) {
-            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-            Ok(n) => (out, offset) = (&mut out[n..], offset + n as u64),
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,295 @@
+//! Bytes that find no room in memory: extents of one file without a name, in the folder for temporary
+//! files. The file is made when the first extent is put, and the system removes it whatever becomes of
+//! the process. [`Buckets`] keeps records in extents, and in memory while that lasts.
+//!
+//! What is written from front to back and then read once, without a share of memory, is no spool: see
+//! [`Out`](crate::Out).
+
+mod buckets;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock};
+
+use crate::atomic::plain;
+use crate::fault::{self, Point};
+use crate::{lock, read_exact_at, write_all_at};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+pub use buckets::{Buckets, Writer};
+
+/// The folder for temporary files on the way to the output at `path`: `asked` for, or the output's.
+pub fn folder_for<'a>(path: &'a Path, asked: Option<&'a Path>) -> &'a Path {
+    let beside = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    asked.or(beside).unwrap_or(Path::new("."))
+}
+
+/// A file without a name in `folder`, which goes with its last handle.
+pub fn nameless(folder: &Path) -> Result<File> {
+    tempfile::tempfile_in(folder).map_err(|e| failure(folder, "write to", e))
+}
+
+/// Failure of a nameless file in `folder`.
+pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
+    use io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem};
+    let kind = match source.kind() {
+        NotADirectory | NotFound | PermissionDenied | ReadOnlyFilesystem => ErrorKind::CannotWrite,
+        _ => ErrorKind::Io,
+    };
+    Error::io(kind, &format!("{action} the temporary folder"), plain(source))
+        .in_file(folder)
+        .remedy("choose a folder with room with --temp-dir")
+}
+
+/// Where bytes lie in a [`Spool`].
+#[derive(Debug)]
+pub struct Extent {
+    offset: u64,
+    len: u64,
+}
+
+/// Extents in one nameless file, put and read by any thread. The room of those taken out is used again.
+#[derive(Debug)]
+pub struct Spool {
+    folder: PathBuf,
+    file: OnceLock<File>,
+    space: Mutex<Space>,
+}
+
+impl Spool {
+    /// One whose file will be in `folder`.
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_path_buf(), file: OnceLock::new(), space: Mutex::default() }
+    }
+
+    /// Puts `parts`, one after the other.
+    pub fn put(&self, parts: &[&[u8]]) -> Result<Extent> {
+        let len = parts.iter().map(|part| part.len() as u64).sum();
+        let (file, offset) = self.room(len)?;
+        let mut at = offset;
+        let written = parts.iter().try_for_each(|part| {
+            fault::point(Point::Write)?;
+            write_all_at(file, part, at)?;
+            at += part.len() as u64;
+            Ok(())
+        });
+        let extent = Extent { offset, len };
+        match written {
+            Ok(()) => Ok(extent),
+            Err(e) => {
+                self.free(extent);
+                Err(self.failure("write to", e))
+            }
+        }
+    }
+
+    /// The file, and the offset of `len` free bytes in it.
+    fn room(&self, len: u64) -> Result<(&File, u64)> {
+        let mut space = lock(&self.space);
+        let file = match self.file.get() {
+            Some(file) => file,
+            None => {
+                let made = nameless(&self.folder).map_err(allow_memory)?;
+                self.file.get_or_init(|| made)
+            }
+        };
+        space.written += len;
+        Ok((file, space.take(len)))
+    }
+
+    /// Fills `parts`, one after the other, with the bytes of `extent` from number `from` on.
+    pub fn get(&self, extent: &Extent, from: u64, parts: &mut [&mut [u8]]) -> Result<()> {
+        let mut at = extent.offset + from;
+        let read = parts.iter_mut().try_for_each(|part| {
+            fault::point(Point::Read)?;
+            let file = self.file.get().ok_or(io::ErrorKind::UnexpectedEof)?;
+            read_exact_at(file, part, at)?;
+            at += part.len() as u64;
+            Ok(())
+        });
+        read.map_err(|e| self.failure("read back from", e))
+    }
+
+    /// Fills `parts` with the bytes of `extent`, of which there are as many, and frees it.
+    pub fn take(&self, extent: Extent, parts: &mut [&mut [u8]]) -> Result<()> {
+        let got = self.get(&extent, 0, parts);
+        self.free(extent);
+        got
+    }
+
+    /// Gives the room of `extent` back.
+    pub fn free(&self, extent: Extent) {
+        lock(&self.space).put_back(extent);
+    }
+
+    /// Bytes written so far.
+    pub fn written(&self) -> u64 {
+        lock(&self.space).written
+    }
+
+    fn failure(&self, action: &str, source: io::Error) -> Error {
+        allow_memory(failure(&self.folder, action, source))
+    }
+}
+
+/// What is put here is what memory had no room for.
+fn allow_memory(error: Error) -> Error {
+    error.remedy("choose a folder with room with --temp-dir, or allow more --memory")
+}
+
+/// Which bytes of the file are free.
+#[derive(Debug, Default)]
+struct Space {
+    end: u64,
+    /// Free runs before the end: length by offset, never touching each other.
+    free: BTreeMap<u64, u64>,
+    written: u64,
+}
+
+impl Space {
+    /// An offset with `len` free bytes: the first hole that is large enough, or the end.
+    fn take(&mut self, len: u64) -> u64 {
+        let hole = self.free.iter().find(|&(_, &size)| size >= len).map(|(&at, &size)| (at, size));
+        let Some((offset, size)) = hole else {
+            self.end += len;
+            return self.end - len;
+        };
+        self.free.remove(&offset);
+        if size > len {
+            self.free.insert(offset + len, size - len);
+        }
+        offset
+    }
+
+    /// Frees an extent, joined with the free runs before and after it.
+    fn put_back(&mut self, Extent { mut offset, mut len }: Extent) {
+        if let Some((&before, &size)) = self.free.range(..offset).next_back()
+            && before + size == offset
+        {
+            self.free.remove(&before);
+            (offset, len) = (before, size + len);
+        }
+        if let Some(size) = self.free.remove(&(offset + len)) {
+            len += size;
+        }
+        if offset + len == self.end {
+            self.end = offset;
+        } else if len > 0 {
+            self.free.insert(offset, len);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Beside a list of byte strings.
+        #[test]
+        fn every_extent_comes_back_whatever_is_put_and_freed_meanwhile(
+            steps in prop::collection::vec((any::<bool>(), any::<prop::sample::Index>(), 0_usize..300), 1..80),
+        ) {
+            let folder = tempfile::tempdir().unwrap();
+            let spool = Spool::new(folder.path());
+            let mut all: Vec<(Extent, Vec<u8>)> = Vec::new();
+            let (mut written, mut most) = (0, 0);
+            for (number, (is_put, which, len)) in steps.into_iter().enumerate() {
+                if is_put || all.is_empty() {
+                    let bytes: Vec<u8> = (0..len).map(|i| (number * 31 + i) as u8).collect();
+                    let parts: Vec<&[u8]> = bytes.chunks(100).collect();
+                    all.push((spool.put(&parts).unwrap(), bytes));
+                    written += len as u64;
+                } else {
+                    let (extent, bytes) = all.swap_remove(which.index(all.len()));
+                    let from = len.min(bytes.len());
+                    let mut tail = vec![0; bytes.len() - from];
+                    spool.get(&extent, from as u64, &mut [&mut tail]).unwrap();
+                    prop_assert_eq!(&tail, &bytes[from..]);
+                    let (mut first, mut second) = (vec![0; from], vec![0; bytes.len() - from]);
+                    spool.take(extent, &mut [&mut first, &mut second]).unwrap();
+                    prop_assert_eq!([first, second].concat(), bytes);
+                }
+                most = most.max(all.iter().map(|(_, bytes)| bytes.len() as u64).sum());
+                prop_assert_eq!(spool.written(), written);
+            }
+            for (extent, bytes) in all {
+                let mut found = vec![0; bytes.len()];
+                spool.take(extent, &mut [&mut found]).unwrap();
+                prop_assert_eq!(found, bytes);
+            }
+            let space = lock(&spool.space);
+            prop_assert_eq!((space.end, space.free.len()), (0, 0));
+            prop_assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "no name");
+        }
+    }
+
+    #[test]
+    fn holes_are_split_and_joined() {
+        let mut space = Space::default();
+        let offsets: Vec<u64> = [10, 20, 30, 40].into_iter().map(|len| space.take(len)).collect();
+        assert_eq!(offsets, [0, 10, 30, 60]);
+        space.put_back(Extent { offset: 10, len: 20 });
+        space.put_back(Extent { offset: 30, len: 30 });
+        assert_eq!(space.free, BTreeMap::from([(10, 50)]));
+        assert_eq!(space.take(45), 10);
+        assert_eq!(space.free, BTreeMap::from([(55, 5)]));
+        space.put_back(Extent { offset: 60, len: 40 });
+        assert_eq!((space.end, space.free.len()), (55, 0));
+    }
+
+    #[test]
+    fn a_missing_folder_is_named_with_a_remedy() {
+        let missing = Path::new("/nonexistent/terrane");
+        let spool = Spool::new(missing);
+        for error in [spool.put(&[b"x"]).unwrap_err(), nameless(missing).unwrap_err()] {
+            assert_eq!((error.kind(), error.path()), (ErrorKind::CannotWrite, Some(missing)));
+            let told = error.to_string();
+            assert!(told.contains("--temp-dir") && !told.contains("at path"), "{told}");
+        }
+        assert_eq!(spool.written(), 0);
+    }
+
+    /// Faults are ordered for a whole process, so this test runs itself again with each.
+    #[cfg(debug_assertions)]
+    #[test]
+    fn a_call_that_fails_is_told_and_nothing_else_is_lost() {
+        const FAULT: &str = "TERRANE_FAULT";
+        if std::env::var_os(FAULT).is_none() {
+            let name = "spool::tests::a_call_that_fails_is_told_and_nothing_else_is_lost";
+            for fault in ["write:1", "write:4", "read:1", "read:5"] {
+                let mut again = std::process::Command::new(std::env::current_exe().unwrap());
+                let ran = again.args(["--exact", name]).env(FAULT, fault).output().unwrap();
+                let told = String::from_utf8_lossy(&ran.stdout).into_owned();
+                assert!(ran.status.success() && told.contains("1 passed"), "{fault}: {told}");
+            }
+            return;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let spool = Spool::new(folder.path());
+        let mut failures = Vec::new();
+        let mut all = Vec::new();
+        for number in 0..8_u8 {
+            let put = spool.put(&[&[number; 100], &[number; 50]]);
+            all.extend(put.map(|extent| (extent, number)).map_err(|e| failures.push(e)));
+        }
+        for (extent, number) in &all {
+            let mut found = [0; 150];
+            let mut get = || spool.get(extent, 0, &mut [&mut found]);
+            get().or_else(|e| {
+                failures.push(e);
+                get()
+            })
+            .unwrap();
+            assert_eq!(found, [*number; 150]);
+        }
+        let [error] = &failures[..] else { panic!("{} failures", failures.len()) };
+        assert_eq!((error.kind(), error.path()), (ErrorKind::Io, Some(folder.path())));
+        assert!(error.to_string().contains("--memory"), "{error}");
+        let room = lock(&spool.space).end;
+        assert_eq!(room, 150 * all.len() as u64, "the room of what failed is used again");
+    }
+}
