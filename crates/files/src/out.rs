@@ -82,11 +82,7 @@ impl Out {
     }
 
     /// Appends what `write` adds to the buffer for each item.
-    pub fn lines<T>(
-        &mut self,
-        items: &[T],
-        mut write: impl FnMut(&T, &mut Vec<u8>),
-    ) -> Result<()> {
+    pub fn lines<T>(&mut self, items: &[T], mut write: impl FnMut(&T, &mut Vec<u8>)) -> Result<()> {
         for item in items {
             write(item, &mut self.buffer);
             self.settle()?;
@@ -201,7 +197,8 @@ mod tests {
         let mesh = Path::new("mesh.ply");
         let spool = Out::spool(&std::env::temp_dir()).unwrap();
         let spool = Out { file: full(), ..spool };
-        for (mut out, remedy) in [(Out::new(full(), mesh), "another place"), (spool, "--temp-dir")] {
+        for (mut out, remedy) in [(Out::new(full(), mesh), "another place"), (spool, "--temp-dir")]
+        {
             let path = out.path().to_path_buf();
             let error = out.write(&vec![0; BUFFER_BYTES]).unwrap_err();
             assert_eq!((error.kind(), error.path()), (ErrorKind::Io, Some(&*path)));

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::Cancel;
 use terrane_base::error::{Error, Result};
+use terrane_files::lock;
 
 /// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
 /// that `start` makes and `finish` takes. Stops early at the first error, which is returned.
@@ -41,12 +42,6 @@ pub(crate) fn run<S>(
         }
     });
     lock(&error).take().map_or(Ok(()), Err)
-}
-
-/// Locks; what another thread left behind when it panicked is never used, since the panic goes on
-/// at the end of the scope.
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -279,11 +279,12 @@ mod tests {
         for (extent, number) in &all {
             let mut found = [0; 150];
             let mut get = || spool.get(extent, 0, &mut [&mut found]);
-            get().or_else(|e| {
-                failures.push(e);
-                get()
-            })
-            .unwrap();
+            get()
+                .or_else(|e| {
+                    failures.push(e);
+                    get()
+                })
+                .unwrap();
             assert_eq!(found, [*number; 150]);
         }
         let [error] = &failures[..] else { panic!("{} failures", failures.len()) };

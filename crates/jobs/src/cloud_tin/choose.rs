@@ -12,10 +12,10 @@ use super::Work;
 use super::region_mesh::RegionMesh;
 use super::regions::Region;
 use crate::points::{PointStore, Tiling};
-use crate::workers::lock;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::{Hull, Window};
+use terrane_files::lock;
 use terrane_tin::scatter::{Fit, Mesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.

@@ -6,9 +6,9 @@ use std::sync::Mutex;
 use super::Work;
 use super::region_mesh::RegionMesh;
 use crate::points::PointStore;
-use crate::workers::lock;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Point3};
+use terrane_files::lock;
 use terrane_mesh::{MeshBatch, MeshSink};
 
 /// What was written.

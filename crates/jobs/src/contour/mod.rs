@@ -33,12 +33,13 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::line::{Length, Measure, Threshold, goal_of};
-use crate::workers::{self, lock};
+use crate::workers;
 use crate::{Cancel, Progress, Resources, peak_memory};
 use budget::Budget;
 use join::Pieces;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_contour::Levels;
+use terrane_files::{lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
 use tiles::{Tiles, Worker};
@@ -300,7 +301,7 @@ impl<'a> Work<'a> {
             |_| Ok(()),
         )?;
         progress.end();
-        Ok(pieces.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+        Ok(unlocked(pieces))
     }
 
     fn write(

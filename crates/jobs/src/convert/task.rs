@@ -2,11 +2,12 @@
 //! theirs.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex};
 
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
+use terrane_files::{lock, wait};
 use terrane_raster::GridSource;
 use terrane_raster::store::Heights;
 use terrane_raster::write::GridSink;
@@ -179,9 +180,9 @@ struct State {
 impl Turns {
     /// Waits until all before `index` are through, and does `work`; nothing when the turns are over.
     fn take(&self, index: u64, work: impl FnOnce() -> Result<()>) -> Result<()> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         while state.next != index && !state.over {
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = wait(&self.changed, state);
         }
         if !state.over {
             work()?;
@@ -192,11 +193,7 @@ impl Turns {
     }
 
     fn are_over(&self) -> bool {
-        self.lock().over
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state).over
     }
 }
 
@@ -205,7 +202,7 @@ struct Alarm<'a>(&'a Turns);
 
 impl Drop for Alarm<'_> {
     fn drop(&mut self) {
-        self.0.lock().over = true;
+        lock(&self.0.state).over = true;
         self.0.changed.notify_all();
     }
 }

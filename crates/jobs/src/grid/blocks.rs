@@ -11,13 +11,13 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 
 use super::budget::Budget;
 use super::extent::Extent;
-use crate::tin::spill::{Extent as Place, Spill};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
+use terrane_files::{self as files, Spool, lock};
 use terrane_gridding::{Block, Recipe};
 
 /// All blocks of a grid.
@@ -33,7 +33,7 @@ pub(super) struct Blocks<'a> {
     held: AtomicU64,
     /// Counts touches.
     clock: AtomicU64,
-    spill: Spill,
+    spool: Spool,
     spilling: Mutex<()>,
     /// Cells of each block that are written, or 0 to keep it.
     written: Vec<AtomicU32>,
@@ -54,13 +54,13 @@ struct State {
     settled: bool,
 }
 
-/// A block in the spill file.
+/// A block in the spool.
 struct Spilled {
-    place: Place,
+    place: files::Extent,
     lengths: Vec<usize>,
 }
 
-/// Parts of one block that lie in the spill file at most.
+/// Parts of one block that lie in the spool at most.
 const MOST_PARTS: usize = 4;
 
 impl<'a> Blocks<'a> {
@@ -77,7 +77,7 @@ impl<'a> Blocks<'a> {
             budget: budget.blocks,
             held: AtomicU64::new(0),
             clock: AtomicU64::new(1),
-            spill: Spill::new(folder),
+            spool: Spool::new(folder),
             spilling: Mutex::new(()),
             written: Vec::new(),
         };
@@ -110,7 +110,7 @@ impl<'a> Blocks<'a> {
 
     /// Bytes that went through the temporary file.
     pub(super) fn spilled_bytes(&self) -> u64 {
-        self.spill.written()
+        self.spool.written()
     }
 
     /// Lets `work` change a block, which is made if need be.
@@ -192,7 +192,7 @@ impl<'a> Blocks<'a> {
         }
         let parts = block.parts();
         let lengths = parts.iter().map(|part| part.len()).collect();
-        let place = self.spill.write(&parts)?;
+        let place = self.spool.put(&parts)?;
         state.spilled.push(Spilled { place, lengths });
         state.settled = false;
         self.held.fetch_sub(before, Ordering::Relaxed);
@@ -203,7 +203,7 @@ impl<'a> Blocks<'a> {
     fn join(&self, block: &mut Block, spilled: &mut Vec<Spilled>) -> Result<()> {
         for Spilled { place, lengths } in spilled.drain(..) {
             let mut other = self.empty();
-            self.spill.read(place, &mut other.parts_mut(&lengths))?;
+            self.spool.take(place, &mut other.parts_mut(&lengths))?;
             block.fold(&other)?;
         }
         Ok(())
@@ -255,7 +255,7 @@ impl<'a> Blocks<'a> {
         let State { block, spilled, .. } = std::mem::take(&mut *state);
         let bytes = block.map_or(0, |block| block.held() as u64);
         self.held.fetch_sub(bytes, Ordering::Relaxed);
-        spilled.into_iter().for_each(|part| self.spill.free(part.place));
+        spilled.into_iter().for_each(|part| self.spool.free(part.place));
     }
 
     /// The blocks that a rectangle of cells touches.
@@ -266,8 +266,4 @@ impl<'a> Blocks<'a> {
         let cols = rect.col >> shift..(rect.col + rect.width).div_ceil(side);
         rows.flat_map(move |row| cols.clone().map(move |col| row * across + col))
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -2,7 +2,9 @@
 //! and when that is done half of the longest stretch left.
 
 use std::ops::Range;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
+
+use terrane_files::lock;
 
 /// The parts that are not yet taken, by thread.
 pub(super) struct Queue(Vec<Mutex<Range<usize>>>);
@@ -34,10 +36,6 @@ impl Queue {
         stretch.end = middle;
         (!stolen.is_empty()).then_some(stolen)
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

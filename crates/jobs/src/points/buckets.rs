@@ -8,10 +8,9 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use bytemuck::Pod;
 
-use crate::workers::lock;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::plain;
-use terrane_files::fault;
+use terrane_files::{fault, lock};
 
 /// Most records of a chunk in memory; the first chunk of a bucket is small.
 const CHUNK: usize = 4096;

@@ -21,12 +21,13 @@ pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Shape, Surface, reac
 pub(crate) use limits::{Limits, parts_in};
 pub(crate) use tiling::Tiling;
 
-use crate::workers::{self, lock};
+use crate::workers;
 use crate::{Cancel, Progress};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, PointSource};
 use terrane_delaunay::{Disc, Hull, Place, Position, Window};
+use terrane_files::lock;
 
 /// What is known of a square without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

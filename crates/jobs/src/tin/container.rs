@@ -12,10 +12,10 @@
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
 use super::layout::{Layout, TileId};
-use super::spill::{Extent, Spill};
 use super::zone::{Bounds, Zone};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
+use terrane_files::{Extent, Spool};
 use terrane_tin::{Local, Triangle, sort_by_position};
 
 /// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
@@ -196,9 +196,9 @@ impl Container {
         (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
     }
 
-    /// Writes all to the spill file.
-    pub(super) fn spill(&self, spill: &Spill) -> Result<Spilled> {
-        let extent = spill.write(&self.parts())?;
+    /// Writes all to the spool.
+    pub(super) fn spill(&self, spool: &Spool) -> Result<Spilled> {
+        let extent = spool.put(&self.parts())?;
         let (triangles, inner) = (self.triangles.len(), self.inner.len());
         Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
     }
@@ -244,7 +244,7 @@ fn take<T: AnyBitPattern + NoUninit>(bytes: &mut &[u8], count: u64) -> Option<Ve
     Some(bytemuck::allocation::pod_collect_to_vec(items))
 }
 
-/// A container in the spill file.
+/// A container in the spool.
 #[derive(Debug)]
 pub(super) struct Spilled {
     pub(super) extent: Extent,
@@ -261,7 +261,7 @@ impl Spilled {
     }
 
     /// Reads the container back and frees its space.
-    pub(super) fn load(self, spill: &Spill) -> Result<Container> {
+    pub(super) fn load(self, spool: &Spool) -> Result<Container> {
         let mut triangles = vec![Triangle::zeroed(); self.triangles];
         let mut inner = vec![Triangle::zeroed(); self.inner];
         let mut vertices = vec![Local::zeroed(); self.vertices];
@@ -272,7 +272,7 @@ impl Spilled {
             bytemuck::cast_slice_mut::<Local, u8>(&mut vertices),
             bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
         ];
-        spill.read(self.extent, &mut parts)?;
+        spool.take(self.extent, &mut parts)?;
         Ok(Container { triangles, inner, vertices, heights, sorted: self.sorted })
     }
 }
@@ -352,7 +352,7 @@ mod tests {
     #[test]
     fn spilled_and_loaded_is_the_same() {
         let folder = tempfile::tempdir().unwrap();
-        let spill = Spill::new(folder.path());
+        let spool = Spool::new(folder.path());
         let container = Container {
             triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
             inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
@@ -360,7 +360,7 @@ mod tests {
             heights: vec![1.5, 2.5, -3.5],
             sorted: 2,
         };
-        let loaded = container.spill(&spill).unwrap().load(&spill).unwrap();
+        let loaded = container.spill(&spool).unwrap().load(&spool).unwrap();
         assert_eq!(loaded.triangles, container.triangles);
         assert_eq!(loaded.inner, container.inner);
         assert_eq!(loaded.vertices, container.vertices);

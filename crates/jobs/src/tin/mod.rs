@@ -15,7 +15,6 @@ mod run;
 mod schedule;
 mod scope;
 mod seek;
-pub(crate) mod spill;
 mod store;
 mod tally;
 mod units;

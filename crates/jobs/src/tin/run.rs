@@ -2,14 +2,13 @@
 
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::AtomicU64;
 
 use crossbeam_channel::{Receiver, bounded};
 
 use super::layout::{Layout, TileId};
 use super::report::{Clock, Stage, StageReport};
-use super::schedule::{Queue, lock};
+use super::schedule::Queue;
 use super::scope::{Scope, Work};
 use super::store::Store;
 use super::tally::Tally;
@@ -18,6 +17,7 @@ use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
 use super::writer::{Collect, Part, Saver, Totals, Writer};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::{lock, unlocked};
 use terrane_mesh::MeshSink;
 use terrane_raster::GridSource;
 use terrane_tin::Spec;
@@ -127,10 +127,10 @@ pub(super) fn save(
     let saver = Mutex::new(Saver::new(work, object));
     let clock = drive(&shared, &saver);
     shared.queue.into_result()?;
-    let saver = saver.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let saver = unlocked(saver);
     Ok(Saved {
         object: saver.into_object(),
-        tally: shared.tally.into_inner().unwrap_or_else(PoisonError::into_inner),
+        tally: unlocked(shared.tally),
         clock,
         spilled_bytes: shared.store.spilled(),
     })
@@ -185,7 +185,7 @@ fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
 fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
     let writer = Mutex::new(Writer::new(shared.layout, sink));
     let clock = drive(&shared, &writer);
-    conclude(shared, writer.into_inner().unwrap_or_else(PoisonError::into_inner), clock)
+    conclude(shared, unlocked(writer), clock)
 }
 
 /// Parts that may wait for the writer, by worker.
@@ -231,8 +231,7 @@ fn write_parts(
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
-    let Tally { valid, isolated, suspects } =
-        shared.tally.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let Tally { valid, isolated, suspects } = unlocked(shared.tally);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);

@@ -8,11 +8,13 @@
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex};
 
 use super::layout::{Seam, TileId};
 use super::scope::Work;
 use terrane_base::error::{Error, ErrorKind, Result};
+pub(super) use terrane_files::lock;
+use terrane_files::{unlocked, wait};
 
 /// What is done for a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -178,11 +180,6 @@ impl Task {
     }
 }
 
-/// Locks a mutex; a poisoned one is used on, because a panic stops the job anyway.
-pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// The queue of ready tasks, shared by all workers.
 pub(super) struct Queue {
     work: Work,
@@ -232,7 +229,7 @@ impl Queue {
                 state.failure = Some(Error::new(ErrorKind::Internal, "the schedule ran dry"));
                 continue;
             }
-            state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = wait(&self.wake, state);
         }
     }
 
@@ -262,7 +259,7 @@ impl Queue {
 
     /// The outcome, after all workers have left.
     pub(super) fn into_result(self) -> Result<()> {
-        let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let state = unlocked(self.state);
         state.failure.map_or(Ok(()), Err)
     }
 

@@ -14,9 +14,8 @@ use std::sync::{Arc, Mutex};
 
 use super::container::{Container, Spilled};
 use super::layout::{Layout, TileId};
-use super::schedule::lock;
-use super::spill::Spill;
 use terrane_base::error::Result;
+use terrane_files::{Spool, lock};
 
 /// A container and where it is.
 #[derive(Default)]
@@ -45,7 +44,7 @@ impl Default for Place {
 pub(super) struct Store {
     layout: Layout,
     slots: Mutex<HashMap<TileId, Arc<Mutex<Slot>>>>,
-    spill: Spill,
+    spool: Spool,
     /// Bytes in memory, and
     held: AtomicU64,
     /// how many there may be.
@@ -60,7 +59,7 @@ impl Store {
         Self {
             layout,
             slots: Mutex::default(),
-            spill: Spill::new(folder),
+            spool: Spool::new(folder),
             held: AtomicU64::new(0),
             limit,
             relief: Mutex::default(),
@@ -118,7 +117,7 @@ impl Store {
         let Some(slot) = lock(&self.slots).remove(&tile) else { return Ok(()) };
         match std::mem::take(&mut lock(&slot).place) {
             Place::Held(container) => self.account(container.bytes(), 0),
-            Place::Spilled(spilled) => self.spill.free(spilled.extent),
+            Place::Spilled(spilled) => self.spool.free(spilled.extent),
         }
         Ok(())
     }
@@ -151,9 +150,9 @@ impl Store {
         self.held.load(Ordering::Relaxed) <= self.limit
     }
 
-    /// Bytes written to the spill file so far.
+    /// Bytes written to the spool so far.
     pub(super) fn spilled(&self) -> u64 {
-        self.spill.written()
+        self.spool.written()
     }
 
     fn slot<R>(&self, tile: TileId, f: impl FnOnce(&mut Slot) -> R) -> Result<R> {
@@ -176,7 +175,7 @@ impl Store {
         let mut container = match std::mem::take(&mut slot.place) {
             Place::Held(container) => container,
             Place::Spilled(spilled) => {
-                let container = spilled.load(&self.spill)?;
+                let container = spilled.load(&self.spool)?;
                 self.account(0, container.bytes());
                 container
             }
@@ -222,7 +221,7 @@ impl Store {
             && container.bytes() > 0
         {
             let bytes = container.bytes();
-            slot.place = Place::Spilled(container.spill(&self.spill)?);
+            slot.place = Place::Spilled(container.spill(&self.spool)?);
             self.account(bytes, 0);
         }
         Ok(())

@@ -12,7 +12,7 @@ use super::layout::{Layout, Seam, TileId};
 use super::number::{Lookup, Marks, Ranks, positions};
 use super::report::{Clock, Stage};
 use super::run::Settings;
-use super::schedule::{Queue, Step, Task, lock};
+use super::schedule::{Queue, Step, Task};
 use super::store::Store;
 use super::tally::Tally;
 use super::window::Window;
@@ -22,6 +22,7 @@ use super::zone::{Frontier, Zone, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_files::fault::{self, Point};
+use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
     self as tin, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,

@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
 use super::spread::Spread;
-use crate::workers::{self, lock};
+use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
+use terrane_files::lock;
 use terrane_proof::{
     self as proof, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
 };

@@ -8,9 +8,9 @@ use std::sync::Mutex;
 
 use bytemuck::Pod;
 
-use crate::workers::lock;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::plain;
+use terrane_files::lock;
 
 /// Bytes read at a time.
 const READ_BYTES: usize = 64 << 10;

@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::Work;
 use super::spill::{Spill, Writer};
 use super::vertices::{VertexCache, VertexCounts};
-use crate::workers::{self, lock};
+use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
+use terrane_files::lock;
 use terrane_proof::{Layout, Position, Snap, Triangle};
 
 /// Triangles a worker takes at a time.

@@ -11,8 +11,8 @@ use crate::line::goal::Unit;
 use crate::line::seek::{Profile, Target, seek};
 use crate::line::tool::Rule;
 use crate::line::{LineReport, on_threads, trees};
-use crate::workers::lock;
 use terrane_base::error::{Error, Result};
+use terrane_files::lock;
 use terrane_line::topology::Collapse;
 use terrane_vector::{Feature, Part};
 

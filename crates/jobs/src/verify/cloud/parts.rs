@@ -10,9 +10,10 @@ use super::Context;
 use super::points::{SpreadPoints, position};
 use crate::verify::spill::Spill;
 use crate::verify::spread::Spread;
-use crate::workers::{self, lock};
+use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Rect};
+use terrane_files::lock;
 use terrane_proof::cloud::{self, Hull, Part};
 use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
 

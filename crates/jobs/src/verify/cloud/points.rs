@@ -4,10 +4,11 @@ use std::sync::Mutex;
 
 use super::Context;
 use crate::verify::spill::{Spill, Writer};
-use crate::workers::{self, lock};
+use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::Census;
+use terrane_files::lock;
 use terrane_proof::cloud::{Hull, Wrap};
 use terrane_proof::{Layout, Position};
 
