@@ -3,12 +3,14 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::budget::Budget;
-use super::spool::Spool;
+use bytemuck::Zeroable;
+
+use super::budget::{Budget, VERTEX_BYTES};
 use super::tiles::{Tiles, Traced, lowest};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_contour::{Edge, Vertex};
+use terrane_files::Buckets;
 
 /// The number of no piece.
 const NONE: u32 = u32::MAX;
@@ -56,7 +58,8 @@ pub(super) struct Line {
 pub(super) struct Pieces {
     pieces: Vec<Piece>,
     most: u64,
-    spool: Spool,
+    /// The vertices of all of them: one bucket.
+    vertices: Buckets<Vertex>,
     /// Open ends by their crossing. Looked up only, so its order leaves no trace.
     ends: HashMap<(Edge, i32), End>,
     pub(super) original_vertices: u64,
@@ -65,10 +68,12 @@ pub(super) struct Pieces {
 
 impl Pieces {
     pub(super) fn new(budget: &Budget, folder: &Path) -> Self {
+        // The rest is for the vertices of a tile on their way here.
+        let waiting = budget.vertices * VERTEX_BYTES / 3 * 2;
         Self {
             pieces: Vec::new(),
             most: budget.pieces.min(u64::from(NONE)),
-            spool: Spool::new(budget.vertices, folder),
+            vertices: Buckets::new(folder, 1, waiting),
             ends: HashMap::new(),
             original_vertices: 0,
             left_out: 0,
@@ -83,7 +88,8 @@ impl Pieces {
         if (self.pieces.len() + lines.lines.len()) as u64 > self.most {
             return Err(too_many(self.most));
         }
-        let first_address = self.spool.append(&lines.vertices)?;
+        let first_address = self.vertices.len(0);
+        self.vertices.push(0, &lines.vertices)?;
         let mut start = 0;
         for (index, line) in lines.lines.iter().enumerate() {
             let vertices = lines.of(index);
@@ -186,7 +192,9 @@ impl Pieces {
             let Piece { at, count, next, .. } = self.pieces[id as usize];
             // A piece begins with the vertex that the one before it ends with.
             vertices.pop();
-            self.spool.read(at, count, vertices)?;
+            let start = vertices.len();
+            vertices.resize(start + count as usize, Vertex::zeroed());
+            self.vertices.read_from(0, at, &mut vertices[start..])?;
             id = next;
             if id == NONE || id == line.first {
                 break;
@@ -203,7 +211,7 @@ impl Pieces {
 
     /// Bytes of the temporary file.
     pub(super) fn spilled(&self) -> u64 {
-        self.spool.spilled()
+        self.vertices.spilled()
     }
 }
 

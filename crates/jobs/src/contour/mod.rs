@@ -22,7 +22,6 @@
 mod budget;
 mod join;
 mod simplify;
-mod spool;
 mod tiles;
 mod write;
 

@@ -7,7 +7,6 @@
 //! lowest point) stays in memory and answers most questions about squares far away without reading them.
 
 mod around;
-mod buckets;
 mod interpolated;
 mod limits;
 mod tiling;
@@ -16,7 +15,6 @@ use std::path::Path;
 use std::sync::Mutex;
 
 pub(crate) use around::Around;
-pub(crate) use buckets::Buckets;
 pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Shape, Surface, reach};
 pub(crate) use limits::{Limits, parts_in};
 pub(crate) use tiling::Tiling;
@@ -27,7 +25,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{Census, PointSource};
 use terrane_delaunay::{Disc, Hull, Place, Position, Window};
-use terrane_files::lock;
+use terrane_files::{Buckets, lock};
 
 /// What is known of a square without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,18 +8,20 @@ mod cloud;
 mod lines;
 mod parts;
 mod report;
-mod spill;
 mod spread;
 mod vertices;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use bytemuck::Pod;
+
 use crate::memory::beside_program;
 use crate::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
-use terrane_proof::{Precision, Snapper};
+use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
 pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
@@ -165,6 +167,11 @@ impl<'a> Work<'a> {
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
         Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
+    }
+
+    /// A bucket for each domain, which together hold about `bytes` until they are settled.
+    fn buckets<T: Pod>(&self, layout: Layout, bytes: u64) -> Buckets<T> {
+        Buckets::new(&self.folder, layout.len() as usize, bytes)
     }
 }
 

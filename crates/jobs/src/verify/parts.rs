@@ -58,8 +58,8 @@ fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
     Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"))
 }
 
-/// Bytes of index for one domain: two lists of runs in the spill files.
-const INDEX_BYTES: u64 = 64;
+/// Bytes of index for one domain: two buckets with their runs in the file.
+const INDEX_BYTES: u64 = 128;
 
 /// Spreads the mesh over the domains of the grid.
 pub(super) fn fill(context: &Context<'_>) -> Result<Spread> {
@@ -78,7 +78,7 @@ pub(super) fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
     let rows = Rows::new(&spread.layout);
     let judge = |tally: &mut Tally, index| {
         let domain = spread.layout.domain(index);
-        checker.check(domain, index, tally)?;
+        checker.check(domain, index as usize, tally)?;
         rows.done(&spread.layout, index, context);
         work.progress.advance(domain.rect.len() as u64);
         Ok(())
@@ -103,7 +103,7 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn check(&self, domain: Domain, bucket: u64, tally: &mut Tally) -> Result<()> {
+    fn check(&self, domain: Domain, bucket: usize, tally: &mut Tally) -> Result<()> {
         let (triangles, positions) = self.count(domain, bucket)?;
         let need = proof::bytes_needed(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
@@ -122,9 +122,9 @@ impl Checker<'_> {
     }
 
     /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
-    fn count(&self, domain: Domain, bucket: u64) -> Result<(u64, u64)> {
+    fn count(&self, domain: Domain, bucket: usize) -> Result<(u64, u64)> {
         let Spread { layout, triangles, positions, .. } = self.spread;
-        if domain == layout.domain(bucket) {
+        if domain == layout.domain(bucket as u64) {
             return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
         }
         let mut counts = (0, 0);
@@ -136,7 +136,7 @@ impl Checker<'_> {
     fn each_triangle(
         &self,
         domain: Domain,
-        bucket: u64,
+        bucket: usize,
         mut visit: impl FnMut(&Triangle),
     ) -> Result<()> {
         self.spread.triangles.read(bucket, |triangles| {
@@ -147,7 +147,7 @@ impl Checker<'_> {
     fn each_position(
         &self,
         domain: Domain,
-        bucket: u64,
+        bucket: usize,
         mut visit: impl FnMut(Position),
     ) -> Result<()> {
         let Some(positions) = &self.spread.positions else { return Ok(()) };
@@ -159,7 +159,7 @@ impl Checker<'_> {
     fn check_whole(
         &self,
         domain: Domain,
-        bucket: u64,
+        bucket: usize,
         [triangles, positions]: [u64; 2],
         tally: &mut Tally,
     ) -> Result<()> {

@@ -4,12 +4,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Work;
-use super::spill::{Spill, Writer};
 use super::vertices::{VertexCache, VertexCounts};
 use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
-use terrane_files::lock;
+use terrane_files::{Buckets, Writer, lock};
 use terrane_proof::{Layout, Position, Snap, Triangle};
 
 /// Triangles a worker takes at a time.
@@ -19,9 +18,9 @@ const BATCH: u64 = 2048;
 pub(super) struct Spread {
     pub(super) layout: Layout,
     /// Each triangle in every domain it may touch.
-    pub(super) triangles: Spill<Triangle>,
+    pub(super) triangles: Buckets<Triangle>,
     /// Each vertex in the domain that owns it, where vertices have an identity.
-    pub(super) positions: Option<Spill<Position>>,
+    pub(super) positions: Option<Buckets<Position>>,
     /// How the vertices lie.
     pub(super) counts: VertexCounts,
     /// Triangles left out because of an unusable vertex.
@@ -32,11 +31,8 @@ impl Spread {
     /// Reads the mesh once.
     pub(super) fn fill(work: &Work<'_>, snapper: &impl Snap, layout: Layout) -> Result<Self> {
         let info = work.mesh.info();
-        let positions = match info.indexed {
-            true => Some(Spill::new(&work.folder, layout.len())?),
-            false => None,
-        };
-        let triangles = Spill::new(&work.folder, layout.len())?;
+        let positions = info.indexed.then(|| work.buckets(layout, work.memory / 2));
+        let triangles = work.buckets(layout, work.memory / 4);
         let counts = VertexCounts::default();
         let mut spread = Self { layout, triangles, positions, counts, broken: 0 };
         work.progress.begin("vertices", info.vertices);
@@ -52,13 +48,13 @@ impl Spread {
         let all = Mutex::new(VertexCounts::default());
         let pages = VertexCounts::pages(work.mesh);
         let start = || {
-            let writer = self.positions.as_ref().map(|spill| spill.writer(work.share / 2));
+            let writer = self.positions.as_ref().map(Buckets::writer);
             (VertexCounts::default(), writer, Vec::new())
         };
         type State<'s> = (VertexCounts, Option<Writer<'s, Position>>, Vec<Point3>);
         let page = |(counts, writer, stored): &mut State<'_>, page: u64| {
             counts.page(work.mesh, snapper, page, stored, |at| match writer {
-                Some(writer) => writer.push(self.layout.owner(at), at),
+                Some(writer) => writer.push(self.layout.owner(at) as usize, at),
                 None => Ok(()),
             })?;
             work.progress.advance(stored.len() as u64);
@@ -69,6 +65,7 @@ impl Spread {
             writer.map_or(Ok(()), Writer::finish)
         };
         workers::run(work.threads, pages, &work.cancel, start, page, finish)?;
+        self.positions.as_ref().map_or(Ok(()), Buckets::settle)?;
         Ok(*lock(&all))
     }
 
@@ -78,7 +75,7 @@ impl Spread {
         let start = || Filler {
             layout: self.layout,
             cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
-            writer: self.triangles.writer(work.share / 4),
+            writer: self.triangles.writer(),
             ids: Vec::new(),
             touched: Vec::new(),
             broken: 0,
@@ -89,12 +86,13 @@ impl Spread {
             filler.writer.finish()
         };
         workers::run(work.threads, units, &work.cancel, start, batch, finish)?;
+        self.triangles.settle()?;
         Ok(broken.into_inner())
     }
 
     /// Bytes spilled.
     pub(super) fn bytes(&self) -> u64 {
-        self.triangles.bytes() + self.positions.as_ref().map_or(0, Spill::bytes)
+        self.triangles.spilled() + self.positions.as_ref().map_or(0, Buckets::spilled)
     }
 }
 
@@ -137,6 +135,6 @@ impl<S: Snap> Filler<'_, S> {
         let triangle = Triangle { corners: [a, b, c] };
         self.touched.clear();
         self.layout.touched(&triangle, |domain| self.touched.push(domain));
-        self.touched.iter().try_for_each(|&domain| self.writer.push(domain, triangle))
+        self.touched.iter().try_for_each(|&domain| self.writer.push(domain as usize, triangle))
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
-use crate::points::Buckets;
 use terrane_base::error::Result;
+use terrane_files::Buckets;
 use terrane_line::squares::Run;
 use terrane_vector as vector;
 
@@ -87,7 +87,7 @@ impl<T: Pod> Cursors<T> {
         let cursor = &mut self.0[square];
         if cursor.next >= cursor.first + cursor.records.len() {
             cursor.records.resize(RECORDS, T::zeroed());
-            let count = all.read_from(square, cursor.next, &mut cursor.records)?;
+            let count = all.read_from(square, cursor.next as u64, &mut cursor.records)?;
             cursor.records.truncate(count);
             cursor.first = cursor.next;
         }

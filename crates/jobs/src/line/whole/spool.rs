@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 use std::path::Path;
 
 use super::square::World;
-use crate::points::Buckets;
 use terrane_base::error::Result;
+use terrane_files::Buckets;
 use terrane_line::Xy;
 use terrane_line::squares::{Place, Run, Squares, cross_overs};
 use terrane_vector::Part;

@@ -8,12 +8,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
 use super::points::{SpreadPoints, position};
-use crate::verify::spill::Spill;
 use crate::verify::spread::Spread;
 use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Rect};
-use terrane_files::lock;
+use terrane_files::{Buckets, lock};
 use terrane_proof::cloud::{self, Hull, Part};
 use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
 
@@ -88,8 +87,8 @@ pub(super) fn check(
     };
     work.progress.begin("prove", points.census.kept);
     let judge = |tally: &mut Tally, index| {
-        checker.check(&piles, index, layout.domain(index), tally)?;
-        work.progress.advance(piles.points.len(index));
+        checker.check(&piles, index as usize, layout.domain(index), tally)?;
+        work.progress.advance(piles.points.len(index as usize));
         Ok(())
     };
     let finish = |tally: Tally| {
@@ -105,14 +104,14 @@ pub(super) fn check(
 /// Records of several domains, by the number of the domain.
 #[derive(Clone, Copy)]
 struct Piles<'a> {
-    points: &'a Spill<Point>,
-    triangles: &'a Spill<Triangle>,
-    positions: Option<&'a Spill<Position>>,
+    points: &'a Buckets<Point>,
+    triangles: &'a Buckets<Triangle>,
+    positions: Option<&'a Buckets<Position>>,
 }
 
 impl Piles<'_> {
     /// Points, triangles and vertices of a domain.
-    fn counts(&self, domain: u64) -> [u64; 3] {
+    fn counts(&self, domain: usize) -> [u64; 3] {
         let positions = self.positions.map_or(0, |positions| positions.len(domain));
         [self.points.len(domain), self.triangles.len(domain), positions]
     }
@@ -131,7 +130,7 @@ impl Checker<'_> {
     fn check(
         &self,
         piles: &Piles<'_>,
-        number: u64,
+        number: usize,
         domain: Domain,
         tally: &mut Tally,
     ) -> Result<()> {
@@ -157,7 +156,7 @@ impl Checker<'_> {
     fn check_pieces(
         &self,
         piles: &Piles<'_>,
-        number: u64,
+        number: usize,
         pieces: &[Domain],
         tally: &mut Tally,
     ) -> Result<()> {
@@ -170,7 +169,7 @@ impl Checker<'_> {
         let positions = positions.transpose()?;
         let positions = positions.as_ref();
         let again = Piles { points: &points, triangles: &triangles, positions };
-        let bytes = points.bytes() + triangles.bytes() + positions.map_or(0, Spill::bytes);
+        let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
         self.spilled.fetch_add(bytes, Ordering::Relaxed);
         (0..).zip(pieces).try_for_each(|(number, &piece)| self.check(&again, number, piece, tally))
     }
@@ -178,34 +177,29 @@ impl Checker<'_> {
     /// The records of a domain by piece.
     fn respread<T: bytemuck::Pod>(
         &self,
-        pile: &Spill<T>,
-        number: u64,
+        pile: &Buckets<T>,
+        number: usize,
         pieces: &[Domain],
         belongs: impl Fn(&Domain, &T) -> bool,
-    ) -> Result<Spill<T>> {
+    ) -> Result<Buckets<T>> {
         let work = &self.context.work;
-        let again = Spill::new(&work.folder, pieces.len() as u64)?;
-        let mut writer = again.writer(work.share / 4);
-        let mut pushed = Ok(());
-        pile.read(number, |records| {
-            for record in records {
-                let all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
-                for (piece, _) in all {
-                    if pushed.is_ok() {
-                        pushed = writer.push(piece, *record);
-                    }
-                }
-            }
+        let again = Buckets::new(&work.folder, pieces.len(), work.share / 4);
+        let mut writer = again.writer();
+        pile.try_read(number, |records| {
+            records.iter().try_for_each(|record| {
+                let mut all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
+                all.try_for_each(|(piece, _)| writer.push(piece, *record))
+            })
         })?;
-        pushed?;
         writer.finish()?;
+        again.settle()?;
         Ok(again)
     }
 
     fn check_whole(
         &self,
         piles: &Piles<'_>,
-        number: u64,
+        number: usize,
         domain: Domain,
         tally: &mut Tally,
     ) -> Result<()> {
@@ -238,7 +232,7 @@ impl Checker<'_> {
 }
 
 /// All records of a domain.
-fn load<T: bytemuck::Pod>(pile: &Spill<T>, number: u64) -> Result<Vec<T>> {
+fn load<T: bytemuck::Pod>(pile: &Buckets<T>, number: usize) -> Result<Vec<T>> {
     let mut all = Vec::with_capacity(pile.len(number) as usize);
     pile.read(number, |records| all.extend_from_slice(records))?;
     Ok(all)

@@ -3,19 +3,18 @@
 use std::sync::Mutex;
 
 use super::Context;
-use crate::verify::spill::{Spill, Writer};
 use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::Census;
-use terrane_files::lock;
+use terrane_files::{Buckets, Writer, lock};
 use terrane_proof::cloud::{Hull, Wrap};
 use terrane_proof::{Layout, Position};
 
 /// All points, by the domain that owns them, and what is known of them together.
 pub(super) struct SpreadPoints {
     /// Points with x and y counted from the lowest.
-    pub(super) points: Spill<Point>,
+    pub(super) points: Buckets<Point>,
     pub(super) census: Census,
     /// `None` when the points have no surface.
     pub(super) hull: Option<Hull>,
@@ -32,16 +31,16 @@ impl SpreadPoints {
     /// Reads the cloud once.
     pub(super) fn fill(context: &Context<'_>, layout: Layout) -> Result<Self> {
         let (work, source) = (&context.work, context.source);
-        let points = Spill::new(&work.folder, layout.len())?;
+        let points = work.buckets(layout, work.memory / 2);
         let all = Mutex::new(Found::default());
         work.progress.begin("points", source.info().count);
-        let start = || (Found::default(), points.writer(work.share / 2));
+        let start = || (Found::default(), points.writer());
         let read = |(found, writer): &mut (Found, Writer<'_, Point>), part: u64| {
             let census = source.read(part as usize, &mut |batch| {
                 batch.iter().try_for_each(|&point| {
                     let point = place(point, context.bounds)?;
                     found.wrap.add([point.x, point.y]);
-                    writer.push(layout.owner(position(point)), point)
+                    writer.push(layout.owner(position(point)) as usize, point)
                 })
             })?;
             found.census.add(&census);
@@ -56,6 +55,7 @@ impl SpreadPoints {
         };
         let parts = source.parts() as u64;
         workers::run(work.threads, parts, &work.cancel, start, read, finish)?;
+        points.settle()?;
         work.progress.end();
         let Found { census, wrap } = std::mem::take(&mut *lock(&all));
         Ok(Self { points, census, hull: wrap.finish() })
@@ -63,7 +63,7 @@ impl SpreadPoints {
 
     /// Bytes spilled.
     pub(super) fn bytes(&self) -> u64 {
-        self.points.bytes()
+        self.points.spilled()
     }
 }
 
