@@ -1,14 +1,6 @@
 //! Plain decimal numbers, fast: those that one exact step converts, as nearly all of a text grid do.
 
-/// Powers of ten that are exact in `f64`, by exponent.
-const POWERS: [f64; 20] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
-    1e17, 1e18, 1e19,
-];
-/// Whole numbers up to this are exact in `f64`.
-const MOST_EXACT: u64 = 1 << 53;
-/// As many digits never overflow `u64`.
-const MOST_DIGITS: usize = POWERS.len() - 1;
+use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS};
 
 /// The number that `text` begins with, and its length, when `text` goes on behind it, it has no
 /// exponent and few enough digits; `None` for all else, numbers or not. Whether it ends there is for
@@ -20,15 +12,8 @@ const MOST_DIGITS: usize = POWERS.len() - 1;
 #[inline(always)]
 pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text.first() == Some(&b'-');
-    let mut mantissa = 0;
-    let mut end = usize::from(negative);
-    let whole = take_digits(text, &mut end, &mut mantissa);
-    let mut decimals = 0;
-    if text.get(end) == Some(&b'.') {
-        end += 1;
-        decimals = take_digits(text, &mut end, &mut mantissa);
-    }
-    let is_plain = (1..=MOST_DIGITS).contains(&(whole + decimals)) && mantissa <= MOST_EXACT;
+    let Digits { mantissa, count, decimals, end } = Digits::of(text, usize::from(negative));
+    let is_plain = (1..=MOST_DIGITS).contains(&count) && mantissa <= MOST_EXACT;
     if !is_plain || end == text.len() {
         return None;
     }
@@ -43,21 +28,6 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
 pub(super) fn whole(text: &str) -> Option<f64> {
     let is_said = |value: &f64| value.is_finite() || !text.contains(|c: char| c.is_ascii_digit());
     text.parse().ok().filter(is_said)
-}
-
-/// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
-#[inline(always)]
-fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
-    let start = *end;
-    while let Some(byte) = text.get(*end) {
-        let digit = byte.wrapping_sub(b'0');
-        if digit > 9 {
-            break;
-        }
-        *value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
-        *end += 1;
-    }
-    *end - start
 }
 
 #[cfg(test)]

@@ -8,11 +8,11 @@
 //! many to 0.1 %. Rounds of greedy and drop at 1.1 to 4 times the tolerance before the last one leave 1
 //! to 2.4 % fewer vertices for 20 to 110 % more time.
 
-use super::bits::BitSet;
 use super::exact::within;
 use super::greedy::Judge;
 use super::mesh::{Mesh, State, Tri, next, prev};
 use super::{Local, mesh};
+use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
 /// Stars with more triangles than this are left alone: refilling is cubic in the degree.

@@ -3,7 +3,6 @@
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
 //! algorithm III, with adaptive-stride scans. A vertex is always a sample.
 
-mod bits;
 mod drop;
 mod exact;
 mod field;

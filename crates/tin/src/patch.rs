@@ -8,7 +8,6 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
-use super::bits::BitSet;
 use super::field::Field;
 use super::greedy::{Judge, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
@@ -16,6 +15,7 @@ use super::mesh::{Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop, strict};
+use terrane_base::bits::BitSet;
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
 /// vertices of the seam that are no longer needed.

@@ -14,7 +14,6 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test pipeline_tin every_edge`).
 
-use super::bits::BitSet;
 use super::field::Field;
 use super::greedy::{Judge, WorkLists, insert_adaptive};
 use super::measure::{measure, owns_by_direction};
@@ -22,6 +21,7 @@ use super::mesh::{Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
 use super::scan::{self, Scan};
 use super::{Local, Spec, TileInput, TileMesh, Triangle, drop, strict};
+use terrane_base::bits::BitSet;
 
 /// Rim samples are left out of a tile's scans.
 const RIM: u32 = 1;

@@ -1,14 +1,7 @@
 //! Numbers as text, both ways, exactly.
 
-/// Powers of ten that are exact in `f64`, by exponent.
-const POWERS: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
-    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
-];
-/// Whole numbers up to this are exact in `f64`.
-const MOST_EXACT: u64 = 1 << 53;
-/// As many digits never overflow `u64`.
-const MOST_DIGITS: usize = 19;
+use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS, take_digits};
+
 /// Most bytes of a number.
 pub(super) const MOST_BYTES: usize = 1100;
 
@@ -23,15 +16,8 @@ pub(super) const MOST_BYTES: usize = 1100;
 #[inline]
 pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text.first() == Some(&b'-');
-    let mut end = usize::from(negative || text.first() == Some(&b'+'));
-    let mut mantissa = 0;
-    let whole = take_digits(text, &mut end, &mut mantissa);
-    let mut decimals = 0;
-    if text.get(end) == Some(&b'.') {
-        end += 1;
-        decimals = take_digits(text, &mut end, &mut mantissa);
-    }
-    let digits = whole + decimals;
+    let start = usize::from(negative || text.first() == Some(&b'+'));
+    let Digits { mantissa, count: digits, decimals, end } = Digits::of(text, start);
     if digits == 0 {
         return None;
     }
@@ -83,21 +69,6 @@ fn by_library(text: &[u8], mut end: usize) -> Option<(f64, usize)> {
     }
     let number = std::str::from_utf8(&text[..end]).ok()?.parse().ok()?;
     Some((number, end))
-}
-
-/// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
-#[inline(always)]
-fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
-    let start = *end;
-    while let Some(byte) = text.get(*end) {
-        let digit = byte.wrapping_sub(b'0');
-        if digit > 9 {
-            break;
-        }
-        *value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
-        *end += 1;
-    }
-    *end - start
 }
 
 /// The number that all of `text` is, white space around it aside.

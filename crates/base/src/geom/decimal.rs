@@ -1,20 +1,14 @@
 //! Decimal numbers, exactly: what people write and formats store in `f64` are decimals, and a step of
 //! a lattice is a whole number of their last digits.
 
+use crate::digits::{MOST_EXACT, POWERS};
+
 /// mantissa / 10^digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimal {
     mantissa: i128,
     digits: u32,
 }
-
-/// Powers of ten that are exact in `f64`, by exponent.
-const POWERS: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
-    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
-];
-/// Whole numbers up to this are exact in `f64`.
-const MOST_EXACT: u128 = 1 << 53;
 
 impl Decimal {
     /// The shortest decimal that reads as `value`; `None` for those beyond 38 digits.
@@ -53,7 +47,7 @@ impl Decimal {
     pub fn value(self) -> f64 {
         match POWERS.get(self.digits as usize) {
             // One division of exact numbers rounds once.
-            Some(power) if self.mantissa.unsigned_abs() <= MOST_EXACT => {
+            Some(power) if self.mantissa.unsigned_abs() <= MOST_EXACT.into() => {
                 self.mantissa as f64 / power
             }
             _ => format!("{}e-{}", self.mantissa, self.digits).parse().unwrap_or(f64::NAN),

@@ -7,13 +7,14 @@
 use super::container::{Container, Shift};
 use super::layout::{Layout, TileId};
 use super::writer::Faces;
+use terrane_base::bits::BitSet;
 use terrane_base::geom::{Affine, Point3, Rect};
 use terrane_tin::{Local, Triangle, sort_by_position};
 
 /// The samples of one tile that are vertices in use: one bit each.
 #[derive(Default)]
 pub(super) struct Marks {
-    bits: Vec<u64>,
+    bits: BitSet,
     owned: Option<Rect>,
     count: u64,
 }
@@ -21,8 +22,7 @@ pub(super) struct Marks {
 impl Marks {
     /// Clears all marks; from now on they are for the samples of `owned`.
     pub(super) fn reset(&mut self, owned: Rect) {
-        self.bits.clear();
-        self.bits.resize(owned.len().div_ceil(64), 0);
+        self.bits.reset(owned.len());
         (self.owned, self.count) = (Some(owned), 0);
     }
 
@@ -33,22 +33,16 @@ impl Marks {
         for at in triangles.iter().flat_map(|triangle| triangle.corners) {
             let (col, row) = (at.col().wrapping_sub(left), at.row().wrapping_sub(above));
             if col < owned.width && row < owned.height {
-                self.set(row as usize * owned.width as usize + col as usize);
+                let at = row as usize * owned.width as usize + col as usize;
+                self.count += u64::from(self.bits.insert(at));
             }
         }
-    }
-
-    fn set(&mut self, bit: usize) {
-        let (word, mask) = (&mut self.bits[bit / 64], 1 << (bit % 64));
-        self.count += u64::from(*word & mask == 0);
-        *word |= mask;
     }
 
     /// True when the tile's sample `at` is marked.
     pub(super) fn contains(&self, at: Local) -> bool {
         let width = self.owned.map_or(0, |owned| owned.width as usize);
-        let bit = at.row() as usize * width + at.col() as usize;
-        self.bits.get(bit / 64).is_some_and(|word| word >> (bit % 64) & 1 == 1)
+        self.bits.contains(at.row() as usize * width + at.col() as usize)
     }
 
     /// Number of marked samples.
@@ -84,7 +78,7 @@ pub(super) struct Ranks {
     /// Samples from one row to the next.
     pitch: usize,
     /// One bit a sample, set where it is a vertex.
-    bits: Vec<u64>,
+    bits: BitSet,
     /// Vertices before each word of `bits`.
     before: Vec<u32>,
     /// Copies for [`Lookup::faces`] with corners; else empty.
@@ -103,13 +97,12 @@ impl Ranks {
         with_corners: bool,
     ) {
         (self.first_id, self.pitch) = (first_id, owned.width as usize);
-        self.bits.resize(owned.len().div_ceil(64), 0);
+        self.bits.reset(owned.len());
         for &at in &container.vertices {
-            let bit = at.row() as usize * self.pitch + at.col() as usize;
-            self.bits[bit / 64] |= 1 << (bit % 64);
+            self.bits.insert(at.row() as usize * self.pitch + at.col() as usize);
         }
         let mut count = 0;
-        self.before.extend(self.bits.iter().map(|word| {
+        self.before.extend(self.bits.words().iter().map(|word| {
             count += word.count_ones();
             count - word.count_ones()
         }));
@@ -121,7 +114,7 @@ impl Ranks {
 
     /// Forgets all vertices.
     fn clear(&mut self) {
-        self.bits.clear();
+        self.bits.reset(0);
         self.before.clear();
         self.vertices.clear();
         self.heights.clear();
@@ -130,7 +123,7 @@ impl Ranks {
     /// Rank of the vertex at `at`.
     fn rank(&self, at: Local) -> Option<usize> {
         let bit = at.row() as usize * self.pitch + at.col() as usize;
-        let below = self.bits.get(bit / 64)? & (2_u64 << (bit % 64)).wrapping_sub(1);
+        let below = self.bits.words().get(bit / 64)? & (2_u64 << (bit % 64)).wrapping_sub(1);
         let is_vertex = below >> (bit % 64) == 1;
         is_vertex.then(|| (self.before[bit / 64] + below.count_ones()) as usize - 1)
     }

@@ -154,65 +154,9 @@ pub fn open_at<T: Clone>(ring: &mut [T], at: usize) {
     }
 }
 
-/// A set of vertices.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Bits(Vec<u64>);
-
-impl Bits {
-    pub(super) fn new(count: usize) -> Self {
-        Self(vec![0; count.div_ceil(64)])
-    }
-
-    #[inline(always)]
-    pub(super) fn has(&self, v: usize) -> bool {
-        self.0[v / 64] >> (v % 64) & 1 == 1
-    }
-
-    #[inline(always)]
-    pub(super) fn insert(&mut self, v: usize) {
-        self.0[v / 64] |= 1 << (v % 64);
-    }
-
-    #[inline(always)]
-    pub(super) fn remove(&mut self, v: usize) {
-        self.0[v / 64] &= !(1 << (v % 64));
-    }
-
-    /// The members within a range, ascending.
-    pub(super) fn within(
-        &self,
-        range: std::ops::Range<usize>,
-    ) -> impl Iterator<Item = usize> + Clone {
-        let (first, end) = (range.start / 64, range.end.div_ceil(64));
-        (first..end).flat_map(move |word| ones(self.0[word], word * 64)).filter({
-            let range = range.clone();
-            move |v| range.contains(v)
-        })
-    }
-}
-
-/// The places of the ones of a word, counted from `base`.
-fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
-    std::iter::successors(Some(word), |w| Some(w & w.wrapping_sub(1)))
-        .take_while(|&w| w != 0)
-        .map(move |w| base + w.trailing_zeros() as usize)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bits_within() {
-        let mut bits = Bits::new(200);
-        for v in [0, 63, 64, 100, 199] {
-            bits.insert(v);
-        }
-        bits.remove(100);
-        assert_eq!(bits.within(0..200).collect::<Vec<_>>(), [0, 63, 64, 199]);
-        assert_eq!(bits.within(63..199).collect::<Vec<_>>(), [63, 64]);
-        assert_eq!(bits.within(5..5).count(), 0);
-    }
 
     #[test]
     fn rings_open_anywhere() {

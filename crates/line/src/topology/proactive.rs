@@ -1,10 +1,11 @@
 //! Segments tested before they are accepted.
 
-use super::chains::{Bits, Chains, Kept};
+use super::chains::{Chains, Kept};
 use super::region::farthest;
 use super::scan::any_held;
 use super::tree::{Bounds, Tree};
 use super::{Points, Refine};
+use terrane_base::bits::BitSet;
 use terrane_base::geom::plane::Xy;
 
 /// Vertices of a chain that share a box.
@@ -19,7 +20,7 @@ const RUN: usize = 16;
 #[derive(Debug)]
 pub(super) struct Living<'a> {
     chains: Chains<'a>,
-    there: Bits,
+    there: BitSet,
     /// Boxes of runs of vertices, known by their first vertex.
     tree: Tree,
     points: &'a Points<'a>,
@@ -30,13 +31,15 @@ pub(super) struct Living<'a> {
 impl<'a> Living<'a> {
     /// All vertices of the chains of which `kept` has any.
     fn new(chains: &Chains<'a>, kept: &Kept, points: &'a Points<'a>) -> Self {
-        let mut there = Bits::new(chains.points.len());
+        let mut there = BitSet::new(chains.points.len());
         let mut runs = Vec::new();
         for chain in (0..chains.count()).filter(|&chain| !kept.of(chain).is_empty()) {
             let range = chains.range(chain);
             for first in range.clone().step_by(RUN) {
                 let end = (first + RUN).min(range.end);
-                (first..end).for_each(|v| there.insert(v));
+                for v in first..end {
+                    there.insert(v);
+                }
                 runs.push((first as u32, Bounds::of(&chains.points[first..end])));
             }
         }
@@ -55,7 +58,8 @@ impl<'a> Living<'a> {
             if self.tree.bounds(at).meets(&bounds) {
                 let run = self.run(self.tree.ids[at] as usize);
                 let others = run.filter(|&v| v < from as usize || v > to as usize);
-                let there = others.filter(|&v| self.there.has(v)).map(|v| self.chains.points[v]);
+                let there =
+                    others.filter(|&v| self.there.contains(v)).map(|v| self.chains.points[v]);
                 self.near.extend(there.filter(|&p| bounds.holds(p) && !ends.contains(&p)));
             }
         }

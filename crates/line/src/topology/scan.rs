@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use super::chains::{Bits, Chains};
+use super::chains::Chains;
 use super::cross::conflict;
 use super::region::{Bands, holds};
 use super::tree::{Bounds, Tree};
+use terrane_base::bits::BitSet;
 use terrane_base::geom::plane::Xy;
 
 /// A chain's part from one kept vertex to the next.
@@ -87,7 +88,7 @@ pub(super) struct View<'a> {
     /// Which pieces have not been replaced by finer ones.
     pub(super) alive: &'a [bool],
     /// The last vertices of open chains: those that no piece begins with.
-    pub(super) ends: &'a Bits,
+    pub(super) ends: &'a BitSet,
 }
 
 impl View<'_> {
@@ -163,7 +164,7 @@ impl View<'_> {
     #[inline]
     fn side(&self, item: Item<'_>, other: &Span, found: &mut Found) {
         self.candidate(item, other.ends[0], found);
-        if self.ends.has(other.piece.to as usize) {
+        if self.ends.contains(other.piece.to as usize) {
             self.candidate(item, other.ends[1], found);
         }
     }

@@ -2,11 +2,12 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Bits, Chains, Kept};
+use super::chains::{Chains, Kept};
 use super::region::farthest;
 use super::scan::{Found, Layer, Piece, View};
 use super::tree::Bounds;
 use super::{Points, Refine};
+use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::area_sign;
 
@@ -22,9 +23,9 @@ const MOST_LAYERS: usize = 6;
 pub(super) struct Settling<'a> {
     chains: Chains<'a>,
     /// All kept vertices.
-    kept: Bits,
+    kept: BitSet,
     /// The last vertices of open chains.
-    ends: Bits,
+    ends: BitSet,
     pieces: Vec<Piece>,
     alive: Vec<bool>,
     /// Pieces of earlier rounds.
@@ -42,8 +43,8 @@ impl<'a> Settling<'a> {
         let n = chains.points.len();
         let mut settling = Self {
             chains: *chains,
-            kept: Bits::new(n),
-            ends: Bits::new(n),
+            kept: BitSet::new(n),
+            ends: BitSet::new(n),
             pieces: Vec::with_capacity(kept.vertices.len()),
             alive: Vec::new(),
             layers: Vec::new(),

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use bytemuck::Pod;
 
+use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
 use terrane_line::squares::Run;
@@ -13,28 +14,15 @@ use terrane_vector as vector;
 /// Records of a square that are held at a time.
 const RECORDS: usize = 128;
 
-/// A set of numbers from 0 on.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Bits(pub(super) Vec<u64>);
-
-impl Bits {
-    pub(super) fn new(count: usize) -> Self {
-        Self(vec![0; count.div_ceil(64)])
-    }
-
-    pub(super) fn insert(&mut self, at: usize) {
-        self.0[at / 64] |= 1 << (at % 64);
-    }
-
-    /// Adds what is kept of `count` vertices, of which the first has number `first`.
-    pub(super) fn add(&mut self, kept: &vector::Kept, first: usize, count: usize) {
-        match kept {
-            vector::Kept::All => (first..first + count).for_each(|at| self.insert(at)),
-            vector::Kept::Nothing => {}
-            vector::Kept::Vertices(own) => {
-                own.iter().for_each(|v| self.insert(first + *v as usize))
-            }
-        }
+/// Adds what is kept of `count` vertices, of which the first has number `first`, to `bits`.
+pub(super) fn add(bits: &mut BitSet, kept: &vector::Kept, first: usize, count: usize) {
+    let mut insert = |at| {
+        bits.insert(at);
+    };
+    match kept {
+        vector::Kept::All => (first..first + count).for_each(insert),
+        vector::Kept::Nothing => {}
+        vector::Kept::Vertices(own) => own.iter().for_each(|v| insert(first + *v as usize)),
     }
 }
 
@@ -50,8 +38,8 @@ impl Kept {
     }
 
     /// Sets the bits of a square, once.
-    pub(super) fn set(&self, square: usize, bits: &Bits) -> Result<()> {
-        self.bits.push(square, &bits.0)
+    pub(super) fn set(&self, square: usize, bits: &BitSet) -> Result<()> {
+        self.bits.push(square, bits.words())
     }
 
     pub(super) fn reader(&self) -> Reader<'_> {
@@ -147,8 +135,10 @@ mod tests {
             let kept = Kept::new(folder.path(), 2, memory);
             // Every third vertex of the first square, every fifth of the second.
             for (square, step) in [(0, 3), (1, 5)] {
-                let mut bits = Bits::new(20_000);
-                (0..20_000).step_by(step).for_each(|at| bits.insert(at));
+                let mut bits = BitSet::new(20_000);
+                for at in (0..20_000).step_by(step) {
+                    bits.insert(at);
+                }
                 kept.set(square, &bits).unwrap();
             }
             let mut reader = kept.reader();

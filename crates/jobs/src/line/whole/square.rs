@@ -7,10 +7,11 @@
 //! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
 
 use super::gaps::Gaps;
-use super::kept::Bits;
+use super::kept;
 use super::own;
 use crate::line::part::chosen;
 use crate::line::tool::{Rule, Task, Tool, Vertex};
+use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_line::arcs::Arcs;
 use terrane_line::topology::{
@@ -74,7 +75,7 @@ pub(super) struct World {
 #[derive(Debug, Default)]
 pub(super) struct Solved {
     /// The vertices that are kept.
-    pub(super) bits: Bits,
+    pub(super) bits: BitSet,
     pub(super) arcs: u64,
     pub(super) refined: u64,
     pub(super) collapsed: u64,
@@ -178,9 +179,9 @@ impl Made {
     }
 
     /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
-    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut Bits) -> Vec<u32> {
+    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut BitSet) -> Vec<u32> {
         let flat = &world.flat;
-        *bits = Bits::new(flat.points.len());
+        *bits = BitSet::new(flat.points.len());
         let (mut left, mut spoiled) = (Vec::new(), Vec::new());
         for run in 0..flat.closed.len() {
             let (points, is_ring) = (flat.part(run), flat.closed[run]);
@@ -193,7 +194,7 @@ impl Made {
                 false => Some(chosen(&left)),
             };
             match kept {
-                Some(kept) => bits.add(&kept, flat.starts[run], points.len()),
+                Some(kept) => kept::add(bits, &kept, flat.starts[run], points.len()),
                 None => spoiled.push(run as u32),
             }
         }

@@ -1,0 +1,110 @@
+//! A set of small numbers, one bit each.
+
+use std::ops::Range;
+
+/// A set of numbers below a bound.
+#[derive(Clone, Debug, Default)]
+pub struct BitSet {
+    words: Vec<u64>,
+}
+
+impl BitSet {
+    /// An empty set for numbers below `bound`.
+    pub fn new(bound: usize) -> Self {
+        Self { words: vec![0; bound.div_ceil(64)] }
+    }
+
+    /// Empties the set and makes room for numbers below `bound`.
+    pub fn reset(&mut self, bound: usize) {
+        self.words.clear();
+        self.words.resize(bound.div_ceil(64), 0);
+    }
+
+    /// Adds a number; true when it was not in the set.
+    ///
+    /// # Panics
+    /// Where the number is beyond the bound.
+    #[inline(always)]
+    pub fn insert(&mut self, number: usize) -> bool {
+        let (word, bit) = (&mut self.words[number / 64], 1 << (number % 64));
+        let is_new = *word & bit == 0;
+        *word |= bit;
+        is_new
+    }
+
+    /// Takes a number out.
+    ///
+    /// # Panics
+    /// Where the number is beyond the bound.
+    #[inline(always)]
+    pub fn remove(&mut self, number: usize) {
+        self.words[number / 64] &= !(1 << (number % 64));
+    }
+
+    /// True when the number is in the set; beyond the bound there is none.
+    #[inline(always)]
+    pub fn contains(&self, number: usize) -> bool {
+        self.words.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    }
+
+    /// The numbers in ascending order.
+    pub fn iter(&self) -> impl Iterator<Item = usize> + Clone + '_ {
+        self.within(0..self.words.len() * 64)
+    }
+
+    /// The numbers within a range, ascending.
+    ///
+    /// # Panics
+    /// Where the range is beyond the bound.
+    pub fn within(&self, range: Range<usize>) -> impl Iterator<Item = usize> + Clone + '_ {
+        let (first, end) = (range.start / 64, range.end.div_ceil(64));
+        (first..end)
+            .flat_map(|word| ones(self.words[word], word * 64))
+            .filter(move |number| range.contains(number))
+    }
+
+    /// Its bits, sixty-four numbers to a word, the lowest number in the lowest bit.
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+}
+
+/// The places of the ones of a word, counted from `base`.
+fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
+    std::iter::successors(Some(word), |word| Some(word & word.wrapping_sub(1)))
+        .take_while(|&word| word != 0)
+        .map(move |word| base + word.trailing_zeros() as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    proptest! {
+        #[test]
+        fn like_the_standard_library(
+            steps in prop::collection::vec((any::<bool>(), 0_usize..200), 0..100),
+            ends in (0_usize..=200, 0_usize..=200),
+        ) {
+            let (mut set, mut twin) = (BitSet::new(200), BTreeSet::new());
+            for (is_added, number) in steps {
+                if is_added {
+                    prop_assert_eq!(set.insert(number), twin.insert(number));
+                } else {
+                    set.remove(number);
+                    twin.remove(&number);
+                }
+                prop_assert_eq!(set.contains(number), is_added);
+            }
+            prop_assert!(set.iter().eq(twin.iter().copied()));
+            let range = ends.0.min(ends.1)..ends.0.max(ends.1);
+            prop_assert!(set.within(range.clone()).eq(twin.range(range).copied()));
+            let ones: u32 = set.words().iter().map(|word| word.count_ones()).sum();
+            prop_assert_eq!(ones as usize, twin.len());
+            set.reset(10);
+            prop_assert!(set.iter().next().is_none() && !set.contains(150));
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Digits of numbers in text, fast.
+
+/// Powers of ten that are exact in `f64`, by exponent.
+pub const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+];
+/// Whole numbers up to this are exact in `f64`.
+pub const MOST_EXACT: u64 = 1 << 53;
+/// As many digits never overflow `u64`.
+pub const MOST_DIGITS: usize = 19;
+
+/// Digits with or without a point before, among or behind them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Digits {
+    /// The whole number that they are without the point; it wraps beyond [`MOST_DIGITS`].
+    pub mantissa: u64,
+    /// How many there are.
+    pub count: usize,
+    /// How many of them are behind the point.
+    pub decimals: usize,
+    /// Where in the text they end.
+    pub end: usize,
+}
+
+impl Digits {
+    /// Those of `text` from `start` on; there may be none.
+    #[inline(always)]
+    pub fn of(text: &[u8], start: usize) -> Self {
+        let (mut mantissa, mut end) = (0, start);
+        let whole = take_digits(text, &mut end, &mut mantissa);
+        let mut decimals = 0;
+        if text.get(end) == Some(&b'.') {
+            end += 1;
+            decimals = take_digits(text, &mut end, &mut mantissa);
+        }
+        Self { mantissa, count: whole + decimals, decimals, end }
+    }
+}
+
+/// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
+#[inline(always)]
+pub fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
+    let start = *end;
+    while let Some(byte) = text.get(*end) {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        *value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
+        *end += 1;
+    }
+    *end - start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_end_where_they_end() {
+        for (text, mantissa, count, decimals, end) in [
+            ("-12.50x", 1250, 4, 2, 6),
+            ("-.5", 5, 1, 1, 3),
+            ("-7.", 7, 1, 0, 3),
+            ("-7.1.2", 71, 2, 1, 4),
+            ("-", 0, 0, 0, 1),
+            ("-.", 0, 0, 0, 2),
+            ("-x", 0, 0, 0, 1),
+        ] {
+            let expected = Digits { mantissa, count, decimals, end };
+            assert_eq!(Digits::of(text.as_bytes(), 1), expected, "{text}");
+        }
+        assert_eq!(Digits::of(b"1", 5).end, 5);
+        let most = [b'9'; MOST_DIGITS];
+        assert_eq!(Digits::of(&most, 0).mantissa, 10_u64.pow(19) - 1);
+    }
+}
