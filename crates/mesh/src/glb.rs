@@ -6,12 +6,12 @@ use serde_json::json;
 
 use crate::glb_read::GlbSource;
 use crate::local::Local;
-use crate::out::Out;
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text;
 use crate::{MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
+use terrane_files::Out;
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "GLB",

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
+use terrane_files::read_exact_at;
 
 /// Bytes read at a time.
 const CHUNK_BYTES: u64 = 256 << 10;
@@ -19,8 +20,6 @@ pub(super) struct Input {
     file: File,
     path: PathBuf,
     bytes: u64,
-    #[cfg(not(unix))]
-    position: std::sync::Mutex<()>,
 }
 
 impl Input {
@@ -33,13 +32,7 @@ impl Input {
         }
         let file = File::open(path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
-        Ok(Self {
-            file,
-            path: path.to_path_buf(),
-            bytes,
-            #[cfg(not(unix))]
-            position: std::sync::Mutex::new(()),
-        })
+        Ok(Self { file, path: path.to_path_buf(), bytes })
     }
 
     /// Its path.
@@ -71,7 +64,7 @@ impl Input {
 
     /// Fills `out` from `offset`.
     pub(super) fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
-        self.read_exact_at(offset, out).map_err(|e| Error::read(&self.path, e))
+        read_exact_at(&self.file, out, offset).map_err(|e| Error::read(&self.path, e))
     }
 
     /// Hands `each` the records of `stride` bytes that fill `bytes`, one by one; `place` counts
@@ -102,19 +95,6 @@ impl Input {
         let reader = BufReader::with_capacity(64 << 10, Cursor { input: self, at: offset });
         Lines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
     }
-
-    #[cfg(unix)]
-    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
-        std::os::unix::fs::FileExt::read_exact_at(&self.file, out, offset)
-    }
-
-    #[cfg(not(unix))]
-    fn read_exact_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
-        use std::io::{Seek, SeekFrom};
-        let _turn = self.position.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        (&self.file).seek(SeekFrom::Start(offset))?;
-        (&self.file).read_exact(out)
-    }
 }
 
 /// Reads an input from some place on.
@@ -127,7 +107,7 @@ impl Read for Cursor<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let left = self.input.bytes.saturating_sub(self.at);
         let some = left.min(out.len() as u64) as usize;
-        self.input.read_exact_at(self.at, &mut out[..some])?;
+        read_exact_at(&self.input.file, &mut out[..some], self.at)?;
         self.at += some as u64;
         Ok(some)
     }

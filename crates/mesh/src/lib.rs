@@ -7,7 +7,6 @@ mod input;
 mod local;
 mod obj;
 mod obj_index;
-mod out;
 mod ply;
 mod ply_header;
 mod sidecar;

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::input::{Input, Lines, check_range};
 use crate::obj_index::{Mark, SparseIndex};
-use crate::out::Out;
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::{self, push_f64, push_u64};
 use crate::{
@@ -12,6 +11,7 @@ use crate::{
 };
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
+use terrane_files::Out;
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "OBJ",

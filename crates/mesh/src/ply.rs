@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use crate::input::{Input, check_corners, check_position, check_range};
-use crate::out::Out;
 use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::comments;
@@ -12,6 +11,7 @@ use crate::{
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
+use terrane_files::Out;
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "PLY",

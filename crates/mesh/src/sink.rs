@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use crate::out::Out;
 use crate::{MeshBatch, MeshCapacity, MeshSink, SinkOptions, capacity};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, folder_for};
 
 /// Vertices and triangles pushed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,11 +68,10 @@ impl<E: Encoder + 'static> FileSink<E> {
 
     fn new(path: &Path, options: &SinkOptions, encoder: E) -> Result<Self> {
         let target = AtomicFile::create(path, options.overwrite)?;
-        let tail = Out::spool(temp_folder(path, options))?;
-        let handle = target.file().try_clone().map_err(|e| Error::write(path, e))?;
-        let mut body = Out::new(handle, path);
+        let tail = Out::spool(folder_for(path, options.temp_dir.as_deref()))?;
+        let mut body = Out::of(&target, 0)?;
         let header = encoder.header(Counts::default());
-        body.bytes(&header)?;
+        body.write(&header)?;
         let header_bytes = header.len() as u64;
         let (most, counts) = (encoder.most(), Counts::default());
         Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
@@ -121,20 +120,14 @@ impl<E: Encoder + 'static> MeshSink for FileSink<E> {
 
     fn finish(self: Box<Self>) -> Result<u64> {
         self.check_whole()?;
-        let Self { mut encoder, header_bytes, counts, target, mut body, mut tail, .. } = *self;
+        let Self { mut encoder, header_bytes, counts, target, mut body, tail, .. } = *self;
         encoder.complete(&mut body).map_err(|e| e.in_file(target.path()))?;
-        body.append(&mut tail)?;
+        body.append(tail)?;
         let header = encoder.header(counts);
         debug_assert_eq!(header.len() as u64, header_bytes);
-        body.rewrite_start(&header)?;
+        body.replace(0, &header)?;
         target.commit()
     }
-}
-
-/// The folder for spools of a mesh at `path`.
-pub(super) fn temp_folder<'a>(path: &'a Path, options: &'a SinkOptions) -> &'a Path {
-    let beside = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    options.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."))
 }
 
 fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::out::Out;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::Out;
 
 /// Slots of the table of recent edges, as a power of two: 768 KiB, to stay in cache.
 const RECENT_BITS: u32 = 14;
@@ -127,7 +127,7 @@ impl Outline {
     fn merge_runs(&mut self) -> Result<()> {
         let mut out = Out::spool(&self.folder)?;
         let runs = std::mem::take(&mut self.runs);
-        merge(runs, &mut |edge| out.bytes(bytemuck::bytes_of(&edge)))?;
+        merge(runs, &mut |edge| out.write(bytemuck::bytes_of(&edge)))?;
         self.runs.push(Run::new(out, &self.folder)?);
         Ok(())
     }

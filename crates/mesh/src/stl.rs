@@ -6,8 +6,7 @@ use std::path::Path;
 
 use crate::input::{Input, check_position, check_range};
 use crate::local::{Local, is_scale, to_world};
-use crate::out::Out;
-use crate::sink::{Counts, Encoder, FileSink, temp_folder};
+use crate::sink::{Counts, Encoder, FileSink};
 use crate::solid::{Edge, Outline};
 use crate::{
     MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
@@ -15,6 +14,7 @@ use crate::{
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
+use terrane_files::{Out, folder_for};
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "STL",
@@ -52,7 +52,12 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let title = title(header.origin, local.scale(), bound(&header.comments))?;
     let solid = options.solid_base.map(|base| {
         let (lowest, stored) = (header.bounds[0][2], (header.origin[2], header.scale[2]));
-        Solid::new(base, lowest, stored, Outline::new(temp_folder(path, options)))
+        Solid::new(
+            base,
+            lowest,
+            stored,
+            Outline::new(folder_for(path, options.temp_dir.as_deref())),
+        )
     });
     let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
     FileSink::create(path, options, encoder)

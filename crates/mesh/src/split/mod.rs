@@ -8,24 +8,35 @@
 //! block is written, so one file is open at a time, whatever the grid's width. A block's ids are held
 //! while it is written; positions come with the triangles.
 
-mod buckets;
 mod index;
 mod source;
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::{MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions, prj_path, write_prj};
-use buckets::{Buckets, Record};
 use index::{Block, Index};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3};
 use terrane_files::atomic::AtomicFolder;
+use terrane_files::{Buckets, folder_for, nameless};
 
 pub(super) use source::open;
 
 /// Triangles handed to a block's file at a time.
 const BATCH: usize = 1 << 14;
+/// Bytes of triangles in memory that wait until their row of blocks is complete.
+const WAITING_BYTES: u64 = 3 << 20;
+
+/// A triangle with its vertices' ids in the whole mesh.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Record {
+    ids: [u64; 3],
+    corners: [Point3; 3],
+}
 
 /// How a grid is cut into blocks.
 #[derive(Clone, Copy, Debug)]
@@ -99,9 +110,10 @@ pub fn create(
     blocks: Blocks,
 ) -> Result<Box<dyn MeshSink>> {
     let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
-    let beside = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let spool = options.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
-    let buckets = Buckets::new(spool, blocks.count()[0])?;
+    let spool = folder_for(path, options.temp_dir.as_deref());
+    // Told at the start, not when the file is needed.
+    drop(nameless(spool)?);
+    let buckets = Buckets::new(spool, blocks.count()[0] as usize, WAITING_BYTES);
     let index = Index::new(format.name, header);
     let temp_dir = Some(spool.to_path_buf());
     let (header, options) =
@@ -126,7 +138,7 @@ struct Split {
     header: MeshHeader,
     options: SinkOptions,
     blocks: Blocks,
-    buckets: Buckets,
+    buckets: Buckets<Record>,
     index: Index,
     /// The row of blocks that triangles come for.
     row: u32,
@@ -137,12 +149,13 @@ impl Split {
     /// Writes the files of the blocks of a row, and goes on to the next.
     fn finish_row(&mut self) -> Result<()> {
         for col in 0..self.blocks.count()[0] {
-            if !self.buckets.is_empty(col) {
+            if self.buckets.len(col as usize) > 0 {
                 self.write_block([col, self.row])?;
+                self.buckets.forget(col as usize);
             }
         }
         self.row += 1;
-        self.buckets.clear()
+        Ok(())
     }
 
     fn write_block(&mut self, [col, row]: [u32; 2]) -> Result<()> {
@@ -150,7 +163,7 @@ impl Split {
         let path = self.folder.inside().join(&name);
         let ring = self.blocks.ring([col, row]);
         let mut piece = Piece::new((self.format.create)(&path, &self.header, &self.options)?);
-        self.buckets.read(col, |records| piece.push(records))?;
+        self.buckets.try_read(col as usize, |records| piece.push(records))?;
         let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
         let bytes = piece.sink.finish()?;
         if self.options.solid_base.is_some() {
@@ -181,7 +194,7 @@ impl MeshSink for Split {
             while self.row < row {
                 self.finish_row()?;
             }
-            self.buckets.push(col, Record { ids: *ids, corners: *corners })?;
+            self.buckets.push(col as usize, &[Record { ids: *ids, corners: *corners }])?;
         }
         Ok(())
     }

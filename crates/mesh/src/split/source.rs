@@ -2,12 +2,13 @@
 //! by their positions.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::index::Index;
 use crate::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
+use terrane_files::lock;
 
 /// Blocks whose vertices are held at once.
 const MOST_HELD: usize = 4;
@@ -83,7 +84,7 @@ impl SplitSource {
     }
 
     fn part(&self, part: usize) -> Result<Arc<OpenPart>> {
-        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut held = lock(&self.held);
         if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
             return Ok(Arc::clone(open));
         }
