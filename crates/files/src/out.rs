@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic::AtomicFile;
 use crate::fault::{self, Point};
-use crate::{nameless, spool, write_all_at};
+use crate::{RawFile, nameless, spool, write_all_at};
 use terrane_base::error::{Error, Result};
 
 /// Bytes gathered before they go to the file: enough to make the cost of a call vanish.
@@ -127,6 +127,12 @@ impl Out {
         self.flush()?;
         self.file.seek(SeekFrom::Start(0)).map_err(|e| (self.fail)(&self.path, e))?;
         Ok(self.file)
+    }
+
+    /// The file, complete and not empty, to be read by position.
+    pub fn into_raw(mut self) -> Result<RawFile> {
+        self.flush()?;
+        RawFile::of(self.file, &self.path)
     }
 }
 

@@ -8,10 +8,10 @@ use std::sync::Arc;
 use super::feature::{Feature, Field, FieldKind, Id, Layer, Value};
 use super::geometry::{Coordinates, Geometry, Kind};
 use super::number;
-use super::out::Spool;
 use super::pages::{Bytes, Pages};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
+use terrane_files::{Out, folder_for};
 
 /// Name of the column that ids are kept in, where the format has no other place for them.
 const ID: &str = "id";
@@ -33,7 +33,7 @@ pub(super) struct Table {
     columns: Vec<Column>,
     /// Only looked up, so its order does not matter.
     index: HashMap<Arc<str>, usize>,
-    spool: Spool,
+    spool: Out,
     /// Where each feature begins.
     starts: Vec<u64>,
     /// Ids that are not kept because a property has their name.
@@ -61,7 +61,7 @@ impl Table {
         let mut table = Self {
             columns: Vec::new(),
             index: HashMap::new(),
-            spool: Spool::new(path, folder)?,
+            spool: Out::spool(folder_for(path, folder))?,
             starts: Vec::new(),
             lost_ids: 0,
             scratch: Vec::new(),
@@ -117,7 +117,10 @@ impl Table {
     /// All of it, to be read.
     pub(super) fn finish(self) -> Result<Rows> {
         let end = self.spool.bytes();
-        let pages = self.spool.finish()?.map(Pages::of);
+        let pages = match end {
+            0 => None,
+            _ => Some(Pages::of(self.spool.into_raw()?)),
+        };
         let mut starts = self.starts;
         starts.push(end);
         let lost = self.lost_ids;

@@ -7,10 +7,11 @@ use crate::crs;
 use crate::feature::{Feature, Layer, Member, Value};
 use crate::geometry::{Coordinates, Kind, Part, Role};
 use crate::number;
-use crate::out::{Out, Spool};
+use crate::out::Out;
 use crate::sink::{FeatureSink, WriteOptions, Written};
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
+use terrane_files::{self as files, folder_for};
 
 /// Starts a file.
 pub(super) fn create(
@@ -30,11 +31,11 @@ pub(super) fn create(
     }
     let mut out = Out::create(path, options.overwrite)?;
     out.buffer.extend_from_slice(HEAD.as_bytes());
-    let folder = options.temp_dir.as_deref();
+    let folder = folder_for(path, options.temp_dir.as_deref());
     Ok(Box::new(Sink {
         out,
-        routes: Spool::new(path, folder)?,
-        tracks: Spool::new(path, folder)?,
+        routes: files::Out::spool(folder)?,
+        tracks: files::Out::spool(folder)?,
         m_is_time: layer.m_is_time,
         features: 0,
         measured: 0,
@@ -53,8 +54,8 @@ const HEAD: &str = concat!(
 
 struct Sink {
     out: Out,
-    routes: Spool,
-    tracks: Spool,
+    routes: files::Out,
+    tracks: files::Out,
     m_is_time: bool,
     features: u64,
     /// Features with measures that are no times.

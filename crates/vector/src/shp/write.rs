@@ -161,7 +161,7 @@ fn write_shapes(shapes: &mut Out, places: &mut Out, kind: Type, rows: &mut Rows)
         head.extend_from_slice(&kind.code().to_le_bytes());
         let numbers = plane.iter().chain([&z.0, &z.1, &m.0, &m.1]);
         head.extend(numbers.flat_map(|number| number.to_le_bytes()));
-        out.rewrite_start(&head)?;
+        out.replace(0, &head)?;
     }
     Ok(())
 }
