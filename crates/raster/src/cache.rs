@@ -2,9 +2,10 @@
 //! outside the lock, each by one thread; least recently used blocks go first.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex};
 
 use terrane_base::error::Result;
+use terrane_files::{lock, wait};
 
 /// A decoded block.
 pub(crate) type Block = Arc<Vec<u8>>;
@@ -57,17 +58,17 @@ impl BlockCache {
 
     /// Drops the block `key` if it is here.
     pub(crate) fn forget(&self, key: u64) {
-        self.lock().remove_ready(key);
+        lock(&self.state).remove_ready(key);
     }
 
     /// The ready block, or `None` after marking it as being decoded by this thread.
     fn find_or_claim(&self, key: u64) -> Option<Block> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         loop {
             match state.slots.get(&key) {
                 Some(Slot::Ready { .. }) => return state.touch(key),
                 Some(Slot::Decoding) => {
-                    state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+                    state = wait(&self.changed, state);
                 }
                 None => {
                     state.slots.insert(key, Slot::Decoding);
@@ -75,11 +76,6 @@ impl BlockCache {
                 }
             }
         }
-    }
-
-    /// No code that can panic runs under the lock, so a poisoned state is still sound.
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -126,7 +122,7 @@ struct Claim<'a> {
 
 impl Claim<'_> {
     fn fulfil(self, block: &Block) {
-        let mut state = self.cache.lock();
+        let mut state = lock(&self.cache.state);
         state.slots.remove(&self.key);
         state.insert(self.key, block.clone(), self.cache.most);
     }
@@ -134,7 +130,7 @@ impl Claim<'_> {
 
 impl Drop for Claim<'_> {
     fn drop(&mut self) {
-        let mut state = self.cache.lock();
+        let mut state = lock(&self.cache.state);
         if let Some(Slot::Decoding) = state.slots.get(&self.key) {
             state.slots.remove(&self.key);
         }
@@ -160,14 +156,14 @@ mod tests {
         cache.get(2, || filled(2)).unwrap();
         cache.get(1, || panic!("is cached")).unwrap();
         cache.get(3, || filled(3)).unwrap();
-        assert_eq!(cache.lock().bytes, 20);
+        assert_eq!(lock(&cache.state).bytes, 20);
         cache.get(1, || panic!("was used last")).unwrap();
         let decoded = AtomicUsize::new(0);
         cache.get(2, || Ok(vec![decoded.fetch_add(1, Ordering::Relaxed) as u8])).unwrap();
         assert_eq!(decoded.into_inner(), 1);
         cache.forget(1);
         cache.forget(99);
-        let state = cache.lock();
+        let state = lock(&cache.state);
         assert_eq!(state.bytes, state.slots.len() * 10 - 9);
         assert_eq!(state.order.len(), state.slots.len());
     }
@@ -176,7 +172,7 @@ mod tests {
     fn blocks_larger_than_the_cache_are_handed_out_but_not_kept() {
         let cache = BlockCache::new(5);
         assert_eq!(cache.get(1, || filled(7)).unwrap()[0], 7);
-        let state = cache.lock();
+        let state = lock(&cache.state);
         assert_eq!((state.bytes, state.slots.len()), (0, 0));
     }
 

@@ -1,36 +1,35 @@
 //! Decoded samples kept in an unnamed temporary file, for formats that cannot be read by window.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::file::RawFile;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
+use terrane_files::{Out, atomic};
 
 /// Bytes written at a time when filling.
 const FILL_BYTES: usize = 64 << 10;
 
-/// A temporary file being written. It has no name, so it goes with the process.
+/// Samples of a file of others, of which there are not too many.
 pub(super) struct Spool {
-    out: BufWriter<File>,
+    out: Out,
+    /// The input they are of.
     path: PathBuf,
-    written: u64,
 }
 
 impl Spool {
-    /// An empty one in `folder`, or else in the system's; `path` is the input it is made from.
+    /// None yet, in `folder` or else in the system's for temporary files; `path` is the input.
     pub(super) fn new(path: &Path, folder: Option<&Path>) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder.map_or_else(std::env::temp_dir, Path::to_path_buf));
-        let file = file.map_err(cannot_unpack)?;
-        Ok(Self { out: BufWriter::new(file), path: path.to_path_buf(), written: 0 })
+        let folder = folder.map_or_else(std::env::temp_dir, Path::to_path_buf);
+        Ok(Self { out: Out::spool(&folder).map_err(or_tmpdir)?, path: path.to_path_buf() })
     }
 
     /// Appends `bytes`.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.written += bytes.len() as u64;
-        limits::check("bytes unpacked", self.written, limits::MAX_UNPACKED_BYTES)?;
-        self.out.write_all(bytes).map_err(cannot_unpack)
+        let all = self.out.bytes() + bytes.len() as u64;
+        limits::check("bytes unpacked", all, limits::MAX_UNPACKED_BYTES)?;
+        self.out.write(bytes).map_err(or_tmpdir)
     }
 
     /// Appends `count` copies of `sample`.
@@ -48,26 +47,24 @@ impl Spool {
 
     /// Replaces what was written at `offset`.
     pub(super) fn replace(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        let replaced =
-            self.out.seek(SeekFrom::Start(offset)).and_then(|_| self.out.write_all(bytes));
-        replaced.and_then(|()| self.out.seek(SeekFrom::End(0))).map(|_| ()).map_err(cannot_unpack)
+        self.out.replace(offset, bytes).map_err(or_tmpdir)
     }
 
     /// Everything written, to be read.
     pub(super) fn finish(self) -> Result<RawFile> {
-        let file = self.out.into_inner().map_err(|e| cannot_unpack(e.into_error()))?;
-        RawFile::of(file, &self.path)
+        RawFile::of(self.out.into_file().map_err(or_tmpdir)?, &self.path)
     }
 }
 
-/// Failure to keep unpacked samples.
+/// Not all that reads grids has an option for the folder.
+fn or_tmpdir(error: Error) -> Error {
+    error.remedy("choose a folder with room with --temp-dir, or set TMPDIR")
+}
+
+/// Failure to keep unpacked files.
 pub(super) fn cannot_unpack(source: io::Error) -> Error {
-    Error::io(
-        ErrorKind::Io,
-        "unpack into the temporary folder",
-        terrane_files::atomic::plain(source),
-    )
-    .remedy("choose a folder with room with --temp-dir, or set TMPDIR")
+    let action = "unpack into the temporary folder";
+    or_tmpdir(Error::io(ErrorKind::Io, action, atomic::plain(source)))
 }
 
 #[cfg(test)]

@@ -4,10 +4,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex};
 
 use crate::GridSource;
 use terrane_base::error::Result;
+use terrane_files::{lock, wait};
 
 /// Most files open at once.
 const MOST_FILES: usize = 256;
@@ -96,10 +97,10 @@ impl Pool {
         }
         // Dropped on failure and on panic alike, so that waiting threads try for themselves.
         let _claim = Claim { pool: self, key };
-        self.lock().make_room(1, 0, self.most_files, self.most_bytes);
+        lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
         let opened = open()?;
         let grid = opened.grid.clone();
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         state.make_room(1, opened.bytes, self.most_files, self.most_bytes);
         state.insert(key, opened);
         Ok(grid)
@@ -107,7 +108,7 @@ impl Pool {
 
     /// Keeps a file that happens to be open, if there is room for it.
     pub(super) fn offer(&self, key: u64, opened: Open) {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         let room = self.most_bytes.saturating_sub(state.bytes);
         if state.order.len() < self.most_files && opened.bytes <= room {
             state.insert(key, opened);
@@ -116,7 +117,7 @@ impl Pool {
 
     /// The file `key` if it is open; it counts as no use of it.
     pub(super) fn peek(&self, key: u64) -> Option<Grid> {
-        match self.lock().slots.get(&key) {
+        match lock(&self.state).slots.get(&key) {
             Some(Slot::Ready { grid, .. }) => Some(grid.clone()),
             _ => None,
         }
@@ -124,12 +125,12 @@ impl Pool {
 
     /// The open file, or `None` after marking it as being opened by this thread.
     fn find_or_claim(&self, key: u64) -> Option<Grid> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         loop {
             match state.slots.get(&key) {
                 Some(Slot::Ready { .. }) => return state.touch(key),
                 Some(Slot::Opening) => {
-                    state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+                    state = wait(&self.changed, state);
                 }
                 None => {
                     state.slots.insert(key, Slot::Opening);
@@ -137,11 +138,6 @@ impl Pool {
                 }
             }
         }
-    }
-
-    /// No code that can panic runs under the lock, so a poisoned state is still sound.
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -184,7 +180,7 @@ struct Claim<'a> {
 
 impl Drop for Claim<'_> {
     fn drop(&mut self) {
-        let mut state = self.pool.lock();
+        let mut state = lock(&self.pool.state);
         if let Some(Slot::Opening) = state.slots.get(&self.key) {
             state.slots.remove(&self.key);
         }

@@ -15,6 +15,7 @@ use crate::{GridInfo, mask_beside, pam};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::write_all_at;
 
 /// Heights handed to a [`StoreWriter`]; voids are NaN.
 #[derive(Clone, Copy, Debug)]
@@ -169,22 +170,4 @@ fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
     let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
     let error = Error::write(path, error).at(format!("making room for {length} bytes"));
     if full { error.remedy("free some space, or write to another disk") } else { error }
-}
-
-#[cfg(unix)]
-pub(crate) fn write_all_at(file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::write_all_at(file, bytes, place)
-}
-
-#[cfg(windows)]
-pub(crate) fn write_all_at(file: &File, mut bytes: &[u8], mut place: u64) -> io::Result<()> {
-    while !bytes.is_empty() {
-        let written = std::os::windows::fs::FileExt::seek_write(file, bytes, place)?;
-        if written == 0 {
-            return Err(io::ErrorKind::WriteZero.into());
-        }
-        bytes = &bytes[written..];
-        place += written as u64;
-    }
-    Ok(())
 }

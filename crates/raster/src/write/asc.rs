@@ -3,7 +3,6 @@
 use std::fmt::Write;
 use std::sync::Mutex;
 
-use super::packed::{Stream, lock, unlocked};
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use super::{GridFormat, GridSink, Order};
 use crate::store::Heights;
@@ -14,6 +13,7 @@ use crate::{GridInfo, SampleType};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -39,7 +39,7 @@ struct AscSink {
     /// Where a type was asked for: what its values may be.
     codec: Option<Codec>,
     sidecars: Sidecars,
-    text: Mutex<Stream>,
+    text: Mutex<Out>,
 }
 
 impl AscSink {
@@ -54,7 +54,7 @@ impl AscSink {
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
         sidecars.add_prj(&info.crs)?;
-        let mut text = Stream::of(&target, 0)?;
+        let mut text = Out::of(&target, 0)?;
         text.write(header(&info, nodata).as_bytes())?;
         let (text, nodata_text) = (Mutex::new(text), number(nodata));
         Ok(Self { target, info, nodata, nodata_text, codec, sidecars, text })
@@ -154,7 +154,7 @@ impl GridSink for AscSink {
 
     fn finish(self: Box<Self>) -> Result<u64> {
         let Self { target, sidecars, text, .. } = *self;
-        unlocked(text).into_file()?;
+        unlocked(text).flush()?;
         sidecars.commit()?;
         target.commit()
     }

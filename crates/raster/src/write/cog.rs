@@ -10,7 +10,7 @@ use super::compress::Compression;
 use super::creation::Accepts::{Whole, Words};
 use super::directory::{Directory, Form, Places};
 use super::level::{self, Level, Resampling};
-use super::packed::{Packed, copy_all, lock, unlocked};
+use super::packed::{Packed, beside};
 use super::tiff::{self, Coding, Image};
 use super::{BandName, Creation, CreationOption, GridFormat, GridSink, Order};
 use crate::store::Heights;
@@ -22,6 +22,7 @@ use crate::{GridInfo, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -107,7 +108,8 @@ impl CogSink {
         let below: Vec<Image> =
             sizes.iter().map(|&(width, height)| Image { width, height, ..image }).collect();
         check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
-        let spool = || Packed::spool(path, folder).map(Mutex::new);
+        let spools = beside(path, folder)?;
+        let spool = || Ok::<_, Error>(Mutex::new(Packed::new(Out::spool(&spools)?)));
         let mut layers = vec![Layer { image, blocks: spool()?, heights: Vec::new() }];
         for image in below {
             let size = (image.width, image.height);
@@ -217,8 +219,11 @@ impl GridSink for CogSink {
         let form = tiff::form(&creation, Some(exact(Form::Classic)), plain)?;
         let finished = |layer: Layer| unlocked(layer.blocks).finish(layer.image.blocks());
         let spools = layers.into_iter().map(finished).collect::<Result<Vec<_>>>()?;
-        assemble(target.file(), form, &directories, spools)
+        let sizes: Vec<&[u32]> = spools.iter().map(|(_, sizes)| &sizes[..]).collect();
+        write_directories(target.file(), form, &directories, &sizes)
             .map_err(|e| Error::write(target.path(), e))?;
+        let mut out = Out::of(&target, front(&directories, form))?;
+        spools.into_iter().rev().try_for_each(|(spool, _)| out.append(spool))?;
         target.commit()
     }
 }
@@ -228,24 +233,24 @@ fn front(directories: &[Directory], form: Form) -> u64 {
     form.start() + directories.iter().map(|directory| directory.bytes(form)).sum::<u64>()
 }
 
-/// Writes the file: directories from the full resolution down, blocks from the smallest up.
-fn assemble(
+/// Writes what comes before the blocks: directories from the full resolution down, of blocks with these
+/// sizes, which follow from the smallest resolution up.
+fn write_directories(
     file: &File,
     form: Form,
     directories: &[Directory],
-    mut spools: Vec<(File, Vec<u32>)>,
+    sizes: &[&[u32]],
 ) -> io::Result<()> {
     let mut out = BufWriter::new(file);
     out.write_all(&form.header())?;
     let (mut at, mut end) = (form.start(), front(directories, form));
-    end += spools.iter().flat_map(|(_, sizes)| sizes).map(|size| u64::from(*size)).sum::<u64>();
-    for (i, (directory, (_, sizes))) in directories.iter().zip(&spools).enumerate() {
+    end += sizes.iter().copied().flatten().map(|size| u64::from(*size)).sum::<u64>();
+    for (i, (directory, sizes)) in directories.iter().zip(sizes).enumerate() {
         end -= sizes.iter().map(|size| u64::from(*size)).sum::<u64>();
         let after = at + directory.bytes(form);
         let next = if i + 1 < directories.len() { after } else { 0 };
         directory.write(&mut out, form, Places { at, next, data: end }, sizes)?;
         at = after;
     }
-    let mut file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
-    spools.iter_mut().rev().try_for_each(|(spool, _)| copy_all(spool, &mut file))
+    out.flush()
 }

@@ -2,7 +2,6 @@
 
 use std::sync::Mutex;
 
-use super::packed::{Stream, lock, unlocked};
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use super::{GridFormat, GridSink, Order};
 use crate::store::Heights;
@@ -12,6 +11,7 @@ use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -34,7 +34,7 @@ struct FltSink {
     info: GridInfo,
     codec: Codec,
     sidecars: Sidecars,
-    out: Mutex<Stream>,
+    out: Mutex<Out>,
 }
 
 impl FltSink {
@@ -54,7 +54,7 @@ impl FltSink {
         }
         sidecars.add("hdr", &header(&info))?;
         sidecars.add_prj(&info.crs)?;
-        let (codec, out) = (order.codec(&info), Mutex::new(Stream::of(&target, 0)?));
+        let (codec, out) = (order.codec(&info), Mutex::new(Out::of(&target, 0)?));
         Ok(Self { target, info, codec, sidecars, out })
     }
 
@@ -126,7 +126,7 @@ impl GridSink for FltSink {
 
     fn finish(self: Box<Self>) -> Result<u64> {
         let Self { target, sidecars, out, .. } = *self;
-        unlocked(out).into_file()?;
+        unlocked(out).flush()?;
         sidecars.commit()?;
         target.commit()
     }

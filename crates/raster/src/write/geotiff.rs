@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use super::compress::Compression;
 use super::creation::Accepts::{Whole, Words};
 use super::directory::{Directory, Form, Places};
-use super::packed::{Packed, Stream, lock, unlocked};
+use super::packed::Packed;
 use super::tiff::{self, Coding, Image};
 use super::{Creation, CreationOption, GridFormat, GridSink, Order};
 use crate::GridInfo;
@@ -18,6 +18,7 @@ use crate::store::writer::check_room;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{Out, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -80,7 +81,7 @@ impl GeoTiffSink {
         let form = tiff::form(&order.creation, exact, plain)?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         check_room(target.path(), target.file(), exact.unwrap_or(0))?;
-        let blocks = Packed::new(Stream::of(&target, front(&directory, form))?);
+        let blocks = Packed::new(Out::of(&target, front(&directory, form))?);
         let codec = order.codec(&info);
         Ok(Self { target, info, image, codec, directory, form, blocks: Mutex::new(blocks) })
     }
@@ -145,8 +146,8 @@ impl GridSink for GeoTiffSink {
 
     fn finish(self: Box<Self>) -> Result<u64> {
         let Self { target, image, directory, form, blocks, .. } = *self;
-        let (file, sizes) = unlocked(blocks).finish(image.blocks())?;
-        let mut out = BufWriter::new(file);
+        let (_, sizes) = unlocked(blocks).finish(image.blocks())?;
+        let mut out = BufWriter::new(target.file());
         let data = front(&directory, form);
         let places = Places { at: form.start(), next: 0, data };
         out.seek(SeekFrom::Start(0))
@@ -154,6 +155,7 @@ impl GridSink for GeoTiffSink {
             .and_then(|()| directory.write(&mut out, form, places, &sizes))
             .and_then(|()| out.flush())
             .map_err(|e| Error::write(target.path(), e))?;
+        drop(out);
         target.commit()
     }
 }

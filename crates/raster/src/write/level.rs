@@ -4,14 +4,15 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::packed::unnamed;
+use super::packed::beside;
 use crate::file::RawFile;
 use crate::store::sample::Height;
-use crate::store::writer::{set_length, write_all_at};
+use crate::store::writer::set_length;
 use crate::strided::{Layout, Strided};
 use crate::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
+use terrane_files::{nameless, write_all_at};
 
 /// How four samples become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,10 +50,10 @@ impl Level {
         let kind = if single { SampleType::F32 } else { SampleType::F64 };
         let info = GridInfo::plain("overview", width, height, kind);
         let bytes = u64::from(width) * u64::from(height) * kind.bytes() as u64;
-        let file = unnamed(path, folder)?;
-        let path = folder.unwrap_or(path);
-        set_length(path, &file, bytes)?;
-        Ok(Self { file, info, path: path.to_path_buf() })
+        let folder = beside(path, folder)?;
+        let file = nameless(&folder)?;
+        set_length(&folder, &file, bytes)?;
+        Ok(Self { file, info, path: folder })
     }
 
     /// Puts the halved heights of `rect`, a block of the level above that begins at an even column

@@ -9,7 +9,6 @@ use std::sync::{Arc, Mutex};
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
 use super::creation::Accepts::Words;
-use super::packed::{lock, unlocked};
 use super::sidecar::{self, Sidecars};
 use super::{CreationOption, GridFormat, GridSink, Order};
 use crate::png::{PACKINGS, Packing};
@@ -20,6 +19,7 @@ use crate::{GridInfo, SampleType};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
+use terrane_files::{lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
