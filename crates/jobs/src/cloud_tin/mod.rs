@@ -37,6 +37,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Point3};
 use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
+use terrane_files::folder_for;
 use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
@@ -198,11 +199,11 @@ pub(super) fn make(
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
     let sink = || (format.create)(&job.output, &header, &options);
     let mut clock = Clock::default();
-    let folder = folder(job);
+    let folder = folder_for(&job.output, job.resources.temp_dir.as_deref());
     let filling = Filling {
         threads: job.resources.threads.max(1),
         memory: job.resources.memory / 8 * Division::of(job.tolerance).points,
-        folder: &folder,
+        folder,
         progress,
         cancel,
     };
@@ -218,7 +219,7 @@ pub(super) fn make(
         threads,
         vertex_bytes,
         measure,
-        folder: &folder,
+        folder,
         progress,
         cancel,
     };
@@ -283,15 +284,6 @@ fn threads(job: &CloudTinJob, most_points: u64) -> Result<usize> {
             .remedy(format!("pass --memory {needed}M or more")));
     }
     Ok(job.resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX)))
-}
-
-/// Where to spill: beside the output unless told otherwise.
-fn folder(job: &CloudTinJob) -> PathBuf {
-    let beside = || match job.output.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
-    job.resources.temp_dir.clone().unwrap_or_else(beside)
 }
 
 fn no_surface() -> Error {

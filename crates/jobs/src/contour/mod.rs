@@ -38,7 +38,7 @@ use budget::Budget;
 use join::Pieces;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_contour::Levels;
-use terrane_files::{lock, unlocked};
+use terrane_files::{folder_for, lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
 use tiles::{Tiles, Worker};
@@ -283,7 +283,7 @@ impl<'a> Work<'a> {
     ) -> Result<Pieces> {
         let tiles = Tiles::new(&self.info, self.job.tile);
         progress.begin("trace", self.samples());
-        let pieces = Mutex::new(Pieces::new(&self.budget, &self.job.spill_folder()));
+        let pieces = Mutex::new(Pieces::new(&self.budget, self.job.spill_folder()));
         let Self { levels, budget, tolerance, .. } = self;
         let task = tiles::Task { source, levels, tiles, budget: *budget, tolerance: *tolerance };
         workers::run(
@@ -350,10 +350,8 @@ impl<'a> Work<'a> {
 
 impl ContourJob {
     /// Where pieces are spilled: the folder asked for, or the output's.
-    fn spill_folder(&self) -> PathBuf {
-        let beside = self.output.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let folder = self.resources.temp_dir.as_deref().or(beside);
-        folder.map_or_else(|| PathBuf::from("."), PathBuf::from)
+    fn spill_folder(&self) -> &Path {
+        folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 }
 

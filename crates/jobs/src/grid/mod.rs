@@ -23,6 +23,7 @@ pub use preset::{GroundFrom, Preset};
 pub use report::{BandReport, GridReport, GridStage};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
+use terrane_files::folder_for;
 use terrane_gridding::{self as gridding, Asked, Recipe, Rules};
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, WriteOptions};
@@ -184,8 +185,7 @@ impl GridJob {
 
     /// Folder for what does not fit into memory.
     fn spill_folder(&self) -> &Path {
-        let beside = self.output.parent().filter(|folder| !folder.as_os_str().is_empty());
-        self.resources.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."))
+        folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 
     /// Fails when the job cannot be done whatever the points.

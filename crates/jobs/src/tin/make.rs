@@ -19,6 +19,7 @@ use crate::{Cancel, Progress, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
+use terrane_files::folder_for;
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
@@ -215,7 +216,7 @@ impl Maker<'_> {
     /// hold the mesh.
     pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
-        let settings = self.settings(self.spec(0.0), &folder);
+        let settings = self.settings(self.spec(0.0), folder);
         let seeker = Seeker { source: &*self.opened.source, layout, settings };
         let most = seeker.most();
         match self.job.goal {
@@ -253,8 +254,7 @@ impl Maker<'_> {
     }
 
     fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
-        let folder = self.temp_dir();
-        let settings = self.settings(spec, &folder);
+        let settings = self.settings(spec, self.temp_dir());
         run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
     }
 
@@ -273,12 +273,8 @@ impl Maker<'_> {
     }
 
     /// Where to spill: beside the output unless told otherwise.
-    fn temp_dir(&self) -> PathBuf {
-        let beside = || match self.job.output.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
-        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+    fn temp_dir(&self) -> &Path {
+        folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
     }
 
     fn report(
