@@ -59,6 +59,10 @@ impl Out {
 
     /// Appends bytes.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        if bytes.len() >= BUFFER_BYTES {
+            self.flush()?;
+            return self.pass_on(bytes);
+        }
         self.buffer.extend_from_slice(bytes);
         self.settle()
     }
@@ -115,10 +119,17 @@ impl Out {
 
     /// Empties the buffer.
     pub fn flush(&mut self) -> Result<()> {
-        let written = fault::point(Point::Write).and_then(|()| self.file.write_all(&self.buffer));
+        let mut gathered = std::mem::take(&mut self.buffer);
+        let written = self.pass_on(&gathered);
+        gathered.clear();
+        self.buffer = gathered;
+        written
+    }
+
+    fn pass_on(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = fault::point(Point::Write).and_then(|()| self.file.write_all(bytes));
         written.map_err(|e| (self.fail)(&self.path, e))?;
-        self.written += self.buffer.len() as u64;
-        self.buffer.clear();
+        self.written += bytes.len() as u64;
         Ok(())
     }
 
@@ -151,7 +162,7 @@ mod tests {
     proptest! {
         /// Beside a vector.
         #[test]
-        fn like_a_vector(steps in prop::collection::vec((0_u8..5, 0_usize..150_000), 1..12)) {
+        fn like_a_vector(steps in prop::collection::vec((0_u8..5, 0_usize..400_000), 1..12)) {
             let folder = tempfile::tempdir().unwrap();
             let mut out = Out::spool(folder.path()).unwrap();
             let mut twin: Vec<u8> = Vec::new();
