@@ -1,4 +1,6 @@
 //! Largest error and sum of squared errors of a finished triangle, every sample counted once.
+//!
+//! Errors are measured only for a report: the extra pass takes a third of the time of the kernel.
 
 use super::Local;
 use super::field::Field;
