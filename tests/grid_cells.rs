@@ -52,19 +52,15 @@ fn statistics_of_own_points_agree_with_a_naive_twin() {
 
 /// Value of a cell centred at (`x`, `y`): by all points, one by one.
 fn around(statistic: Statistic, points: &[Point], frame: &Frame, [x, y]: [f64; 2]) -> f64 {
-    let (Statistic::Idw { radius: Some(radius), .. } | Statistic::Nearest { radius: Some(radius) }) =
-        statistic
-    else {
-        unreachable!()
-    };
+    let radius = statistic.parameter("radius").unwrap();
     let near = points.iter().map(|point| (point, frame.world(*point)));
     let near =
         near.map(|(point, [px, py, z])| (((px - x).powi(2) + (py - y).powi(2)).sqrt(), point, z));
     let near: Vec<_> = near.filter(|(distance, ..)| *distance < radius - 1e-9).collect();
     let hit = near.iter().filter(|(distance, ..)| *distance < 1e-9).map(|(.., z)| *z);
-    match statistic {
-        Statistic::Idw { power, .. } => hit.reduce(f64::min).unwrap_or_else(|| {
-            let weight = |d: f64| d.powf(-power.unwrap_or(1.0));
+    match statistic.name() {
+        "idw" => hit.reduce(f64::min).unwrap_or_else(|| {
+            let weight = |d: f64| d.powf(-statistic.parameter("power").unwrap_or(1.0));
             let sum: f64 = near.iter().map(|(d, _, z)| weight(*d) * z).sum();
             sum / near.iter().map(|(d, ..)| weight(*d)).sum::<f64>()
         }),

@@ -12,7 +12,7 @@ use crate::cli::shared::{
 };
 use crate::cloud::OpenOptions;
 use crate::error::{Error, Result};
-use crate::gridding::{self, Asked, Statistic};
+use crate::gridding::{self, Asked};
 use crate::jobs::grid::{self, Compat, GridJob, GridReport, GroundFrom, Placement, Preset};
 use crate::jobs::sift::Sifted;
 use crate::jobs::{Cancel, Resources};
@@ -310,17 +310,10 @@ impl Wanted {
     /// in a format.
     pub(super) fn check(&self, preset: Option<Preset>, format: &GridFormat) -> Result<()> {
         let stats = preset.map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()]);
-        let any = |is_it: fn(&Statistic) -> bool| stats.iter().any(|a| is_it(&a.statistic));
-        let around = self.cells.compat == CompatName::Pdal
-            || any(|s| {
-                matches!(
-                    s,
-                    Statistic::Idw { radius: None, .. } | Statistic::Nearest { radius: None }
-                )
-            });
-        let weighs = any(|s| matches!(s, Statistic::Idw { power: None, .. }));
-        let spans = any(|s| matches!(s, Statistic::Tin { max_edge: None }));
-        let fills = any(|s| s.is_height());
+        let lack = |key| stats.iter().any(|asked| asked.statistic.lacks(key));
+        let around = self.cells.compat == CompatName::Pdal || lack("radius");
+        let (weighs, spans) = (lack("power"), lack("max_edge"));
+        let fills = stats.iter().any(|asked| asked.statistic.is_height());
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
         let options = [
             (

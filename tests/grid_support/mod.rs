@@ -131,26 +131,26 @@ pub fn plain(statistic: Statistic, heights: &[f64], area: f64) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let lowest = sorted.first().copied().unwrap_or(f64::NAN);
     let highest = sorted.last().copied().unwrap_or(f64::NAN);
-    match statistic {
-        Statistic::Count => n,
-        Statistic::Density => n / area,
-        Statistic::Min => lowest,
-        Statistic::Max => highest,
-        Statistic::Range => highest - lowest,
-        Statistic::Mean => mean,
-        Statistic::Std { .. } if heights.is_empty() => f64::NAN,
-        Statistic::Std { ddof } => {
+    match statistic.name() {
+        "count" => n,
+        "density" => n / area,
+        "min" => lowest,
+        "max" => highest,
+        "range" => highest - lowest,
+        "mean" => mean,
+        "std" | "median" | "pN" if heights.is_empty() => f64::NAN,
+        "std" => {
+            let ddof = statistic.parameter("ddof").unwrap_or(0.0);
             let spread: f64 = heights.iter().map(|z| (z - mean).powi(2)).sum();
-            (spread / (n - f64::from(ddof))).sqrt()
+            (spread / (n - ddof)).sqrt()
         }
-        Statistic::Percentile { .. } if heights.is_empty() => f64::NAN,
-        Statistic::Percentile { rank } => {
+        "median" | "pN" => {
+            let rank = statistic.rank().unwrap();
             let place = rank / 100.0 * (n - 1.0);
             let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
             low + (high - low) * place.fract()
         }
-        Statistic::Idw { .. } | Statistic::Nearest { .. } => unreachable!("of a radius"),
-        Statistic::Tin { .. } | Statistic::Natural => unreachable!("of all points"),
+        other => unreachable!("{other} is of a radius, or of all points"),
     }
 }
 

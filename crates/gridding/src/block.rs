@@ -1,7 +1,6 @@
 //! The cells of a part of a grid, and what has been kept of their points.
 
-use super::method::Statistic;
-use super::plane::{Hits, Plane};
+use super::plane::{Cells, Hits, Keep, Plane, Primitive, like};
 use super::recipe::{Band, Recipe};
 use terrane_base::error::Result;
 
@@ -17,9 +16,9 @@ pub struct Units {
 }
 
 /// Cells and what has been kept of their points.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Block {
-    planes: Vec<Plane>,
+    planes: Vec<Box<dyn Plane>>,
     /// The region that each plane is of.
     regions: Vec<usize>,
 }
@@ -27,7 +26,8 @@ pub struct Block {
 impl Block {
     /// `cells` cells without points.
     pub fn new(recipe: &Recipe, cells: usize) -> Self {
-        let planes = recipe.planes.iter().map(|(_, primitive)| Plane::new(*primitive, cells));
+        let make = |primitive: &Primitive| (primitive.make)(cells, primitive.parameters);
+        let planes = recipe.planes.iter().map(|(_, primitive)| make(primitive));
         let regions = recipe.planes.iter().map(|(region, _)| *region).collect();
         Self { planes: planes.collect(), regions }
     }
@@ -47,23 +47,23 @@ impl Block {
     /// As for [`add`](Self::add).
     pub fn fold(&mut self, other: &Self) -> Result<()> {
         let mut planes = self.planes.iter_mut().zip(&other.planes);
-        planes.try_for_each(|(plane, other)| plane.fold(other))
+        planes.try_for_each(|(plane, other)| plane.fold(&**other))
     }
 
     /// Must be called between the last [`add`](Self::add) or [`fold`](Self::fold) and
     /// [`value`](Self::value).
     pub fn settle(&mut self) {
-        self.planes.iter_mut().for_each(Plane::settle);
+        self.planes.iter_mut().for_each(|plane| plane.settle());
     }
 
     /// Bytes it takes in memory.
     pub fn held(&self) -> usize {
-        self.planes.iter().map(Plane::held).sum()
+        self.planes.iter().map(|plane| plane.held()).sum()
     }
 
     /// All it holds, as bytes that mean the same on this machine only.
     pub fn parts(&self) -> Vec<&[u8]> {
-        self.planes.iter().map(Plane::bytes).collect()
+        self.planes.iter().map(|plane| plane.bytes()).collect()
     }
 
     /// The same, to be overwritten with parts of these lengths.
@@ -74,48 +74,37 @@ impl Block {
 
     /// The value of a band in cell `at`; NaN where there is none.
     pub fn value(&self, band: &Band, at: usize, units: &Units) -> f64 {
-        let steps = match band.statistic {
-            Statistic::Count => return f64::from(self.plane(band, 0).count(at)),
-            Statistic::Density => return f64::from(self.plane(band, 0).count(at)) / units.area,
-            Statistic::Range => return self.range(band, at).map_or(f64::NAN, |z| z * units.scale),
-            Statistic::Std { ddof } => {
-                return self.deviation(band, at, ddof).map_or(f64::NAN, |z| z * units.scale);
-            }
-            Statistic::Min | Statistic::Max | Statistic::Nearest { .. } => self.height(band, 0, at),
-            Statistic::Mean => self.mean(band, at),
-            Statistic::Idw { .. } => {
-                self.height(band, 1, at).or_else(|| self.plane(band, 0).weighted(at))
-            }
-            Statistic::Percentile { rank } => self.plane(band, 0).percentile(at, rank),
-            // Cells know nothing of the points around them.
-            Statistic::Tin { .. } | Statistic::Natural => None,
-        };
-        steps.map_or(f64::NAN, |steps| steps * units.scale + units.offset)
+        band.statistic.value(&Cell { planes: &self.planes, uses: &band.planes, at, units })
+    }
+}
+
+/// What has been kept of the points of one cell, for one statistic.
+pub(super) struct Cell<'a> {
+    planes: &'a [Box<dyn Plane>],
+    /// The planes of the statistic, in the order it needs them in.
+    uses: &'a [usize],
+    pub(super) at: usize,
+    pub(super) units: &'a Units,
+}
+
+impl Cell<'_> {
+    /// The plane that the statistic has named at `of`.
+    pub(super) fn plane<P: Plane>(&self, of: usize) -> Option<&P> {
+        like(&*self.planes[self.uses[of]]).ok()
     }
 
-    fn plane(&self, band: &Band, use_: usize) -> &Plane {
-        &self.planes[band.planes[use_]]
+    /// What that plane has kept of the cell.
+    pub(super) fn kept<K: Keep>(&self, of: usize) -> K {
+        self.plane::<Cells<K>>(of).map_or(K::NONE, |Cells(cells)| cells[self.at])
     }
 
-    fn height(&self, band: &Band, use_: usize, at: usize) -> Option<f64> {
-        self.plane(band, use_).height(at).map(f64::from)
+    /// A height in steps as one in world units.
+    pub(super) fn height(&self, steps: Option<f64>) -> f64 {
+        steps.map_or(f64::NAN, |steps| steps * self.units.scale + self.units.offset)
     }
 
-    fn range(&self, band: &Band, at: usize) -> Option<f64> {
-        Some(self.height(band, 1, at)? - self.height(band, 0, at)?)
-    }
-
-    fn mean(&self, band: &Band, at: usize) -> Option<f64> {
-        let count = self.plane(band, 0).count(at);
-        (count > 0).then(|| self.plane(band, 1).sum(at) as f64 / f64::from(count))
-    }
-
-    /// n sum(z^2) - sum(z)^2 is a whole number; only what follows is rounded.
-    fn deviation(&self, band: &Band, at: usize, ddof: u8) -> Option<f64> {
-        let count = self.plane(band, 0).count(at);
-        let divisor = count.checked_sub(u32::from(ddof)).filter(|n| *n > 0)?;
-        let sum = u128::from(self.plane(band, 1).sum(at).unsigned_abs());
-        let spread = u128::from(count) * self.plane(band, 2).squares(at) - sum * sum;
-        Some((spread as f64 / f64::from(count) / f64::from(divisor)).sqrt())
+    /// A difference of heights in steps as one in world units.
+    pub(super) fn difference(&self, steps: Option<f64>) -> f64 {
+        steps.map_or(f64::NAN, |steps| steps * self.units.scale)
     }
 }

@@ -10,17 +10,17 @@ mod disc;
 mod fill;
 pub mod ground;
 mod lattice;
-mod method;
 pub mod pitfree;
 mod plane;
 mod recipe;
+mod statistic;
 
 pub use block::{Block, Units};
 pub use disc::Scatter;
 pub use fill::fill;
 pub use lattice::{Axis, Edges, Lattice, Unit};
-pub use method::{
-    Asked, METHODS, MOST_POWER, Method, Parameter, Statistic, check_power, parse_list,
-};
 pub use plane::Hits;
 pub use recipe::{Band, Recipe, Region, Rules};
+pub use statistic::{
+    Asked, METHODS, MOST_POWER, Method, Parameter, Shape, Statistic, check_power, parse_list,
+};

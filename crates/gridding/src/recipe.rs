@@ -6,8 +6,8 @@
 //! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
 //! once, before they are added.
 
-use super::method::{Asked, Statistic};
-use super::plane::{Falloff, Primitive};
+use super::plane::Primitive;
+use super::statistic::{Asked, Statistic};
 
 /// Which points a cell takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +27,13 @@ pub struct Rules {
     pub power: f64,
     /// Every statistic is of the points within the radius, not only of those in the cell.
     pub around: bool,
+}
+
+impl Rules {
+    /// The points of a statistic that has no radius of its own.
+    pub(super) fn own(&self) -> Region {
+        if self.around { Region::Disc(self.radius) } else { Region::Cell }
+    }
 }
 
 /// What is kept of the points, and the bands that are made of it.
@@ -52,12 +59,12 @@ pub struct Band {
 impl Band {
     /// True when a cell without points has a value, which is 0.
     pub fn counts(&self) -> bool {
-        matches!(self.statistic, Statistic::Count | Statistic::Density)
+        self.statistic.counts()
     }
 
     /// True when it is made of the triangulation of all points.
     pub fn is_triangulated(&self) -> bool {
-        matches!(self.statistic, Statistic::Tin { .. } | Statistic::Natural)
+        self.statistic.shape().is_some()
     }
 }
 
@@ -66,7 +73,7 @@ impl Recipe {
     pub fn new(asked: &[Asked], rules: &Rules) -> Self {
         let mut recipe = Self { regions: Vec::new(), planes: Vec::new(), bands: Vec::new() };
         for one in asked {
-            let (region, primitives) = needs(one.statistic, rules);
+            let (region, primitives) = one.statistic.needs(rules);
             let planes = primitives.into_iter();
             let planes = planes.map(|p| {
                 let region = position(&mut recipe.regions, region);
@@ -109,12 +116,12 @@ impl Recipe {
 
     /// Bytes that are kept of each cell, whatever the points.
     pub fn bytes_per_cell(&self) -> usize {
-        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_cell()).sum()
+        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_cell).sum()
     }
 
     /// Bytes that are kept of each point in a cell.
     pub fn bytes_per_point(&self) -> usize {
-        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_point()).sum()
+        self.planes.iter().map(|(_, primitive)| primitive.bytes_per_point).sum()
     }
 }
 
@@ -124,30 +131,6 @@ fn position<T: PartialEq>(items: &mut Vec<T>, item: T) -> usize {
         items.push(item);
         items.len() - 1
     })
-}
-
-/// The points that a statistic is of, and what it needs to know of them.
-fn needs(statistic: Statistic, rules: &Rules) -> (Region, Vec<Primitive>) {
-    use Primitive::{Count, High, Hit, Low, Nearest, Squares, Sum, Values, Weights};
-    let own = if rules.around { Region::Disc(rules.radius) } else { Region::Cell };
-    match statistic {
-        Statistic::Count | Statistic::Density => (own, vec![Count]),
-        Statistic::Min => (own, vec![Low]),
-        Statistic::Max => (own, vec![High]),
-        Statistic::Range => (own, vec![Low, High]),
-        Statistic::Mean => (own, vec![Count, Sum]),
-        Statistic::Std { .. } => (own, vec![Count, Sum, Squares]),
-        Statistic::Percentile { .. } => (own, vec![Values]),
-        Statistic::Tin { .. } | Statistic::Natural => (own, vec![]),
-        Statistic::Idw { radius, power } => {
-            let radius = radius.unwrap_or(rules.radius);
-            let falloff = Falloff::new(radius, power.unwrap_or(rules.power));
-            (Region::Disc(radius), vec![Weights(falloff), Hit])
-        }
-        Statistic::Nearest { radius } => {
-            (Region::Disc(radius.unwrap_or(rules.radius)), vec![Nearest])
-        }
-    }
 }
 
 #[cfg(test)]

@@ -148,9 +148,9 @@ impl Extent {
 
     /// The radius to report: of the job, where a statistic goes by it.
     pub(super) fn radius(&self, rules: &Rules, job: &GridJob) -> Option<f64> {
-        let goes_by_it = |statistic: Statistic| match statistic {
-            Statistic::Idw { radius, .. } | Statistic::Nearest { radius } => radius.is_none(),
-            _ => rules.around,
+        let goes_by_it = |statistic: Statistic| match statistic.parameter("radius") {
+            Some(_) => false,
+            None => rules.around || statistic.lacks("radius"),
         };
         job.stats.iter().any(|asked| goes_by_it(asked.statistic)).then_some(rules.radius)
     }

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::extent::Extent;
 use super::preset::Model;
-use crate::points::{Around, PointStore, Positions, Shape, Surface, Tiling};
+use crate::points::{Around, PointStore, Positions, Surface, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Rect};
 use terrane_cloud::CloudInfo;
 use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
-use terrane_gridding::Statistic;
+use terrane_gridding::{Shape, Statistic};
 
 /// Bytes that a thread holds for the points around the cells it is at.
 pub(super) const WORKER: u64 = 32 << 20;
@@ -100,10 +100,10 @@ impl Surfaces {
         rect: Rect,
         out: &mut [f64],
     ) -> Result<()> {
-        let shape = match statistic {
-            Statistic::Natural => Shape::Natural,
-            Statistic::Tin { max_edge: own } => Shape::Linear { max_edge: own.or(max_edge) },
-            _ => return Ok(()),
+        let shape = match statistic.shape() {
+            Some(Shape::Linear { max_edge: own }) => Shape::Linear { max_edge: own.or(max_edge) },
+            Some(Shape::Natural) => Shape::Natural,
+            None => return Ok(()),
         };
         let Self { store, hull, frame } = self;
         if store.is_exceeded() {

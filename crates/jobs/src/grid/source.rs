@@ -9,7 +9,7 @@ use super::make::Bands;
 use super::neighbours::Heights;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_gridding::{Band, Statistic, Units, fill};
+use terrane_gridding::{Band, Units, fill};
 use terrane_raster::{GridInfo, GridSource};
 
 /// Cells whose values are known.
@@ -137,7 +137,7 @@ impl<'a> BandSource<'a> {
     }
 
     fn narrow(&self, values: &[f64], out: &mut [f32]) -> Result<()> {
-        let is_count = self.band().statistic == Statistic::Count;
+        let is_count = self.band().statistic.is_whole();
         if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
             return Err(Error::usage(format!("a count of {most} is not exact in float32"))
                 .remedy("pass --type float64"));

@@ -12,6 +12,7 @@ use super::{Around, PointStore};
 use terrane_base::error::Result;
 use terrane_base::geom::{Frame, Point, REACH};
 use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
+use terrane_gridding::Shape;
 use terrane_gridding::pitfree::is_short;
 
 /// Most points that are held for positions side by side, unless they are all needed for one.
@@ -19,18 +20,6 @@ pub(crate) const MOST_POINTS: u64 = 1 << 19;
 /// The same where all of them are triangulated: eight times the bytes, and twice as wide a window where
 /// the first one is too narrow.
 const MOST_TRIANGULATED: u64 = 1 << 16;
-
-/// How heights between points are made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shape {
-    /// Linear in the Delaunay triangulation.
-    Linear {
-        /// Triangles with a longer edge, in world units, are no surface.
-        max_edge: Option<f64>,
-    },
-    /// From natural neighbours.
-    Natural,
-}
 
 /// The surface over the points of a store.
 pub(crate) struct Surface<'a> {

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 pub(crate) use around::Around;
-pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Shape, Surface, reach};
+pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Surface, reach};
 pub(crate) use limits::{Limits, parts_in};
 pub(crate) use tiling::Tiling;
 

@@ -19,7 +19,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{REACH, Rect};
 use terrane_cloud::{Census, PointSource};
 use terrane_delaunay::Window;
-use terrane_gridding::{Axis, Recipe, Statistic};
+use terrane_gridding::{Axis, Recipe, Shape, Statistic};
 use terrane_raster::SampleType;
 
 /// Values are kept as they were computed, and compressed.
@@ -219,14 +219,14 @@ impl Opened {
     /// Steps around the cells that are read at first; `None` for the whole cloud.
     fn margin(&self, recipe: &Recipe, cells: &Window) -> Option<i32> {
         let info = self.points.info();
-        let own = |statistic: &Statistic| match *statistic {
-            Statistic::Natural => None,
-            Statistic::Tin { max_edge } => {
+        let own = |statistic: &Statistic| match statistic.shape() {
+            Some(Shape::Natural) => None,
+            Some(Shape::Linear { max_edge }) => {
                 // What has long edges is void, whatever lies further away.
                 let longest = max_edge.or(self.job.max_edge).map(|most| reach(&info.frame, most));
                 Some(longest.unwrap_or(0).max(neighbours::tiling(info).side()).saturating_add(4))
             }
-            _ => Some(0),
+            None => Some(0),
         };
         let margins = recipe.bands().iter().map(|band| own(&band.statistic));
         let most = margins.reduce(|a, b| Some(a?.max(b?))).flatten()?;

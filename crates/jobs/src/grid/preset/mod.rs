@@ -45,7 +45,7 @@ impl Preset {
             Self::Dsm => "dsm",
             Self::Chm => "chm",
         };
-        let statistic = Statistic::Tin { max_edge: None };
+        let statistic = Statistic::linear(None);
         Asked { statistic, label: label.to_owned() }
     }
 }
@@ -211,7 +211,7 @@ impl Model {
         let Some(ground) = self.ground.as_ref().filter(|_| self.preset != Preset::Dsm) else {
             return Ok(());
         };
-        let linear = Statistic::Tin { max_edge };
+        let linear = Statistic::linear(max_edge);
         if self.preset == Preset::Dtm {
             return ground.values(linear, None, extent, rect, out);
         }

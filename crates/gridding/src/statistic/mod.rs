@@ -1,65 +1,135 @@
-//! The statistics a cell can have: the registry, and how they are asked for.
+//! The statistics a cell can have: one file for those that keep the same, the registry, and how they are
+//! asked for.
+
+mod count;
+mod extremes;
+mod idw;
+mod moments;
+mod nearest;
+mod percentile;
+mod surface;
 
 use serde::{Deserialize, Serialize};
 
+use super::block::Cell;
+use super::plane::Primitive;
+use super::recipe::{Region, Rules};
 use terrane_base::error::{Error, Result};
 
-/// A statistic with its parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Statistic {
-    /// Number of points.
-    Count,
-    /// Points in a square unit of the CRS.
-    Density,
-    /// Lowest height.
-    Min,
-    /// Highest height.
-    Max,
-    /// Highest minus lowest.
-    Range,
-    /// Mean height.
-    Mean,
-    /// Standard deviation of heights, with n - `ddof` (0 or 1) for a divisor.
-    Std {
-        /// 0: of a population; 1: of a sample.
-        ddof: u8,
-    },
-    /// Mean of the heights within `radius` of the cell's centre, weighted by distance^-`power`.
-    Idw {
-        /// World units; that of the job when `None`.
-        radius: Option<f64>,
-        /// At most [`MOST_POWER`]; that of the job when `None`.
-        power: Option<f64>,
-    },
-    /// Height of the point nearest to the cell's centre within `radius`.
-    Nearest {
-        /// World units; that of the job when `None`.
-        radius: Option<f64>,
-    },
-    /// Height below which `rank` per cent of the points lie, interpolated between neighbours.
-    Percentile {
-        /// 0 to 100.
-        rank: f64,
-    },
-    /// Height at the cell's centre of the surface that is linear in the Delaunay triangulation of
-    /// all points.
-    Tin {
-        /// Triangles with a longer edge are no surface; world units.
-        max_edge: Option<f64>,
-    },
-    /// Height at the cell's centre from its natural neighbours among all points (Sibson 1981).
-    Natural,
+pub use idw::{MOST_POWER, check_power};
+pub use surface::Shape;
+
+/// A statistic of the registry with its parameters.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(into = "Stored", try_from = "Stored")]
+pub struct Statistic {
+    method: &'static Method,
+    values: Values,
 }
 
-impl Statistic {
-    /// True for values in the unit of heights.
-    pub fn is_height(&self) -> bool {
-        !matches!(self, Self::Count | Self::Density)
+/// Parameters in the order of the method's; the rank of a percentile.
+type Values = [Option<f64>; 2];
+
+impl PartialEq for Statistic {
+    fn eq(&self, other: &Self) -> bool {
+        self.method.name == other.method.name && self.values == other.values
     }
 }
 
-/// Greatest power of distance that weights fall off by.
-pub const MOST_POWER: f64 = 4.0;
+impl Statistic {
+    /// Its name in the registry.
+    pub fn name(&self) -> &'static str {
+        self.method.name
+    }
+
+    /// True for values in the unit of heights.
+    pub fn is_height(&self) -> bool {
+        !self.method.counts
+    }
+
+    /// True for whole numbers of points.
+    pub fn is_whole(&self) -> bool {
+        self.method.whole
+    }
+
+    /// True when a cell without points has a value, which is 0.
+    pub fn counts(&self) -> bool {
+        self.method.counts
+    }
+
+    /// The value of a parameter that was given.
+    pub fn parameter(&self, key: &str) -> Option<f64> {
+        self.place(key).and_then(|at| self.values[at])
+    }
+
+    /// The rank of a percentile, 0 to 100.
+    pub fn rank(&self) -> Option<f64> {
+        self.values[0].filter(|_| self.method.ranks)
+    }
+
+    /// True when it has a parameter of this name that was not given, so that the job's counts.
+    pub fn lacks(&self, key: &str) -> bool {
+        self.place(key).is_some_and(|at| self.values[at].is_none())
+    }
+
+    fn place(&self, key: &str) -> Option<usize> {
+        self.method.parameters.iter().position(|parameter| parameter.key == key)
+    }
+
+    /// What surface it is the height of, if it is made of all points and not of those of a cell.
+    pub fn shape(&self) -> Option<Shape> {
+        match self.method.of {
+            Of::Points { .. } => None,
+            Of::All(shape) => Some(shape(self)),
+        }
+    }
+
+    /// The height of the surface that is linear in the triangulation of all points, but for triangles with
+    /// an edge longer than `max_edge`, in world units.
+    pub fn linear(max_edge: Option<f64>) -> Self {
+        Self { method: &surface::TIN, values: [max_edge, None] }
+    }
+
+    /// The points that it is of, and what has to be kept of them.
+    pub(super) fn needs(&self, rules: &Rules) -> (Region, Vec<Primitive>) {
+        match self.method.of {
+            Of::Points { needs, .. } => needs(self, rules),
+            Of::All(_) => (rules.own(), Vec::new()),
+        }
+    }
+
+    /// Its value in a cell; NaN where there is none.
+    pub(super) fn value(&self, cell: &Cell<'_>) -> f64 {
+        match self.method.of {
+            Of::Points { value, .. } => value(self, cell),
+            // Cells know nothing of the points around them.
+            Of::All(_) => f64::NAN,
+        }
+    }
+}
+
+/// A statistic as plans have it.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    name: String,
+    values: Values,
+}
+
+impl From<Statistic> for Stored {
+    fn from(statistic: Statistic) -> Self {
+        Self { name: statistic.name().to_owned(), values: statistic.values }
+    }
+}
+
+impl TryFrom<Stored> for Statistic {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        let method = METHODS.iter().find(|method| method.name == stored.name);
+        let method = method.ok_or_else(|| unknown(&stored.name))?;
+        Ok(Self { method, values: stored.values })
+    }
+}
 
 /// One statistic of the registry.
 #[derive(Debug)]
@@ -72,7 +142,43 @@ pub struct Method {
     pub about: &'static str,
     /// What may follow its name.
     pub parameters: &'static [Parameter],
-    make: fn(&Given) -> Result<Statistic>,
+    /// It tells of points, and not of heights: a cell without any has the value 0.
+    counts: bool,
+    /// Its values are whole numbers.
+    whole: bool,
+    /// It is a percentile, whose rank is in its name.
+    ranks: bool,
+    check: fn(&Given) -> Result<Values>,
+    of: Of,
+}
+
+/// What a statistic is made of.
+#[derive(Clone, Copy, Debug)]
+enum Of {
+    /// Of some points.
+    Points {
+        /// Of which, and what has to be kept of them.
+        needs: fn(&Statistic, &Rules) -> (Region, Vec<Primitive>),
+        /// The value that is made of it, in world units.
+        value: fn(&Statistic, &Cell<'_>) -> f64,
+    },
+    /// Of all points, as the height of this surface.
+    All(fn(&Statistic) -> Shape),
+}
+
+impl Method {
+    /// What most have in common, to be completed: a height without parameters.
+    const HEIGHT: Self = Self {
+        name: "",
+        aliases: &[],
+        about: "",
+        parameters: &[],
+        counts: false,
+        whole: false,
+        ranks: false,
+        check: |_| Ok([None; 2]),
+        of: Of::Points { needs: |_, rules| (rules.own(), Vec::new()), value: |_, _| f64::NAN },
+    };
 }
 
 /// A parameter of a statistic, a number.
@@ -86,133 +192,23 @@ pub struct Parameter {
 
 const RADIUS: Parameter =
     Parameter { key: "radius", about: "points nearer than this to the cell's centre [--radius]" };
-const POWER: Parameter =
-    Parameter { key: "power", about: "weights are distance^-power, 4 at most [--power]" };
-const MAX_EDGE: Parameter = Parameter {
-    key: "max_edge",
-    about: "triangles with a longer edge are no surface [--max-edge]",
-};
-const DDOF: Parameter = Parameter {
-    key: "ddof",
-    about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
-};
 
-/// All statistics. A new one is an entry here and a line where values are told.
+/// All statistics. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] = &[
-    Method {
-        name: "count",
-        aliases: &["n"],
-        about: "number of points, 0 where there is none",
-        parameters: &[],
-        make: |_| Ok(Statistic::Count),
-    },
-    Method {
-        name: "density",
-        aliases: &[],
-        about: "points in a square unit of the CRS, 0 where there is none",
-        parameters: &[],
-        make: |_| Ok(Statistic::Density),
-    },
-    Method {
-        name: "min",
-        aliases: &["minimum", "lowest"],
-        about: "lowest height",
-        parameters: &[],
-        make: |_| Ok(Statistic::Min),
-    },
-    Method {
-        name: "max",
-        aliases: &["maximum", "highest"],
-        about: "highest height",
-        parameters: &[],
-        make: |_| Ok(Statistic::Max),
-    },
-    Method {
-        name: "range",
-        aliases: &[],
-        about: "highest minus lowest height",
-        parameters: &[],
-        make: |_| Ok(Statistic::Range),
-    },
-    Method {
-        name: "mean",
-        aliases: &["average", "avg"],
-        about: "mean height",
-        parameters: &[],
-        make: |_| Ok(Statistic::Mean),
-    },
-    Method {
-        name: "std",
-        aliases: &["stdev", "stddev"],
-        about: "standard deviation of heights",
-        parameters: &[DDOF],
-        make: |given| match given.value("ddof") {
-            None | Some(0.0) => Ok(Statistic::Std { ddof: 0 }),
-            Some(1.0) => Ok(Statistic::Std { ddof: 1 }),
-            Some(other) => Err(Error::usage(format!("ddof={other} is neither 0 nor 1"))),
-        },
-    },
-    Method {
-        name: "idw",
-        aliases: &[],
-        about: "mean of the heights within a radius, weighted by inverse distance",
-        parameters: &[RADIUS, POWER],
-        make: |given| {
-            let power = given.positive("power")?;
-            check_power(power.unwrap_or(1.0))?;
-            Ok(Statistic::Idw { radius: given.positive("radius")?, power })
-        },
-    },
-    Method {
-        name: "nearest",
-        aliases: &[],
-        about: "height of the point nearest to the cell's centre within a radius",
-        parameters: &[RADIUS],
-        make: |given| Ok(Statistic::Nearest { radius: given.positive("radius")? }),
-    },
-    Method {
-        name: "median",
-        aliases: &[],
-        about: "median height, the same as p50",
-        parameters: &[],
-        make: |_| Ok(Statistic::Percentile { rank: 50.0 }),
-    },
-    Method {
-        name: PERCENTILE,
-        aliases: &[],
-        about: "percentile, such as p95 or p99.9, interpolated between neighbours",
-        parameters: &[],
-        make: |given| match given.rank {
-            Some(rank) if (0.0..=100.0).contains(&rank) => Ok(Statistic::Percentile { rank }),
-            _ => Err(Error::usage("a percentile is p0 to p100")),
-        },
-    },
-    Method {
-        name: "tin",
-        aliases: &["linear"],
-        about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
-        parameters: &[MAX_EDGE],
-        make: |given| Ok(Statistic::Tin { max_edge: given.positive("max_edge")? }),
-    },
-    Method {
-        name: "natural",
-        aliases: &["sibson"],
-        about: "height at the cell's centre from its natural neighbours among all points",
-        parameters: &[],
-        make: |_| Ok(Statistic::Natural),
-    },
+    count::COUNT,
+    count::DENSITY,
+    extremes::MIN,
+    extremes::MAX,
+    extremes::RANGE,
+    moments::MEAN,
+    moments::STD,
+    idw::IDW,
+    nearest::NEAREST,
+    percentile::MEDIAN,
+    percentile::PERCENTILE,
+    surface::TIN,
+    surface::NATURAL,
 ];
-
-/// Name of the percentiles, N being the rank.
-const PERCENTILE: &str = "pN";
-
-/// Fails unless weights can fall off by this power of the distance.
-pub fn check_power(power: f64) -> Result<()> {
-    if power > 0.0 && power <= MOST_POWER {
-        return Ok(());
-    }
-    Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
-}
 
 /// Parameters as given.
 #[derive(Debug, Default)]
@@ -279,12 +275,12 @@ fn parse(item: &str) -> Result<Asked> {
     let (name, parameters) = item.split_once(':').unwrap_or((item, ""));
     let rank = name.strip_prefix('p').and_then(|rank| rank.parse::<f64>().ok());
     let is_it = |m: &&Method| match rank {
-        Some(_) => m.name == PERCENTILE,
+        Some(_) => m.name == percentile::PERCENTILE.name,
         None => m.name == name || m.aliases.contains(&name),
     };
     let method = METHODS.iter().find(is_it).ok_or_else(|| unknown(name))?;
     let given = Given { rank, values: values(method, parameters)? };
-    let statistic = (method.make)(&given)?;
+    let statistic = Statistic { method, values: (method.check)(&given)? };
     let mut label = if rank.is_some() { name } else { method.name }.to_owned();
     if !parameters.is_empty() {
         label = format!("{label}:{parameters}");
@@ -334,10 +330,15 @@ mod tests {
         let asked = parse_list("lowest,idw:radius=2,power=1.5,p99.9,std:ddof=1,median").unwrap();
         let labels: Vec<_> = asked.iter().map(|a| a.label.as_str()).collect();
         assert_eq!(labels, ["min", "idw:radius=2,power=1.5", "p99.9", "std:ddof=1", "median"]);
-        assert_eq!(asked[1].statistic, Statistic::Idw { radius: Some(2.0), power: Some(1.5) });
-        assert_eq!(asked[2].statistic, Statistic::Percentile { rank: 99.9 });
-        assert_eq!(asked[3].statistic, Statistic::Std { ddof: 1 });
-        assert_eq!(asked[4].statistic, Statistic::Percentile { rank: 50.0 });
+        let idw = asked[1].statistic;
+        assert_eq!((idw.name(), idw.parameter("radius")), ("idw", Some(2.0)));
+        assert_eq!((idw.parameter("power"), idw.lacks("radius")), (Some(1.5), false));
+        assert_eq!(
+            (asked[2].statistic.name(), asked[2].statistic.values),
+            ("pN", [Some(99.9), None])
+        );
+        assert_eq!(asked[3].statistic.parameter("ddof"), Some(1.0));
+        assert_eq!(asked[4].statistic.values, [Some(50.0), None]);
     }
 
     #[test]
@@ -362,6 +363,16 @@ mod tests {
         assert!(METHODS.iter().all(|m| told.contains(m.name)), "{told}");
         let told = parse_list("idw:r=1").unwrap_err().to_string();
         assert!(told.contains("radius=NUMBER, power=NUMBER"), "{told}");
+    }
+
+    #[test]
+    fn what_plans_hold_is_read_again() {
+        let all = "count,min,idw:radius=2,idw:power=0.1,p99.9,tin:max_edge=7,natural,std:ddof=1";
+        for asked in parse_list(all).unwrap() {
+            let again = Statistic::try_from(Stored::from(asked.statistic)).unwrap();
+            assert_eq!(again, asked.statistic, "{}", asked.label);
+        }
+        assert!(Statistic::try_from(Stored { name: "mode".into(), values: [None; 2] }).is_err());
     }
 
     #[test]

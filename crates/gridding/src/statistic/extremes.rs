@@ -1,0 +1,93 @@
+//! The lowest and the highest point.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Method, Of};
+use crate::block::Cell;
+use crate::plane::{Keep, Primitive};
+use terrane_base::geom::Point;
+
+/// Lowest height in steps; no coordinate is as large as that of no point.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Low(i32);
+
+/// Highest height in steps.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct High(i32);
+
+const LOW: Primitive = Primitive::cells::<Low>("low");
+const HIGH: Primitive = Primitive::cells::<High>("high");
+
+impl Keep for Low {
+    const NONE: Self = Self(i32::MAX);
+
+    #[inline(always)]
+    fn take(&mut self, point: &Point, _: u128) -> bool {
+        self.join(Self(point.z))
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.0 = self.0.min(other.0);
+        true
+    }
+}
+
+impl Keep for High {
+    const NONE: Self = Self(i32::MIN);
+
+    #[inline(always)]
+    fn take(&mut self, point: &Point, _: u128) -> bool {
+        self.join(Self(point.z))
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.0 = self.0.max(other.0);
+        true
+    }
+}
+
+fn low(cell: &Cell<'_>, of: usize) -> Option<f64> {
+    Some(cell.kept::<Low>(of).0).filter(|z| *z != Low::NONE.0).map(f64::from)
+}
+
+fn high(cell: &Cell<'_>, of: usize) -> Option<f64> {
+    Some(cell.kept::<High>(of).0).filter(|z| *z != High::NONE.0).map(f64::from)
+}
+
+pub(super) const MIN: Method = Method {
+    name: "min",
+    aliases: &["minimum", "lowest"],
+    about: "lowest height",
+    of: Of::Points {
+        needs: |_, rules| (rules.own(), vec![LOW]),
+        value: |_, cell| cell.height(low(cell, 0)),
+    },
+    ..Method::HEIGHT
+};
+
+pub(super) const MAX: Method = Method {
+    name: "max",
+    aliases: &["maximum", "highest"],
+    about: "highest height",
+    of: Of::Points {
+        needs: |_, rules| (rules.own(), vec![HIGH]),
+        value: |_, cell| cell.height(high(cell, 0)),
+    },
+    ..Method::HEIGHT
+};
+
+pub(super) const RANGE: Method = Method {
+    name: "range",
+    about: "highest minus lowest height",
+    of: Of::Points {
+        needs: |_, rules| (rules.own(), vec![LOW, HIGH]),
+        value: |_, cell| {
+            cell.difference(high(cell, 1).zip(low(cell, 0)).map(|(high, low)| high - low))
+        },
+    },
+    ..Method::HEIGHT
+};

@@ -1,0 +1,193 @@
+//! Means weighted by inverse distance.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Method, Of, Parameter, RADIUS};
+use crate::plane::{Cells, Hits, Keep, Plane, Primitive, like};
+use crate::recipe::Region;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+
+/// Greatest power of distance that weights fall off by.
+pub const MOST_POWER: f64 = 4.0;
+
+/// Fails unless weights can fall off by this power of the distance.
+pub fn check_power(power: f64) -> Result<()> {
+    if power > 0.0 && power <= MOST_POWER {
+        return Ok(());
+    }
+    Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
+}
+
+const POWER: Parameter =
+    Parameter { key: "power", about: "weights are distance^-power, 4 at most [--power]" };
+
+pub(super) const IDW: Method = Method {
+    name: "idw",
+    about: "mean of the heights within a radius, weighted by inverse distance",
+    parameters: &[RADIUS, POWER],
+    check: |given| {
+        let power = given.positive(POWER.key)?;
+        check_power(power.unwrap_or(1.0))?;
+        Ok([given.positive(RADIUS.key)?, power])
+    },
+    of: Of::Points {
+        needs: |statistic, rules| {
+            let radius = statistic.parameter(RADIUS.key).unwrap_or(rules.radius);
+            let power = statistic.parameter(POWER.key).unwrap_or(rules.power);
+            (Region::Disc(radius), vec![weights(radius, power), HIT])
+        },
+        value: |_, cell| {
+            let hit = Some(cell.kept::<Hit>(1).0).filter(|z| *z != Hit::NONE.0).map(f64::from);
+            let mean = || cell.plane::<Weights>(0)?.sums.0.get(cell.at)?.mean();
+            cell.height(hit.or_else(mean))
+        },
+    },
+    ..Method::HEIGHT
+};
+
+/// Lowest of the heights exactly at the centre.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Hit(i32);
+
+const HIT: Primitive = Primitive::cells::<Hit>("hit");
+
+impl Keep for Hit {
+    const BY_DISTANCE: bool = true;
+    const NONE: Self = Self(i32::MAX);
+
+    #[inline(always)]
+    fn take(&mut self, point: &Point, square: u128) -> bool {
+        square != 0 || self.join(Self(point.z))
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.0 = self.0.min(other.0);
+        true
+    }
+}
+
+/// Sums of weights and of weighted heights.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Weighted {
+    weight: u128,
+    height: i128,
+}
+
+impl Weighted {
+    /// The weighted mean of heights, in steps.
+    fn mean(self) -> Option<f64> {
+        (self.weight > 0).then(|| self.height as f64 / self.weight as f64)
+    }
+}
+
+impl Keep for Weighted {
+    const NONE: Self = Self { weight: 0, height: 0 };
+
+    /// Points come with weights: [`Weights`].
+    fn take(&mut self, _: &Point, _: u128) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.weight += other.weight;
+        self.height += other.height;
+        true
+    }
+}
+
+/// Sums of weights for each cell.
+#[derive(Debug)]
+struct Weights {
+    sums: Cells<Weighted>,
+    falloff: Falloff,
+}
+
+fn weights(radius: f64, power: f64) -> Primitive {
+    Primitive {
+        parameters: [radius, power],
+        make: |cells, [radius, power]| {
+            let falloff = Falloff::new(radius, power);
+            Box::new(Weights { sums: Cells::new(cells), falloff })
+        },
+        ..Primitive::cells::<Weighted>("weights")
+    }
+}
+
+impl Plane for Weights {
+    fn add(&mut self, hits: Hits<'_>) -> Result<()> {
+        let Self { sums: Cells(sums), falloff } = self;
+        falloff.weigh(hits, |i, weight| {
+            let sum = &mut sums[hits.cells[i] as usize];
+            sum.weight += u128::from(weight.unsigned_abs());
+            sum.height += i128::from(weight) * i128::from(hits.points[i].z);
+        });
+        Ok(())
+    }
+
+    fn fold(&mut self, other: &dyn Plane) -> Result<()> {
+        self.sums.fold(&like::<Self>(other)?.sums)
+    }
+
+    fn bytes(&self) -> &[u8] {
+        self.sums.bytes()
+    }
+
+    fn bytes_mut(&mut self, bytes: usize) -> &mut [u8] {
+        self.sums.bytes_mut(bytes)
+    }
+}
+
+/// How weights fall off with distance: they are whole numbers, about 2^24 (radius / distance)^power,
+/// so that the rounding of the smallest one, at the radius, is less than 2^-24 of it. None is larger
+/// than 2^63, which a distance of less than radius * 2^(-39/power) would take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Falloff {
+    unit: f64,
+    power: f64,
+}
+
+const WEIGHT_AT_RADIUS: f64 = (1 << 24) as f64;
+
+impl Falloff {
+    fn new(radius: f64, power: f64) -> Self {
+        Self { unit: WEIGHT_AT_RADIUS * raised(radius * radius, power), power }
+    }
+
+    /// Calls `each` with the weights at the squared distances of `hits`.
+    fn weigh(self, hits: Hits<'_>, mut each: impl FnMut(usize, i64)) {
+        let weight = |divisor: f64| (self.unit / divisor + 0.5) as i64;
+        let area = hits.unit * hits.unit;
+        let squares = hits.squares.iter().map(|square| float(*square) * area).enumerate();
+        if self.power == 1.0 {
+            squares.for_each(|(i, square)| each(i, weight(square.sqrt())));
+        } else if self.power == 2.0 {
+            squares.for_each(|(i, square)| each(i, weight(square)));
+        } else {
+            squares.for_each(|(i, square)| each(i, weight(raised(square, self.power))));
+        }
+    }
+}
+
+/// The nearest float; nearly all squares are short, and those are quick.
+fn float(square: u128) -> f64 {
+    match u64::try_from(square) {
+        Ok(short) => short as f64,
+        Err(_) => square as f64,
+    }
+}
+
+/// The root of `square` to the power; from products and roots, which are the same on all machines,
+/// where the power is a multiple of a half.
+fn raised(square: f64, power: f64) -> f64 {
+    if (2.0 * power).fract() != 0.0 {
+        return square.powf(power / 2.0);
+    }
+    let distance = square.sqrt();
+    let part = if power.fract() == 0.0 { 1.0 } else { distance.sqrt() };
+    (0..power as u32).fold(part, |product, _| product * distance)
+}

@@ -1,0 +1,108 @@
+//! Mean and deviation, from sums of whole numbers.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::count::Count;
+use super::{Given, Method, Of, Parameter, Values};
+use crate::block::Cell;
+use crate::plane::{Keep, Primitive};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+
+/// Sum of the heights in steps.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Sum(i64);
+
+/// Sum of their squares.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Squares(u128);
+
+const SUM: Primitive = Primitive::cells::<Sum>("sum");
+const SQUARES: Primitive = Primitive::cells::<Squares>("squares");
+
+impl Keep for Sum {
+    const NONE: Self = Self(0);
+
+    #[inline(always)]
+    fn take(&mut self, point: &Point, _: u128) -> bool {
+        self.0 += i64::from(point.z);
+        true
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.0 += other.0;
+        true
+    }
+}
+
+impl Keep for Squares {
+    const NONE: Self = Self(0);
+
+    #[inline(always)]
+    fn take(&mut self, point: &Point, _: u128) -> bool {
+        self.0 += u128::from(i64::from(point.z).unsigned_abs().pow(2));
+        true
+    }
+
+    #[inline(always)]
+    fn join(&mut self, other: Self) -> bool {
+        self.0 += other.0;
+        true
+    }
+}
+
+pub(super) const MEAN: Method = Method {
+    name: "mean",
+    aliases: &["average", "avg"],
+    about: "mean height",
+    of: Of::Points {
+        needs: |_, rules| (rules.own(), vec![Count::KEPT, SUM]),
+        value: |_, cell| {
+            let count = cell.kept::<Count>(0).0;
+            let mean = || cell.kept::<Sum>(1).0 as f64 / f64::from(count);
+            cell.height((count > 0).then(mean))
+        },
+    },
+    ..Method::HEIGHT
+};
+
+const DDOF: Parameter = Parameter {
+    key: "ddof",
+    about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
+};
+
+pub(super) const STD: Method = Method {
+    name: "std",
+    aliases: &["stdev", "stddev"],
+    about: "standard deviation of heights",
+    parameters: &[DDOF],
+    check: ddof,
+    of: Of::Points {
+        needs: |_, rules| (rules.own(), vec![Count::KEPT, SUM, SQUARES]),
+        value: |statistic, cell| {
+            let ddof = statistic.parameter(DDOF.key).unwrap_or(0.0);
+            cell.difference(deviation(cell, ddof as u32))
+        },
+    },
+    ..Method::HEIGHT
+};
+
+fn ddof(given: &Given) -> Result<Values> {
+    match given.value(DDOF.key) {
+        None | Some(0.0) => Ok([None; 2]),
+        Some(1.0) => Ok([Some(1.0), None]),
+        Some(other) => Err(Error::usage(format!("ddof={other} is neither 0 nor 1"))),
+    }
+}
+
+/// n sum(z^2) - sum(z)^2 is a whole number; only what follows is rounded.
+fn deviation(cell: &Cell<'_>, ddof: u32) -> Option<f64> {
+    let count = cell.kept::<Count>(0).0;
+    let divisor = count.checked_sub(ddof).filter(|n| *n > 0)?;
+    let sum = u128::from(cell.kept::<Sum>(1).0.unsigned_abs());
+    let spread = u128::from(count) * cell.kept::<Squares>(2).0 - sum * sum;
+    Some((spread as f64 / f64::from(count) / f64::from(divisor)).sqrt())
+}

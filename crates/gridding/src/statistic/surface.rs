@@ -1,0 +1,38 @@
+//! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
+
+use super::{Method, Of, Parameter};
+
+/// How heights between points are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// Linear in the Delaunay triangulation.
+    Linear {
+        /// Triangles with a longer edge, in world units, are no surface.
+        max_edge: Option<f64>,
+    },
+    /// From natural neighbours (Sibson 1981).
+    Natural,
+}
+
+const MAX_EDGE: Parameter = Parameter {
+    key: "max_edge",
+    about: "triangles with a longer edge are no surface [--max-edge]",
+};
+
+pub(super) const TIN: Method = Method {
+    name: "tin",
+    aliases: &["linear"],
+    about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
+    parameters: &[MAX_EDGE],
+    check: |given| Ok([given.positive(MAX_EDGE.key)?, None]),
+    of: Of::All(|statistic| Shape::Linear { max_edge: statistic.parameter(MAX_EDGE.key) }),
+    ..Method::HEIGHT
+};
+
+pub(super) const NATURAL: Method = Method {
+    name: "natural",
+    aliases: &["sibson"],
+    about: "height at the cell's centre from its natural neighbours among all points",
+    of: Of::All(|_| Shape::Natural),
+    ..Method::HEIGHT
+};
