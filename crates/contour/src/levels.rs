@@ -86,7 +86,16 @@ impl Levels {
         heights: &[H],
         ranks: &mut [i32],
     ) -> std::result::Result<(), usize> {
-        let sound = match &self.0 {
+        if self.fill(heights, ranks) {
+            return Ok(());
+        }
+        let has_none = |z: &H| !self.fill(std::slice::from_ref(z), &mut [0]);
+        Err(heights.iter().position(has_none).unwrap_or_default())
+    }
+
+    /// False where a height has no rank.
+    fn fill<H: Copy + Into<f64>>(&self, heights: &[H], ranks: &mut [i32]) -> bool {
+        match &self.0 {
             // A division by 1 takes as long as any.
             &Kind::Every { base, step, scale: 1.0 } => {
                 rank_by_step(base, step, |height| height, |z| z, heights, ranks)
@@ -95,23 +104,6 @@ impl Levels {
                 rank_by_step(base, step, |height| height / scale, |z| z * scale, heights, ranks)
             }
             Kind::List(levels) => rank_by_list(levels, heights, ranks),
-        };
-        if sound {
-            return Ok(());
-        }
-        let no_rank = |z: &H| {
-            let z: f64 = (*z).into();
-            !(z.is_nan() || z.abs() <= MOST_HEIGHT && self.is_in_reach(z))
-        };
-        Err(heights.iter().position(no_rank).unwrap_or_default())
-    }
-
-    fn is_in_reach(&self, z: f64) -> bool {
-        match self.0 {
-            Kind::Every { base, step, scale } => {
-                (z * scale - base).abs() * (1.0 / step) < MOST_RANK
-            }
-            Kind::List(_) => true,
         }
     }
 }
@@ -239,7 +231,29 @@ mod tests {
         assert_eq!(rank(&levels, f64::NAN), Some(VOID));
         assert_eq!(rank(&levels, 1e10), None);
         assert_eq!(levels.rank(&[1.0, f64::NAN, 2e9], &mut [0; 3]), Err(2));
+        for (interval, base) in [(0.001, 1e7), (1.0, MOST_RANK), (0.1, 1e9)] {
+            assert!(Levels::every(interval, base).is_err(), "{base} by {interval}");
+        }
+        assert!(Levels::every(1000.0, 1e12).is_ok() && Levels::every(1.0, MOST_RANK - 1.0).is_ok());
         let list = Levels::list(vec![1.0]).unwrap();
         assert_eq!((rank(&list, 1e10), rank(&list, -1e31)), (Some(1), None));
+    }
+    /// Ranks end at 2^30 either way, whatever the interval, the base and the digits after the point.
+    #[test]
+    fn the_first_height_without_a_rank_is_told() {
+        let most = (1_i32 << 30) - 1;
+        for (interval, base) in [(1.0, 0.0), (4.0, -8.0), (0.5, 0.0), (0.25, 2.5), (0.1, 0.7)] {
+            let levels = Levels::every(interval, base).unwrap();
+            for (k, sign) in [(most, 1), (-most, -1)] {
+                let (last, beyond) = (levels.height(k), levels.height(k + sign));
+                assert_eq!(rank(&levels, last), Some(k), "{interval} {base}");
+                assert_eq!(levels.rank(&[last, f64::NAN, beyond, beyond], &mut [0; 4]), Err(2));
+            }
+        }
+        for levels in [Levels::every(1e25, 0.0).unwrap(), Levels::list(vec![0.0]).unwrap()] {
+            let [z, beyond] = [MOST_HEIGHT, MOST_HEIGHT.next_up()];
+            assert_eq!(levels.rank(&[z, -z, z, -beyond], &mut [0; 4]), Err(3));
+            assert_eq!(levels.rank(&[z, beyond], &mut [0; 2]), Err(1));
+        }
     }
 }

@@ -231,10 +231,35 @@ fn nonsense_is_refused() {
         trace(&window, &levels, most, &mut Scratch::default(), &mut Lines::default())
     };
     assert!(run(&[0.0; 5], 2, 9).is_err());
+    let side = MOST_SIDE as usize;
+    assert!(run(&vec![0.0; 2 * side], MOST_SIDE, 9).is_ok());
+    assert!(run(&vec![0.0; 2 * side + 2], MOST_SIDE + 1, 9).is_err());
     let told = run(&[0.0, 0.0, 0.0, 1e12], 2, 9).unwrap_err().to_string();
     assert!(told.contains("column 8, row 10") && told.contains("--nodata 1e12"), "{told}");
     let heights = [0.0, 4.0, 4.0, 0.0];
     assert!(run(&heights, 2, 16).is_ok());
     let told = run(&heights, 2, 15).unwrap_err();
     assert_eq!(told.kind(), ErrorKind::Resource);
+}
+
+#[test]
+fn halfway_the_second_sample_is_the_nearer() {
+    for (at, along, down) in [(0.5_f64.next_down(), (3, 2), (3, 2)), (0.5, (4, 2), (3, 3))] {
+        let nearer = |is_down| Vertex { edge: Edge::new(3, 2, is_down, 7), at }.nearer(7);
+        assert_eq!([nearer(false), nearer(true)], [along, down]);
+    }
+}
+
+#[test]
+fn nothing_stays_of_what_was_traced_before() {
+    let levels = Levels::every(1.0, 0.0).unwrap();
+    let (mut scratch, mut lines) = (Scratch::default(), Lines::default());
+    for (width, heights) in
+        [(3, vec![0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0]), (2, vec![0.5; 6])]
+    {
+        let rect = Rect::new(0, 0, width, heights.len() as u32 / width);
+        let window = Window { rect, grid_width: width, heights: &heights };
+        trace(&window, &levels, u64::MAX, &mut scratch, &mut lines).unwrap();
+        assert_eq!(lines, traced(&heights, width as usize, &levels));
+    }
 }
