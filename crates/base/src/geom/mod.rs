@@ -9,6 +9,8 @@ pub mod predicates;
 mod rect;
 mod rounding;
 mod ruler;
+#[cfg(test)]
+mod tests;
 
 pub use affine::Affine;
 pub use crs::{Crs, GeoKeys, is_geographic, metres_in, wkt};

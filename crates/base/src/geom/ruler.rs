@@ -146,6 +146,8 @@ mod tests {
             prop_assert!(first <= last + 1);
             prop_assert!(first == -FAR || ruler.at(first - 1) < limit);
             prop_assert!(last >= FAR - 1 || ruler.at(last + 1) > limit);
+            let steps = (limit - ruler.offset) / ruler.scale;
+            prop_assert!((ruler.place(limit) - steps).abs() <= 1e-5 + 1e-15 * steps.abs());
         }
     }
 }

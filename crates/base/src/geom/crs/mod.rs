@@ -14,6 +14,8 @@ mod definition;
 mod geokeys;
 mod method;
 mod node;
+#[cfg(test)]
+mod tests_of_keys;
 mod unit;
 pub mod wkt;
 mod write;
