@@ -213,6 +213,52 @@ mod tests {
     }
 
     #[test]
+    fn steep_ground_may_lie_further_off() {
+        for (east, north) in [(0, 0), (7, 0), (0, -9), (12, 5), (-3, 40)] {
+            let minima: Vec<i32> = (0..60).map(|k| k % 10 * east + k / 10 * north).collect();
+            let steep = Parameters { slope: 1e6, depth: 1e6, scaling: 1.7, ..CELLS };
+            let ground = ground(&minima, 10, &steep);
+            let most = 50.0 + 1.7 * f64::from(east).hypot(f64::from(north));
+            for (off, sign) in (-200..200).flat_map(|off| [(off, 1), (off, -1)]) {
+                let z = minima[34] + sign * off;
+                let is_near = f64::from(off).abs() < most + 1e-3;
+                assert_eq!(ground.is_ground(4, 3, [0.5; 2], z), is_near, "{east} {north} {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn level_ground_is_level_to_its_very_end() {
+        let minima: Vec<i32> =
+            (0..40 * 5).map(|k| if k % 40 < 9 { 10_000 } else { EMPTY }).collect();
+        let ground = ground(&minima, 40, &CELLS);
+        let known = |col: &usize| ground.height(*col, 2, [0.5; 2]).is_some();
+        let last = (0..40).take_while(known).last().unwrap();
+        assert!((9..39).contains(&last));
+        for (col, row) in (0..=last).flat_map(|col| (0..5).map(move |row| (col, row))) {
+            let is_ground = |off: i32| ground.is_ground(col, row, [0.5; 2], 10_000 + off);
+            assert_eq!(
+                [50, -50, 51, -51].map(is_ground),
+                [true, true, false, false],
+                "{col} {row}"
+            );
+        }
+    }
+
+    #[test]
+    fn noise_lies_deeper_than_it_may() {
+        for (z, expected) in [(-50, -50), (-150, 0)] {
+            let mut minima = vec![0; 15 * 15];
+            minima[7 * 15 + 7] = z;
+            let steep = Parameters { slope: 1e6, ..CELLS };
+            assert_eq!(
+                ground(&minima, 15, &steep).height(7, 7, [0.5; 2]),
+                Some(f64::from(expected))
+            );
+        }
+    }
+
+    #[test]
     fn nothing_is_ground_where_there_are_no_points() {
         let mut minima = vec![EMPTY; 100 * 3];
         assert_eq!(ground(&minima, 100, &CELLS).height(50, 1, [0.5, 0.5]), None);
