@@ -54,7 +54,8 @@ fn strangers(place: &Place) -> Vec<String> {
         entries.map(|entry| entry.file_name().into_string().unwrap()).collect::<Vec<_>>()
     };
     let known = ["plan.json", "objects", "finished.json", "lock", "mesh.ply", "mesh.prj"];
-    let is_strange = |name: &String| !known.contains(&name.as_str()) && !name.ends_with(".object");
+    let is_object = |name: &str| name.ends_with(".object") || name.ends_with(".json");
+    let is_strange = |name: &String| !known.contains(&name.as_str()) && !is_object(name);
     [names("work"), names("work/objects")].concat().into_iter().filter(is_strange).collect()
 }
 

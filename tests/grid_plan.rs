@@ -59,8 +59,12 @@ fn plan(folder: &Path, grid: &GridJob, tile: u32) -> Result<()> {
     let format = grid.format()?.name.to_owned();
     let output = folder.join("grid").with_extension(grid.output.extension().unwrap());
     let grid = GridJob { output, format: Some(format), ..grid.clone() };
-    let plan =
-        PlanGridJob { grid, folder: folder.to_path_buf(), tile: Some(tile), skipped: Vec::new() };
+    let plan = PlanGridJob {
+        job: grid,
+        folder: folder.to_path_buf(),
+        cut: Some(tile),
+        skipped: Vec::new(),
+    };
     plan_grid(&plan, &Silent, &Cancel::default()).map(drop)
 }
 
@@ -70,6 +74,7 @@ fn work(folder: &Path, task: Option<&str>) -> Result<GridRun> {
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
+        form: (),
         disk: DiskCheck::On,
         resources: resources(2),
     };
@@ -126,8 +131,8 @@ fn a_tile_reads_what_lies_near_it() {
         let grid = job(&files, Path::new("a.tif"), stats);
         let folder = temp.path().join(format!("{}-{task}", stats.replace([':', '='], "-")));
         plan(&folder, &grid, 256).unwrap();
-        let all = grid_status(&folder).unwrap().points;
-        work(&folder, Some(task)).unwrap().points as f64 / all as f64
+        let all = grid_status(&folder).unwrap().of.points;
+        work(&folder, Some(task)).unwrap().of.points as f64 / all as f64
     };
     // Those of a sixteenth; those in a margin, too; and what it takes around a wide void.
     let (local, near, far) =

@@ -7,7 +7,7 @@ use terrane_base::Result;
 use terrane_jobs::placing::Placing;
 use terrane_jobs::plan::DiskCheck;
 use terrane_jobs::tin::{
-    Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
+    Form, Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
     status_of,
 };
 use terrane_jobs::{Cancel, Resources, Silent};
@@ -41,9 +41,9 @@ fn tin(input: &str, output: &Path) -> TinJob {
 fn plan(folder: &Path, input: &str, strip_rows: u32) -> Result<StatusReport> {
     let tin = tin(input, Path::new("mesh.ply"));
     let job = PlanJob {
-        tin,
+        job: tin,
         folder: folder.to_path_buf(),
-        strip_rows: Some(strip_rows),
+        cut: Some(strip_rows),
         skipped: Vec::new(),
     };
     plan_work(&job, &Silent, &Cancel::default())
@@ -55,8 +55,7 @@ fn work(folder: &Path, task: Option<&str>, threads: usize) -> Result<RunReport> 
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
-        split: None,
-        solid_base: None,
+        form: Form::default(),
         disk: DiskCheck::On,
         resources: resources(threads),
     };
@@ -70,9 +69,11 @@ fn whole(folder: &Path, input: &str) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
+/// The files of objects, without the notes on them.
 fn objects(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder.join("objects")).unwrap();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "object"));
     paths.sort();
     paths
 }
@@ -135,10 +136,12 @@ fn tasks_may_be_done_one_by_one_in_any_order_and_twice() {
     assert_eq!(status_of(&folder).unwrap().to_do.len(), 1);
     for _ in 0..2 {
         let finished = work(&folder, Some("finish"), 2).unwrap();
-        assert!(finished.mesh.is_some_and(|mesh| mesh.max_error.is_some_and(|e| e <= 8.0)));
+        assert!(finished.of.mesh.is_some_and(|mesh| mesh.max_error.is_some_and(|e| e <= 8.0)));
     }
     assert!(remove_mesh(&folder) == expected);
-    for unknown in ["seam-5", "strip-6", "strip", "end"] {
+    for unknown in
+        ["seam-5", "strip-6", "strip", "strip-", "strip-x", "seam--1", "Finish", "end", ""]
+    {
         assert_eq!(work(&folder, Some(unknown), 1).unwrap_err().kind(), ErrorKind::Usage);
     }
 }
@@ -191,10 +194,10 @@ fn a_finished_plan_has_nothing_to_do_until_its_mesh_is_touched() {
     let temp = tempfile::tempdir().unwrap();
     let folder = done(temp.path());
     let again = work(&folder, None, 2).unwrap();
-    assert!(again.made.is_empty() && again.mesh.is_some());
+    assert!(again.made.is_empty() && again.of.mesh.is_some());
     assert_eq!(again.found + 1, again.tasks);
     let status = status_of(&folder).unwrap();
-    assert!(status.to_do.is_empty() && status.mesh.output.is_some());
+    assert!(status.to_do.is_empty() && status.told.output.is_some());
     std::fs::write(folder.join("mesh.ply"), b"something else").unwrap();
     assert_eq!(work(&folder, None, 2).unwrap_err().kind(), ErrorKind::Usage);
 }
@@ -207,12 +210,12 @@ fn another_plan_is_refused_with_the_difference() {
     let refused = plan(&folder, TERRAIN, 5).unwrap_err().to_string();
     assert!(refused.contains("method.strip_rows is 4 there and 5 here"), "{refused}");
     let mut job = PlanJob {
-        tin: tin(TERRAIN, Path::new("mesh.ply")),
+        job: tin(TERRAIN, Path::new("mesh.ply")),
         folder: folder.clone(),
-        strip_rows: Some(4),
+        cut: Some(4),
         skipped: Vec::new(),
     };
-    job.tin.goal = Goal::MaxError(9.0);
+    job.job.goal = Goal::MaxError(9.0);
     let refused = plan_work(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
     assert!(refused.contains("method.max_error is 8.0 there and 9.0 here"), "{refused}");
     let other = temp.path().join("other");
@@ -344,8 +347,7 @@ fn neither_input_nor_plan_is_ever_the_output() {
                 task,
                 output: Some(output.clone()),
                 overwrite: true,
-                split: None,
-                solid_base: None,
+                form: Form::default(),
                 disk: DiskCheck::On,
                 resources: resources(1),
             };
@@ -368,14 +370,13 @@ fn an_output_of_any_name_is_noted() {
         task: None,
         output: Some(temp.path().join(std::ffi::OsStr::from_bytes(b"\xff.ply"))),
         overwrite: false,
-        split: None,
-        solid_base: None,
+        form: Form::default(),
         disk: DiskCheck::On,
         resources: resources(1),
     };
     run_plan(&job, &Silent, &Cancel::default()).unwrap();
     assert!(job.output.is_some_and(|output| output.is_file()));
-    assert!(status_of(&folder).unwrap().mesh.output.is_some_and(|output| output.ends_with(".ply")));
+    assert!(status_of(&folder).unwrap().told.output.is_some_and(|output| output.ends_with(".ply")));
 }
 
 #[test]
@@ -389,8 +390,7 @@ fn looking_through_what_is_done_can_be_stopped() {
         task: None,
         output: None,
         overwrite: false,
-        split: None,
-        solid_base: None,
+        form: Form::default(),
         disk: DiskCheck::On,
         resources: resources(1),
     };
@@ -405,7 +405,7 @@ fn formats_with_a_limit_may_be_many_files() {
         let mut tin = tin("synth:rough,size=80001", Path::new("mesh.glb"));
         (tin.split, tin.goal) = (split, Goal::MaxError(0.01));
         let job =
-            PlanJob { tin, folder: temp.path().join(name), strip_rows: None, skipped: Vec::new() };
+            PlanJob { job: tin, folder: temp.path().join(name), cut: None, skipped: Vec::new() };
         plan_work(&job, &Silent, &Cancel::default())
     };
     assert_eq!(plan("one", None).unwrap_err().kind(), ErrorKind::CannotWrite);

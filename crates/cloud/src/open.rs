@@ -8,6 +8,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, ErrorKind, Result, all};
 use terrane_base::geom::{Crs, Frame, Point};
@@ -32,7 +33,7 @@ const CLOUDS: Seek =
     Seek { what: "point cloud", is_member, is_made: |_| false, file_name: |input| input };
 
 /// How a cloud is read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OpenOptions {
     /// Which points are wanted.
     pub filter: Filter,
@@ -41,6 +42,7 @@ pub struct OpenOptions {
     /// The coordinate reference system of files that name none.
     pub crs: Option<Crs>,
     /// Threads for opening many files; parts are read by the caller's.
+    #[serde(skip)]
     pub threads: usize,
 }
 

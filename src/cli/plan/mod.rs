@@ -115,7 +115,7 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let mut job = args.wanted.job(&names, resources)?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
-    let plan = PlanGridJob { grid: job, folder: args.folder.clone(), tile: args.tile, skipped };
+    let plan = PlanGridJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
     let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::grid_summary(&report))?;
     Ok(Outcome::Kept)
@@ -153,10 +153,6 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         measure: true,
         resources: Resources::default(),
     };
-    Ok(PlanJob {
-        tin,
-        folder: args.folder.clone(),
-        strip_rows: args.strip_rows,
-        skipped: Vec::new(),
-    })
+    let folder = args.folder.clone();
+    Ok(PlanJob { job: tin, folder, cut: args.strip_rows, skipped: Vec::new() })
 }

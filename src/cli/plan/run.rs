@@ -8,10 +8,9 @@ use crate::cli::shared::{Outcome, args, text};
 use crate::cli::{grid, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
-use crate::jobs::grid::plan::{GridRun, RunGridJob, run_grid};
-use crate::jobs::plan::{Kind, kind};
-use crate::jobs::sift::Skipped;
-use crate::jobs::tin::{RunJob, RunReport, run_plan};
+use crate::jobs::grid::plan::{GridRun, run_grid};
+use crate::jobs::plan::{self, Kind, RunJob, kind};
+use crate::jobs::tin::{Form, RunReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh or grid is written. Killed, it goes on where it was when it is run again
@@ -94,102 +93,79 @@ fn work(
             "leave out --output, --overwrite and --split, or pass them to terrane finish",
         ));
     }
-    if kind(folder)? == Kind::Grid {
-        return work_on_grid(folder, task, output, how, cancel);
+    let resources = how.machine.resources();
+    let (folder, overwrite, disk) = (folder.to_path_buf(), how.overwrite, how.disk.check());
+    match kind(&folder)? {
+        Kind::Tin => {
+            if let Some(output) = &output {
+                // Whether it exists is asked later: it may be the mesh of this very plan.
+                how.split.check_output(output, true)?;
+            }
+            let form = Form { split: how.split.tiles, solid_base: None };
+            let job = RunJob { folder, task, output, overwrite, form, disk, resources };
+            let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
+            how.show.tell(&report, || summary(&report))?;
+        }
+        Kind::Grid => {
+            if how.split.tiles.is_some() {
+                return Err(Error::usage("--split is for meshes, and this is the plan of a grid")
+                    .remedy("leave --split out"));
+            }
+            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+            let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
+            how.show.tell(&report, || grid_summary(&report))?;
+        }
     }
-    if let Some(output) = &output {
-        // Whether it exists is asked later: it may be the mesh of this very plan.
-        how.split.check_output(output, true)?;
-    }
-    let job = RunJob {
-        folder: folder.to_path_buf(),
-        task,
-        output,
-        overwrite: how.overwrite,
-        split: how.split.tiles,
-        solid_base: None,
-        disk: how.disk.check(),
-        resources: how.machine.resources(),
-    };
-    let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
-    how.show.tell(&report, || summary(&report))?;
     Ok(Outcome::Kept)
-}
-
-fn work_on_grid(
-    folder: &std::path::Path,
-    task: Option<String>,
-    output: Option<PathBuf>,
-    how: &How,
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    if how.split.tiles.is_some() {
-        return Err(Error::usage("--split is for meshes, and this is the plan of a grid")
-            .remedy("leave --split out"));
-    }
-    let job = RunGridJob {
-        folder: folder.to_path_buf(),
-        task,
-        output,
-        overwrite: how.overwrite,
-        disk: how.disk.check(),
-        resources: how.machine.resources(),
-    };
-    let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
-    how.show.tell(&report, || grid_summary(&report))?;
-    Ok(Outcome::Kept)
-}
-
-/// What was there before a run, and what never was.
-fn found(
-    [found, tasks, bytes]: [u64; 3],
-    damaged: &[String],
-    skipped: &[Skipped],
-) -> Vec<(&'static str, String)> {
-    let (of, tasks, bytes) = (text::count(found), text::count(tasks), text::bytes(bytes));
-    let all =
-        if found == 0 { "none".to_owned() } else { format!("{of} of {tasks}, {bytes} checked") };
-    let mut rows = vec![("found done", all)];
-    if !damaged.is_empty() {
-        rows.push(("damaged", format!("{}; made anew", damaged.join(", "))));
-    }
-    rows.extend(status::skipped(skipped));
-    rows
 }
 
 fn grid_summary(r: &GridRun) -> String {
-    let mut rows = found([r.found, r.tasks, r.found_bytes], &r.damaged, &r.skipped);
-    if !r.made.is_empty() {
-        let made = text::count(r.made.len() as u64);
-        let (points, bytes) = (text::count(r.points), text::bytes(r.made_bytes));
-        rows.push(("made", format!("{made} tasks, {points} points read, {bytes}")));
-    }
-    rows.push(("time", text::seconds(r.wall_seconds)));
-    if let Some(peak) = r.peak_memory {
-        rows.push(("memory", format!("{} at the peak", text::bytes(peak))));
-    }
-    if let (Some(path), None) = (&r.written, &r.grid) {
+    let made = format!("{} points read", text::count(r.of.points));
+    let mut rows = rows(r, made, None);
+    if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
     }
-    let tasks = format!("{}\n{}", r.folder, text::table(&rows));
-    r.grid.as_ref().map_or(tasks.clone(), |made| format!("{tasks}\n{}", grid::summary(made)))
+    told(r, &rows, r.of.grid.as_ref().map(grid::summary))
 }
 
 fn summary(r: &RunReport) -> String {
-    let mut rows = found([r.found, r.tasks, r.found_bytes], &r.damaged, &r.skipped);
+    let made = format!("{} samples", text::count(r.of.made_samples));
+    let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
+    told(r, &rows, r.of.mesh.as_ref().map(tin::summary))
+}
+
+/// What a run of any plan did; `made` of what, and the time of its stages in threads.
+fn rows<R>(
+    r: &plan::RunReport<R>,
+    made: String,
+    stages: Option<String>,
+) -> Vec<(&'static str, String)> {
+    let (found, tasks) = (text::count(r.found), text::count(r.tasks));
+    let all = match r.found {
+        0 => "none".to_owned(),
+        _ => format!("{found} of {tasks}, {} checked", text::bytes(r.found_bytes)),
+    };
+    let mut rows = vec![("found done", all)];
+    if !r.damaged.is_empty() {
+        rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
+    }
+    rows.extend(status::skipped(&r.skipped));
     if !r.made.is_empty() {
-        let made = text::count(r.made.len() as u64);
-        let (samples, bytes) = (text::count(r.made_samples), text::bytes(r.made_bytes));
-        rows.push(("made", format!("{made} tasks, {samples} samples, {bytes}")));
-        rows.push(("in threads", tin::stages(&r.stages)));
+        let (tasks, bytes) = (text::count(r.made.len() as u64), text::bytes(r.made_bytes));
+        rows.push(("made", format!("{tasks} tasks, {made}, {bytes}")));
+        rows.extend(stages.map(|stages| ("in threads", stages)));
     }
     rows.push(("time", text::seconds(r.wall_seconds)));
-    if let Some(peak) = r.peak_memory {
-        rows.push(("memory", format!("{} at the peak", text::bytes(peak))));
-    }
-    let tasks = format!("{}\n{}", r.folder, text::table(&rows));
-    match &r.mesh {
-        Some(mesh) => format!("{tasks}\n{}", tin::summary(mesh)),
-        None => tasks,
-    }
+    rows.extend(r.peak_memory.map(|peak| ("memory", format!("{} at the peak", text::bytes(peak)))));
+    rows
+}
+
+/// The rows of a run, and what was written.
+fn told<R>(
+    r: &plan::RunReport<R>,
+    rows: &[(&'static str, String)],
+    written: Option<String>,
+) -> String {
+    let tasks = format!("{}\n{}", r.folder, text::table(rows));
+    written.map_or(tasks.clone(), |written| format!("{tasks}\n{written}"))
 }

@@ -6,7 +6,7 @@ use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, say, text};
 use crate::error::Result;
 use crate::jobs::grid::plan::{GridStatus, grid_status};
-use crate::jobs::plan::{Forecast, Kind, TaskReport, Told, kind};
+use crate::jobs::plan::{self, Forecast, Kind, kind};
 use crate::jobs::sift::Skipped;
 use crate::jobs::tin::{StatusReport, status_of};
 
@@ -49,49 +49,23 @@ fn tell<R: serde::Serialize>(
 
 /// The plan of a grid for people.
 pub(crate) fn grid_summary(r: &GridStatus) -> String {
-    let (width, height) = (text::count(r.width.into()), text::count(r.height.into()));
-    let tile = text::count(r.tile_cells.into());
-    let plan = Summary {
-        kind: "grid",
-        folder: &r.folder,
-        plan_id: &r.plan_id,
-        of: vec![
-            ("points", text::count(r.points)),
-            (
-                "grid",
-                format!("{width} x {height} cells in tiles of {tile}, written as {}", r.format),
-            ),
-        ],
-        done: r.done,
-        to_do: &r.to_do,
-        damaged: &r.damaged,
-        object_bytes: r.object_bytes,
-        forecast: &r.forecast,
-        told: &r.grid,
-        skipped: &r.skipped,
-    };
-    format!("{} in {}\n{}", r.input, r.folder, plan.table())
+    let [width, height, tile] =
+        [r.of.width, r.of.height, r.tile_cells].map(|n| text::count(n.into()));
+    let of = [
+        ("points", text::count(r.of.points)),
+        ("grid", format!("{width} x {height} cells in tiles of {tile}, written as {}", r.format)),
+    ];
+    table("grid", of, r)
 }
 
 /// The plan of a mesh for people.
 pub(crate) fn summary(r: &StatusReport) -> String {
-    let plan = Summary {
-        kind: "mesh",
-        folder: &r.folder,
-        plan_id: &r.plan_id,
-        of: vec![
-            ("samples", text::count(r.samples)),
-            ("max error", format!("{}, written as {}", text::number(r.max_error), r.format)),
-        ],
-        done: r.done,
-        to_do: &r.to_do,
-        damaged: &r.damaged,
-        object_bytes: r.object_bytes,
-        forecast: &r.forecast,
-        told: &r.mesh,
-        skipped: &r.skipped,
-    };
-    format!("{} in {}\n{}", r.input, r.folder, plan.table())
+    let error = text::number(r.of.max_error);
+    let of = [
+        ("samples", text::count(r.of.samples)),
+        ("max error", format!("{error}, written as {}", r.format)),
+    ];
+    table("mesh", of, r)
 }
 
 /// Files that were left out of the input of a plan, as rows of a table.
@@ -99,60 +73,39 @@ pub(crate) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str
     skipped.iter().map(|Skipped { file, reason }| ("skipped", format!("{file}: {reason}")))
 }
 
-/// What is told of any plan.
-struct Summary<'a> {
+/// What is told of any plan: that of a `kind`, and of what it is.
+fn table<S>(
     kind: &'static str,
-    folder: &'a str,
-    plan_id: &'a str,
-    /// Of what it is.
-    of: Vec<(&'static str, String)>,
-    done: u64,
-    to_do: &'a [TaskReport],
-    damaged: &'a [String],
-    object_bytes: u64,
-    forecast: &'a Forecast,
-    told: &'a Told,
-    skipped: &'a [Skipped],
+    of: [(&'static str, String); 2],
+    r: &plan::StatusReport<S>,
+) -> String {
+    let (done, left) = (text::count(r.done), text::count(r.to_do.len() as u64));
+    let mut rows = vec![("plan", r.plan_id[..16].to_owned())];
+    rows.extend(of);
+    rows.push(("tasks", format!("{done} done, {left} to do")));
+    if !r.to_do.is_empty() {
+        rows.push(("time", time(&r.forecast)));
+    }
+    rows.push(("memory", format!("at least {} for a task", text::bytes(r.forecast.least_memory))));
+    let Forecast { disk_needed, output_bytes, .. } = r.forecast;
+    let [used, more, output] = [r.object_bytes, disk_needed, output_bytes].map(text::bytes);
+    rows.push((
+        "disk",
+        format!("{used} in use, about {more} more, and about {output} for the {kind}"),
+    ));
+    if !r.damaged.is_empty() {
+        rows.push(("damaged", r.damaged.join(", ")));
+    }
+    rows.extend(skipped(&r.skipped));
+    rows.extend(r.told.output_fault.clone().map(|fault| ("note", fault)));
+    rows.push(match &r.told.output {
+        Some(output) => (kind, output.clone()),
+        None => ("next", format!("terrane run {}", r.folder)),
+    });
+    format!("{} in {}\n{}", r.input, r.folder, text::table(&rows))
 }
 
-impl Summary<'_> {
-    fn table(self) -> String {
-        let (done, left) = (text::count(self.done), text::count(self.to_do.len() as u64));
-        let mut rows = vec![("plan", self.plan_id[..16].to_owned())];
-        rows.extend(self.of.iter().cloned());
-        rows.push(("tasks", format!("{done} done, {left} to do")));
-        if !self.to_do.is_empty() {
-            rows.push(("time", self.time()));
-        }
-        rows.push((
-            "memory",
-            format!("at least {} for a task", text::bytes(self.forecast.least_memory)),
-        ));
-        rows.push(("disk", self.disk()));
-        if !self.damaged.is_empty() {
-            rows.push(("damaged", self.damaged.join(", ")));
-        }
-        rows.extend(skipped(self.skipped));
-        if let Some(fault) = &self.told.output_fault {
-            rows.push(("note", fault.clone()));
-        }
-        rows.push(match &self.told.output {
-            Some(output) => (self.kind, output.clone()),
-            None => ("next", format!("terrane run {}", self.folder)),
-        });
-        text::table(&rows)
-    }
-
-    fn time(&self) -> String {
-        let Forecast { seconds, threads, .. } = *self.forecast;
-        let threads =
-            if threads == 1 { "1 thread".to_owned() } else { format!("{threads} threads") };
-        format!("about {} on {threads}", text::seconds(seconds))
-    }
-
-    fn disk(&self) -> String {
-        let Forecast { disk_needed, output_bytes, .. } = *self.forecast;
-        let [used, more, output] = [self.object_bytes, disk_needed, output_bytes].map(text::bytes);
-        format!("{used} in use, about {more} more, and about {output} for the {}", self.kind)
-    }
+fn time(Forecast { seconds, threads, .. }: &Forecast) -> String {
+    let threads = if *threads == 1 { "1 thread".to_owned() } else { format!("{threads} threads") };
+    format!("about {} on {threads}", text::seconds(*seconds))
 }

@@ -62,7 +62,7 @@ class Work:
 
     def wait_for(self, tasks: int) -> None:
         """Waits until so many tasks are done."""
-        until(lambda: len(list((self.folder / "objects").glob("*.object"))) >= tasks)
+        until(lambda: len(list((self.folder / "objects").glob("*.json"))) >= tasks)
 
     def runs(self) -> list[psutil.Process]:
         """The programs that work on this plan."""

@@ -71,7 +71,7 @@ def test_driver_and_scheduler_are_killed(large: Work, processes: Processes) -> N
     driver.kill()
     scheduler.kill()
     until(lambda: not large.runs())
-    done = len(list((large.folder / "objects").glob("*.object")))
+    done = len(list((large.folder / "objects").glob("*.json")))
     address, _ = processes.cluster(3)
     out, err = processes.driver(large.folder, "--scheduler", address).communicate(timeout=120)
     report = json.loads(out)
@@ -87,7 +87,7 @@ def test_the_driver_is_killed_and_the_cluster_lives(small: Work, processes: Proc
     small.wait_for(5)
     driver.kill()
     until(lambda: not sleepers() and not small.runs())
-    done = len(list((small.folder / "objects").glob("*.object")))
+    done = len(list((small.folder / "objects").glob("*.json")))
     out, err = processes.driver(small.folder, "--scheduler", address).communicate(timeout=120)
     report = json.loads(out)
     assert (report["skipped"], report["done"]) == (done, small.tasks - done), err

@@ -38,7 +38,7 @@ class Plan:
         self.expected = whole.read_bytes()
         terrane("plan", what, source, "-o", self.folder, *how, *MORE[kind], "-q")
         self.tasks = [task["id"] for task in self.status()["to_do"]]
-        self.endings = ["object", "object"] if kind == "tin" else ["tif", "json"]
+        self.endings = ["object" if kind == "tin" else "tif", "json"]
 
     def status(self) -> dict[str, object]:
         """How far it is."""

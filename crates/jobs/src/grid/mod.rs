@@ -16,6 +16,9 @@ mod source;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
+use crate::plan::as_text;
 use crate::{Cancel, Progress, Resources};
 pub use extent::{Compat, Placement};
 use make::Maker;
@@ -28,14 +31,16 @@ use terrane_gridding::{self as gridding, Asked, Recipe, Rules};
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, WriteOptions};
 
-/// A cloud-to-grid job.
-#[derive(Clone, Debug)]
+/// A cloud-to-grid job. A plan notes what the cells depend on.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GridJob {
     /// Files, folders, patterns or lists of clouds.
     pub input: Vec<String>,
     /// How they are read.
+    #[serde(flatten)]
     pub cloud: OpenOptions,
     /// File to write.
+    #[serde(skip)]
     pub output: PathBuf,
     /// Name of the format to write; by the output's ending when `None`, a plain GeoTIFF in tiles for
     /// a `.tif`.
@@ -45,8 +50,10 @@ pub struct GridJob {
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<Asked>,
     /// The model of the terrain that the only band is ([`Preset::band`]), if it is one.
+    #[serde(skip)]
     pub preset: Option<Preset>,
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
+    #[serde(skip)]
     pub ground: GroundFrom,
     /// Where the cells lie.
     pub placement: Placement,
@@ -66,10 +73,13 @@ pub struct GridJob {
     /// Write the nearest value where a type of whole numbers does not hold one exactly.
     pub round: bool,
     /// Written value for voids.
+    #[serde(serialize_with = "as_text::serialize", deserialize_with = "as_text::number")]
     pub nodata: f64,
     /// Replace an existing output.
+    #[serde(skip)]
     pub overwrite: bool,
     /// What the job may use.
+    #[serde(skip)]
     pub resources: Resources,
 }
 

@@ -4,6 +4,7 @@
 //! terabyte only to know it again would cost as much as the work itself; then the time of the last
 //! change has to be the same, too.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -15,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::digest::Digest;
 use terrane_base::error::{Error, Result};
-use terrane_files as files;
+use terrane_files::{self as files, name_of, path_of};
 
 /// Pieces of a large file that are hashed, evenly spread from its first byte to its last, and
 const PIECES: u64 = 16;
@@ -27,9 +28,8 @@ const WHOLE: u64 = 1 << 30;
 
 /// What a file was when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct InputFile {
-    #[serde(with = "super::as_name")]
-    path: PathBuf,
+pub(super) struct InputFile {
+    name: String,
     bytes: u64,
     /// Nanoseconds since 1970.
     modified: u64,
@@ -39,7 +39,7 @@ pub(crate) struct InputFile {
 }
 
 /// Looks at all of `paths`, in parallel.
-pub(crate) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
+pub(super) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
     let all: u64 = paths.par_iter().map(bytes).sum();
     let look = |path: &PathBuf| InputFile::of(path, all <= WHOLE);
@@ -48,13 +48,13 @@ pub(crate) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
 
 /// Fails when one of `files` is not what it was; the error names it and the difference. With
 /// `by_content` digests are compared, else only sizes and times.
-pub(crate) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
+pub(super) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
     files.par_iter().try_for_each(|file| file.check(by_content))
 }
 
 impl InputFile {
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
+    pub(super) fn path(&self) -> Cow<'_, Path> {
+        path_of(&self.name)
     }
 
     fn of(path: &Path, whole: bool) -> Result<Self> {
@@ -63,12 +63,13 @@ impl InputFile {
         let (bytes, modified) = facts(&file).map_err(fail)?;
         let whole = whole || bytes <= PIECES * PIECE;
         let digest = digest(&mut file, bytes, whole).map_err(fail)?;
-        Ok(Self { path: path.to_path_buf(), bytes, modified, whole, digest })
+        Ok(Self { name: name_of(path.to_path_buf())?, bytes, modified, whole, digest })
     }
 
     fn check(&self, by_content: bool) -> Result<()> {
-        let fail = |e| Error::read(&self.path, e);
-        let mut file = File::open(&self.path).map_err(fail)?;
+        let path = self.path();
+        let fail = |e| Error::read(&path, e);
+        let mut file = File::open(&path).map_err(fail)?;
         let (bytes, modified) = facts(&file).map_err(fail)?;
         if bytes != self.bytes {
             return Err(self.changed(&format!("it had {} bytes and has {bytes}", self.bytes)));
@@ -93,7 +94,7 @@ impl InputFile {
 
     fn changed(&self, how: &str) -> Error {
         Error::bad_input(format!("is not the file the plan was made from: {how}"))
-            .in_file(&self.path)
+            .in_file(&self.path())
             .remedy("put it back, or plan anew in another folder")
     }
 }

@@ -1,5 +1,5 @@
-//! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. What is common
-//! to the plans of meshes and of grids.
+//! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. One engine for
+//! every kind of plan; what a kind's tasks are, and what one does, it says itself ([`Work`]).
 //!
 //! | name | what |
 //! |---|---|
@@ -10,245 +10,42 @@
 
 mod digest;
 mod files;
+mod folder;
+mod object;
 mod output;
 mod report;
+mod run;
+mod sheet;
+mod work;
 
-use std::ffi::OsStr;
-use std::fmt;
-use std::fs::{File, TryLockError};
-use std::io::{self, Read, Write};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 
 pub use digest::Digest;
-pub(crate) use files::{InputFile, check, look_at, with_companions};
-pub(crate) use output::{Output, State, last_output};
-pub(crate) use report::shared;
-pub use report::{DiskCheck, Forecast, TaskReport, Told};
+pub(crate) use files::with_companions;
+pub(crate) use folder::Survey;
+pub use report::{DiskCheck, Forecast, RunReport, StatusReport, TaskReport, Told};
+pub(crate) use report::{Needs, shared};
+pub use run::{PlanJob, RunJob};
+pub(crate) use run::{run, status};
+pub use sheet::{Kind, kind};
+pub(crate) use sheet::{PLAN, Plan};
+pub(crate) use work::{At, Made, Named, Numbered, Order, Work};
 
-use crate::sift::Skipped;
-use crate::{Cancel, REVISION};
+use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::limits;
-use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
+use terrane_files::atomic::AtomicFile;
 
-pub(crate) const PLAN: &str = "plan.json";
-pub(crate) const OBJECTS: &str = "objects";
-const FINISHED: &str = "finished.json";
-const LOCK: &str = "lock";
-/// Largest plan that is read: millions of tasks and a million files fit.
-const MOST_BYTES: u64 = 1 << 30;
+/// Most tasks of a plan.
+pub(crate) const MOST_TASKS: u64 = 1 << 22;
+/// The folder of objects.
+const OBJECTS: &str = "objects";
 /// Bytes of a result that are read at a time.
 const PIECE_BYTES: usize = 1 << 20;
-
-/// Something that can be planned.
-pub(crate) trait Planned: Serialize + DeserializeOwned + Clone {
-    /// Of what: "tin" or "grid".
-    const KIND: &'static str;
-
-    /// The version and revision of the program that made it.
-    fn made_by(&self) -> (&str, u32);
-
-    /// Fails when the plan contradicts itself.
-    fn check(&self) -> std::result::Result<(), String>;
-
-    /// What it is made from.
-    fn files(&self) -> &[InputFile];
-
-    /// The same, to be changed.
-    fn files_mut(&mut self) -> &mut [InputFile];
-
-    /// Files that are left out of the input because they are bad.
-    fn skipped(&self) -> &[Skipped];
-
-    /// The same, to be changed.
-    fn skipped_mut(&mut self) -> &mut Vec<Skipped>;
-}
-
-/// A plan with its digest, as it is on disk.
-#[derive(Serialize, Deserialize)]
-struct Sealed<P> {
-    plan_id: Digest,
-    plan: P,
-}
-
-/// What a folder holds a plan of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// A mesh ([`tin`](crate::tin)).
-    Tin,
-    /// A grid ([`grid::plan`](crate::grid::plan)).
-    Grid,
-}
-
-/// What the plan in `folder` is of.
-///
-/// # Errors
-/// A folder without a plan.
-pub fn kind(folder: &Path) -> Result<Kind> {
-    #[derive(Deserialize)]
-    struct Named {
-        plan: Inner,
-    }
-    #[derive(Deserialize)]
-    struct Inner {
-        kind: String,
-    }
-    let path = folder.join(PLAN);
-    let named: Named =
-        serde_json::from_slice(&text_of(folder)?).map_err(|e| damaged(&path, &e.to_string()))?;
-    match named.plan.kind.as_str() {
-        "tin" => Ok(Kind::Tin),
-        "grid" => Ok(Kind::Grid),
-        other => Err(damaged(&path, &format!("nothing is known of plans of a {other:?}"))),
-    }
-}
-
-/// The text of the plan in a folder.
-fn text_of(folder: &Path) -> Result<Vec<u8>> {
-    let path = folder.join(PLAN);
-    if !path.exists() {
-        return Err(Error::bad_input("holds no plan").in_file(folder).remedy(
-            "make one: terrane plan tin GRID... or terrane plan grid CLOUD..., -o FOLDER",
-        ));
-    }
-    let fail = |e| Error::read(&path, e);
-    let bytes = std::fs::metadata(&path).map_err(fail)?.len();
-    limits::check("bytes of a plan", bytes, MOST_BYTES).map_err(|e| e.in_file(&path))?;
-    std::fs::read(&path).map_err(fail)
-}
-
-/// Reads the plan in `folder`; returns it with its digest.
-pub(crate) fn read<P: Planned>(folder: &Path) -> Result<(P, Digest)> {
-    let (text, path) = (text_of(folder)?, folder.join(PLAN));
-    let Sealed { plan_id, plan } =
-        serde_json::from_slice::<Sealed<P>>(&text).map_err(|e| damaged(&path, &e.to_string()))?;
-    if id(&plan) != plan_id {
-        return Err(damaged(&path, "its digest does not match"));
-    }
-    check_version(&plan, &path)?;
-    plan.check().map_err(|how| damaged(&path, &how))?;
-    Ok((plan, plan_id))
-}
-
-/// The digest that stands for a plan.
-pub(crate) fn id<P: Planned>(plan: &P) -> Digest {
-    Digest::of(&serde_json::to_vec(plan).unwrap_or_default())
-}
-
-/// A plan as the text of a file.
-pub(crate) fn to_text<P: Planned>(plan: &P) -> Result<Vec<u8>> {
-    let sealed = Sealed { plan_id: id(plan), plan };
-    serde_json::to_vec_pretty(&sealed)
-        .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot write down the plan: {e}")))
-}
-
-fn check_version<P: Planned>(plan: &P, path: &Path) -> Result<()> {
-    let (theirs, ours) = (plan.made_by(), (env!("CARGO_PKG_VERSION"), REVISION));
-    if theirs == ours {
-        return Ok(());
-    }
-    let name = |(version, revision)| format!("terrane {version} (revision {revision})");
-    Err(Error::bad_input(format!("was made by {}, this is {}", name(theirs), name(ours)))
-        .in_file(path)
-        .remedy("use the same version, or plan anew in another folder"))
-}
-
-pub(crate) fn damaged(path: &Path, how: &str) -> Error {
-    Error::bad_input(format!("is no plan as terrane writes it: {how}"))
-        .in_file(path)
-        .remedy("plan anew in another folder")
-}
-
-/// Puts `plan` into the folder `path`, made if it is not there; one that holds the very same plan is
-/// taken as it is. Fails with `Usage` when it holds anything else.
-pub(crate) fn put<P: Planned>(path: &Path, plan: &P) -> Result<()> {
-    if path.join(PLAN).exists() {
-        let of = kind(path)?;
-        let another = |how: String| {
-            Err(Error::usage(format!("holds another plan: {how}"))
-                .in_file(path)
-                .remedy("choose another folder, or remove this one"))
-        };
-        if format!("{of:?}").to_lowercase() != P::KIND {
-            return another(format!("it is of a {of:?}").to_lowercase());
-        }
-        let (there, _) = read::<P>(path)?;
-        return match changes(&there, plan) {
-            None => Ok(()),
-            Some(how) => another(how),
-        };
-    }
-    let fail = |e| Error::write(path, e);
-    make_folder(path)?;
-    // What an earlier attempt to plan here left is no reason to refuse.
-    let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
-    let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
-    if entries.any(|entry| !is_own(&entry.file_name())) {
-        return Err(Error::usage("is not empty and holds no plan")
-            .in_file(path)
-            .remedy("choose another folder, or a name that is not there yet"));
-    }
-    std::fs::create_dir_all(path.join(OBJECTS)).map_err(fail)?;
-    let mut file = AtomicFile::create(&path.join(PLAN), false)?;
-    file.write_all(&to_text(plan)?).map_err(|e| Error::write(&path.join(PLAN), e))?;
-    file.commit().map(drop)
-}
-
-/// Makes the folder `path` unless it is there. Those above it are never made: a name that was mistyped
-/// would only be found by who looks for the plan.
-fn make_folder(path: &Path) -> Result<()> {
-    refuse_stdout(path)?;
-    match std::fs::create_dir(path) {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Err(no_folder(path, error)),
-        made => made.map_err(|e| Error::write(path, e)),
-    }
-}
-
-/// The error of what cannot be made because the folder it belongs in is not there.
-fn no_folder(path: &Path, error: io::Error) -> Error {
-    Error::write(path, error)
-        .remedy(format!("make {} first, or correct the name", parent(path).display()))
-}
-
-/// The first thing in which `here` asks for something else than `there`, as a line for people. What was
-/// left out is no such thing: the work is of what is left.
-fn changes<P: Planned>(there: &P, here: &P) -> Option<String> {
-    let mut here = here.clone();
-    let files = there.files().iter().zip(here.files_mut());
-    files.for_each(|(there, here)| here.forgive_time(there));
-    here.skipped_mut().clear();
-    here.skipped_mut().extend_from_slice(there.skipped());
-    difference(there, &here)
-}
-
-/// Makes `folder` ready for work: for all that is left (`alone`), or for one task. Waits for nobody:
-/// fails when another does all that is left. Single tasks take no lock, because results appear whole
-/// and are the same whoever makes them; two who do everything would only do it twice. Where the file
-/// system has no locks nothing is locked.
-pub(crate) fn enter(folder: &Path, alone: bool) -> Result<Option<File>> {
-    // Results may be thrown away, all at once too.
-    let objects = folder.join(OBJECTS);
-    std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
-    if !alone {
-        return Ok(None);
-    }
-    let path = folder.join(LOCK);
-    let file = File::options().create(true).append(true).open(&path);
-    let file = file.map_err(|e| Error::write(&path, e))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => {
-            Err(Error::new(ErrorKind::NotYet, "others are at work in this folder")
-                .in_file(folder)
-                .remedy("try again when they are done, or do single tasks (--task)"))
-        }
-        _ => Ok(Some(file)),
-    }
-}
 
 /// How thoroughly results are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -259,7 +56,7 @@ pub(crate) enum Look {
     Whole,
 }
 
-/// The error of a result in a plan's folder of results that is not what was written.
+/// The error of an object that is not what was written.
 pub(crate) fn damaged_object(path: &Path) -> Error {
     let folder = parent(parent(path));
     Error::new(ErrorKind::Io, "is damaged")
@@ -267,28 +64,26 @@ pub(crate) fn damaged_object(path: &Path) -> Error {
         .remedy(format!("it is made anew by terrane run {}", folder.display()))
 }
 
-/// The error of a task that is needed first.
-pub(crate) fn not_done(folder: &Path, task: impl fmt::Display) -> Error {
-    Error::new(ErrorKind::NotYet, format!("{task} is not done"))
-        .in_file(folder)
-        .remedy(format!("run it first: --task {task}"))
+/// The error of what cannot be made because the folder it belongs in is not there.
+fn no_folder(path: &Path, error: io::Error) -> Error {
+    Error::write(path, error)
+        .remedy(format!("make {} first, or correct the name", parent(path).display()))
 }
 
-/// Fails when `output` is a file that a plan in `folder` was made from, or that the folder is made of.
-pub(crate) fn refuse_own<P: Planned>(folder: &Path, plan: &P, output: &Path) -> Result<()> {
-    let place = |path: &Path| std::fs::canonicalize(path);
-    let Ok(output_place) = place(output) else { return Ok(()) };
-    let is_it = |path: &Path| place(path).is_ok_and(|path| path == output_place);
-    let own = [PLAN, FINISHED, LOCK].map(|name| folder.join(name));
-    let is_object =
-        place(&folder.join(OBJECTS)).is_ok_and(|objects| output_place.starts_with(objects));
-    let mut inputs = plan.files().iter().map(InputFile::path);
-    if is_object || own.iter().any(|path| is_it(path)) || inputs.any(is_it) {
-        return Err(Error::usage("output is the input itself, or belongs to the plan")
-            .in_file(output)
-            .remedy("choose another name"));
-    }
-    Ok(())
+/// Fails when what was found in the input (`there`) is not what it is `here`, so that it is not the
+/// `what` of that label.
+pub(crate) fn refuse_another<T: Serialize>(
+    what: &str,
+    label: &str,
+    there: &T,
+    here: &T,
+) -> Result<()> {
+    let refuse = |how| {
+        Err(Error::bad_input(format!("is not the {what} the plan was made for: {how}"))
+            .in_file(Path::new(label))
+            .remedy("put it back, or plan anew in another folder"))
+    };
+    difference(there, here).map_or(Ok(()), refuse)
 }
 
 /// Writes a small file as JSON.
@@ -299,24 +94,24 @@ pub(crate) fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
     file.commit().map(drop)
 }
 
-/// Paths in plans and notes: as names, so that any can be told.
-pub(crate) mod as_name {
-    use std::path::{Path, PathBuf};
+/// Numbers as text, because they may be NaN, which JSON has no word for.
+pub(crate) mod as_text {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-    use serde::{Deserialize, Deserializer, Serializer, de, ser};
-
-    use terrane_files::{name_of, path_of};
-
-    pub(crate) fn serialize<S: Serializer>(path: &Path, out: S) -> Result<S::Ok, S::Error> {
-        out.serialize_str(&name_of(path.to_path_buf()).map_err(ser::Error::custom)?)
+    pub(crate) fn serialize<S: Serializer, T: Copy + Into<Option<f64>>>(
+        value: &T,
+        out: S,
+    ) -> Result<S::Ok, S::Error> {
+        (*value).into().map(|value| value.to_string()).serialize(out)
     }
 
-    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<PathBuf, D::Error> {
-        let name = String::deserialize(from)?;
-        match name.contains('\0') {
-            true => Err(de::Error::custom("a name holds a byte of 0")),
-            false => Ok(path_of(&name).into_owned()),
-        }
+    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f64>, D::Error> {
+        let text = Option::<String>::deserialize(from)?;
+        text.map(|text| text.parse()).transpose().map_err(de::Error::custom)
+    }
+
+    pub(crate) fn number<'a, D: Deserializer<'a>>(from: D) -> Result<f64, D::Error> {
+        deserialize(from).map(|value| value.unwrap_or(f64::NAN))
     }
 }
 
@@ -345,7 +140,7 @@ pub(crate) fn digest_of(files: &[PathBuf], cancel: &Cancel) -> Result<Digest> {
 }
 
 /// An interrupted run says that its work is not lost.
-pub(crate) fn kept(error: Error) -> Error {
+fn kept(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Interrupted => {
             Error::new(ErrorKind::Interrupted, "interrupted; finished tasks are kept")
@@ -356,7 +151,7 @@ pub(crate) fn kept(error: Error) -> Error {
 }
 
 /// The folder that a file is in.
-pub(crate) fn parent(path: &Path) -> &Path {
+fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -364,7 +159,7 @@ pub(crate) fn parent(path: &Path) -> &Path {
 }
 
 /// The first value in which two things differ, by its name in both.
-pub(crate) fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
+fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
     let [there, here] = [there, here].map(|thing| serde_json::to_value(thing).unwrap_or_default());
     first_difference("", &there, &here)
 }

@@ -9,19 +9,22 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::report::Told;
-use super::{Digest, FINISHED, Look, digest_of, no_folder, noted_path, parent, write_json};
+use super::{Digest, Look, digest_of, no_folder, noted_path, parent, write_json};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
+use terrane_files::{name_of, path_of};
 use terrane_mesh::split;
+
+/// Its file in the folder.
+pub(super) const FINISHED: &str = "finished.json";
 
 /// The note on what was written last, or is being written.
 #[derive(Serialize, Deserialize)]
 struct Note<R> {
     plan_id: Digest,
     /// From the plan's folder on where it is inside, so that the folder may be moved; else absolute.
-    #[serde(with = "super::as_name")]
-    path: PathBuf,
+    path: String,
     /// What else was asked for, beside the plan.
     form: Value,
     /// `None` while it is being written.
@@ -45,7 +48,7 @@ struct Facts {
 }
 
 /// How an output stands.
-pub(crate) enum State<R> {
+pub(super) enum State<R> {
     /// It was never written there.
     Unknown,
     /// A run that did not come to its end, or is not yet there, began to write it.
@@ -59,24 +62,24 @@ pub(crate) enum State<R> {
 }
 
 /// Where what is written at the end of a plan belongs.
-pub(crate) struct Output {
+pub(super) struct Output {
     folder: PathBuf,
     plan: Digest,
     /// As it was named.
-    path: PathBuf,
+    pub(super) path: PathBuf,
     absolute: PathBuf,
     form: Value,
 }
 
 impl Output {
     /// Of the plan in `folder`; `form` is what else is asked for. Fails for a name that cannot be noted.
-    pub(crate) fn new(folder: &Path, plan: Digest, path: &Path, form: Value) -> Result<Self> {
+    pub(super) fn new(folder: &Path, plan: Digest, path: &Path, form: Value) -> Result<Self> {
         let absolute = noted_path(path)?;
         Ok(Self { folder: folder.to_path_buf(), plan, path: path.to_path_buf(), absolute, form })
     }
 
     /// How it stands; a quick look trusts times of change. Fails only when it is to stop.
-    pub(crate) fn state<R: DeserializeOwned>(
+    pub(super) fn state<R: DeserializeOwned>(
         &self,
         look: Look,
         cancel: &Cancel,
@@ -102,7 +105,7 @@ impl Output {
     /// Fails before the work where its end would: when the folder is not there, or something that may
     /// not be replaced is. Returns whether something may be: what a run left that did not come to its
     /// end may, and with `overwrite` all.
-    pub(crate) fn claim<R>(&self, state: &State<R>, overwrite: bool) -> Result<bool> {
+    pub(super) fn claim<R>(&self, state: &State<R>, overwrite: bool) -> Result<bool> {
         if let (State::Altered(how), false) = (state, overwrite) {
             return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
                 .in_file(&self.path)
@@ -118,12 +121,12 @@ impl Output {
     }
 
     /// Notes that it is being written.
-    pub(crate) fn begin(&self) -> Result<()> {
+    pub(super) fn begin(&self) -> Result<()> {
         self.write::<()>(None)
     }
 
     /// Notes that it is written.
-    pub(crate) fn finish<R: Serialize>(&self, report: R, cancel: &Cancel) -> Result<()> {
+    pub(super) fn finish<R: Serialize>(&self, report: R, cancel: &Cancel) -> Result<()> {
         let files = files(&self.absolute)?;
         let (facts, digest) = (Facts::of(&files)?, digest_of(&files, cancel)?);
         self.write(Some(Finished { facts, digest, report }))
@@ -132,7 +135,8 @@ impl Output {
     fn write<R: Serialize>(&self, finished: Option<Finished<R>>) -> Result<()> {
         let folder =
             std::path::absolute(&self.folder).map_err(|e| Error::write(&self.folder, e))?;
-        let path = self.absolute.strip_prefix(folder).unwrap_or(&self.absolute).to_path_buf();
+        let path = self.absolute.strip_prefix(folder).unwrap_or(&self.absolute);
+        let path = name_of(path.to_path_buf())?;
         let note = Note { plan_id: self.plan, path, form: self.form.clone(), finished };
         write_json(&self.folder.join(FINISHED), &note)
     }
@@ -167,7 +171,7 @@ impl Facts {
 
 /// What the plan in `folder` wrote last, as it is told: where it is, if it is there as it was written,
 /// and what is wrong with it otherwise. A quick look.
-pub(crate) fn last_output(folder: &Path, plan: Digest) -> Result<Told> {
+pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<Told> {
     let note = note::<Value>(folder).filter(|note| note.plan_id == plan);
     let Some(note) = note else { return Ok(Told::default()) };
     let output = Output::new(folder, plan, &place(folder, &note.path)?, note.form)?;
@@ -187,8 +191,8 @@ fn note<R: DeserializeOwned>(folder: &Path) -> Option<Note<R>> {
 }
 
 /// The absolute path of what is noted.
-fn place(folder: &Path, noted: &Path) -> Result<PathBuf> {
-    std::path::absolute(folder.join(noted)).map_err(|e| Error::read(folder, e))
+fn place(folder: &Path, noted: &str) -> Result<PathBuf> {
+    std::path::absolute(folder.join(path_of(noted))).map_err(|e| Error::read(folder, e))
 }
 
 /// The files that a result is made of.

@@ -2,13 +2,17 @@
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
 use crate::Resources;
 use crate::placing::Placing;
+use crate::plan::as_text;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
 
 /// What the mesh has to reach.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Goal {
     /// No valid sample further than this from the surface, vertically.
     MaxError(f64),
@@ -40,28 +44,35 @@ impl Goal {
     }
 }
 
-/// A grid-to-TIN job.
-#[derive(Clone, Debug)]
+/// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TinJob {
     /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
     pub input: Inputs,
     /// How to open it.
     pub band: u32,
     /// Replaces the file's nodata value.
+    #[serde(with = "as_text")]
     pub nodata: Option<f64>,
     /// Mesh file to write.
+    #[serde(skip)]
     pub output: PathBuf,
     /// Mesh format by name; by the output's extension when `None`.
     pub format: Option<String>,
     /// Replace an existing output.
+    #[serde(skip)]
     pub overwrite: bool,
     /// Write a folder of meshes, each of so many by so many tiles.
+    #[serde(skip)]
     pub split: Option<u32>,
     /// STL: close the surface down to this height.
+    #[serde(skip)]
     pub solid_base: Option<f64>,
     /// How the mesh lies in a file of its own coordinates.
+    #[serde(skip)]
     pub placing: Placing,
     /// What to reach.
+    #[serde(flatten)]
     pub goal: Goal,
     /// Reference greedy instead of adaptive strides.
     pub strict: bool,
@@ -70,7 +81,9 @@ pub struct TinJob {
     /// Cells along a tile's side.
     pub tile: u32,
     /// Measure maximum error and RMSE for the report.
+    #[serde(skip)]
     pub measure: bool,
     /// What the job may use.
+    #[serde(skip)]
     pub resources: Resources,
 }

@@ -33,5 +33,6 @@ pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
 pub(crate) use units::{horizontal_unit, vertical_unit};
 pub use workdir::{
-    PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in, run_plan, status_of,
+    Form, MeshRun, MeshStatus, PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in,
+    run_plan, status_of,
 };

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
 use terrane_base::error::{Error, Result};
 use terrane_files::{Seek, name_of, path_of, shown};
@@ -15,7 +17,7 @@ const AMBIGUOUS_ENDINGS: [&str; 3] = ["txt", "csv", "vrt"];
 
 /// The names of one grid, as the user gave them: usually one file, else several that are one
 /// mosaic.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
     names: Vec<String>,
     label: Option<String>,

@@ -1,23 +1,19 @@
-//! The plan of a grid on paper: the job, what it is made from, and how its cells are cut into tiles.
+//! The plan of a grid on paper: the job, and how its cells are cut into tiles.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::tile::Opened;
+use crate::grid::GridJob;
 use crate::grid::extent::Extent;
-use crate::grid::{Compat, GridJob, GroundFrom, Placement};
-use crate::plan::{self, InputFile, Planned};
-use crate::sift::Skipped;
-use crate::{REVISION, Resources};
+use crate::plan::{self, Order};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Rect};
+use terrane_base::geom::Rect;
 use terrane_base::limits;
-use terrane_cloud::{self as cloud, Filter, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, PointSource};
 use terrane_files::{name_of, path_of, shown};
-use terrane_gridding::Asked;
-use terrane_raster::SampleType;
 
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
 pub(super) const BLOCK: u32 = 256;
@@ -25,62 +21,15 @@ pub(super) const BLOCK: u32 = 256;
 const MOST_SIDE: u32 = 1 << 14;
 /// Points that a tile has about, unless told otherwise.
 const TILE_POINTS: f64 = (1_u64 << 26) as f64;
-/// Most tiles.
-const MOST_TILES: u64 = 1 << 22;
 
-/// A plan.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Manifest {
-    /// "grid".
-    kind: String,
-    /// Version of the program that made it.
-    terrane: String,
-    revision: u32,
-    pub(super) method: Method,
-    pub(super) grid: Cells,
-    files: Vec<InputFile>,
-    /// Files that are left out of the input because they are bad.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) skipped: Vec<Skipped>,
-    pub(super) needs: Needs,
-}
-
-/// What the work will take, about.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Needs {
-    /// Bytes of all tiles' results, and
-    pub(super) tile_bytes: u64,
-    /// of what is written at the end.
-    pub(super) output_bytes: u64,
-    /// Least bytes of memory for a task.
-    pub(super) memory: u64,
-    /// Of one thread.
-    pub(super) point_nanoseconds: f64,
-}
-
-/// What is asked for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Method {
-    /// Names of files, or of a synthetic cloud.
-    input: Vec<String>,
-    /// What the user called them.
+/// A grid to make of a cloud.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Grid {
+    /// What the user called the input.
     pub(super) label: String,
-    filter: Filter,
-    salvage: bool,
-    crs: Option<Crs>,
-    pub(super) format: String,
-    creation: Vec<(String, String)>,
-    stats: Vec<Asked>,
-    placement: Placement,
-    compat: Compat,
-    radius: Option<f64>,
-    power: Option<f64>,
-    max_edge: Option<f64>,
-    fill: u32,
-    sample_type: SampleType,
-    round: bool,
-    /// As text, because it may be NaN.
-    nodata: String,
+    /// What is asked for, by paths that hold wherever a task is run on this file system.
+    pub(super) method: GridJob,
+    pub(super) grid: Cells,
 }
 
 /// What the cells are, as found when the plan was made.
@@ -97,172 +46,65 @@ pub(super) struct Cells {
     crs: String,
 }
 
-/// A task: a tile by its number, row by row, or the writing of the grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum TaskId {
-    Tile(u32),
-    Finish,
-}
+/// A task: a tile by its number, row by row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Tile(pub(super) u32);
 
-impl fmt::Display for TaskId {
+impl fmt::Display for Tile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Tile(tile) => write!(f, "tile-{tile}"),
-            Self::Finish => f.write_str("finish"),
-        }
+        write!(f, "tile-{}", self.0)
     }
 }
 
-impl FromStr for TaskId {
-    type Err = Error;
-
-    fn from_str(text: &str) -> std::result::Result<Self, Error> {
-        let tile = text.strip_prefix("tile-").and_then(|number| number.parse().ok());
-        tile.map(Self::Tile).or((text == "finish").then_some(Self::Finish)).ok_or_else(|| {
-            Error::usage(format!("\"{text}\" is no task"))
-                .remedy("tasks are tile-0, tile-1, ..., finish: see terrane status")
-        })
-    }
-}
-
-impl Manifest {
-    /// The plan for a job over an opened cloud; tiles are of `side` cells, or of as many as make a
-    /// fair piece of work.
-    pub(super) fn new(
-        job: &GridJob,
-        points: &dyn PointSource,
-        extent: &Extent,
-        side: Option<u32>,
-    ) -> Result<Self> {
-        let mut placement = job.placement.clone();
-        placement.like = placement.like.map(absolute).transpose()?;
+impl Grid {
+    /// That of an opened job; tiles are of `side` cells, or of as many as make a fair piece of work.
+    pub(super) fn new(Opened { job, points, extent }: &Opened, side: Option<u32>) -> Result<Self> {
+        let grid = Cells::of(&**points, extent, side);
+        limits::check("number of tiles", grid.count(), plan::MOST_TASKS)?;
         let label = job.input.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ");
-        let is_synthetic = points.files().is_empty();
-        let input = match is_synthetic {
-            true => job.input.clone(),
-            false => points.files().iter().cloned().map(absolute).collect::<Result<_>>()?,
-        };
-        let on_disk = if is_synthetic { &[][..] } else { &input };
-        let paths: Vec<PathBuf> =
-            on_disk.iter().chain(&placement.like).map(|name| path_of(name).into_owned()).collect();
-        let method = Method {
-            input,
-            label,
-            filter: job.cloud.filter.clone(),
-            salvage: job.cloud.salvage,
-            crs: job.cloud.crs.clone(),
-            format: job.format()?.name.to_owned(),
-            creation: job.creation.clone(),
-            stats: job.stats.clone(),
-            placement,
-            compat: job.compat,
-            radius: job.radius,
-            power: job.power,
-            max_edge: job.max_edge,
-            fill: job.fill,
-            sample_type: job.sample_type,
-            round: job.round,
-            nodata: job.nodata.to_string(),
-        };
-        let grid = Cells::of(points, extent, side);
-        limits::check("number of tiles", grid.count(), MOST_TILES)?;
-        Ok(Self {
-            kind: Self::KIND.to_owned(),
-            terrane: env!("CARGO_PKG_VERSION").to_owned(),
-            revision: REVISION,
-            method,
-            grid,
-            files: plan::look_at(&plan::with_companions(paths))?,
-            skipped: Vec::new(),
-            needs: Needs::default(),
-        })
+        let mut method = GridJob { format: Some(job.format()?.name.to_owned()), ..job.clone() };
+        method.placement.like = method.placement.like.map(absolute).transpose()?;
+        if !points.files().is_empty() {
+            let files = points.files().iter().cloned();
+            method.input = files.map(absolute).collect::<Result<_>>()?;
+        }
+        Ok(Self { label, method, grid })
     }
 
-    /// The job that writes the grid to `output`.
-    pub(super) fn job(&self, output: PathBuf, overwrite: bool, resources: Resources) -> GridJob {
-        let method = self.method.clone();
-        GridJob {
-            input: method.input,
-            cloud: OpenOptions {
-                filter: method.filter,
-                salvage: method.salvage,
-                crs: method.crs,
-                threads: resources.threads,
-            },
-            output,
-            format: Some(method.format),
-            creation: method.creation,
-            stats: method.stats,
-            preset: None,
-            ground: GroundFrom::Auto,
-            placement: method.placement,
-            compat: method.compat,
-            radius: method.radius,
-            power: method.power,
-            max_edge: method.max_edge,
-            fill: method.fill,
-            sample_type: method.sample_type,
-            round: method.round,
-            nodata: method.nodata.parse().unwrap_or(f64::NAN),
-            overwrite,
-            resources,
-        }
+    /// The files it is made from, of an opened cloud.
+    pub(super) fn files(&self, points: &dyn PointSource) -> Vec<PathBuf> {
+        let on_disk = if points.files().is_empty() { &[][..] } else { &self.method.input };
+        let all = on_disk.iter().chain(&self.method.placement.like);
+        all.map(|name| path_of(name).into_owned()).collect()
     }
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
-    pub(super) fn open(&self, job: &GridJob) -> Result<(Box<dyn PointSource>, Extent)> {
+    pub(super) fn open(&self, order: Order<()>) -> Result<Opened> {
+        let Order { output, overwrite, resources, .. } = order;
+        let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };
+        job.cloud.threads = job.resources.threads;
         let points = cloud::source(&job.input, &job.cloud)?;
-        let extent = Extent::new(points.info(), job)?;
+        let extent = Extent::new(points.info(), &job)?;
         let here = Cells::of(&*points, &extent, Some(self.grid.side));
-        match plan::difference(&self.grid, &here) {
-            None => Ok((points, extent)),
-            Some(how) => {
-                Err(Error::bad_input(format!("is not the cloud the plan was made for: {how}"))
-                    .in_file(Path::new(&self.method.label))
-                    .remedy("put it back, or plan anew in another folder"))
-            }
+        plan::refuse_another("cloud", &self.label, &self.grid, &here)?;
+        Ok(Opened { job, points, extent })
+    }
+
+    /// Fails when there is nothing to make, or too much.
+    pub(super) fn check_cells(&self) -> Result<()> {
+        let Cells { width, height, side, .. } = self.grid;
+        let is_side = side > 0 && side.is_multiple_of(BLOCK) && side <= MOST_SIDE;
+        if !is_side || width == 0 || height == 0 {
+            return Err(Error::bad_input("it has no cells, or tiles of none"));
         }
+        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        limits::check("number of tiles", self.grid.count(), plan::MOST_TASKS)
     }
 }
 
 /// A path that holds wherever a task is run on this file system.
 fn absolute(path: String) -> Result<String> {
     name_of(plan::noted_path(&path_of(&path))?)
-}
-
-impl Planned for Manifest {
-    const KIND: &'static str = "grid";
-
-    fn made_by(&self) -> (&str, u32) {
-        (&self.terrane, self.revision)
-    }
-
-    fn check(&self) -> std::result::Result<(), String> {
-        let Cells { width, height, side, .. } = self.grid;
-        let is_side = side > 0 && side.is_multiple_of(BLOCK) && side <= MOST_SIDE;
-        if !is_side || width == 0 || height == 0 {
-            return Err("it has no cells, or tiles of none".to_owned());
-        }
-        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)
-            .and_then(|()| limits::check("number of tiles", self.grid.count(), MOST_TILES))
-            .map_err(|e| e.to_string())
-    }
-
-    fn files(&self) -> &[InputFile] {
-        &self.files
-    }
-
-    fn files_mut(&mut self) -> &mut [InputFile] {
-        &mut self.files
-    }
-
-    fn skipped(&self) -> &[Skipped] {
-        &self.skipped
-    }
-
-    fn skipped_mut(&mut self) -> &mut Vec<Skipped> {
-        &mut self.skipped
-    }
 }
 
 impl Cells {
@@ -292,22 +134,18 @@ impl Cells {
         self.counts().into_iter().map(u64::from).product()
     }
 
-    /// The numbers of all tiles.
-    pub(super) fn tiles(&self) -> impl Iterator<Item = u32> + use<> {
-        0..self.count() as u32
+    /// All tiles, row by row.
+    pub(super) fn tiles(&self) -> impl Iterator<Item = Tile> + use<> {
+        (0..self.count() as u32).map(Tile)
     }
 
-    /// True when there is such a task.
-    pub(super) fn has(&self, task: TaskId) -> bool {
-        match task {
-            TaskId::Tile(tile) => u64::from(tile) < self.count(),
-            TaskId::Finish => true,
-        }
+    /// All cells.
+    pub(super) fn all(&self) -> Rect {
+        Rect::new(0, 0, self.width, self.height)
     }
 
-    /// The cells of a task.
-    pub(super) fn cells(&self, task: TaskId) -> Rect {
-        let TaskId::Tile(tile) = task else { return Rect::new(0, 0, self.width, self.height) };
+    /// The cells of a tile.
+    pub(super) fn cells(&self, Tile(tile): Tile) -> Rect {
         let across = self.counts()[0];
         let (col, row) = (tile % across * self.side, tile / across * self.side);
         let (width, height) = (self.side.min(self.width - col), self.side.min(self.height - row));
@@ -332,14 +170,13 @@ mod tests {
         {
             let grid = Cells::sized(width, height, side);
             let mut seen = vec![0_u8; width as usize * height as usize];
-            for tile in 0..grid.count() as u32 {
-                let Rect { col, row, width: w, height: h } = grid.cells(TaskId::Tile(tile));
+            for tile in grid.tiles() {
+                let Rect { col, row, width: w, height: h } = grid.cells(tile);
                 for at in (row..row + h).flat_map(|row| (col..col + w).map(move |col| (col, row))) {
                     seen[(at.1 * width + at.0) as usize] += 1;
                 }
             }
             assert!(seen.iter().all(|times| *times == 1), "{width} x {height} by {side}");
-            assert!(!grid.has(TaskId::Tile(grid.count() as u32)));
         }
     }
 
@@ -348,13 +185,5 @@ mod tests {
         assert_eq!(fair_side(1, 1 << 60), BLOCK);
         assert_eq!(fair_side(1 << 40, 1), MOST_SIDE);
         assert_eq!(fair_side(1_000_000, 8_000_000), 2816);
-    }
-
-    #[test]
-    fn tasks_have_names() {
-        for task in [TaskId::Tile(17), TaskId::Finish] {
-            assert_eq!(task.to_string().parse::<TaskId>().unwrap(), task);
-        }
-        assert!("strip-1".parse::<TaskId>().is_err() && "tile-x".parse::<TaskId>().is_err());
     }
 }

@@ -3,103 +3,55 @@
 
 mod manifest;
 mod probe;
-mod run;
 mod tile;
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::GridJob;
 use super::extent::Extent;
 use super::report::GridReport;
-use crate::plan::{self, Forecast, Look, TaskReport, Told, last_output};
-use crate::sift::Skipped;
-use crate::{Cancel, Progress, Resources, Silent};
-use manifest::{BLOCK, Manifest, TaskId};
-pub use run::{RunGridJob, run_grid};
+use crate::plan::{
+    self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
+};
+use crate::{Cancel, Progress};
+use manifest::{BLOCK, Grid, Tile};
 use terrane_base::error::{Error, Result};
-use terrane_cloud as cloud;
-use tile::{Opened, Survey};
+use terrane_cloud::{self as cloud, Census};
+use terrane_files::name_of;
+use terrane_raster::write;
+use tile::Opened;
 
 /// A grid to plan.
-#[derive(Clone, Debug)]
-pub struct PlanGridJob {
-    /// The grid to make; its output gives the format and is not written.
-    pub grid: GridJob,
-    /// The folder for the plan: a new or empty one, or one with the same plan.
-    pub folder: PathBuf,
-    /// Cells along a tile, a multiple of 256; as many as make a fair piece of work when `None`.
-    pub tile: Option<u32>,
-    /// Files that are left out of the input because they are bad, to be noted in the plan.
-    pub skipped: Vec<Skipped>,
-}
+pub type PlanGridJob = plan::PlanJob<GridJob>;
+/// Work on the plan of a grid.
+pub type RunGridJob = plan::RunJob<()>;
+/// The plan of a grid, or how far the work on it has come.
+pub type GridStatus = StatusReport<CellStatus>;
+/// What a run of the plan of a grid did.
+pub type GridRun = plan::RunReport<CellRun>;
 
-/// A plan of a grid, or how far the work on it has come.
+/// What is told of the plan of a grid alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct GridStatus {
-    pub folder: String,
-    pub plan_id: String,
-    pub input: String,
-    pub format: String,
+pub struct CellStatus {
     pub width: u32,
     pub height: u32,
-    /// Cells, by the name that all kinds of plans have for what is worked on.
-    pub work: u64,
     /// Points that the headers claim.
     pub points: u64,
-    /// Cells along a tile.
-    pub tile_cells: u32,
-    /// Tasks that are not done; the last one is "finish".
-    pub to_do: Vec<TaskReport>,
-    /// Tasks that are done.
-    pub done: u64,
-    /// Tasks whose results are damaged; they are among those not done.
-    pub damaged: Vec<String>,
-    /// Bytes of all results so far.
-    pub object_bytes: u64,
-    /// What the rest takes.
-    #[serde(flatten)]
-    pub forecast: Forecast,
-    /// The grid, once it is written.
-    #[serde(flatten)]
-    pub grid: Told,
-    /// Files that were left out of the input when it was planned.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub skipped: Vec<Skipped>,
 }
 
-/// What a run of a plan did.
+/// What is told of a run on a grid alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct GridRun {
-    pub folder: String,
-    pub plan_id: String,
-    /// Tasks of the plan.
-    pub tasks: u64,
-    /// Tasks that were done before, and
-    pub found: u64,
-    /// the bytes of their results.
-    pub found_bytes: u64,
-    /// Tasks that were done before and whose results were damaged.
-    pub damaged: Vec<String>,
-    /// Tasks done by this run.
-    pub made: Vec<String>,
-    pub made_bytes: u64,
-    /// Points read by these; those near the borders of tiles are read for each.
+pub struct CellRun {
+    /// Points read by the tasks it did; those near the borders of tiles are read for each.
     pub points: u64,
-    pub spilled_bytes: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
     /// Where the grid is, if it is written.
     pub written: Option<String>,
     /// The grid, if this run wrote it. Its points are those that the tiles are made of, which count
     /// for each tile they are near.
     pub grid: Option<GridReport>,
-    /// Files that were left out of the input when it was planned.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub skipped: Vec<Skipped>,
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. A few small tiles are
@@ -114,22 +66,22 @@ pub fn plan_grid(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<GridStatus> {
-    let PlanGridJob { grid, folder, tile, skipped } = job;
-    if grid.preset.is_some() {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    if job.preset.is_some() {
         return Err(Error::usage("a model of the terrain is made of the whole cloud at once")
             .remedy("plan --stat tin --class 2, the ground by class, or run terrane grid"));
     }
-    if let Some(side) = tile.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
+    if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
         return Err(Error::usage(format!("a tile of {side} cells is no multiple of {BLOCK}")));
     }
-    grid.check()?;
-    let points = cloud::source(&grid.input, &grid.cloud)?;
-    let extent = Extent::new(points.info(), grid)?;
-    let mut manifest = Manifest::new(grid, &*points, &extent, *tile)?;
-    manifest.skipped.clone_from(skipped);
-    let opened = Opened { job: grid.clone(), points, extent };
-    manifest.needs = probe::expect(&opened, &manifest.grid, progress, cancel)?;
-    plan::put(folder, &manifest)?;
+    job.check()?;
+    let points = cloud::source(&job.input, &job.cloud)?;
+    let extent = Extent::new(points.info(), job)?;
+    let opened = Opened { job: job.clone(), points, extent };
+    let grid = Grid::new(&opened, *cut)?;
+    let files = grid.files(&*opened.points);
+    let needs = probe::expect(&opened, &grid.grid, At { progress, cancel })?;
+    Plan::new(grid, files, needs, skipped)?.put(folder)?;
     grid_status(folder)
 }
 
@@ -138,50 +90,120 @@ pub fn plan_grid(
 /// # Errors
 /// A folder without the plan of a grid.
 pub fn grid_status(folder: &Path) -> Result<GridStatus> {
-    let (manifest, id) = plan::read::<Manifest>(folder)?;
-    let (cells, cancel) = (&manifest.grid, Cancel::default());
-    let survey = Survey::of((folder, id), cells, Look::Quick, &Silent, &cancel)?;
-    let grid = last_output(folder, id)?;
-    let left = cells.tiles().filter(|tile| !survey.done.contains_key(tile)).map(TaskId::Tile);
-    let left: Vec<_> = left.chain(grid.output.is_none().then_some(TaskId::Finish)).collect();
-    let report = |task: &TaskId| TaskReport {
-        id: task.to_string(),
-        after: Vec::new(),
-        work: cells.cells(*task).len() as u64,
-    };
-    Ok(GridStatus {
-        folder: folder.display().to_string(),
-        plan_id: id.to_string(),
-        input: manifest.method.label.clone(),
-        format: manifest.method.format.clone(),
-        width: cells.width,
-        height: cells.height,
-        work: cells.cells(TaskId::Finish).len() as u64,
-        points: cells.points,
-        tile_cells: cells.side,
-        done: cells.count() + 1 - left.len() as u64,
-        damaged: survey.damaged.iter().map(|tile| TaskId::Tile(*tile).to_string()).collect(),
-        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
-        forecast: forecast(&manifest, &left),
-        to_do: left.iter().map(report).collect(),
-        grid,
-        skipped: manifest.skipped.clone(),
-    })
+    plan::status::<Grid>(folder)
 }
 
-/// What the tasks that are `left` take.
-fn forecast(plan: &Manifest, left: &[TaskId]) -> Forecast {
-    let all = plan.grid.cells(TaskId::Finish).len() as f64;
-    let tiles = left.iter().filter(|task| **task != TaskId::Finish);
-    let cells: f64 = tiles.map(|task| plan.grid.cells(*task).len() as f64).sum();
-    let writing = if left.contains(&TaskId::Finish) { all } else { 0.0 };
-    let threads = plan.needs.threads(&Resources::default());
-    let points = plan.grid.points as f64 * cells / all;
-    Forecast {
-        seconds: plan.needs.seconds(points, cells + writing, threads),
-        threads,
-        least_memory: plan.needs.memory,
-        disk_needed: (plan.needs.tile_bytes as f64 * cells / all) as u64,
-        output_bytes: plan.needs.output_bytes,
+/// Works on the plan of a grid, which is that of [`run`](crate::grid::run) on the same request, byte for
+/// byte, whoever did which task how often.
+///
+/// # Errors
+/// Those of a cloud-to-grid job, and of any [`RunGridJob`].
+pub fn run_grid(job: &RunGridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridRun> {
+    plan::run::<Grid>(job, progress, cancel)
+}
+
+/// The points a tile is made of.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+struct Facts {
+    read: u64,
+    kept: u64,
+}
+
+impl Work for Grid {
+    const KIND: Kind = Kind::Grid;
+    const ENDING: &'static str = "tif";
+    const NAMES: &'static [Numbered<Tile>] = &[("tile", Tile)];
+    /// What is read to the end is not compared with digests on the way.
+    const LAST_LOOK: Look = Look::Whole;
+    const STAGE: Option<&'static str> = None;
+
+    type Task = Tile;
+    type Facts = Facts;
+    type Form = ();
+    type Run = CellRun;
+    type Note = ();
+    type Status = CellStatus;
+    type Opened = Opened;
+
+    fn check(&self) -> Result<()> {
+        self.check_cells()
+    }
+
+    fn tasks(&self) -> Vec<Tile> {
+        self.grid.tiles().collect()
+    }
+
+    fn before(&self, _: Tile) -> Vec<Tile> {
+        Vec::new()
+    }
+
+    fn size(&self, task: Named<Tile>) -> u64 {
+        match task {
+            Named::Task(tile) => self.grid.cells(tile).len() as u64,
+            Named::Finish => self.grid.all().len() as u64,
+        }
+    }
+
+    fn tell(&self) -> GridStatus {
+        let manifest::Cells { width, height, points, side, .. } = self.grid;
+        StatusReport {
+            input: self.label.clone(),
+            format: self.method.format.clone().unwrap_or_default(),
+            tile_cells: side,
+            of: CellStatus { width, height, points },
+            ..StatusReport::default()
+        }
+    }
+
+    fn output(&self, (): &()) -> Result<PathBuf> {
+        let format = write::by_name(self.method.format.as_deref().unwrap_or_default())?;
+        Ok(Path::new("grid").with_extension(format.extensions[0]))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order<()>) -> Result<Opened> {
+        plan.work.open(order)
+    }
+
+    fn check_output(opened: &Opened, _: At<'_>) -> Result<()> {
+        opened.sink(&opened.job, &opened.extent).map(drop)
+    }
+
+    fn make(
+        opened: &Opened,
+        (tile, object): (Tile, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut CellRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let made = opened.make(survey.folder.plan.work.grid.cells(tile), object, at)?;
+        run.points += made.points.read;
+        Ok(Made {
+            facts: Facts { read: made.points.read, kept: made.points.kept },
+            spilled: made.spilled_bytes,
+        })
+    }
+
+    fn write(
+        opened: &Opened,
+        survey: &Survey<'_, Self>,
+        run: &mut CellRun,
+        at: At<'_>,
+    ) -> Result<()> {
+        let mut points = Census::default();
+        for done in survey.done.values() {
+            points.read += done.facts.read;
+            points.kept += done.facts.kept;
+        }
+        let file = |tile: &Tile| name_of(survey.object(*tile)?.0);
+        let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
+        let made = opened.write(&files, &opened.job, &opened.extent, at)?;
+        let input = survey.folder.plan.work.label.clone();
+        run.grid = Some(GridReport { points, input, ..made });
+        Self::written((), &opened.job.output, run);
+        Ok(())
+    }
+
+    fn written((): (), output: &Path, run: &mut CellRun) {
+        run.written = Some(output.display().to_string());
     }
 }

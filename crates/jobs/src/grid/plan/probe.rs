@@ -4,13 +4,13 @@ use std::path::Path;
 
 use tempfile::TempDir;
 
-use super::manifest::{BLOCK, Cells, Needs, TaskId};
+use super::manifest::{BLOCK, Cells, Tile};
 use super::tile::Opened;
 use crate::grid::GridJob;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
+use crate::plan::{At, Needs};
 use crate::points::parts_in;
-use crate::{Cancel, Progress, Resources, Silent, plan};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::name_of;
@@ -29,45 +29,30 @@ const CELL: f64 = 60.0;
 /// What a small tile says less of a grid: its ends, and tables of larger files.
 const MARGIN: f64 = 1.06;
 
-impl Needs {
-    /// Seconds for so many points and cells, about.
-    pub(super) fn seconds(&self, points: f64, cells: f64, threads: usize) -> f64 {
-        plan::shared((points * self.point_nanoseconds + cells * CELL) * 1e-9, threads)
-    }
-
-    /// Threads that find room: what one cannot do without is more than a further one takes.
-    pub(super) fn threads(&self, resources: &Resources) -> usize {
-        let fitting = resources.memory / self.memory.max(1);
-        resources.threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1))
-    }
-}
-
 /// What the plan whose grid has these `cells` will take.
-pub(super) fn expect(
-    opened: &Opened,
-    cells: &Cells,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Needs> {
+pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
     let places = places(cells);
     let least = Least::of(opened, cells, folder.path())?;
     let mut seen = Seen { block: least.block, ..Seen::default() };
-    progress.begin("sample", places.len() as u64);
+    at.progress.begin("sample", places.len() as u64);
     for (number, rect) in places.iter().enumerate() {
         let folder = folder.path().join(number.to_string());
         std::fs::create_dir(&folder).map_err(|e| Error::write(&folder, e))?;
-        if let Some(bytes) = probe(opened, *rect, &folder, cancel)? {
+        if let Some(bytes) = probe(opened, *rect, &folder, at.silent())? {
             seen.add(*rect, bytes);
         }
-        progress.advance(1);
+        at.progress.advance(1);
     }
-    progress.end();
-    let [tile_bytes, output_bytes] = seen.all(&opened.job, cells.cells(TaskId::Finish))?;
+    at.progress.end();
+    let [objects, output] = seen.all(&opened.job, cells.all())?;
     let recipe = Recipe::new(&opened.job.stats, &opened.job.rules(opened.extent.cell()));
-    let point_nanoseconds = POINT[usize::from(recipe.triangulates())];
-    Ok(Needs { tile_bytes, output_bytes, memory: least.memory, point_nanoseconds })
+    let points = cells.points as f64 * POINT[usize::from(recipe.triangulates())] * 1e-9;
+    let writing = cells.all().len() as f64 * CELL * 1e-9;
+    // What one thread cannot do without is more than a further one takes.
+    let (memory, thread_memory) = (least.memory, least.memory);
+    Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
 }
 
 /// Cells that were tried, and the bytes they took.
@@ -134,8 +119,8 @@ fn places(cells: &Cells) -> Vec<Rect> {
 }
 
 /// Bytes of a tile and of the grid written from it; `None` when too much has to be read to tell.
-fn probe(opened: &Opened, rect: Rect, folder: &Path, cancel: &Cancel) -> Result<Option<[u64; 2]>> {
-    cancel.check()?;
+fn probe(opened: &Opened, rect: Rect, folder: &Path, at: At<'_>) -> Result<Option<[u64; 2]>> {
+    at.cancel.check()?;
     let (points, near) = (&*opened.points, opened.near(rect));
     let parts = match near {
         Some(near) => parts_in(points, &near.window()),
@@ -145,13 +130,13 @@ fn probe(opened: &Opened, rect: Rect, folder: &Path, cancel: &Cancel) -> Result<
         return Ok(None);
     }
     let tile = folder.join("tile.tif");
-    let Some(made) = opened.try_make(rect, &tile, near, (&Silent, cancel))? else {
+    let Some(made) = opened.try_make(rect, &tile, near, at)? else {
         return Ok(None);
     };
     let extent = opened.extent.part(rect, points.info());
     let files = [name_of(tile)?];
     let job = written_in(&opened.job, folder)?;
-    let written = opened.write(&files, &job, &extent, (&Silent, cancel))?;
+    let written = opened.write(&files, &job, &extent, at)?;
     Ok(Some([made.output_bytes, written.output_bytes]))
 }
 
@@ -172,7 +157,7 @@ struct Least {
 
 impl Least {
     fn of(opened: &Opened, cells: &Cells, folder: &Path) -> Result<Self> {
-        let tile = opened.extent.part(cells.cells(TaskId::Tile(0)), opened.points.info());
+        let tile = opened.extent.part(cells.cells(Tile(0)), opened.points.info());
         let tile = Self::to_write(&opened.job_of(&folder.join("tile.tif")), &tile)?;
         // Formats without blocks have lines as long as the grid is wide.
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
@@ -193,13 +178,6 @@ impl Least {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn threads_find_room_in_memory() {
-        let needs = Needs { memory: 100 << 20, ..Needs::default() };
-        let of = |threads, memory| needs.threads(&Resources { threads, memory, temp_dir: None });
-        assert_eq!([of(8, 1 << 30), of(16, 1 << 30), of(16, 1)], [8, 10, 1]);
-    }
 
     #[test]
     fn places_lie_within_and_are_few() {

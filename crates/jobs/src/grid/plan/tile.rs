@@ -1,141 +1,28 @@
-//! The result of one task: a GeoTIFF with the values of a tile's cells, and a note that seals it.
+//! The object of one task: a GeoTIFF with the values of a tile's cells.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::time::Instant;
 
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-use super::manifest::{Cells, TaskId};
-use crate::grid::GridJob;
+use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
-use crate::grid::make::Maker;
+use crate::grid::make::{Bands, Maker, report};
 use crate::grid::neighbours;
 use crate::grid::report::GridReport;
-use crate::plan::{self, Digest, Look, OBJECTS, damaged_object as damaged};
+use crate::grid::{GridJob, GridStage};
+use crate::plan::At;
 use crate::points::reach;
-use crate::{Cancel, Progress};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::{REACH, Rect};
-use terrane_cloud::{Census, PointSource};
+use terrane_cloud::PointSource;
 use terrane_delaunay::Window;
 use terrane_gridding::{Axis, Recipe, Shape, Statistic};
-use terrane_raster::SampleType;
+use terrane_raster::write::GridSink;
+use terrane_raster::{self as raster, GridSource, SampleType};
 
 /// Values are kept as they were computed, and compressed.
 const CREATION: [(&str, &str); 3] = [("COMPRESS", "ZSTD"), ("PREDICTOR", "3"), ("BIGTIFF", "YES")];
 /// How many times wider the window becomes when one was too small.
 const WIDER: i32 = 4;
-
-/// What is known of a tile that is done.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Done {
-    /// Of the plan and the task.
-    key: Digest,
-    /// Of the file's bytes.
-    digest: Digest,
-    pub(super) bytes: u64,
-    pub(super) read: u64,
-    pub(super) kept: u64,
-    pub(super) spilled: u64,
-    /// Of all the above.
-    seal: Digest,
-}
-
-impl Done {
-    fn sealed(self) -> Self {
-        let counts = [self.bytes, self.read, self.kept, self.spilled].map(u64::to_le_bytes);
-        let parts = [self.key.bytes(), self.digest.bytes(), counts.as_flattened()];
-        Self { seal: Digest::of_parts(&parts), ..self }
-    }
-}
-
-/// Where a tile's result lies.
-pub(super) struct Place {
-    pub(super) file: PathBuf,
-    note: PathBuf,
-    key: Digest,
-}
-
-impl Place {
-    pub(super) fn new(folder: &Path, plan: Digest, task: TaskId) -> Self {
-        let key = Digest::of_parts(&[&plan.0, task.to_string().as_bytes()]);
-        let name = format!("{task}-{}", key.short());
-        let at = |ending: &str| folder.join(OBJECTS).join(format!("{name}.{ending}"));
-        Self { file: at("tif"), note: at("json"), key }
-    }
-
-    /// What is done; `None` when it is not. Fails when it is there and damaged.
-    pub(super) fn look(&self, look: Look, cancel: &Cancel) -> Result<Option<Done>> {
-        cancel.check()?;
-        let Ok(text) = std::fs::read(&self.note) else { return Ok(None) };
-        let Ok(file) = std::fs::metadata(&self.file) else { return Ok(None) };
-        let done: Done = serde_json::from_slice(&text).map_err(|_| damaged(&self.note))?;
-        if done.key != self.key || done.clone().sealed() != done {
-            return Err(damaged(&self.note));
-        }
-        let digest = || plan::digest_of(std::slice::from_ref(&self.file), cancel);
-        if done.bytes != file.len() || (look == Look::Whole && digest()? != done.digest) {
-            return Err(damaged(&self.file));
-        }
-        Ok(Some(done))
-    }
-
-    /// Seals the file that was just written.
-    fn seal(&self, census: &Census, spilled: u64, cancel: &Cancel) -> Result<Done> {
-        let digest = plan::digest_of(std::slice::from_ref(&self.file), cancel)?;
-        let bytes = std::fs::metadata(&self.file).map_err(|e| Error::read(&self.file, e))?.len();
-        let Census { read, kept, .. } = *census;
-        let done = Done { key: self.key, digest, bytes, read, kept, spilled, seal: self.key };
-        let done = done.sealed();
-        plan::write_json(&self.note, &done)?;
-        Ok(done)
-    }
-}
-
-/// Which tiles are done.
-#[derive(Default)]
-pub(super) struct Survey {
-    pub(super) done: BTreeMap<u32, Done>,
-    /// Those that are there and not sound; what is in neither is missing.
-    pub(super) damaged: Vec<u32>,
-}
-
-impl Survey {
-    /// Looks for the results of all tiles, in parallel; tells `progress` of each. Fails when it is to
-    /// stop.
-    pub(super) fn of(
-        (folder, plan): (&Path, Digest),
-        cells: &Cells,
-        look: Look,
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<Self> {
-        let find = |&tile: &u32| {
-            progress.advance(1);
-            (tile, Place::new(folder, plan, TaskId::Tile(tile)).look(look, cancel))
-        };
-        let tiles: Vec<u32> = cells.tiles().collect();
-        let found: Vec<_> = tiles.par_iter().map(find).collect();
-        // What was not read to its end is not known to be damaged.
-        cancel.check()?;
-        let mut survey = Self::default();
-        for (tile, found) in found {
-            match found {
-                Ok(Some(done)) => drop(survey.done.insert(tile, done)),
-                Ok(None) => {}
-                Err(_) => survey.damaged.push(tile),
-            }
-        }
-        Ok(survey)
-    }
-
-    /// The first tile of `cells` that is missing.
-    pub(super) fn missing(&self, cells: &Cells) -> Option<TaskId> {
-        let is_there = |tile: &u32| self.done.contains_key(tile) || self.damaged.contains(tile);
-        cells.tiles().find(|tile| !is_there(tile)).map(TaskId::Tile)
-    }
-}
 
 /// A plan's cloud and cells, opened.
 pub(super) struct Opened {
@@ -145,18 +32,13 @@ pub(super) struct Opened {
 }
 
 impl Opened {
-    /// Makes the tile of these `cells` from the part of the cloud that lies near it, or as much more as
-    /// it takes.
-    pub(super) fn make(
-        &self,
-        (cells, place): (Rect, &Place),
-        progress: &dyn Progress,
-        cancel: &Cancel,
-    ) -> Result<Done> {
+    /// Writes the tile of these `cells` to `file` from the part of the cloud that lies near it, or as
+    /// much more as it takes.
+    pub(super) fn make(&self, cells: Rect, file: &Path, at: At<'_>) -> Result<GridReport> {
         let mut near = self.near(cells);
         loop {
-            if let Some(made) = self.try_make(cells, &place.file, near, (progress, cancel))? {
-                return place.seal(&made.points, made.spilled_bytes, cancel);
+            if let Some(made) = self.try_make(cells, file, near, at)? {
+                return Ok(made);
             }
             near = near.map(Near::wider);
         }
@@ -168,7 +50,7 @@ impl Opened {
         cells: Rect,
         file: &Path,
         near: Option<Near>,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        At { progress, cancel }: At<'_>,
     ) -> Result<Option<GridReport>> {
         let (points, job) = (&*self.points, self.job_of(file));
         let extent = self.extent.part(cells, points.info());
@@ -198,6 +80,51 @@ impl Opened {
             overwrite: true,
             ..self.job.clone()
         }
+    }
+
+    /// What receives the grid of `job`, whose cells are those of `extent`; fails where it cannot be
+    /// written.
+    pub(super) fn sink(&self, job: &GridJob, extent: &Extent) -> Result<Box<dyn GridSink>> {
+        job.format()?.create(&job.output, &extent.written(job), &job.write_options())
+    }
+
+    /// Puts the tiles in `files` together to the output of `job`, whose cells are those of `extent`.
+    pub(super) fn write(
+        &self,
+        files: &[String],
+        job: &GridJob,
+        extent: &Extent,
+        At { progress, cancel }: At<'_>,
+    ) -> Result<GridReport> {
+        let started = Instant::now();
+        let (format, info) = (job.format()?, extent.written(job));
+        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let mut sink = self.sink(job, extent)?;
+        let budget = Budget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
+        let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
+        let options = |band: u32| raster::OpenOptions {
+            band,
+            cache_bytes: (budget.blocks / u64::from(bands)) as usize,
+            threads: budget.threads,
+            temp_dir: job.resources.temp_dir.clone(),
+            ..raster::OpenOptions::default()
+        };
+        let open = |band: u32| raster::open_all(files, &options(band));
+        let tiles = Tiles { bands: (1..=bands).map(open).collect::<Result<_>>()? };
+        let bands = Bands { cells: &tiles, bands: recipe.bands(), info: &info };
+        let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
+        cancel.check()?;
+        let notes = [self.points.notes().to_vec(), extent.notes.clone(), sink.notes()].concat();
+        Ok(GridReport {
+            files: self.points.files().len(),
+            bands: bands.reports(&valid),
+            notes,
+            output_bytes: sink.finish()?,
+            threads: budget.threads,
+            stages: vec![GridStage::since("write", started)],
+            wall_seconds: started.elapsed().as_secs_f64(),
+            ..report(job, &info, extent)
+        })
     }
 
     /// All that lies less than `reach` world units from the centre of a cell, or in one.
@@ -257,7 +184,7 @@ impl Near {
 /// The values of the cells of all tiles.
 pub(super) struct Tiles {
     /// By band.
-    pub(super) bands: Vec<Box<dyn terrane_raster::GridSource>>,
+    pub(super) bands: Vec<Box<dyn GridSource>>,
 }
 
 impl crate::grid::source::Cells for Tiles {

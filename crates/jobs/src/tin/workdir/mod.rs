@@ -1,50 +1,84 @@
-//! Work in units that many machines can share and that survive being killed: a plan in a folder, an
-//! object by task, and the mesh at the end.
+//! Meshes by plan: work in units that many machines can share and that survive being killed.
 
-mod folder;
-mod manifest;
+mod mesh;
 mod object;
-mod report;
-mod run;
 mod shelf;
 mod tasks;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
-pub(super) use object::{ObjectWriter, Record};
-pub use report::{RunReport, StatusReport};
-pub use run::{RunJob, run_plan};
+use serde::Serialize;
 
-use super::cost::{nanoseconds, seconds};
+pub(super) use object::{ObjectWriter, Record};
+
 use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
-use super::report::TinReport;
-use super::worker::worker_bytes;
-use crate::plan::{DiskCheck, Forecast, Look, PLAN, TaskReport, last_output};
+use super::report::{Clock, StageReport, TinReport};
+use crate::plan::{self, DiskCheck, PLAN, Plan};
 use crate::sift::Skipped;
-use crate::{Cancel, Progress, Resources, Silent, memory};
-use folder::Folder;
-use manifest::Manifest;
-use tasks::TaskId;
+use crate::{Cancel, Progress};
+use mesh::Mesh;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_tin::Spec;
 
-/// Share of the time that the writing of the mesh takes, about.
-const WRITING: f64 = 0.1;
+/// A mesh to plan.
+pub type PlanJob = plan::PlanJob<TinJob>;
+/// Work on the plan of a mesh.
+pub type RunJob = plan::RunJob<Form>;
+/// The plan of a mesh, or how far the work on it has come.
+pub type StatusReport = plan::StatusReport<MeshStatus>;
+/// What a run of the plan of a mesh did.
+pub type RunReport = plan::RunReport<MeshRun>;
 
-/// A plan to make.
-#[derive(Clone, Debug)]
-pub struct PlanJob {
-    /// The mesh to make; its output gives the format and is not written.
-    pub tin: TinJob,
-    /// The folder for the plan: a new or empty one, or one with the same plan.
-    pub folder: PathBuf,
-    /// Rows of tiles that make a task; as many as make a fair one when `None`.
-    pub strip_rows: Option<u32>,
-    /// Files that are left out of the input because they are bad, to be noted in the plan.
-    pub skipped: Vec<Skipped>,
+/// What is asked of a mesh beside what its plan says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Form {
+    /// Write a folder of meshes, each of so many by so many tiles.
+    pub split: Option<u32>,
+    /// STL: close the surface down to this height.
+    pub solid_base: Option<f64>,
+}
+
+/// What is told of the plan of a mesh alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct MeshStatus {
+    pub max_error: f64,
+    pub samples: u64,
+}
+
+/// What is told of a run on a mesh alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeshRun {
+    /// Samples of the strips done by this run.
+    pub made_samples: u64,
+    /// Time by stage, without that of writing the mesh.
+    pub stages: Vec<StageReport>,
+    /// The mesh, if this run came to it; its time is that of writing it.
+    pub mesh: Option<TinReport>,
+}
+
+impl Default for MeshRun {
+    fn default() -> Self {
+        Self { made_samples: 0, stages: Clock::default().report(), mesh: None }
+    }
+}
+
+impl MeshRun {
+    /// Adds the time of a task.
+    fn add(&mut self, stages: Vec<StageReport>) {
+        for more in stages {
+            match self.stages.iter_mut().find(|stage| stage.name == more.name) {
+                Some(stage) => {
+                    stage.thread_seconds += more.thread_seconds;
+                    stage.samples += more.samples;
+                }
+                None => self.stages.push(more),
+            }
+        }
+    }
 }
 
 /// Writes down what is to be made, from what, by which tasks, and what they need. A few tiles are
@@ -64,8 +98,11 @@ fn plan_checked(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<StatusReport> {
-    job.tin.goal.check()?;
-    let tin = TinJob { input: job.tin.input.resolve()?, ..job.tin.clone() };
+    job.job.goal.check()?;
+    if !matches!(job.job.goal, Goal::MaxError(_)) {
+        return Err(budget());
+    }
+    let tin = TinJob { input: job.job.input.resolve()?, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
@@ -76,73 +113,32 @@ fn plan_checked(
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
-    let worker = worker_bytes(layout.side(), tin.goal.keeps_all());
-    let least = memory::least(worker, opened.source.block_bytes());
-    let mut manifest = Manifest::new(&tin, &opened, size, least, job.strip_rows)?;
-    manifest.skipped.clone_from(&job.skipped);
-    Folder::create(&job.folder, &manifest).and_then(|folder| status(&folder, cancel))
+    let mesh = Mesh::new(&tin, &opened, job.cut)?;
+    let (files, needs) = (mesh::files(&tin.input, &*opened.source), mesh.needs(size, &opened)?);
+    Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
+    status_of(&job.folder)
+}
+
+fn budget() -> Error {
+    Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
+        .remedy("pass --max-error")
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.
+///
+/// # Errors
+/// A folder without the plan of a mesh.
 pub fn status_of(path: &Path) -> Result<StatusReport> {
-    Folder::open(path).and_then(|folder| status(&folder, &Cancel::default()))
+    plan::status::<Mesh>(path)
 }
 
-fn status(folder: &Folder, cancel: &Cancel) -> Result<StatusReport> {
-    let survey = folder.survey(Look::Quick, &Silent, cancel)?;
-    let mesh = last_output(&folder.path, folder.id)?;
-    let is_done = |task: TaskId| match task {
-        TaskId::Finish => mesh.output.is_some(),
-        _ => survey.done.contains_key(&task),
-    };
-    let tasks = || folder.strips.tasks().zip(&folder.plan.tasks);
-    let report = |(task, needs): (TaskId, &manifest::Needs)| TaskReport {
-        id: needs.id.clone(),
-        after: tasks::before(task).iter().map(TaskId::to_string).collect(),
-        work: needs.samples,
-    };
-    let left = |(task, _): &(TaskId, &manifest::Needs)| !is_done(*task);
-    let method = &folder.plan.method;
-    Ok(StatusReport {
-        folder: folder.path.display().to_string(),
-        plan_id: folder.id.to_string(),
-        input: method.label.clone(),
-        format: method.format.clone(),
-        max_error: method.max_error,
-        samples: folder.plan.samples(),
-        work: folder.plan.samples(),
-        tile_cells: folder.strips.layout().side(),
-        to_do: tasks().filter(left).map(report).collect(),
-        done: tasks().filter(|task| !left(task)).count() as u64,
-        damaged: survey.damaged.iter().map(TaskId::to_string).collect(),
-        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
-        forecast: forecast(folder, &tasks().filter(left).collect::<Vec<_>>()),
-        mesh,
-        skipped: folder.plan.skipped.clone(),
-    })
-}
-
-/// What the tasks that are `left` take.
-fn forecast(folder: &Folder, left: &[(TaskId, &manifest::Needs)]) -> Forecast {
-    let plan = &folder.plan;
-    let Resources { memory, threads, .. } = Resources::default();
-    let goal = Goal::MaxError(plan.method.max_error);
-    let worker = worker_bytes(folder.strips.layout().side(), goal.keeps_all());
-    let threads = memory::divide(memory, threads, worker).map_or(1, |shares| shares.threads);
-    let is_object = |(task, _): &&(TaskId, &manifest::Needs)| *task != TaskId::Finish;
-    let is_strip = |(task, _): &&(TaskId, &manifest::Needs)| matches!(task, TaskId::Strip(_));
-    // The rate is of the whole work by the samples of the grid, which are those of the strips.
-    let strips: u64 = left.iter().filter(is_strip).map(|(_, needs)| needs.samples).sum();
-    let writing = if left.iter().all(|task| is_object(&task)) { 0.0 } else { WRITING };
-    let whole = seconds(plan.samples(), nanoseconds(plan.kept()), threads);
-    let share = strips as f64 / plan.samples() as f64;
-    Forecast {
-        seconds: whole * (share * (1.0 - WRITING) + writing),
-        threads,
-        least_memory: plan.tasks.iter().map(|needs| needs.memory).max().unwrap_or(0),
-        disk_needed: left.iter().filter(is_object).map(|(_, needs)| needs.disk).sum(),
-        output_bytes: plan.mesh_bytes(),
-    }
+/// Works on the plan of a mesh, which is that of [`run`](crate::tin::run) on the same request, byte for
+/// byte, whoever did which task how often.
+///
+/// # Errors
+/// Those of a grid-to-TIN job, and of any [`RunJob`].
+pub fn run_plan(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<RunReport> {
+    plan::run::<Mesh>(job, progress, cancel)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
@@ -158,23 +154,18 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
-    let plan = PlanJob {
-        tin: job.clone(),
-        folder: folder.to_path_buf(),
-        strip_rows: None,
-        skipped: skipped.to_vec(),
-    };
+    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     let is_new = !folder.join(PLAN).exists();
     let check = |maker: &Maker<'_>| if is_new { maker.check_output() } else { Ok(()) };
+    let plan = PlanJob { job: job.clone(), folder: folder.clone(), cut: None, skipped };
     plan_checked(&plan, check, progress, cancel)?;
     let run = RunJob {
-        folder: folder.to_path_buf(),
+        folder,
         task: None,
         output: Some(job.output.clone()),
         overwrite: job.overwrite,
-        split: job.split,
-        solid_base: job.solid_base,
+        form: Form { split: job.split, solid_base: job.solid_base },
         disk,
         resources: job.resources.clone(),
     };
@@ -184,9 +175,9 @@ pub fn run_in(
 /// The report on the mesh, with the time and work of the whole run.
 fn whole(run: RunReport) -> Result<TinReport> {
     let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
-    let mut mesh = run.mesh.ok_or_else(lost)?;
+    let mut mesh = run.of.mesh.ok_or_else(lost)?;
     mesh.took(Duration::from_secs_f64(run.wall_seconds));
     mesh.spilled_bytes += run.spilled_bytes;
-    mesh.stages.extend(run.stages);
+    mesh.stages.extend(run.of.stages);
     Ok(mesh)
 }

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use super::folder::{Folder, Survey};
+use super::mesh::Mesh;
 use super::object::Object;
-use super::tasks::{Strips, TaskId};
+use super::tasks::{Strips, Task};
+use crate::plan::Survey;
 use crate::tin::container::Container;
 use crate::tin::layout::TileId;
 use crate::tin::schedule::lock;
@@ -17,36 +18,33 @@ const MOST_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
 pub(super) struct Shelf<'a> {
-    folder: &'a Folder,
-    survey: &'a Survey,
+    survey: &'a Survey<'a, Mesh>,
+    strips: Strips,
     /// Whose object has the tiles of a row.
-    task_of: fn(&Strips, u32) -> TaskId,
+    task_of: fn(&Strips, u32) -> Task,
     /// By the number in their task's name, so that the first one was left behind first.
-    open: Mutex<BTreeMap<(u32, TaskId), Arc<Object>>>,
+    open: Mutex<BTreeMap<(u32, Task), Arc<Object>>>,
 }
 
 impl<'a> Shelf<'a> {
-    /// Tiles as the strips left them.
-    pub(super) fn of_strips(folder: &'a Folder, survey: &'a Survey) -> Self {
-        let task_of = |strips: &Strips, row| TaskId::Strip(strips.strip_of(row));
-        Self { folder, survey, task_of, open: Mutex::default() }
+    /// Of the finished objects; `task_of` says whose tiles of a row are taken.
+    pub(super) fn new(
+        survey: &'a Survey<'a, Mesh>,
+        strips: Strips,
+        task_of: fn(&Strips, u32) -> Task,
+    ) -> Self {
+        Self { survey, strips, task_of, open: Mutex::default() }
     }
 
-    /// Tiles with all seams mended.
-    pub(super) fn of_all(folder: &'a Folder, survey: &'a Survey) -> Self {
-        Self { folder, survey, task_of: Strips::last_of, open: Mutex::default() }
-    }
-
-    fn object(&self, task: TaskId) -> Result<Arc<Object>> {
-        let number = match task {
-            TaskId::Strip(number) | TaskId::Seam(number) => number,
-            TaskId::Finish => u32::MAX,
-        };
+    fn object(&self, task: Task) -> Result<Arc<Object>> {
+        let (Task::Strip(number) | Task::Seam(number)) = task;
         let mut open = lock(&self.open);
         if let Some(object) = open.get(&(number, task)) {
             return Ok(Arc::clone(object));
         }
-        let object = Arc::new(self.folder.open_object(task, self.survey)?);
+        let (path, done) = self.survey.object(task)?;
+        let tiles = self.strips.work(task).tiles();
+        let object = Arc::new(Object::open(path, done.facts.index, tiles)?);
         if open.len() >= MOST_OPEN {
             open.pop_first();
         }
@@ -57,8 +55,7 @@ impl<'a> Shelf<'a> {
 
 impl Stock for Shelf<'_> {
     fn load(&self, tile: TileId) -> Result<Container> {
-        let strips = &self.folder.strips;
-        let task = (self.task_of)(strips, tile.row);
-        self.object(task)?.read(strips.position(task, tile))
+        let task = (self.task_of)(&self.strips, tile.row);
+        self.object(task)?.read(self.strips.position(task, tile))
     }
 }

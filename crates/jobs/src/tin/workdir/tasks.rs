@@ -1,4 +1,4 @@
-//! The tasks of a plan: strips of tile rows, the seams between them, and the writing of the mesh.
+//! The tasks of a mesh: strips of tile rows, and the seams between them.
 //!
 //! A strip is as wide as the grid, so strips follow each other in the order of ids, each has at most
 //! two neighbours, and a strip waits for nothing. What is done to the rows of tiles on both sides of
@@ -11,13 +11,10 @@
 //! billion samples, a fair piece of work for a machine.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use crate::plan::Digest;
+use crate::plan::Numbered;
 use crate::tin::layout::{Layout, TileId};
 use crate::tin::scope::{Scope, Work};
-use terrane_base::error::Error;
 
 /// Samples that a strip has about.
 const STRIP_SAMPLES: u64 = 1 << 27;
@@ -25,33 +22,31 @@ const STRIP_SAMPLES: u64 = 1 << 27;
 pub(super) const LEAST_ROWS: u32 = 2;
 
 /// A task, by the number of its strip or of the strip above its seam.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum TaskId {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Task {
     Strip(u32),
     Seam(u32),
-    Finish,
 }
 
-impl fmt::Display for TaskId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Task {
+    /// By name.
+    pub(super) const NAMES: [Numbered<Self>; 2] = [("strip", Self::Strip), ("seam", Self::Seam)];
+
+    /// The tasks whose objects it works on.
+    pub(super) fn before(self) -> Vec<Self> {
         match self {
-            Self::Strip(strip) => write!(f, "strip-{strip}"),
-            Self::Seam(above) => write!(f, "seam-{above}"),
-            Self::Finish => f.write_str("finish"),
+            Self::Seam(above) => vec![Self::Strip(above), Self::Strip(above + 1)],
+            Self::Strip(_) => Vec::new(),
         }
     }
 }
 
-impl FromStr for TaskId {
-    type Err = Error;
-
-    fn from_str(text: &str) -> std::result::Result<Self, Error> {
-        let number = |kind: &str| text.strip_prefix(kind).and_then(|number| number.parse().ok());
-        let strip = number("strip-").map(Self::Strip).or(number("seam-").map(Self::Seam));
-        strip.or((text == "finish").then_some(Self::Finish)).ok_or_else(|| {
-            Error::usage(format!("\"{text}\" is no task"))
-                .remedy("tasks are strip-0, strip-1, ..., seam-0, ..., finish: see terrane status")
-        })
+impl fmt::Display for Task {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Strip(strip) => write!(f, "strip-{strip}"),
+            Self::Seam(above) => write!(f, "seam-{above}"),
+        }
     }
 }
 
@@ -87,33 +82,19 @@ impl Strips {
     }
 
     /// All tasks, in an order in which they can be done.
-    pub(super) fn tasks(&self) -> impl Iterator<Item = TaskId> + use<> {
-        let seam = |strip: u32| strip.checked_sub(1).map(TaskId::Seam);
-        let strips = 0..self.count();
-        strips
-            .flat_map(move |strip| [Some(TaskId::Strip(strip)), seam(strip)])
-            .flatten()
-            .chain([TaskId::Finish])
-    }
-
-    /// True when there is such a task.
-    pub(super) fn has(&self, task: TaskId) -> bool {
-        match task {
-            TaskId::Strip(strip) => strip < self.count(),
-            TaskId::Seam(above) => above < self.count() - 1,
-            TaskId::Finish => true,
-        }
+    pub(super) fn tasks(&self) -> impl Iterator<Item = Task> + use<> {
+        let seam = |strip: u32| strip.checked_sub(1).map(Task::Seam);
+        (0..self.count()).flat_map(move |strip| [Some(Task::Strip(strip)), seam(strip)]).flatten()
     }
 
     /// The part of the work that is a task.
-    pub(super) fn work(&self, task: TaskId) -> Work {
+    pub(super) fn work(&self, task: Task) -> Work {
         let scope = match task {
-            TaskId::Strip(strip) => {
+            Task::Strip(strip) => {
                 let [first, end] = self.rows_of(strip);
                 Scope::Strip { first, end }
             }
-            TaskId::Seam(above) => Scope::Seam { above: self.rows_of(above)[1] - 1 },
-            TaskId::Finish => Scope::Write,
+            Task::Seam(above) => Scope::Seam { above: self.rows_of(above)[1] - 1 },
         };
         Work { layout: self.layout, scope }
     }
@@ -125,15 +106,15 @@ impl Strips {
     }
 
     /// The task that leaves the containers of a row of tiles as they are when all seams are mended.
-    pub(super) fn last_of(&self, row: u32) -> TaskId {
+    pub(super) fn last_of(&self, row: u32) -> Task {
         let strip = self.strip_of(row);
         let [first, end] = self.rows_of(strip);
         if row + 1 == end && end < self.layout.rows {
-            TaskId::Seam(strip)
+            Task::Seam(strip)
         } else if row == first && strip > 0 {
-            TaskId::Seam(strip - 1)
+            Task::Seam(strip - 1)
         } else {
-            TaskId::Strip(strip)
+            Task::Strip(strip)
         }
     }
 
@@ -143,30 +124,9 @@ impl Strips {
     }
 
     /// Where the container of `tile` is in the object of `task`.
-    pub(super) fn position(&self, task: TaskId, tile: TileId) -> u64 {
+    pub(super) fn position(&self, task: Task, tile: TileId) -> u64 {
         self.work(task).position(tile)
     }
-}
-
-/// The tasks whose objects `task` works on; not for the last one, which needs all.
-pub(super) fn before(task: TaskId) -> Vec<TaskId> {
-    match task {
-        TaskId::Seam(above) => vec![TaskId::Strip(above), TaskId::Strip(above + 1)],
-        TaskId::Strip(_) | TaskId::Finish => Vec::new(),
-    }
-}
-
-/// What the object of a task is known by: the plan, the task, and the seals of what it works on.
-pub(super) fn key(plan: Digest, task: TaskId, seals: &[Digest]) -> Digest {
-    let name = task.to_string();
-    let mut parts: Vec<&[u8]> = vec![&plan.0, name.as_bytes()];
-    parts.extend(seals.iter().map(|seal| seal.0.as_slice()));
-    Digest::of_parts(&parts)
-}
-
-/// Where the object `key` of a task lies in a folder of objects.
-pub(super) fn object_path(objects: &Path, task: TaskId, key: Digest) -> PathBuf {
-    objects.join(format!("{task}-{}.object", key.short()))
 }
 
 #[cfg(test)]
@@ -198,33 +158,23 @@ mod tests {
     #[test]
     fn every_tile_is_final_in_the_last_task_that_touches_it() {
         let strips = strips(11, Some(3));
-        let order: Vec<TaskId> = strips.tasks().collect();
+        let order: Vec<Task> = strips.tasks().collect();
         for row in 0..11 {
             let tile = TileId::new(row, 2);
-            let touches = |task: &&TaskId| {
-                **task != TaskId::Finish && {
-                    let work = strips.work(**task);
-                    (0..work.tiles()).any(|i| work.tile_at(i) == tile)
-                }
+            let touches = |task: &&Task| {
+                let work = strips.work(**task);
+                (0..work.tiles()).any(|i| work.tile_at(i) == tile)
             };
             assert_eq!(order.iter().rfind(touches), Some(&strips.last_of(row)), "row {row}");
         }
     }
 
     #[test]
-    fn tasks_come_after_those_they_wait_for_and_have_names() {
-        let strips = strips(11, Some(3));
-        let order: Vec<TaskId> = strips.tasks().collect();
-        assert_eq!(order.len(), 4 + 3 + 1);
-        for (i, &task) in order.iter().enumerate() {
-            assert!(strips.has(task) && before(task).iter().all(|b| order[..i].contains(b)));
-            assert_eq!(task.to_string().parse::<TaskId>().unwrap(), task);
-        }
-        for bad in ["", "strip", "strip-", "strip-x", "seam--1", "Finish"] {
-            assert!(bad.parse::<TaskId>().is_err());
-        }
-        for beyond in [TaskId::Seam(3), TaskId::Seam(u32::MAX), TaskId::Strip(4)] {
-            assert!(!strips.has(beyond), "{beyond}");
+    fn tasks_come_after_those_they_wait_for() {
+        let order: Vec<Task> = strips(11, Some(3)).tasks().collect();
+        assert_eq!(order.len(), 4 + 3);
+        for (i, task) in order.iter().enumerate() {
+            assert!(task.before().iter().all(|before| order[..i].contains(before)), "{task}");
         }
     }
 
@@ -233,18 +183,5 @@ mod tests {
         let rows =
             |width, height| Strips::new(Layout::new(width, height, 512).unwrap(), None).rows();
         assert_eq!((rows(80_000, 80_000), rows(800_000, 800_000), rows(1000, 1000)), (4, 2, 2));
-    }
-
-    #[test]
-    fn keys_differ_by_plan_task_and_seals() {
-        let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
-        let keys = [
-            key(a, TaskId::Strip(1), &[]),
-            key(b, TaskId::Strip(1), &[]),
-            key(a, TaskId::Strip(2), &[]),
-            key(a, TaskId::Seam(1), &[a, b]),
-            key(a, TaskId::Seam(1), &[b, a]),
-        ];
-        assert!((1..keys.len()).all(|i| !keys[..i].contains(&keys[i])));
     }
 }

@@ -1,0 +1,133 @@
+//! What a kind of plan has to say of itself: what its tasks are, and what one does.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::folder::Survey;
+use super::report::StatusReport;
+use super::{Kind, Look, Plan};
+use crate::{Cancel, Progress, Resources, Silent};
+use terrane_base::error::Result;
+
+/// A kind of plan. The value is what is asked for and what was found in the input, as the plan notes it.
+pub(crate) trait Work: Clone + Sync + Serialize + DeserializeOwned {
+    /// Which.
+    const KIND: Kind;
+    /// Kinds of tasks: the name that comes before the number, and the task of a number.
+    const NAMES: &'static [Numbered<Self::Task>];
+    /// The ending of objects.
+    const ENDING: &'static str;
+    /// How the last task looks at objects: whole, unless they prove themselves as they are read.
+    const LAST_LOOK: Look;
+    /// What a run of all tasks is called while it goes on, where the tasks have no stages of their own.
+    const STAGE: Option<&'static str>;
+
+    /// A task that makes an object.
+    type Task: Copy + Ord + Send + Sync + fmt::Display + 'static;
+    /// What an object tells of itself without being read through.
+    type Facts: Clone + PartialEq + Send + Sync + Serialize + DeserializeOwned;
+    /// What else is asked of what is written at the end.
+    type Form: Clone + Serialize;
+    /// What a run tells beside what all do.
+    type Run: Default;
+    /// What is noted of what was written.
+    type Note: Serialize + DeserializeOwned;
+    /// What is told of the plan beside what is told of all.
+    type Status: Default;
+    /// The input, and how it is worked on.
+    type Opened;
+
+    /// Fails when there is nothing to make, or more than can be.
+    fn check(&self) -> Result<()>;
+
+    /// All tasks, in an order in which they can be done.
+    fn tasks(&self) -> Vec<Self::Task>;
+
+    /// The tasks whose objects one works on.
+    fn before(&self, task: Self::Task) -> Vec<Self::Task>;
+
+    /// Samples or cells of a task.
+    fn size(&self, task: Named<Self::Task>) -> u64;
+
+    /// What is told of it: input, format, cells of a tile, and what only this kind has.
+    fn tell(&self) -> StatusReport<Self::Status>;
+
+    /// The name in the folder of what is written at the end.
+    fn output(&self, form: &Self::Form) -> Result<PathBuf>;
+
+    /// Opens the input; fails when it is not what the plan was made for.
+    fn open(plan: &Plan<Self>, order: Order<Self::Form>) -> Result<Self::Opened>;
+
+    /// Fails before the work where the output cannot be written.
+    fn check_output(opened: &Self::Opened, at: At<'_>) -> Result<()>;
+
+    /// Does a task: writes its object, whole or not at all, and adds to what is told.
+    fn make(
+        opened: &Self::Opened,
+        object: (Self::Task, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut Self::Run,
+        at: At<'_>,
+    ) -> Result<Made<Self::Facts>>;
+
+    /// Writes what all objects are for.
+    fn write(
+        opened: &Self::Opened,
+        survey: &Survey<'_, Self>,
+        run: &mut Self::Run,
+        at: At<'_>,
+    ) -> Result<Self::Note>;
+
+    /// Tells of what is written already.
+    fn written(note: Self::Note, output: &Path, run: &mut Self::Run);
+}
+
+/// Tasks of one name, by number.
+pub(crate) type Numbered<T> = (&'static str, fn(u32) -> T);
+
+/// Who is told of the work, and may stop it.
+#[derive(Clone, Copy)]
+pub(crate) struct At<'a> {
+    pub(crate) progress: &'a dyn Progress,
+    pub(crate) cancel: &'a Cancel,
+}
+
+impl At<'_> {
+    /// The same, without telling.
+    pub(crate) fn silent(self) -> Self {
+        At { progress: &Silent, ..self }
+    }
+}
+
+/// What is to be written, and what the work may use.
+pub(crate) struct Order<F> {
+    pub(crate) output: PathBuf,
+    pub(crate) overwrite: bool,
+    pub(crate) form: F,
+    pub(crate) resources: Resources,
+}
+
+/// A task as it is named: the last one, which writes the result, has no object.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Named<T> {
+    Task(T),
+    Finish,
+}
+
+impl<T: fmt::Display> fmt::Display for Named<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Task(task) => task.fmt(f),
+            Self::Finish => f.write_str("finish"),
+        }
+    }
+}
+
+/// An object that was made: what it tells of itself, and the bytes that went through a temporary file.
+pub(crate) struct Made<F> {
+    pub(crate) facts: F,
+    pub(crate) spilled: u64,
+}

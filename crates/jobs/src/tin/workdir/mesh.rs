@@ -1,0 +1,350 @@
+//! The plan of a mesh: what is asked for and what was found in the input, its tasks, and what one does.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::object::{Facts, ObjectWriter, object_bytes};
+use super::shelf::Shelf;
+use super::tasks::{Strips, Task};
+use super::{Form, MeshRun, MeshStatus};
+use crate::memory;
+use crate::plan::{
+    self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, StatusReport, Survey, Work,
+};
+use crate::tin::cost::{nanoseconds, seconds};
+use crate::tin::estimate::Size;
+use crate::tin::job::{Goal, TinJob};
+use crate::tin::layout::Layout;
+use crate::tin::make::{Maker, Opened, in_input};
+use crate::tin::report::TinReport;
+use crate::tin::run::{save, write};
+use crate::tin::tally::Tally;
+use crate::tin::worker::{Stock, worker_bytes};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+use terrane_base::limits;
+use terrane_files::{name_of, path_of};
+use terrane_mesh as mesh;
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, SYNTH_PREFIX};
+use terrane_tin::{Local, Triangle};
+
+/// Share of the time that the writing of the mesh takes, about.
+const WRITING: f64 = 0.1;
+
+/// A mesh to make of a grid.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Mesh {
+    method: Method,
+    grid: Grid,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Method {
+    #[serde(flatten)]
+    job: TinJob,
+    strip_rows: u32,
+    height_origin: Option<f64>,
+}
+
+/// What was found in the input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Grid {
+    width: u32,
+    height: u32,
+    transform: [f64; 6],
+    crs: String,
+}
+
+impl Mesh {
+    /// That of an opened job; `rows` of tiles make a strip.
+    pub(super) fn new(job: &TinJob, opened: &Opened, rows: Option<u32>) -> Result<Self> {
+        let grid = Grid::of(opened.source.info());
+        let strip_rows = Strips::new(Layout::new(grid.width, grid.height, job.tile)?, rows).rows();
+        let job = TinJob { format: Some(opened.format.name.to_owned()), ..job.clone() };
+        let mesh =
+            Self { method: Method { job, strip_rows, height_origin: opened.height_origin }, grid };
+        mesh.check().map(|()| mesh)
+    }
+
+    /// The job that writes the mesh.
+    fn job(&self, order: Order<Form>) -> TinJob {
+        let Order { output, overwrite, form: Form { split, solid_base }, resources } = order;
+        let job = self.method.job.clone();
+        TinJob { output, overwrite, split, solid_base, measure: true, resources, ..job }
+    }
+
+    /// How the grid is cut. Fails where it is too small to be.
+    fn strips(&self) -> Result<Strips> {
+        let layout = Layout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
+        Ok(Strips::new(layout, Some(self.method.strip_rows)))
+    }
+
+    /// Number of samples.
+    fn samples(&self) -> u64 {
+        u64::from(self.grid.width) * u64::from(self.grid.height)
+    }
+
+    fn tolerance(&self) -> f64 {
+        match self.method.job.goal {
+            Goal::MaxError(tolerance) => tolerance,
+            _ => f64::NAN,
+        }
+    }
+
+    /// What the work takes, from the size of the whole mesh.
+    pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
+        let strips = self.strips()?;
+        let thread_memory = worker_bytes(strips.layout().side(), self.method.job.goal.keeps_all());
+        let kept = size.triangles * size_of::<Triangle>() as u64
+            + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
+        let samples = self.samples();
+        let object = |task: Task| {
+            let work = strips.work(task);
+            let share = work.samples() as f64 / samples as f64;
+            object_bytes((kept as f64 * share) as u64, work.tiles())
+        };
+        let whole = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
+        Ok(Needs {
+            memory: memory::least(thread_memory, opened.source.block_bytes()),
+            thread_memory,
+            objects: strips.tasks().map(object).sum(),
+            output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
+            seconds: [whole * (1.0 - WRITING), whole * WRITING],
+        })
+    }
+
+    /// Fails when the opened input is another grid than the plan's, or has more files: one beside the
+    /// others may say where voids are.
+    fn check_source(plan: &Plan<Self>, source: &dyn GridSource) -> Result<()> {
+        let Self { method, grid } = &plan.work;
+        let known: HashSet<Cow<'_, Path>> = plan.files().collect();
+        let all = plan::with_companions(files(&method.job.input, source));
+        if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
+            return Err(Error::bad_input(
+                "is read with the input, and was not when it was planned",
+            )
+            .in_file(new)
+            .remedy("move it away, or plan anew in another folder"));
+        }
+        plan::refuse_another("grid", &method.job.input.to_string(), grid, &Grid::of(source.info()))
+    }
+}
+
+/// The input and the job, opened.
+pub(super) struct Ready {
+    tin: TinJob,
+    opened: Opened,
+    tolerance: f64,
+}
+
+impl Ready {
+    fn maker<'a>(&'a self, at: At<'a>) -> Maker<'a> {
+        Maker { job: &self.tin, opened: &self.opened, progress: at.progress, cancel: at.cancel }
+    }
+
+    fn temp_dir(&self) -> &Path {
+        self.tin.resources.temp_dir.as_deref().unwrap_or(Path::new("."))
+    }
+}
+
+impl Work for Mesh {
+    const KIND: Kind = Kind::Tin;
+    const ENDING: &'static str = "object";
+    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+    /// Tiles are under digests of their own.
+    const LAST_LOOK: Look = Look::Quick;
+    const STAGE: Option<&'static str> = Some("triangulate");
+
+    type Task = Task;
+    type Facts = Facts;
+    type Form = Form;
+    type Run = MeshRun;
+    type Note = TinReport;
+    type Status = MeshStatus;
+    type Opened = Ready;
+
+    fn check(&self) -> Result<()> {
+        self.method.job.goal.check()?;
+        let Grid { width, height, .. } = self.grid;
+        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        let tasks = 2 * u64::from(self.strips()?.count());
+        limits::check("number of tasks", tasks, plan::MOST_TASKS)
+    }
+
+    fn tasks(&self) -> Vec<Task> {
+        self.strips().map_or_else(|_| Vec::new(), |strips| strips.tasks().collect())
+    }
+
+    fn before(&self, task: Task) -> Vec<Task> {
+        task.before()
+    }
+
+    fn size(&self, task: Named<Task>) -> u64 {
+        match task {
+            Named::Task(task) => self.strips().map_or(0, |strips| strips.work(task).samples()),
+            Named::Finish => self.samples(),
+        }
+    }
+
+    fn tell(&self) -> StatusReport<MeshStatus> {
+        StatusReport {
+            input: self.method.job.input.to_string(),
+            format: self.method.job.format.clone().unwrap_or_default(),
+            tile_cells: self.strips().map_or(0, |strips| strips.layout().side()),
+            of: MeshStatus { max_error: self.tolerance(), samples: self.samples() },
+            ..StatusReport::default()
+        }
+    }
+
+    fn output(&self, form: &Form) -> Result<PathBuf> {
+        let format = mesh::by_path(Path::new(""), self.method.job.format.as_deref())?;
+        let ending = if form.split.is_some() { "blocks" } else { format.extensions[0] };
+        Ok(Path::new("mesh").with_extension(ending))
+    }
+
+    fn open(plan: &Plan<Self>, order: Order<Form>) -> Result<Ready> {
+        let tin = plan.work.job(order);
+        let mut opened = Opened::new(&tin)?;
+        opened.height_origin = plan.work.method.height_origin;
+        Self::check_source(plan, &*opened.source)?;
+        Ok(Ready { tin, opened, tolerance: plan.work.tolerance() })
+    }
+
+    fn check_output(ready: &Ready, at: At<'_>) -> Result<()> {
+        ready.maker(at).check_output()
+    }
+
+    fn make(
+        ready: &Ready,
+        (task, object): (Task, &Path),
+        survey: &Survey<'_, Self>,
+        run: &mut MeshRun,
+        at: At<'_>,
+    ) -> Result<Made<Facts>> {
+        let (strips, maker) = (survey.folder.plan.work.strips()?, ready.maker(at));
+        let work = strips.work(task);
+        let of_strip = |strips: &Strips, row| Task::Strip(strips.strip_of(row));
+        let shelf = Shelf::new(survey, strips, of_strip);
+        let stock = work.loads().then_some(&shelf as &dyn Stock);
+        let settings = maker.settings(maker.spec(ready.tolerance), ready.temp_dir());
+        let object = ObjectWriter::create(object)?;
+        let saved = save(&*ready.opened.source, work.scope, stock, object, &settings)
+            .map_err(|error| in_input(error, &ready.tin.input))?;
+        if let Task::Strip(_) = task {
+            run.made_samples += work.samples();
+        }
+        run.add(saved.clock.report());
+        Ok(Made { facts: saved.object.finish(saved.tally)?, spilled: saved.spilled_bytes })
+    }
+
+    fn write(
+        ready: &Ready,
+        survey: &Survey<'_, Self>,
+        run: &mut MeshRun,
+        at: At<'_>,
+    ) -> Result<TinReport> {
+        let (started, maker) = (Instant::now(), ready.maker(at));
+        let mut tally = Tally::default();
+        survey.done.values().for_each(|done| tally.add(done.facts.tally));
+        let shelf = Shelf::new(survey, survey.folder.plan.work.strips()?, Strips::last_of);
+        at.progress.begin("write", survey.folder.plan.work.samples());
+        let mut report = maker
+            .complete(ready.tolerance, 0, |sink, spec| {
+                let settings = maker.settings(spec, ready.temp_dir());
+                write(&*ready.opened.source, &shelf, tally, sink, &settings)
+            })
+            .map_err(|error| in_input(error, &ready.tin.input))?;
+        at.progress.end();
+        report.took(started.elapsed());
+        run.mesh = Some(report.clone());
+        Ok(report)
+    }
+
+    fn written(note: TinReport, output: &Path, run: &mut MeshRun) {
+        run.mesh = Some(TinReport { output: output.display().to_string(), ..note });
+    }
+}
+
+impl Grid {
+    fn of(info: &GridInfo) -> Self {
+        let Affine { x0, a, b, y0, d, e } = info.transform;
+        let transform = [x0, a, b, y0, d, e];
+        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
+        Self { width: info.width, height: info.height, transform, crs }
+    }
+}
+
+/// The files behind `input`.
+pub(super) fn files(input: &Inputs, source: &dyn GridSource) -> Vec<PathBuf> {
+    let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
+    let path = |name: &String| path_of(raster::file_name(name)).into_owned();
+    let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
+    let all: Vec<String> = input.names().iter().cloned().chain(members).collect();
+    all.iter().filter(is_file).map(path).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::{REVISION, Resources};
+
+    /// A plan of a grid of `side` samples along each side, as text.
+    fn plan(side: u32) -> Value {
+        json!({
+            "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
+            "method": {
+                "input": { "names": ["synth:rough"], "label": "synth:rough" }, "band": 1,
+                "nodata": "NaN", "format": "PLY", "max_error": 0.1, "strict": false, "drop": true,
+                "tile": 16, "strip_rows": 2, "height_origin": null,
+            },
+            "grid": {
+                "width": side, "height": side, "crs": "none",
+                "transform": [0.1, 1e-300, 0.0, -7e22, 0.0, -1.0],
+            },
+            "files": [],
+            "needs": {
+                "memory": 0, "thread_memory": 0, "objects": 0, "output": 0, "seconds": [0.5, 0.0],
+            },
+        })
+    }
+
+    /// A plan after it was put into a folder and read again.
+    fn read(plan: Value) -> Result<Plan<Mesh>> {
+        let folder = tempfile::tempdir().unwrap();
+        let plan: Plan<Mesh> = serde_json::from_value(plan).unwrap();
+        plan.put(folder.path()).unwrap();
+        Plan::read(folder.path()).map(|(back, _)| back)
+    }
+
+    #[test]
+    fn a_plan_comes_back_from_its_file_and_another_version_is_refused() {
+        let back = read(plan(9000)).unwrap();
+        assert_eq!(serde_json::to_value(&back).unwrap(), plan(9000));
+        let (output, resources) = (PathBuf::new(), Resources::default());
+        let order = Order { output, overwrite: false, form: Form::default(), resources };
+        assert!(back.work.job(order).nodata.is_some_and(f64::is_nan));
+        for (name, other) in [("terrane", json!("0.0.0")), ("revision", json!(REVISION + 1))] {
+            let mut plan = plan(9000);
+            plan[name] = other;
+            let refused = read(plan).err().unwrap().to_string();
+            assert!(refused.contains("was made by terrane"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_plan_with_more_work_than_can_be_listed_is_refused() {
+        let (most, few) = (1 << 28, "at least 2 x 2");
+        for (side, part) in [(most, "number of tasks"), (u32::MAX, "columns or rows"), (0, few)] {
+            let refused = read(plan(side)).err().unwrap().to_string();
+            assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
+        }
+        assert!(read(plan(1_000_000)).is_ok());
+    }
+}
