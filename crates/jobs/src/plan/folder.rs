@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::object::{Done, Place};
 use super::output::FINISHED;
+use super::report::TaskReport;
 use super::sheet::PLAN;
 use super::work::{At, Named, Numbered};
 use super::{Digest, Look, OBJECTS, Plan, Work};
@@ -63,6 +64,16 @@ impl<W: Work> Folder<W> {
                 .in_file(&self.path)
                 .remedy("see terrane status")),
         }
+    }
+
+    /// What is told of a task that is not done.
+    pub(super) fn tell(&self, task: Named<W::Task>) -> TaskReport {
+        let after = match task {
+            Named::Task(task) => self.before(task),
+            Named::Finish => Vec::new(),
+        };
+        let after = after.iter().map(W::Task::to_string).collect();
+        TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }
     }
 
     /// Makes it ready for work: for all that is left (`alone`), or for one task. Waits for nobody: fails
@@ -186,12 +197,8 @@ impl<'a, W: Work> Survey<'a, W> {
         };
         let seals: Vec<Digest> =
             self.folder.before(task).iter().map(seal).collect::<Result<_>>()?;
-        let name = task.to_string();
-        let mut parts: Vec<&[u8]> = vec![&self.folder.id.0, name.as_bytes()];
-        parts.extend(seals.iter().map(|seal| seal.0.as_slice()));
-        let key = Digest::of_parts(&parts);
-        let file = format!("{name}-{}.{}", key.short(), W::ENDING);
-        Ok(Place { file: self.folder.path.join(OBJECTS).join(file), key })
+        let Folder { path, id, .. } = self.folder;
+        Ok(Place::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
     }
 
     /// The file of the object of a finished task, and what is known of it.

@@ -18,6 +18,21 @@ pub(super) struct Place {
     pub(super) key: Digest,
 }
 
+impl Place {
+    /// In the folder of objects; the key is that of the plan, the task, and the seals of what it works
+    /// on.
+    pub(super) fn new(
+        objects: &Path,
+        (plan, task, seals): (Digest, &str, &[Digest]),
+        ending: &str,
+    ) -> Self {
+        let mut parts: Vec<&[u8]> = vec![plan.bytes(), task.as_bytes()];
+        parts.extend(seals.iter().map(|seal| seal.bytes().as_slice()));
+        let key = Digest::of_parts(&parts);
+        Self { file: objects.join(format!("{task}-{}.{ending}", key.short())), key }
+    }
+}
+
 /// A finished object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Done<F> {
@@ -69,4 +84,52 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
 /// The note on a file.
 fn note(file: &Path) -> PathBuf {
     file.with_extension("json")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    struct Facts {
+        points: u64,
+    }
+
+    #[test]
+    fn keys_differ_by_plan_task_and_seals() {
+        let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
+        let place = |of| Place::new(Path::new("objects"), of, "tif");
+        let places = [
+            place((a, "strip-1", &[])),
+            place((b, "strip-1", &[])),
+            place((a, "strip-2", &[])),
+            place((a, "seam-1", &[a, b])),
+            place((a, "seam-1", &[b, a])),
+        ];
+        for (i, Place { file, key }) in places.iter().enumerate() {
+            assert!(places[..i].iter().all(|other| other.key != *key && other.file != *file));
+        }
+    }
+
+    #[test]
+    fn whatever_is_altered_is_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let (place, cancel) =
+            (Place::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"), Cancel::default());
+        let look = |look| Done::<Facts>::look(&place, look, &cancel);
+        assert!(look(Look::Whole).unwrap().is_none(), "nothing is there");
+        std::fs::write(&place.file, "one").unwrap();
+        let done = Done::seal(&place, Facts { points: 3 }, &cancel).unwrap();
+        assert_eq!(look(Look::Whole).unwrap(), Some(done.clone()));
+        std::fs::write(&place.file, "two").unwrap();
+        assert!(look(Look::Quick).is_ok() && look(Look::Whole).is_err(), "other bytes");
+        std::fs::write(&place.file, "three").unwrap();
+        assert!(look(Look::Quick).is_err(), "more bytes");
+        std::fs::write(&place.file, "one").unwrap();
+        let facts = Facts { points: 4 };
+        for other in [Done { facts, ..done.clone() }, Done { key: done.seal, ..done }] {
+            write_json(&note(&place.file), &other).unwrap();
+            assert!(look(Look::Quick).is_err(), "{other:?}");
+        }
+    }
 }

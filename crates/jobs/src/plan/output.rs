@@ -48,7 +48,7 @@ struct Facts {
 }
 
 /// How an output stands.
-pub(super) enum State<R> {
+enum State<R> {
     /// It was never written there.
     Unknown,
     /// A run that did not come to its end, or is not yet there, began to write it.
@@ -79,11 +79,7 @@ impl Output {
     }
 
     /// How it stands; a quick look trusts times of change. Fails only when it is to stop.
-    pub(super) fn state<R: DeserializeOwned>(
-        &self,
-        look: Look,
-        cancel: &Cancel,
-    ) -> Result<State<R>> {
+    fn state<R: DeserializeOwned>(&self, look: Look, cancel: &Cancel) -> Result<State<R>> {
         let is_it = |note: &Note<R>| {
             (note.plan_id, &note.form) == (self.plan, &self.form)
                 && place(&self.folder, &note.path).is_ok_and(|path| path == self.absolute)
@@ -102,22 +98,28 @@ impl Output {
         }
     }
 
-    /// Fails before the work where its end would: when the folder is not there, or something that may
-    /// not be replaced is. Returns whether something may be: what a run left that did not come to its
-    /// end may, and with `overwrite` all.
-    pub(super) fn claim<R>(&self, state: &State<R>, overwrite: bool) -> Result<bool> {
-        if let (State::Altered(how), false) = (state, overwrite) {
-            return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
-                .in_file(&self.path)
-                .remedy("pass --overwrite to have it made anew, or choose another name"));
-        }
-        let folder = parent(&self.path);
-        if !folder.is_dir() {
+    /// The note on it if it is what was written, and whether something may be replaced: what a run left
+    /// that did not come to its end may, and with `overwrite` all. Fails before the work where its end
+    /// would: when the folder is not there, or something that may not be replaced is.
+    pub(super) fn claim<R: DeserializeOwned>(
+        &self,
+        overwrite: bool,
+        cancel: &Cancel,
+    ) -> Result<(Option<R>, bool)> {
+        let may_replace = match self.state(Look::Whole, cancel)? {
+            State::Whole(report) => return Ok((Some(report), overwrite)),
+            State::Altered(how) if !overwrite => {
+                return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
+                    .in_file(&self.path)
+                    .remedy("pass --overwrite to have it made anew, or choose another name"));
+            }
+            state => overwrite || matches!(state, State::Begun),
+        };
+        if !parent(&self.path).is_dir() {
             return Err(no_folder(&self.path, std::io::ErrorKind::NotFound.into()));
         }
-        let may_replace = overwrite || matches!(state, State::Begun);
         refuse_existing(&self.path, may_replace)?;
-        Ok(may_replace)
+        Ok((None, may_replace))
     }
 
     /// Notes that it is being written.

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use super::folder::{Folder, Survey};
 use super::object::Done;
-use super::output::{Output, State, last_output};
-use super::report::{DiskCheck, RunReport, StatusReport, TaskReport};
+use super::output::{Output, last_output};
+use super::report::{DiskCheck, RunReport, StatusReport};
 use super::work::{At, Made, Named, Order};
 use super::{Look, Work, kept};
 use crate::sift::Skipped;
@@ -62,19 +62,11 @@ pub(crate) fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
     let is_left = |task: &W::Task| survey.is_missing(*task);
     let left = tasks.iter().copied().filter(is_left).map(Named::Task);
     let left: Vec<Named<W::Task>> = left.chain(finish).collect();
-    let report = |&task: &Named<W::Task>| TaskReport {
-        id: task.to_string(),
-        after: match task {
-            Named::Task(task) => folder.before(task).iter().map(W::Task::to_string).collect(),
-            Named::Finish => Vec::new(),
-        },
-        work: work.size(task),
-    };
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
         plan_id: folder.id.to_string(),
         work: work.size(Named::Finish),
-        to_do: left.iter().map(report).collect(),
+        to_do: left.iter().map(|task| folder.tell(*task)).collect(),
         done: (tasks.len() + 1 - left.len()) as u64,
         damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
         object_bytes: survey.done.values().map(|done| done.bytes).sum(),
@@ -129,32 +121,34 @@ impl<'a, W: Work> Run<'a, W> {
         };
         let form = serde_json::to_value(&job.form).unwrap_or_default();
         let output = Output::new(&folder.path, folder.id, &path, form)?;
-        let (mut note, mut overwrite) = (None, job.overwrite);
+        let (note, overwrite) = match writes {
+            true => output.claim(job.overwrite, at.cancel)?,
+            false => (None, job.overwrite),
+        };
+        let writes = writes && note.is_none();
         if writes {
-            let state = output.state(Look::Whole, at.cancel)?;
-            match state {
-                State::Whole(written) => note = Some(written),
-                _ => {
-                    overwrite = output.claim(&state, overwrite)?;
-                    folder.refuse_own(&path)?;
-                }
-            }
+            folder.refuse_own(&path)?;
         }
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
         let order = Order { output: path, overwrite, form: job.form.clone(), resources };
         let opened = W::open(&folder.plan, order)?;
-        if writes && note.is_none() {
+        if writes {
             W::check_output(&opened, at)?;
         }
-        let report = RunReport {
+        let (disk, report) = (job.disk, Self::begun(folder));
+        Ok(Self { folder, opened, output, note, disk, at, report })
+    }
+
+    /// The report on what is not done yet.
+    fn begun(folder: &Folder<W>) -> RunReport<W::Run> {
+        RunReport {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
             tasks: folder.tasks().len() as u64 + 1,
             skipped: folder.plan.skipped.clone(),
             ..RunReport::default()
-        };
-        Ok(Self { folder, opened, output, note, disk: job.disk, at, report })
+        }
     }
 
     /// All that is not done.
