@@ -14,6 +14,8 @@ pub mod pitfree;
 mod plane;
 mod recipe;
 mod statistic;
+#[cfg(test)]
+mod tests;
 
 pub use block::{Block, Units};
 pub use disc::Scatter;
