@@ -1,5 +1,9 @@
 //! What is written at the end of a plan: where it is, whether it still is what was written, and whether
 //! something else may be in its place.
+//!
+//! The note on the output (`finished.json`) has its path from the folder on where it lies inside, so that
+//! a folder may be moved, and its digest, so that an output that is altered, missing, half written or
+//! somebody else's are told apart.
 
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;

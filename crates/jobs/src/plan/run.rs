@@ -1,4 +1,8 @@
 //! Doing what a plan says, all of it or one task, and telling how far that has come.
+//!
+//! A task that finds damage in what it reads makes that anew and goes on; it never writes from bytes that
+//! no digest covers. A plan notes what objects and output will take, from small samples and rather too
+//! much, and a run compares that with what is free before it starts.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -1,5 +1,9 @@
 //! Grids by plan: the cells are cut into tiles, each a task of its own that reads what lies near it;
 //! the last task puts the tiles together. The grid is that of a single run, byte for byte.
+//!
+//! A task opens all headers, so that frame, extent and squares are those of the whole, and reads the
+//! parts whose bounds touch the window of its cells. Where what was read is too little to tell, the tile
+//! is made again with a window four times as wide around it.
 
 mod manifest;
 mod probe;
