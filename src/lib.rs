@@ -46,6 +46,7 @@
 //! | point clouds | [`open_cloud`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
 //! | a line in memory | [`simplify`] | fewer vertices |
+//! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
 //!
 //! Every builder says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
 //! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in `build` or `write`.
@@ -65,7 +66,13 @@ pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;
 pub use terrane_jobs::grid::{GridReport, Preset};
 pub use terrane_jobs::line::LineReport;
+pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType};
+
+/// The code of the tutorial, tested with that of the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/tutorials/rust.md")]
+struct Tutorial;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use terrane::{Affine, Cancel, Crs, Progress, Tin};
+use terrane::{Affine, Cancel, Crs, Plan, Progress, Tin};
 use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
@@ -157,4 +157,37 @@ fn outputs_that_exist_are_replaced_only_when_that_is_asked_for() {
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
     grid.tin().max_error(5.0).overwrite(true).write(&path).unwrap();
     assert!(std::fs::read(&path).unwrap().starts_with(b"ply"));
+}
+
+#[test]
+fn a_plan_gives_what_a_single_run_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    terrane::open(NAME).unwrap().convert().write(path("dem.tif")).unwrap();
+    let grid = terrane::open(path("dem.tif")).unwrap();
+    let tin = || grid.tin().max_error(2.0).tile(32);
+    tin().write(path("single.ply")).unwrap();
+    let plan = tin().plan(path("mesh"), 2).unwrap();
+    let before = plan.status().unwrap();
+    assert!(before.done == 0 && before.to_do.len() > 2 && before.written.is_none());
+    plan.run().task(&before.to_do[0].id).run().unwrap();
+    assert_eq!(plan.status().unwrap().done, 1);
+    let done = Plan::open(path("mesh")).unwrap().run().output(path("many.ply")).run().unwrap();
+    assert_eq!((done.found, done.written), (1, Some(path("many.ply"))));
+    assert_eq!(plan.status().unwrap().written, Some(path("many.ply")));
+    let bytes = |name: &str| std::fs::read(path(name)).unwrap();
+    assert!(bytes("single.ply") == bytes("many.ply"));
+
+    let cloud = terrane::open_cloud("synth:cloud,size=300,density=1,seed=7").unwrap();
+    let cells = || cloud.grid(1.0).stats("mean,p95");
+    cells().write(path("single.tif")).unwrap();
+    let done =
+        cells().plan(path("cells"), 256).unwrap().run().output(path("many.tif")).run().unwrap();
+    assert!(done.tasks > 1 && done.written.is_some());
+    assert!(bytes("single.tif") == bytes("many.tif"));
+    assert!(Plan::open(path("nothing")).is_err());
+    assert_eq!(
+        tin().max_vertices(9).plan(path("other"), None).unwrap_err().kind(),
+        ErrorKind::Usage
+    );
 }

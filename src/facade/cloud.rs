@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
 use terrane_cloud::{self as cloud, CloudInfo, Filter, OpenOptions};
 use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
+use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
 use terrane_jobs::grid::{self, GridJob, GridReport, Placement, Preset};
 use terrane_jobs::placing::Placing;
 use terrane_raster::Inputs;
@@ -248,23 +250,44 @@ impl<'a> GridBuilder<'a> {
     /// An unknown statistic; damage in the files; too little memory; an output that exists, cannot be written
     /// or does not hold the bands; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<GridReport> {
+        grid::run(&self.job(path.into())?, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by
+    /// many machines: [`Plan`](crate::Plan). A task has `cut` cells along a tile, a multiple of 256, or as many as make a
+    /// fair piece of work. The format is GTiff unless told otherwise.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write); a [`model`](Self::model), which is made of the whole cloud at once; a folder
+    /// that holds something else.
+    pub fn plan(mut self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
+        let folder = folder.into();
+        let format = terrane_raster::write::by_name(self.format.as_deref().unwrap_or("GTiff"))?;
+        self.format = Some(format.name.to_owned());
+        let job = self.job(folder.join("grid").with_extension(format.extensions[0]))?;
+        let plan =
+            PlanGridJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
+        plan_grid(&plan, &*self.run.progress, &self.run.cancel)?;
+        Plan::open(folder)
+    }
+
+    fn job(&self, output: PathBuf) -> Result<GridJob> {
         let stats = match self.preset {
             Some(preset) => vec![preset.band()],
             None => parse_list(&self.stats)?,
         };
-        let job = GridJob {
+        Ok(GridJob {
             cloud: self.cloud.options.clone(),
             preset: self.preset,
-            placement: self.placement,
+            placement: self.placement.clone(),
             radius: self.radius,
             max_edge: self.max_edge,
             fill: self.fill,
-            format: self.format,
-            creation: self.creation,
+            format: self.format.clone(),
+            creation: self.creation.clone(),
             overwrite: self.run.overwrite,
             resources: self.run.resources()?,
-            ..GridJob::new(self.cloud.inputs.clone(), path.into(), stats, 1.0)
-        };
-        grid::run(&job, &*self.run.progress, &self.run.cancel)
+            ..GridJob::new(self.cloud.inputs.clone(), output, stats, 1.0)
+        })
     }
 }

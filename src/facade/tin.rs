@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::grid::Grid;
+use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_jobs::placing::Placing;
-use terrane_jobs::tin::{self, BuildJob, Built, Goal, TILE_CELLS, TinJob, TinReport};
+use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TILE_CELLS, TinJob, TinReport};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use terrane_raster::{self as raster, ArraySample, GridSource};
 
@@ -293,6 +294,25 @@ impl TinBuilder<&Grid> {
     /// the mesh.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<TinReport> {
         tin::run(&self.job(path.into())?, &*self.run.progress, &self.run.cancel)
+    }
+
+    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by
+    /// many machines: [`Plan`](crate::Plan). A task has `cut` rows of tiles, or as many as make a
+    /// fair piece of work. The format is PLY unless told otherwise.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write); a goal other than an error; a folder that holds something else.
+    pub fn plan(self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
+        if self.split.is_some() {
+            return Err(Error::usage("a split is of what is written, and no part of a plan")
+                .remedy("leave it out"));
+        }
+        let folder = folder.into();
+        let format = Some(self.format.clone().unwrap_or_else(|| "PLY".to_owned()));
+        let job = TinJob { format, ..self.job(folder.join("mesh"))? };
+        let plan = PlanJob { job, folder: folder.clone(), cut: cut.into(), skipped: Vec::new() };
+        tin::plan_work(&plan, &*self.run.progress, &self.run.cancel)?;
+        Plan::open(folder)
     }
 
     fn job(&self, output: PathBuf) -> Result<TinJob> {
