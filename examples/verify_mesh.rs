@@ -13,13 +13,13 @@ fn main() -> terrane::Result<()> {
     println!("{} vertices, {:.1} % of the samples", made.vertices, 100.0 * made.kept);
 
     let proof = dem.verify(&mesh).run()?;
-    assert!(proof.passed && proof.judged, "{:?}", proof.failures);
+    assert!(proof.verdict.passed && proof.verdict.judged, "{:?}", proof.verdict.failures);
     println!("proved: no sample further than {:?}", proof.max_error);
 
     // A bound that the mesh was not made for is not kept, and the proof says where.
     let other = dem.verify(&mesh).max_error(0.5).run()?;
-    assert!(!other.passed);
-    println!("at 0.5: {}", other.failures.join("; "));
+    assert!(!other.verdict.passed);
+    println!("at 0.5: {}", other.verdict.failures.join("; "));
 
     std::fs::remove_dir_all(&folder).map_err(failed)
 }

@@ -30,7 +30,7 @@
 //! # let (dem, mesh, lines) = (path("dem.tif"), path("mesh.ply"), path("lines.geojson"));
 //! let dem = terrane::open(dem)?;                                            // "dem.tif"
 //! let report = dem.tin().max_error(1.5).memory("512M").write(&mesh)?;       // "mesh.ply"
-//! assert!(dem.verify(&mesh).run()?.passed);
+//! assert!(dem.verify(&mesh).run()?.verdict.passed);
 //! dem.contours().every(10.0).write(lines)?;                                 // "lines.geojson"
 //! println!("{} of {} samples kept", report.vertices, report.valid_samples);
 //! # Ok(())
@@ -64,11 +64,12 @@ pub use terrane_cloud::{CloudInfo, Filter, Return};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;
+pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{GridReport, Preset};
 pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tin::TinReport;
-pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, VerifyReport};
+pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};
 pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType};
 

@@ -234,14 +234,17 @@ fn the_same_bytes_for_any_threads_memory_and_tiles() {
         (std::fs::read(&path).unwrap(), report)
     };
     let (expected, first) = run("a.geojson", 1024, 1, 1024, None);
-    assert!(first.lines > 500 && first.rings > 100 && first.spilled_bytes == 0, "{first:?}");
+    assert!(
+        first.lines > 500 && first.rings > 100 && first.run.spilled_bytes == Some(0),
+        "{first:?}"
+    );
     let mut spilled = 0;
     for (name, tile, threads, memory) in
         [("b.geojson", 64, 1, 30), ("c.geojson", 100, 3, 1024), ("d.geojson", 350, 2, 64)]
     {
         let (bytes, report) = run(name, tile, threads, memory, None);
         assert!(bytes == expected, "{name}");
-        spilled += report.spilled_bytes;
+        spilled += report.run.spilled_bytes.unwrap();
     }
     assert!(spilled > 0);
     let (expected, first) = run("e.geojson", 128, 1, 1024, Some(2.0));

@@ -56,7 +56,12 @@ fn a_mesh_in_memory_is_written_and_proved() {
         let path = folder.path().join("mesh").with_extension(format.extensions[0]);
         assert_eq!(tin.write(&path).unwrap(), path.metadata().unwrap().len());
         let proof = grid.verify(&path).max_error(tin.tolerance()).run().unwrap();
-        assert!(proof.passed && proof.judged, "{}: {:?}", format.name, proof.failures);
+        assert!(
+            proof.verdict.passed && proof.verdict.judged,
+            "{}: {:?}",
+            format.name,
+            proof.verdict.failures
+        );
         assert_eq!(tin.write(&path).unwrap_err().kind(), ErrorKind::Usage, "a file is there");
     }
 }

@@ -193,14 +193,18 @@ fn order_parts_threads_and_memory_leave_no_trace() {
         (run(&source, &job), std::fs::read(&path).unwrap())
     };
     let (report, expected) = run_as(&points, 60_000, 1, 4 << 30);
-    assert_eq!(report.spilled_bytes, 0);
+    assert_eq!(report.run.spilled_bytes, Some(0));
     let (report, bytes) = run_as(&points, 1000, 1, 33 << 20);
-    assert!(report.spilled_bytes > 0 && bytes == expected, "{} spilled", report.spilled_bytes);
+    assert!(
+        report.run.spilled_bytes > Some(0) && bytes == expected,
+        "{:?} spilled",
+        report.run.spilled_bytes
+    );
     points.sort();
     assert!(run_as(&points, 777, 3, 4 << 30).1 == expected);
     points.reverse();
     let (report, bytes) = run_as(&points, 5000, 2, 60 << 20);
-    assert!(report.spilled_bytes > 0 && bytes == expected);
+    assert!(report.run.spilled_bytes > Some(0) && bytes == expected);
 }
 
 #[test]

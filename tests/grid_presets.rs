@@ -176,7 +176,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
             let output = place.path("a.tif");
             let job = GridJob::of_preset([name], &output, kind, 0.5);
             let (_, report) = made(&GridJob { resources, ground: GroundFrom::Filter, ..job });
-            (std::fs::read(&output).unwrap(), report.spilled_bytes > 0)
+            (std::fs::read(&output).unwrap(), report.run.spilled_bytes > Some(0))
         };
         let (whole, spilled) = bytes(1, 2048);
         assert!(!spilled);

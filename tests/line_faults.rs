@@ -218,9 +218,9 @@ fn planted_faults_are_found_in_every_format() {
                 let of_name = ["a text is another", "a text is a number", "a name is another"];
                 let is_held = format.name == "GPX" && of_name.contains(what);
                 let is_sound = *what == "nothing" || (*is_property && is_lossy && !is_held);
-                assert_eq!(report.passed, is_sound, "{name}");
-                assert_eq!(report.judged, !is_lossy, "{name}");
-                assert_eq!(report.not_judged.is_empty(), report.judged, "{name}");
+                assert_eq!(report.verdict.passed, is_sound, "{name}");
+                assert_eq!(report.verdict.judged, !is_lossy, "{name}");
+                assert_eq!(report.verdict.not_judged.is_empty(), report.verdict.judged, "{name}");
                 looked_at += 1;
             }
         }
@@ -235,7 +235,7 @@ fn shapefiles_cut_names_and_that_is_told() {
     write(&original, &features("MultiPolygon"));
     assert!(convert(&original, &lines));
     let report = prove(&proof(lines, original, Some(0.0)));
-    assert!(report.passed && report.judged, "{report:?}");
+    assert!(report.verdict.passed && report.verdict.judged, "{report:?}");
     // They stand in the original by name; the first of two that are cut alike has the plain stem.
     let told = "names of fields are cut: population_today is population, \
                 population_total is populati_1";
@@ -255,7 +255,7 @@ fn ids_that_repeat_are_proved_where_csv_numbers_features() {
         write(&original, &all);
         assert!(convert(&original, &lines));
         let report = prove(&proof(lines.clone(), original.clone(), Some(0.0)));
-        assert!(report.passed && report.judged, "{report:?}");
+        assert!(report.verdict.passed && report.verdict.judged, "{report:?}");
         all[1]["id"] = json!(2);
         write(&original, &all);
         let report = prove(&proof(lines.clone(), original.clone(), Some(0.0)));
@@ -277,13 +277,13 @@ fn sorted_features_are_paired_by_what_they_are() {
     write(&original, &all);
     assert!(convert(&original, &lines));
     let report = prove(&proof(lines.clone(), original.clone(), Some(0.0)));
-    assert!(report.passed && report.judged, "{report:?}");
+    assert!(report.verdict.passed && report.verdict.judged, "{report:?}");
     let mut changed = all.clone();
     changed[31]["properties"]["n"] = json!(30);
     write(&place.path().join("c.geojson"), &changed);
     assert!(convert(&place.path().join("c.geojson"), &lines));
     let report = prove(&proof(lines, original, Some(0.0)));
-    assert_eq!((report.passed, report.changed_attributes), (false, 1), "{report:?}");
+    assert_eq!((report.verdict.passed, report.changed_attributes), (false, 1), "{report:?}");
 }
 
 #[test]
@@ -308,7 +308,7 @@ fn rings_may_be_gone_where_that_was_declared_and_within_the_tolerance() {
         std::fs::write(&lines, gone).unwrap();
         let job = proof(lines.clone(), original.clone(), Some(tolerance));
         let report = prove(&LineVerifyJob { may_drop, ..job });
-        assert_eq!(report.passed, passed, "{ring} {tolerance} {may_drop}: {report:?}");
+        assert_eq!(report.verdict.passed, passed, "{ring} {tolerance} {may_drop}: {report:?}");
         assert!(report.dropped > 0 && (report.missing > 0) != passed, "{report:?}");
     }
 }
@@ -320,8 +320,8 @@ fn without_a_tolerance_distances_are_not_judged() {
     write(&original, &features("MultiLineString"));
     assert!(convert(&original, &lines));
     let report = prove(&proof(lines, original, None));
-    assert!(report.passed && !report.judged, "{report:?}");
-    assert!(report.not_judged[0].contains("--tolerance"), "{report:?}");
+    assert!(report.verdict.passed && !report.verdict.judged, "{report:?}");
+    assert!(report.verdict.not_judged[0].contains("--tolerance"), "{report:?}");
 }
 
 /// A world of features that are as odd as may be: small whole coordinates, so that vertices repeat and
@@ -431,9 +431,14 @@ fn what_is_made_passes() {
             ..proof(lines, original.clone(), bound)
         });
         let name = format!("{seed}, {}, {}, {collapse:?}", format.name, method.name);
-        assert!(report.passed, "{name}: {:?}", report.failures);
+        assert!(report.verdict.passed, "{name}: {:?}", report.verdict.failures);
         let is_lossy = matches!(format.name, "WKT" | "GPX");
-        assert_eq!(report.judged, bound.is_some() && !is_lossy, "{name}: {:?}", report.not_judged);
+        assert_eq!(
+            report.verdict.judged,
+            bound.is_some() && !is_lossy,
+            "{name}: {:?}",
+            report.verdict.not_judged
+        );
         passed += 1;
         formats.insert(format.name);
     }

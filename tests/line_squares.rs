@@ -126,7 +126,7 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
             proof.may_drop = collapse == Collapse::Drop;
             let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
             let name = format!("{name} {seed}, {square}, {tolerance}, {strategy:?} {collapse:?}");
-            assert!(proof.passed, "{name}: {:?}", proof.failures);
+            assert!(proof.verdict.passed, "{name}: {:?}", proof.verdict.failures);
             // Rings that lie on a line in the input are dropped after the count.
             let [met, told] = [proof.crossings[1], report.input_crossings];
             let may_drop = collapse == Collapse::Drop && !is_clean;
@@ -181,7 +181,7 @@ fn neighbours_share_borders_across_squares() {
         let square = [10, 60, 300, 1000][seed as usize % 4];
         let report = simplify(&place.job(tolerance, square));
         let proof = place.proof(tolerance);
-        assert!(proof.passed && proof.torn == 0, "{seed}: {:?}", proof.failures);
+        assert!(proof.verdict.passed && proof.torn == 0, "{seed}: {:?}", proof.verdict.failures);
         assert!(report.kept < report.vertices && report.kept == proof.vertices[1]);
         assert!((report.largest_distance - proof.largest_distance).abs() < 1e-12, "{seed}");
     }
@@ -258,7 +258,7 @@ fn heights_go_with_their_vertices() {
     let mut proof = place.proof_job(0.03);
     proof.is_space = true;
     let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
-    assert!(proof.passed, "{:?}", proof.failures);
+    assert!(proof.verdict.passed, "{:?}", proof.verdict.failures);
     assert!((proof.largest_distance - held.1).abs() < 1e-12);
 }
 
@@ -319,7 +319,7 @@ fn rings_that_cross_themselves_do_not_turn_over() {
             job.resources = resources(memory, 1);
             simplify(&job);
             let proof = place.proof(1.5);
-            assert!(proof.passed, "{at} {square} {:?}", proof.failures);
+            assert!(proof.verdict.passed, "{at} {square} {:?}", proof.verdict.failures);
             // Of several files none appears before all are judged: nothing is replaced.
             job.input = vec![place.path("e.wkt"), place.path("c.wkt")];
             job.output = place.path(&format!("{at} {square} {memory}"));
@@ -328,7 +328,7 @@ fn rings_that_cross_themselves_do_not_turn_over() {
             let mut proof = place.proof_job(1.5);
             (proof.lines, proof.original) = (job.output.join("c.wkt"), place.path("c.wkt"));
             let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
-            assert!(proof.passed, "{at} {square} {:?}", proof.failures);
+            assert!(proof.verdict.passed, "{at} {square} {:?}", proof.verdict.failures);
         }
     }
 }
@@ -440,7 +440,7 @@ fn what_cannot_be_done_by_squares_is_told() {
     let mut job = place.job(0.02, 100);
     job.goal = Goal::Ratio(0.3);
     simplify(&job);
-    assert!(place.proof(1.0).passed);
+    assert!(place.proof(1.0).verdict.passed);
     let held = read(&place.path("b.wkt"));
     job.resources = resources(200_000, 1);
     simplify(&job);

@@ -258,7 +258,7 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
         let mut job = job(&path);
         job.resources.threads = threads;
         job.resources.memory = memory << 20;
-        assert!(convert(&grid, &job).unwrap().threads <= threads);
+        assert!(convert(&grid, &job).unwrap().run.threads <= threads);
         files.push(std::fs::read(&path).unwrap());
     }
     assert!(files.windows(2).all(|pair| pair[0] == pair[1]));

@@ -3,7 +3,7 @@
 mod verify_support;
 
 use terrane_base::geom::Affine;
-use terrane_jobs::verify::{FaultReport, VerifyReport};
+use terrane_jobs::verify::{FaultReport, Place, VerifyReport};
 use verify_support::{Grid, Mesh, check, delaunay, noise, split_cells};
 
 /// World y of a row, under the default map.
@@ -17,12 +17,12 @@ fn rough() -> Grid {
 
 /// Names of all faults found, in the order of the report.
 fn faults(report: &VerifyReport) -> Vec<&'static str> {
-    let named: [(&str, &FaultReport); 15] = [
+    let named: [(&str, &FaultReport<Place>); 15] = [
         ("over", &report.over_tolerance),
-        ("uncovered samples", &report.uncovered_samples),
-        ("uncovered cells", &report.uncovered_cells),
-        ("void", &report.void_cells),
-        ("outside", &report.outside_triangles),
+        ("uncovered samples", &report.of.uncovered_samples),
+        ("uncovered cells", &report.of.uncovered_cells),
+        ("void", &report.of.void_cells),
+        ("outside", &report.of.outside_triangles),
         ("overlap", &report.overlaps),
         ("inverted", &report.inverted_triangles),
         ("empty", &report.empty_triangles),
@@ -38,11 +38,11 @@ fn faults(report: &VerifyReport) -> Vec<&'static str> {
 }
 
 fn assert_sound(report: &VerifyReport) {
-    assert_eq!(report.failures, Vec::<String>::new());
-    assert!(report.passed);
+    assert_eq!(report.verdict.failures, Vec::<String>::new());
+    assert!(report.verdict.passed);
     assert_eq!(faults(report), Vec::<&str>::new());
-    assert_eq!(report.covered_samples, report.surface_samples);
-    assert_eq!(report.mesh_area, report.surface_cells as f64);
+    assert_eq!(report.of.covered_samples, report.of.surface_samples);
+    assert_eq!(report.mesh_area, report.of.surface_cells as f64);
 }
 
 #[test]
@@ -70,8 +70,8 @@ fn voids_and_isolated_samples_are_no_fault() {
     }
     let report = check(&split_cells(&grid), &grid, Some(0.0));
     assert_sound(&report);
-    assert_eq!((report.valid_samples, report.isolated_samples), (102, 2));
-    assert_eq!(report.covered_samples, 100);
+    assert_eq!((report.of.valid_samples, report.of.isolated_samples), (102, 2));
+    assert_eq!(report.of.covered_samples, 100);
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_delaunay_mesh_has_no_non_delaunay_edge_and_a_flip_makes_one() {
     let flipped = (0..mesh.triangles.len()).find_map(|t| flip(&mesh, t)).unwrap();
     mesh.triangles = flipped;
     let report = check(&mesh, &grid, Some(1e-9));
-    assert!(report.passed, "non-Delaunay edges do not fail: {:?}", report.failures);
+    assert!(report.verdict.passed, "non-Delaunay edges do not fail: {:?}", report.verdict.failures);
     assert!(report.non_delaunay_edges.count >= 1);
 }
 
@@ -119,9 +119,13 @@ fn a_vertex_moved_up_is_over_the_tolerance() {
     let place = report.over_tolerance.first.unwrap();
     assert_eq!((place.column, place.row, place.x, place.y), (5.0, 4.0, 5.0, -4.0));
     assert_eq!((report.max_error, report.max_error_at), (Some(0.5), Some(place)));
-    assert!(!report.passed && report.failures.len() == 1);
-    assert!(report.failures[0].contains("column 5, row 4"), "{}", report.failures[0]);
-    assert!(check(&mesh, &grid, Some(0.5)).passed, "closed <=");
+    assert!(!report.verdict.passed && report.verdict.failures.len() == 1);
+    assert!(
+        report.verdict.failures[0].contains("column 5, row 4"),
+        "{}",
+        report.verdict.failures[0]
+    );
+    assert!(check(&mesh, &grid, Some(0.5)).verdict.passed, "closed <=");
 }
 
 #[test]
@@ -136,7 +140,7 @@ fn a_vertex_moved_sideways_is_free_and_over_the_tolerance() {
     // Beyond its neighbour it turns triangles over.
     mesh.vertices[id][0] += 1.25;
     let report = check(&mesh, &grid, Some(1e-6));
-    assert!(report.inverted_triangles.count > 0 && !report.passed);
+    assert!(report.inverted_triangles.count > 0 && !report.verdict.passed);
 }
 
 #[test]
@@ -164,7 +168,7 @@ fn the_verdict_at_the_tolerance_is_exact() {
     assert_eq!(*report.error_histogram.last().unwrap(), 3);
     assert!(report.max_error.unwrap() > below);
     let report = check(&mesh, &grid, Some(f64::next_up(below)));
-    assert!(report.passed);
+    assert!(report.verdict.passed);
     assert!(report.max_error.unwrap() <= f64::next_up(below));
 }
 
@@ -193,7 +197,7 @@ fn a_dropped_corner_leaves_a_sample_uncovered() {
     mesh.recount();
     let report = check(&mesh, &grid, Some(0.0));
     assert_eq!(faults(&report), ["uncovered samples", "crack", "unused"]);
-    assert_eq!(report.uncovered_samples.count, 1);
+    assert_eq!(report.of.uncovered_samples.count, 1);
 }
 
 #[test]
@@ -218,7 +222,7 @@ fn a_vertex_split_apart_is_a_crack() {
             assert!(faults(&report).contains(name), "{name} among {:?}", faults(&report));
         }
         let soup = check(&mesh.soup(), &grid, Some(1e-6));
-        assert!(!soup.passed);
+        assert!(!soup.verdict.passed);
         assert_eq!(soup.split_heights, report.split_heights);
         assert_eq!(soup.cracks, report.cracks);
     }
@@ -288,7 +292,7 @@ fn inverted_empty_and_overlapping_triangles_are_named() {
     // Of a single layer of unit triangles no sample is strictly inside.
     let report = check(&mesh, &grid, None);
     assert_eq!(faults(&report), ["crack", "t-junction"]);
-    assert!(report.failures.iter().any(|f| f.contains("area")));
+    assert!(report.verdict.failures.iter().any(|f| f.contains("area")));
     mesh.triangles.push(far);
     mesh.recount();
     let report = check(&mesh, &grid, None);
@@ -302,16 +306,16 @@ fn triangles_over_voids_and_beyond_the_grid_are_named() {
     let mut mesh = split_cells(&grid);
     grid.set(4, 4, f64::NAN);
     let report = check(&mesh, &grid, Some(0.0));
-    assert_eq!((report.void_cells.count, report.uncovered_samples.count), (4, 0));
+    assert_eq!((report.of.void_cells.count, report.of.uncovered_samples.count), (4, 0));
     assert!(faults(&report).contains(&"void"));
     let small = Grid::new(11, 9, |c, r| grid.at(c, r));
     let report = check(&mesh, &small, None);
-    assert_eq!(report.outside_triangles.count, 2 * 8);
+    assert_eq!(report.of.outside_triangles.count, 2 * 8);
     mesh.vertices.iter_mut().for_each(|v| v[0] -= 1.0);
     let mut shifted = rough();
     shifted.info.transform.x0 = -1.0;
     assert_sound(&check(&mesh, &shifted, Some(0.0)));
-    assert_eq!(check(&mesh, &rough(), None).outside_triangles.count, 2 * 8);
+    assert_eq!(check(&mesh, &rough(), None).of.outside_triangles.count, 2 * 8);
 }
 
 #[test]
@@ -321,7 +325,7 @@ fn unusable_vertices_and_bad_ids() {
     mesh.vertices[30][2] = f64::NAN;
     let report = check(&mesh, &grid, Some(0.0));
     assert_eq!((report.unusable_vertices, report.broken_triangles), (1, 6));
-    assert!(!report.passed);
+    assert!(!report.verdict.passed);
     mesh.triangles[3][1] = 1 << 40;
     let resources = terrane_jobs::Resources::default();
     let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
@@ -338,13 +342,13 @@ fn grids_without_surface() {
     let empty = Mesh::new(Vec::new(), Vec::new());
     let line = Grid::new(7, 1, |_, _| 1.0);
     let report = check(&empty, &line, Some(0.0));
-    assert!(report.passed);
-    assert_eq!((report.isolated_samples, report.max_error), (7, None));
+    assert!(report.verdict.passed);
+    assert_eq!((report.of.isolated_samples, report.max_error), (7, None));
     let void = Grid::new(5, 5, |_, _| f64::NAN);
-    assert!(check(&empty, &void, Some(0.0)).passed);
+    assert!(check(&empty, &void, Some(0.0)).verdict.passed);
     let cell = Grid::new(2, 2, |_, _| 1.0);
     assert_sound(&check(&split_cells(&cell), &cell, Some(0.0)));
-    assert_eq!(check(&empty, &cell, None).uncovered_samples.count, 4);
+    assert_eq!(check(&empty, &cell, None).of.uncovered_samples.count, 4);
 }
 
 #[test]
@@ -355,7 +359,7 @@ fn long_outline_edges_are_followed_across_domains() {
     assert_sound(&verify_support::check_with(&mesh, &grid, Some(0.0), 2, 1 << 20));
     grid.set(4700, 69, f64::NAN);
     let report = verify_support::check_with(&mesh, &grid, Some(0.0), 2, 1 << 20);
-    assert_eq!((report.cracks.count, report.void_cells.count), (1, 2));
+    assert_eq!((report.cracks.count, report.of.void_cells.count), (1, 2));
 }
 
 #[test]
@@ -374,8 +378,8 @@ fn rounded_storage_is_snapped_and_reported() {
     mesh.info.single_precision = true;
     let report = check(&mesh, &grid, Some(0.0));
     assert_sound(&report);
-    assert!(report.snapped_vertices > 90 && report.largest_snap > 1e-9);
-    assert!(report.largest_snap <= report.snap_radius && report.snap_radius < 1e-3);
+    assert!(report.of.snapped_vertices > 90 && report.of.largest_snap > 1e-9);
+    assert!(report.of.largest_snap <= report.of.snap_radius && report.of.snap_radius < 1e-3);
 }
 
 #[test]
@@ -393,5 +397,5 @@ fn steep_needles_stay_exact() {
 }
 
 fn assert_sound_but_delaunay(report: &VerifyReport) {
-    assert!(report.passed, "{:?}", report.failures);
+    assert!(report.verdict.passed, "{:?}", report.verdict.failures);
 }

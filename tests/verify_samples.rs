@@ -24,12 +24,16 @@ fn own(mut mesh: Mesh) -> Mesh {
 /// The one failure of a mesh of terrane's own, none of a mesh of others.
 fn judged(mesh: &Mesh, grid: &Grid) -> VerifyReport {
     let foreign = check(mesh, grid, WIDE);
-    assert!(foreign.passed && !foreign.made_by_terrane, "{:?}", foreign.failures);
+    assert!(foreign.verdict.passed && !foreign.made_by_terrane, "{:?}", foreign.verdict.failures);
     let report = check(&own(mesh.clone()), grid, WIDE);
-    assert!(report.made_by_terrane && !report.passed);
-    assert_eq!(report.failures.len(), 1, "{:?}", report.failures);
-    assert!(report.failures[0].contains("off the samples"), "{:?}", report.failures);
-    assert_eq!(report.off_sample_vertices, foreign.off_sample_vertices);
+    assert!(report.made_by_terrane && !report.verdict.passed);
+    assert_eq!(report.verdict.failures.len(), 1, "{:?}", report.verdict.failures);
+    assert!(
+        report.verdict.failures[0].contains("off the samples"),
+        "{:?}",
+        report.verdict.failures
+    );
+    assert_eq!(report.of.off_sample_vertices, foreign.of.off_sample_vertices);
     report
 }
 
@@ -40,8 +44,8 @@ fn a_vertex_lifted_within_the_tolerance_is_off_its_sample() {
     let id = mesh.find(5.0, -4.0) as usize;
     mesh.vertices[id][2] += 0.001;
     let report = judged(&mesh, &grid);
-    assert_eq!((report.off_sample_vertices.count, report.free_vertices), (1, 0));
-    let place = report.off_sample_vertices.first.unwrap();
+    assert_eq!((report.of.off_sample_vertices.count, report.free_vertices), (1, 0));
+    let place = report.of.off_sample_vertices.first.unwrap();
     assert_eq!((place.column, place.row), (5.0, 4.0));
 }
 
@@ -52,9 +56,13 @@ fn a_vertex_moved_by_half_a_cell_is_off_its_sample() {
     let id = mesh.find(5.0, -4.0) as usize;
     mesh.vertices[id][0] += 0.5;
     let report = judged(&mesh, &grid);
-    assert_eq!((report.off_sample_vertices.count, report.free_vertices), (1, 1));
-    assert_eq!(report.off_sample_vertices.first.unwrap().column, 5.5);
-    assert_eq!(check(&own(mesh.soup()), &grid, WIDE).off_sample_vertices.count, 1, "one position");
+    assert_eq!((report.of.off_sample_vertices.count, report.free_vertices), (1, 1));
+    assert_eq!(report.of.off_sample_vertices.first.unwrap().column, 5.5);
+    assert_eq!(
+        check(&own(mesh.soup()), &grid, WIDE).of.off_sample_vertices.count,
+        1,
+        "one position"
+    );
 }
 
 #[test]
@@ -66,7 +74,7 @@ fn one_corner_of_several_at_a_sample_is_enough() {
     let last = mesh.triangles.iter().rposition(|t| t.contains(&id)).unwrap();
     mesh.triangles[last] = mesh.triangles[last].map(|v| if v == id { copy } else { v });
     mesh.recount();
-    assert_eq!(check(&mesh, &grid, WIDE).off_sample_vertices.count, 1);
+    assert_eq!(check(&mesh, &grid, WIDE).of.off_sample_vertices.count, 1);
 }
 
 #[test]
@@ -75,10 +83,10 @@ fn a_vertex_in_a_void_or_beyond_the_grid_is_off_the_samples() {
     let mesh = own(split_cells(&grid));
     grid.set(4, 4, f64::NAN);
     let report = check(&mesh, &grid, WIDE);
-    assert_eq!(report.off_sample_vertices.count, 1);
-    assert!(report.failures.iter().any(|f| f.contains("off the samples")));
+    assert_eq!(report.of.off_sample_vertices.count, 1);
+    assert!(report.verdict.failures.iter().any(|f| f.contains("off the samples")));
     let small = Grid::new(11, 9, |_, _| 7.0);
-    assert_eq!(check(&mesh, &small, WIDE).off_sample_vertices.count, 9);
+    assert_eq!(check(&mesh, &small, WIDE).of.off_sample_vertices.count, 9);
 }
 
 #[test]
@@ -92,10 +100,10 @@ fn heights_rounded_by_their_format_are_the_samples() {
         mesh.info.origin = [0.0, 0.0, z0];
         mesh.info.single_precision = true;
         let report = check(&mesh, &grid, WIDE);
-        assert!(report.passed, "{:?}", report.failures);
-        assert_eq!(report.off_sample_vertices.count, 0);
+        assert!(report.verdict.passed, "{:?}", report.verdict.failures);
+        assert_eq!(report.of.off_sample_vertices.count, 0);
         mesh.info.single_precision = false;
-        assert!(check(&mesh, &grid, WIDE).off_sample_vertices.count > 50);
+        assert!(check(&mesh, &grid, WIDE).of.off_sample_vertices.count > 50);
     }
 }
 
@@ -109,7 +117,7 @@ fn the_count_depends_on_no_division() {
     let expected = mesh.vertices.len().div_ceil(7) as u64;
     for (threads, memory) in [(1, 64 << 20), (3, 3 << 20)] {
         let report = check_with(&mesh, &grid, WIDE, threads, memory);
-        assert_eq!(report.off_sample_vertices.count, expected);
+        assert_eq!(report.of.off_sample_vertices.count, expected);
     }
 }
 

@@ -64,16 +64,16 @@ struct Counts {
 
 impl Counts {
     fn of(r: &VerifyReport) -> Self {
-        assert_eq!(r.surface_samples, r.covered_samples + r.uncovered_samples.count);
+        assert_eq!(r.of.surface_samples, r.of.covered_samples + r.of.uncovered_samples.count);
         Self {
-            surface: r.surface_samples,
-            isolated: r.isolated_samples,
-            cells: r.surface_cells,
-            covered: r.covered_samples,
+            surface: r.of.surface_samples,
+            isolated: r.of.isolated_samples,
+            cells: r.of.surface_cells,
+            covered: r.of.covered_samples,
             over: r.over_tolerance.count,
-            uncovered_cells: r.uncovered_cells.count,
-            void_cells: r.void_cells.count,
-            outside: r.outside_triangles.count,
+            uncovered_cells: r.of.uncovered_cells.count,
+            void_cells: r.of.void_cells.count,
+            outside: r.of.outside_triangles.count,
             overlaps: r.overlaps.count,
             inverted: r.inverted_triangles.count,
             empty: r.empty_triangles.count,
@@ -87,7 +87,7 @@ impl Counts {
             open: r.open_edges,
             non_delaunay: r.non_delaunay_edges.count,
             free: r.free_vertices,
-            off_samples: r.off_sample_vertices.count,
+            off_samples: r.of.off_sample_vertices.count,
         }
     }
 }
@@ -334,12 +334,12 @@ fn agree(twin: &Twin<'_>, tolerance: i64) -> std::result::Result<(), TestCaseErr
     let report = check_with(&mesh, twin.grid, Some(tolerance as f64 / 8.0), 2, 1 << 20);
     prop_assert_eq!(Counts::of(&report), twin.counts(tolerance, orientation));
     let (worst, sum, squares) = twin.errors_of_all();
-    let covered = report.covered_samples as f64;
+    let covered = report.of.covered_samples as f64;
     prop_assert!((report.max_error.unwrap_or(0.0) - worst).abs() <= 1e-9 * (1.0 + worst));
     prop_assert!((report.mean_error.unwrap_or(0.0) * covered - sum).abs() <= 1e-9 * (1.0 + sum));
     let got = report.rmse.unwrap_or(0.0).powi(2) * covered;
     prop_assert!((got - squares).abs() <= 1e-9 * (1.0 + squares));
-    prop_assert_eq!(report.error_histogram.iter().sum::<u64>(), report.covered_samples);
+    prop_assert_eq!(report.error_histogram.iter().sum::<u64>(), report.of.covered_samples);
     Ok(())
 }
 
@@ -422,7 +422,7 @@ fn threads_and_memory_change_nothing() {
         mesh.add([44.0, -55.0, 1.0]);
         mesh.recount();
         let expected = findings(check_with(&mesh, &grid, Some(3.0), 1, 1 << 30));
-        assert!(!expected.passed && expected.max_error.is_some());
+        assert!(!expected.verdict.passed && expected.max_error.is_some());
         for (threads, memory) in [(1, 1), (1, 4), (2, 4), (4, 4), (3, 100)] {
             let got = findings(check_with(&mesh, &grid, Some(3.0), threads, memory << 20));
             assert_eq!(got, expected, "{threads} threads, {memory} MiB");

@@ -198,20 +198,13 @@ fn summary(r: &ContourReport) -> String {
         ("lines", lines),
         ("vertices", vertices(r)),
         ("output", format!("{}, {}", r.format, text::bytes(r.output_bytes))),
-        (
-            "time",
-            format!(
-                "{}, {}",
-                text::seconds(r.wall_seconds),
-                text::rate(r.samples_per_second, "samples")
-            ),
-        ),
     ];
     if r.left_out > 0 {
         let count = text::count(r.left_out);
         rows.push(("left out", format!("{count} around samples exactly on a level and no area")));
     }
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    rows.extend(report::took(&r.run, Some(text::rate(r.samples_per_second, "samples")), ""));
+    rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{
-    Outcome, args, check, lists, many, names, parse, pipes, report, say, text,
-};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report};
 use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
@@ -125,15 +123,8 @@ pub(super) fn copy(
 ) -> Result<Outcome> {
     let made = convert::run(job, show.progress().as_ref(), cancel);
     let report = made.map_err(|e| name_size(e, &job.input.to_string()))?;
-    if show.json {
-        say::json(&report::WithSkipped { report: &report, skipped })?;
-    } else if !show.quiet {
-        let mut rows = text::rows(&serde_json::to_value(&report).unwrap_or_default());
-        rows.retain(|(name, _)| name != "input" && name != "output");
-        rows.extend(report.notes.iter().map(|note| ("note".to_owned(), note.clone())));
-        let title = format!("{} -> {}", job.input, job.output.display());
-        say::result(&format!("{title}\n{}", text::table(&rows)))?;
-    }
+    let told = report::WithSkipped { report: &report, skipped };
+    show.tell(&told, || report::plain(&report))?;
     Ok(Outcome::Kept)
 }
 

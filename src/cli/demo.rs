@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
 use crate::atomic;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
@@ -52,13 +50,6 @@ impl Files {
     }
 }
 
-#[derive(Serialize)]
-struct Report<'a> {
-    #[serde(flatten)]
-    tin: &'a TinReport,
-    verify: &'a VerifyReport,
-}
-
 impl Verb for Args {
     const NAME: &'static str = "demo";
 
@@ -78,14 +69,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let made = jobs::tin::run(&job, progress, cancel)?;
     let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
     jobs::view::run(&picture(&files, &resources), progress, cancel)?;
-    let report = Report { tin: &made, verify: &checked };
+    let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[] };
     report::write(&files.report, true, &report)?;
     if args.show.json {
         say::json(&report)?;
     } else if !args.show.quiet {
         say::result(&summary(&files, &made, &checked)?)?;
     }
-    Ok(verify::outcome(&checked))
+    Ok(verify::outcome(&checked.verdict))
 }
 
 fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
@@ -145,7 +136,7 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
         let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
         Ok::<_, Error>(format!("{}, {}", path.display(), text::bytes(found.len())))
     };
-    let verdict = if checked.passed { "proved" } else { "NOT kept" };
+    let verdict = if checked.verdict.passed { "proved" } else { "NOT kept" };
     let unit = &made.vertical_unit;
     let rows = [
         ("terrain", size(&files.grid)?),
@@ -175,7 +166,7 @@ fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<St
             "how fast",
             format!(
                 "{}, {}",
-                text::seconds(made.wall_seconds),
+                text::seconds(made.run.wall_seconds),
                 text::rate(made.samples_per_second, "samples")
             ),
         ),

@@ -393,18 +393,12 @@ pub(super) fn summary(r: &GridReport) -> String {
         ),
         ("bands", bands(r)),
         ("file", format!("{}, {}, {}", text::bytes(r.output_bytes), r.format, r.sample_type)),
-        ("time", time(r)),
     ];
-    if let Some(peak) = r.peak_memory {
-        let spilled = match r.spilled_bytes {
-            0 => String::new(),
-            bytes => format!(", {} through a temporary file", text::bytes(bytes)),
-        };
-        let budget = text::bytes(r.memory_budget);
-        let peak = text::bytes(peak);
-        rows.push(("memory", format!("{peak} at the peak, {budget} allowed{spilled}")));
-    }
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
+    let stages = r.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
+    let rate = text::rate(r.points_per_second, "points");
+    rows.extend(report::took(&r.run, Some(rate), &stages));
+    rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 
@@ -428,18 +422,10 @@ fn bands(r: &GridReport) -> String {
     r.bands.iter().map(band).collect::<Vec<_>>().join(", ")
 }
 
-fn time(r: &GridReport) -> String {
-    let rate = text::rate(r.points_per_second, "points");
-    let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
-    let stages = r.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
-    let threads =
-        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
-    format!("{}, {rate}, {threads} ({stages})", text::seconds(r.wall_seconds))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::jobs::figures::Figures;
 
     #[test]
     fn sizes_and_corners_are_read() {
@@ -463,8 +449,7 @@ mod tests {
             outside_grid: 7,
             bands: vec![grid::BandReport { name: "mean".into(), valid: 5 }],
             cells: 10,
-            spilled_bytes: 2048,
-            peak_memory: Some(1),
+            run: Figures { spilled_bytes: Some(2048), peak_memory: Some(1), ..Figures::default() },
             ..GridReport::default()
         };
         let told = summary(&report);

@@ -348,12 +348,8 @@ fn summary(r: &LineReport) -> String {
     }
     rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
-    rows.push(("time", text::seconds(r.wall_seconds)));
-    if let Some(peak) = r.peak_memory {
-        let budget = text::bytes(r.memory_budget);
-        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
-    }
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    rows.extend(report::took(&r.run, None, ""));
+    rows.extend(report::notes(&r.notes));
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))
 }
 

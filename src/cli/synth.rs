@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::cli::convert;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, text};
+use crate::cli::shared::{Outcome, args, check, lists, report};
 use crate::cloud;
 use crate::cloud::write::PointFormat;
 use crate::error::{Error, Result};
@@ -117,15 +117,7 @@ fn draw(lines: Lines, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     tell(&report, args)
 }
 
-/// Tells all of a report, what it names first as its title.
 fn tell(report: &impl Serialize, args: &Args) -> Result<Outcome> {
-    args.show.tell(report, || {
-        let told = serde_json::to_value(report).unwrap_or_default();
-        let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
-        let title = format!("{} -> {}", name("input"), name("output"));
-        let mut rows = text::rows(&told);
-        rows.retain(|(key, _)| key != "input" && key != "output");
-        format!("{title}\n{}", text::table(&rows))
-    })?;
+    args.show.tell(report, || report::plain(report))?;
     Ok(Outcome::Kept)
 }

@@ -107,11 +107,12 @@ fn summary(r: &ViewReport) -> String {
         }
         _ => "none: there is no surface in this picture".to_owned(),
     };
-    let rows = [
+    let mut rows = vec![
         ("picture", format!("{} x {} pixels, {}", r.width, r.height, text::bytes(r.output_bytes))),
         ("bounds", r.bounds.map(text::number).join(", ")),
         ("heights", heights),
         ("exaggeration", text::number(r.exaggeration)),
     ];
+    rows.extend(report::took(&r.run, None, ""));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }

@@ -29,7 +29,7 @@ pub struct Features {
 /// let lines = terrane::open_features(&path)?;
 /// let report = lines.simplify().tolerance(0.1).write(&simpler)?;
 /// assert_eq!((report.vertices, report.kept), (3, 2));
-/// assert!(lines.verify(&simpler).max_error(0.1).run()?.passed);
+/// assert!(lines.verify(&simpler).max_error(0.1).run()?.verdict.passed);
 /// # Ok(())
 /// # }
 /// ```

@@ -143,7 +143,7 @@ const BATCH: usize = 1 << 14;
 /// let dem = terrane::open("synth:rough,size=257,seed=7")?;
 /// let report = dem.tin().max_error(2.0).memory("256M").write(&path)?;
 /// assert!(report.vertices < 257 * 257);
-/// assert!(dem.verify(&path).run()?.passed);
+/// assert!(dem.verify(&path).run()?.verdict.passed);
 /// # Ok(())
 /// # }
 /// ```

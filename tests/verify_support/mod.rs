@@ -4,7 +4,8 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::Result;
 use terrane_base::geom::{Affine, Crs, Point3, Rect};
-use terrane_jobs::verify::{VerifyReport, verify};
+use terrane_jobs::figures::Figures;
+use terrane_jobs::verify::{OfGrid, VerifyReport, verify};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
@@ -227,12 +228,8 @@ pub(crate) fn check(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyR
 /// The findings alone, without the figures of the run.
 pub(crate) fn findings(report: VerifyReport) -> VerifyReport {
     VerifyReport {
-        threads: 0,
-        memory_budget: 0,
-        spilled_bytes: 0,
-        peak_memory: None,
-        wall_seconds: 0.0,
-        samples_per_second: 0.0,
+        of: OfGrid { samples_per_second: 0.0, ..report.of },
+        run: Figures::default(),
         ..report
     }
 }

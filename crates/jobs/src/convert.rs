@@ -17,7 +17,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::figures::Figures;
+use crate::{Cancel, Progress, Resources};
 use bbox::{part, window};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -107,10 +108,8 @@ pub struct ConvertReport {
     /// What of the grid the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub samples_per_second: f64,
 }
 
@@ -151,15 +150,14 @@ pub fn copy(
     cancel.check()?;
     let (written, notes) = (sink.info().clone(), sink.notes());
     let output_bytes = sink.finish()?;
-    let wall_seconds = start.elapsed().as_secs_f64();
+    let run = Figures { threads, ..Figures::since(start, &job.resources) };
     Ok(ConvertReport {
         format: format.name.to_owned(),
         samples,
         notes,
         output_bytes,
-        threads,
-        wall_seconds,
-        samples_per_second: samples as f64 / wall_seconds,
+        samples_per_second: run.rate(samples),
+        run,
         ..report(job, &written, &summary)
     })
 }
@@ -197,8 +195,6 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport
         valid_samples: summary.valid,
         lowest: seen(summary.lowest),
         highest: seen(summary.highest),
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
         ..ConvertReport::default()
     }
 }

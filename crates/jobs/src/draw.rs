@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Cancel, Progress, Resources, peak_memory};
+use super::figures::Figures;
+use super::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_synth::lines::Lines;
 use terrane_vector::{self as vector, OpenOptions, WriteOptions};
@@ -32,8 +33,8 @@ pub struct DrawReport {
     pub features: u64,
     pub vertices: u64,
     pub output_bytes: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     /// What the format could not hold.
     pub notes: Vec<String>,
 }
@@ -69,8 +70,7 @@ pub fn run(job: &DrawJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Dr
         features: written.features,
         vertices,
         output_bytes: written.bytes,
-        peak_memory: peak_memory(),
-        wall_seconds: start.elapsed().as_secs_f64(),
+        run: Figures { threads: 1, ..Figures::since(start, &job.resources) },
         notes: written.notes,
     })
 }

@@ -10,6 +10,7 @@ pub mod draw;
 pub mod feature_stats;
 #[cfg(test)]
 mod few;
+pub mod figures;
 pub mod grid;
 pub mod input;
 pub mod line;

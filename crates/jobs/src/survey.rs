@@ -7,8 +7,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::figures::Figures;
 use super::input::workers;
-use super::{Cancel, Progress, Resources, peak_memory};
+use super::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;
 use terrane_cloud::write::{
@@ -41,10 +42,8 @@ pub struct SurveyReport {
     pub points: u64,
     pub crs: String,
     pub output_bytes: u64,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub points_per_second: f64,
 }
 
@@ -67,7 +66,7 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     progress.end();
     let points = writer.points();
     let output_bytes = writer.finish()?;
-    let wall_seconds = start.elapsed().as_secs_f64();
+    let run = Figures::since(start, &job.resources);
     Ok(SurveyReport {
         input: format!("synth:{}", job.survey),
         output: job.output.display().to_string(),
@@ -75,11 +74,8 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         points,
         crs: synth::crs().label(),
         output_bytes,
-        threads: job.resources.threads,
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
-        wall_seconds,
-        points_per_second: points as f64 / wall_seconds,
+        points_per_second: run.rate(points),
+        run,
     })
 }
 

@@ -13,10 +13,12 @@ mod mesh;
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::figures::Figures;
 use crate::input::{self, Surface};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -70,6 +72,8 @@ pub struct ViewReport {
     pub lowest: Option<f32>,
     pub highest: Option<f32>,
     pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
 }
 
 /// A surface ready to be painted.
@@ -87,6 +91,7 @@ const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 
 /// Draws a picture.
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
+    let started = Instant::now();
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let options = OpenOptions {
         band: job.band,
@@ -103,7 +108,8 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
         Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
         Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel)?,
     };
-    paint(job, &drawn, progress, cancel)
+    let report = paint(job, &drawn, progress, cancel)?;
+    Ok(ViewReport { run: Figures::since(started, &job.resources), ..report })
 }
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
@@ -184,6 +190,7 @@ fn paint(
         lowest: low.is_finite().then_some(low),
         highest: high.is_finite().then_some(high),
         output_bytes: file.commit()?,
+        run: Figures::default(),
     })
 }
 

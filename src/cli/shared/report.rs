@@ -1,12 +1,13 @@
-//! Reports: what became of a run, for programs.
+//! Reports: what became of a run, for programs and people.
 
 use std::path::Path;
 
 use serde::Serialize;
 
 use crate::atomic::AtomicFile;
-use crate::cli::shared::say;
+use crate::cli::shared::{say, text};
 use crate::error::{Error, Result};
+use crate::jobs::figures::Figures;
 use crate::jobs::sift::Skipped;
 
 /// A report with the files that were left out.
@@ -24,4 +25,45 @@ pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Re
     let mut file = AtomicFile::create(path, overwrite)?;
     file.write_all(say::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
+}
+
+/// A row of a table.
+pub(crate) type Row = (&'static str, String);
+
+/// What a run took, as rows: its time, with how fast it was and where the time went, and its memory.
+pub(crate) fn took(run: &Figures, rate: Option<String>, stages: &str) -> Vec<Row> {
+    let threads =
+        if run.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", run.threads) };
+    let stages = if stages.is_empty() { String::new() } else { format!(" ({stages})") };
+    let rate = rate.map_or(String::new(), |rate| format!(", {rate}"));
+    let mut rows =
+        vec![("time", format!("{}{rate}, {threads}{stages}", text::seconds(run.wall_seconds)))];
+    if let Some(peak) = run.peak_memory {
+        let [peak, budget] = [peak, run.memory_budget].map(text::bytes);
+        let spilled = match run.spilled_bytes {
+            None | Some(0) => String::new(),
+            Some(bytes) => format!(", {} through temporary files", text::bytes(bytes)),
+        };
+        rows.push(("memory", format!("{peak} at the peak, {budget} allowed{spilled}")));
+    }
+    rows
+}
+
+/// Notes as rows.
+pub(crate) fn notes(notes: &[String]) -> impl Iterator<Item = Row> {
+    notes.iter().map(|note| ("note", note.clone()))
+}
+
+/// All that a report says plainly, for people: a title of what it names first, and a table.
+pub(crate) fn plain(report: &impl Serialize) -> String {
+    let told = serde_json::to_value(report).unwrap_or_default();
+    let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
+    let title = format!("{} -> {}", name("input"), name("output"));
+    let mut rows = text::rows(&told);
+    rows.retain(|(key, _)| key != "input" && key != "output");
+    let notes = told["notes"].as_array().into_iter().flatten();
+    rows.extend(
+        notes.map(|note| ("note".to_owned(), note.as_str().unwrap_or_default().to_owned())),
+    );
+    format!("{title}\n{}", text::table(&rows))
 }

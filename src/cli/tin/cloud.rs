@@ -1,18 +1,17 @@
 //! `terrane tin` on point clouds.
 
-use serde::Serialize;
-
 use crate::cli::shared::many::Kind;
-use crate::cli::shared::{Outcome, check, points, report, say, text};
+use crate::cli::shared::{Outcome, check, points, report, text};
 use crate::cli::tin::args::Args;
+use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::cloud as clouds;
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::Cancel;
 use crate::jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
-use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
+use crate::jobs::sift::Sifted;
+use crate::jobs::verify::{CloudVerifyJob, verify_cloud};
 use crate::mesh;
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
@@ -29,30 +28,8 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
         false => None,
     };
-    let report = Report { tin: &made, verify: checked.as_ref(), skipped: &skipped };
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, &report)?;
-    }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&made))?;
-        checked.as_ref().map_or(Ok(()), |c| say::result(&verify::cloud::summary(c)))?;
-    } else {
-        checked.iter().for_each(|r| verify::tell(&r.failures, &r.not_judged));
-    }
-    Ok(checked.as_ref().map_or(Outcome::Kept, verify::cloud::outcome))
-}
-
-/// The report of both steps, as one JSON object.
-#[derive(Serialize)]
-struct Report<'a> {
-    #[serde(flatten)]
-    tin: &'a CloudTinReport,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    verify: Option<&'a CloudVerifyReport>,
-    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
-    skipped: &'a [Skipped],
+    let told = Told { made: &made, checked: checked.as_ref(), skipped: &skipped };
+    told.tell(args, || summary(&made), verify::cloud::summary)
 }
 
 /// The job of proving what a job wrote.
@@ -114,16 +91,13 @@ fn summary(r: &CloudTinReport) -> String {
         ("points", points(r)),
         ("vertices", share),
         ("triangles", text::count(r.triangles)),
-        ("max error", errors(r)),
+        ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
-        ("time", time(r)),
     ];
-    if let Some(peak) = r.peak_memory {
-        let budget = text::bytes(r.memory_budget);
-        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
-    }
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    let rate = text::rate(r.points_per_second, "points");
+    rows.extend(report::took(&r.run, Some(rate), &stages(&r.stages)));
+    rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 
@@ -133,23 +107,4 @@ fn points(r: &CloudTinReport) -> String {
         n => format!("; {} above another at the same position", text::count(n)),
     };
     format!("{}, {}{stacked}", points::census(&r.points), r.crs)
-}
-
-fn errors(r: &CloudTinReport) -> String {
-    let unit = &r.vertical_unit;
-    let found = r.max_error.map(|e| format!("{} {unit}, ", text::bound(e)));
-    let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
-    let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
-    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
-}
-
-fn time(r: &CloudTinReport) -> String {
-    let stage = |s: &crate::jobs::tin::StageReport| {
-        format!("{} {}", s.name, text::seconds(s.thread_seconds))
-    };
-    let stages: Vec<String> = r.stages.iter().map(stage).collect();
-    let threads =
-        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
-    let rate = text::rate(r.points_per_second, "points");
-    format!("{}, {rate}, {threads} ({})", text::seconds(r.wall_seconds), stages.join(", "))
 }

@@ -2,29 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
-
-use crate::cli::shared::{Outcome, check, many, pipes, report, say, text};
+use crate::cli::shared::{Outcome, check, many, pipes, report, text};
 use crate::cli::tin::args::{Args, Creation};
+use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tin::{self, TinJob, TinReport};
-use crate::jobs::verify::{VerifyJob, VerifyReport};
+use crate::jobs::verify::VerifyJob;
 use crate::mesh;
 use crate::raster::{self, undeclared_nodata};
-
-/// The report of both steps, as one JSON object.
-#[derive(Serialize)]
-struct Report<'a> {
-    #[serde(flatten)]
-    tin: &'a TinReport,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    verify: Option<&'a VerifyReport>,
-    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
-    skipped: &'a [Skipped],
-}
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.points.refuse(&args.input[0])?;
@@ -59,19 +47,8 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
         true => Some(crate::jobs::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
         false => None,
     };
-    let report = Report { tin: &made, verify: checked.as_ref(), skipped };
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, &report)?;
-    }
-    if args.show.json {
-        say::json(&report)?;
-    } else if !args.show.quiet {
-        say::result(&summary(&made))?;
-        checked.as_ref().map_or(Ok(()), |c| say::result(&verify::summary(c)))?;
-    } else {
-        checked.iter().for_each(|r| verify::tell(&r.failures, &r.not_judged));
-    }
-    Ok(checked.as_ref().map_or(Outcome::Kept, verify::outcome))
+    let told = Told { made: &made, checked: checked.as_ref(), skipped };
+    told.tell(args, || summary(&made), verify::summary)
 }
 
 /// Checks what can be checked without work, and makes the job.
@@ -154,19 +131,16 @@ pub(crate) fn summary(r: &TinReport) -> String {
             format!("{}, {} of the valid samples", text::count(r.vertices), text::percent(r.kept)),
         ),
         ("triangles", text::count(r.triangles)),
-        ("max error", errors(r)),
+        ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
-        ("time", time(r)),
     ];
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));
     }
-    if let Some(peak) = r.peak_memory {
-        let budget = text::bytes(r.memory_budget);
-        rows.push(("memory", format!("{} at the peak, {budget} allowed", text::bytes(peak))));
-    }
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    let rate = text::rate(r.samples_per_second, "samples");
+    rows.extend(report::took(&r.run, Some(rate), &format!("in threads: {}", stages(&r.stages))));
+    rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
 }
 
@@ -183,31 +157,10 @@ fn samples(r: &TinReport) -> String {
     line
 }
 
-fn errors(r: &TinReport) -> String {
-    let unit = &r.vertical_unit;
-    let allowed = format!("{} {unit} allowed", text::number(r.tolerance));
-    let found = r.max_error.map(|e| format!("{} {unit}, ", text::bound(e)));
-    let rmse = r.rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
-    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
-}
-
-fn time(r: &TinReport) -> String {
-    let rate = text::rate(r.samples_per_second, "samples");
-    let threads =
-        if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) };
-    let total = text::seconds(r.wall_seconds);
-    format!("{total}, {rate}, {threads} (in threads: {})", stages(&r.stages))
-}
-
-/// Stages with their times.
-pub(crate) fn stages(stages: &[tin::StageReport]) -> String {
-    let stage = |s: &tin::StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
-    stages.iter().map(stage).collect::<Vec<_>>().join(", ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::jobs::figures::Figures;
     use crate::jobs::placing::Placed;
 
     #[test]
@@ -226,12 +179,11 @@ mod tests {
             isolated_samples: 2,
             vertices: 12_345,
             kept: 0.016,
-            threads: 2,
             samples_per_second: 12.3e6,
             placed: Some(Placed::default()),
             suspected_nodata: Some(-1.0),
             suspected_samples: Some(7),
-            peak_memory: Some(1 << 20),
+            run: Figures { threads: 2, peak_memory: Some(1 << 20), ..Figures::default() },
             notes: vec!["first".into(), "second".into()],
             ..TinReport::default()
         };

@@ -3,9 +3,11 @@
 mod args;
 mod cloud;
 mod grid;
+mod told;
 
 pub(crate) use args::{Args, Method, Split};
-pub(crate) use grid::{proof, stages, summary};
+pub(crate) use grid::{proof, summary};
+pub(crate) use told::{Told, stages};
 
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
-use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, verify_cloud};
+use crate::jobs::verify::{CloudVerifyJob, CloudVerifyReport, OfCloud, verify_cloud};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
@@ -20,13 +20,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let report = verify_cloud(&job, args.show.progress().as_ref(), cancel)?;
     let whole = report::WithSkipped { report: &report, skipped: &skipped };
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, &whole)?;
-    }
-    if !args.show.tell(&whole, || summary(&report))? {
-        told::tell(&report.failures, &report.not_judged);
-    }
-    Ok(outcome(&report))
+    told::finish(args, &whole, &report.verdict, || summary(&report))
 }
 
 /// Checks what can be checked without work, and makes the job.
@@ -54,44 +48,14 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
     })
 }
 
-/// Whether the mesh kept its promises.
-pub(crate) fn outcome(report: &CloudVerifyReport) -> Outcome {
-    Outcome::of(report.passed, report.judged)
-}
-
-/// A proof for people: the verdict, what failed, and the figures.
+/// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let verdict = told::verdict(r.passed, &r.not_judged);
-    let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
-    let sizes =
-        format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
-    let rate = text::rate(r.points_per_second, "points");
-    let rows = [
-        ("error", errors(r)),
-        ("points", points(r)),
-        ("mesh", sizes),
-        (
-            "vertices",
-            told::vertices(r.off_point_vertices.count, r.made_by_terrane, ["points", "cloud"]),
-        ),
-        ("edges", told::edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
-        ("angles", told::angles(r.smallest_angle)),
-        ("time", format!("{}, {rate}", text::seconds(r.wall_seconds))),
-    ];
-    format!("{verdict}\n{failures}{}", text::table(&rows))
+    let rows = [("points", points(&r.of)), told::off_vertices(r, "cloud")];
+    let unit = format!(" ({})", r.of.vertical_unit);
+    told::summary(r, rows, &unit, text::rate(r.of.points_per_second, "points"))
 }
 
-fn errors(r: &CloudVerifyReport) -> String {
-    let (most, unit) = (r.max_error.map_or("-".to_owned(), text::bound), &r.vertical_unit);
-    let allowed = match r.tolerance {
-        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
-        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
-    };
-    let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
-    format!("{allowed}; RMSE {rmse}, mean {mean} ({unit})")
-}
-
-fn points(r: &CloudVerifyReport) -> String {
+fn points(r: &OfCloud) -> String {
     let [covered, judged] = [r.covered_points, r.judged_points].map(text::count);
     let stacked = match r.stacked_points {
         0 => String::new(),

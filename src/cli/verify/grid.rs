@@ -10,7 +10,7 @@ use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
-use crate::jobs::verify::{self, VerifyJob, VerifyReport};
+use crate::jobs::verify::{self, OfGrid, VerifyJob, VerifyReport};
 use crate::raster;
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
@@ -33,13 +33,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
     let whole = report::WithSkipped { report: &report, skipped: &skipped };
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, &whole)?;
-    }
-    if !args.show.tell(&whole, || summary(&report))? {
-        told::tell(&report.failures, &report.not_judged);
-    }
-    Ok(outcome(&report))
+    told::finish(args, &whole, &report.verdict, || summary(&report))
 }
 
 /// Fails unless there is a mesh and a grid, in this order.
@@ -57,47 +51,13 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
     }
 }
 
-/// Whether the mesh kept its promises.
-pub(crate) fn outcome(report: &VerifyReport) -> Outcome {
-    Outcome::of(report.passed, report.judged)
-}
-
-/// A proof for people: the verdict, what failed, and the figures.
+/// A proof for people.
 pub(crate) fn summary(r: &VerifyReport) -> String {
-    let verdict = told::verdict(r.passed, &r.not_judged);
-    let failures: String = r.failures.iter().map(|f| format!("  - {f}\n")).collect();
-    let sizes =
-        format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
-    let time = format!(
-        "{}, {}",
-        text::seconds(r.wall_seconds),
-        text::rate(r.samples_per_second, "samples")
-    );
-    let rows = [
-        ("error", errors(r)),
-        ("samples", samples(r)),
-        ("mesh", sizes),
-        (
-            "vertices",
-            told::vertices(r.off_sample_vertices.count, r.made_by_terrane, ["samples", "grid"]),
-        ),
-        ("edges", told::edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
-        ("angles", told::angles(r.smallest_angle)),
-        ("time", time),
-    ];
-    format!("{verdict}\n{failures}{}", text::table(&rows))
+    let rows = [("samples", samples(&r.of)), told::off_vertices(r, "grid")];
+    told::summary(r, rows, "", text::rate(r.of.samples_per_second, "samples"))
 }
 
-fn errors(r: &VerifyReport) -> String {
-    let most = r.max_error.map_or("-".to_owned(), text::bound);
-    let allowed = match r.tolerance {
-        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
-        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
-    };
-    format!("{allowed}; RMSE {}, mean {}", text::height(r.rmse), text::height(r.mean_error))
-}
-
-fn samples(r: &VerifyReport) -> String {
+fn samples(r: &OfGrid) -> String {
     let mut line =
         format!("{} covered of {}", text::count(r.covered_samples), text::count(r.surface_samples));
     if r.isolated_samples > 0 {

@@ -12,13 +12,7 @@ use crate::jobs::verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(args)?;
     let report = verify_lines(&job, args.show.progress().as_ref(), cancel)?;
-    if let Some(path) = &args.report {
-        report::write(path, args.overwrite, &report)?;
-    }
-    if !args.show.tell(&report, || summary(&report))? {
-        told::tell(&report.failures, &report.not_judged);
-    }
-    Ok(Outcome::of(report.passed, report.judged))
+    told::finish(args, &report, &report.verdict, || summary(&report))
 }
 
 /// Checks what can be checked without work, and makes the job.
@@ -64,7 +58,7 @@ fn job(args: &Args) -> Result<LineVerifyJob> {
 
 /// A proof for people: the verdict, what failed, and the figures.
 fn summary(r: &LineVerifyReport) -> String {
-    let verdict = told::verdict(r.passed, &r.not_judged);
+    let verdict = told::in_words(&r.verdict);
     let unit = if r.measure == Measure::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);
     let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));
@@ -105,10 +99,10 @@ fn summary(r: &LineVerifyReport) -> String {
             "sides",
             format!("{} changed, {} borders torn{only}", text::count(r.moved), text::count(r.torn)),
         ),
-        ("time", text::seconds(r.wall_seconds)),
     ];
-    rows.extend(r.failures.iter().map(|failure| ("broken", failure.clone())));
-    rows.extend(r.not_judged.iter().map(|what| ("not judged", what.clone())));
-    rows.extend(r.notes.iter().map(|note| ("note", note.clone())));
+    rows.extend(report::took(&r.run, None, ""));
+    rows.extend(r.verdict.failures.iter().map(|failure| ("broken", failure.clone())));
+    rows.extend(r.verdict.not_judged.iter().map(|what| ("not judged", what.clone())));
+    rows.extend(report::notes(&r.notes));
     format!("{} <- {}\n{}", r.lines, r.original, text::table(&rows))
 }

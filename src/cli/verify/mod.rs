@@ -8,8 +8,8 @@ mod line;
 mod told;
 
 pub(crate) use args::Args;
-pub(crate) use grid::{outcome, summary};
-pub(crate) use told::tell;
+pub(crate) use grid::summary;
+pub(crate) use told::{outcome, tell};
 
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};

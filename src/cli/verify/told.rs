@@ -1,40 +1,104 @@
 //! What is told of a proof, whatever it is of.
 
-use crate::cli::shared::{say, text};
+use serde::Serialize;
+
+use crate::cli::shared::report::{self, Row};
+use crate::cli::shared::{Outcome, say, text};
+use crate::cli::verify::args::Args;
+use crate::error::Result;
+use crate::jobs::verify::{MeshReport, Original, Verdict};
+
+/// Tells of a proof as it was asked for.
+pub(super) fn finish(
+    args: &Args,
+    proof: &impl Serialize,
+    verdict: &Verdict,
+    summary: impl FnOnce() -> String,
+) -> Result<Outcome> {
+    if let Some(path) = &args.report {
+        report::write(path, args.overwrite, proof)?;
+    }
+    if !args.show.tell(proof, summary)? {
+        tell(verdict);
+    }
+    Ok(outcome(verdict))
+}
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
-pub(crate) fn tell(failures: &[String], not_judged: &[String]) {
-    failures.iter().for_each(|failure| say::failure(failure));
-    not_judged.iter().for_each(|what| say::not_judged(what));
+pub(crate) fn tell(verdict: &Verdict) {
+    verdict.failures.iter().for_each(|failure| say::failure(failure));
+    verdict.not_judged.iter().for_each(|what| say::not_judged(what));
+}
+
+/// Whether all promises were kept.
+pub(crate) fn outcome(verdict: &Verdict) -> Outcome {
+    Outcome::of(verdict.passed, verdict.judged)
 }
 
 /// What came of a proof.
-pub(crate) fn verdict(passed: bool, not_judged: &[String]) -> String {
-    match (passed, not_judged) {
+pub(super) fn in_words(verdict: &Verdict) -> String {
+    match (verdict.passed, verdict.not_judged.as_slice()) {
         (true, []) => "verified: every promise is kept".to_owned(),
         (true, not) => format!("nothing wrong is found, but not judged: {}", not.join("; ")),
         (false, _) => "NOT verified".to_owned(),
     }
 }
 
+/// A proof of a mesh for people: the verdict, what failed, and the figures. Of the original come a row
+/// about its points, and one about vertices that it does not have; `unit` is that of errors, and `rate`
+/// how fast the proof was.
+pub(super) fn summary<O: Original>(
+    r: &MeshReport<O>,
+    [points, off]: [Row; 2],
+    unit: &str,
+    rate: String,
+) -> String {
+    let failures: String = r.verdict.failures.iter().map(|f| format!("  - {f}\n")).collect();
+    let sizes =
+        format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
+    let mut rows = vec![
+        ("error", errors(r) + unit),
+        points,
+        ("mesh", sizes),
+        off,
+        ("edges", edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
+        ("angles", angles(r.smallest_angle)),
+    ];
+    rows.extend(report::took(&r.run, Some(rate), ""));
+    format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
+}
+
+fn errors<O: Original>(r: &MeshReport<O>) -> String {
+    let most = r.max_error.map_or("-".to_owned(), text::bound);
+    let allowed = match r.tolerance {
+        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
+        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
+    };
+    let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
+    format!("{allowed}; RMSE {rmse}, mean {mean}")
+}
+
 /// The smallest angle of a mesh.
-pub(crate) fn angles(smallest: Option<f64>) -> String {
+fn angles(smallest: Option<f64>) -> String {
     smallest.map_or("none".to_owned(), |a| format!("{} degrees at the least", text::number(a)))
 }
 
-/// What is told of vertices that are not `source`: a failure only where terrane made them.
-pub(crate) fn vertices(off: u64, made_by_terrane: bool, [source, of]: [&str; 2]) -> String {
-    match (text::count(off), made_by_terrane) {
+/// What is told of `off` vertices that are no points of the original: a failure only where terrane made
+/// them.
+pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
+    let (source, off) = (O::POINTS, r.of.off_vertices().count);
+    let told = match (text::count(off), r.made_by_terrane) {
         _ if off == 0 => format!("all are {source} of the {of}"),
         (off, true) => format!("{off} off the {source}"),
         (off, false) => {
             format!("{off} off the {source}; no failure, because terrane did not write this mesh")
         }
-    }
+    };
+    ("vertices", told)
 }
 
 /// What is told of edges.
-pub(crate) fn edges(inner: u64, open: u64, non_delaunay: u64) -> String {
+fn edges(inner: u64, open: u64, non_delaunay: u64) -> String {
     let [inner, outer, delaunay] = [inner, open, non_delaunay].map(text::count);
     format!("{inner} inside, {delaunay} of them not Delaunay; {outer} on the outline")
 }

@@ -28,6 +28,7 @@ use serde::Serialize;
 use self::choose::{Errors, choose};
 use self::regions::Regions;
 use self::write::{Written, write};
+use crate::figures::Figures;
 use crate::memory::PROGRAM;
 use crate::placing::{Placed, Placing};
 use crate::points::{Filling, PointStore, Tiling};
@@ -122,12 +123,8 @@ pub struct CloudTinReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placed: Option<Placed>,
     pub regions: u64,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    /// Bytes written to temporary files.
-    pub spilled_bytes: u64,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub points_per_second: f64,
     pub stages: Vec<StageReport>,
     /// What is odd about the cloud.
@@ -175,8 +172,8 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     report.files = source.files().len() as u64;
     report.notes.extend_from_slice(source.notes());
     report.notes.extend(source.info().crs.lost_in_wkt());
-    report.wall_seconds = started.elapsed().as_secs_f64();
-    report.points_per_second = report.points.read as f64 / report.wall_seconds.max(1e-9);
+    report.run.wall_seconds = started.elapsed().as_secs_f64();
+    report.points_per_second = report.run.rate(report.points.read);
     Ok(report)
 }
 
@@ -377,10 +374,13 @@ fn report(
         output_bytes: written.bytes,
         prj: prj.map(|path| path.display().to_string()),
         regions: work.regions.all.len() as u64,
-        threads: work.threads,
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
-        spilled_bytes: made.spilled,
+        run: Figures {
+            threads: work.threads,
+            memory_budget: job.resources.memory,
+            peak_memory: peak_memory(),
+            spilled_bytes: Some(made.spilled),
+            wall_seconds: 0.0,
+        },
         stages: clock.stages,
         ..CloudTinReport::default()
     }

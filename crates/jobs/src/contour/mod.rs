@@ -31,9 +31,10 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
 use crate::workers;
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::{Cancel, Progress, Resources};
 use budget::Budget;
 use join::Pieces;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -191,12 +192,8 @@ pub struct ContourReport {
     pub notes: Vec<String>,
     pub output_bytes: u64,
     pub samples: u64,
-    /// Bytes of the temporary file; 0 when there was none.
-    pub spilled_bytes: u64,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub samples_per_second: f64,
 }
 
@@ -315,7 +312,11 @@ impl<'a> Work<'a> {
         let most = self.budget.line_vertices();
         let writer = write::Writer { job, format, levels, info, most };
         let made = writer.write(pieces, sink, progress, cancel)?;
-        let wall_seconds = start.elapsed().as_secs_f64();
+        let run = Figures {
+            threads: self.budget.threads,
+            spilled_bytes: made.run.spilled_bytes,
+            ..Figures::since(start, &job.resources)
+        };
         Ok(ContourReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
@@ -326,11 +327,8 @@ impl<'a> Work<'a> {
             tolerance: self.tolerance.map(Tolerance::threshold),
             tile: job.tile,
             samples: self.samples(),
-            threads: self.budget.threads,
-            memory_budget: job.resources.memory,
-            peak_memory: peak_memory(),
-            wall_seconds,
-            samples_per_second: self.samples() as f64 / wall_seconds,
+            samples_per_second: run.rate(self.samples()),
+            run,
             ..made
         })
     }

@@ -2,6 +2,7 @@
 
 use super::join::{Line, Pieces};
 use super::{ContourJob, ContourReport};
+use crate::figures::Figures;
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_contour::{Levels, Vertex};
@@ -71,13 +72,8 @@ impl Writer<'_> {
         cancel.check()?;
         let written = sink.finish(&[])?;
         progress.end();
-        let spilled_bytes = pieces.spilled();
-        Ok(ContourReport {
-            notes: written.notes,
-            output_bytes: written.bytes,
-            spilled_bytes,
-            ..report
-        })
+        let run = Figures { spilled_bytes: Some(pieces.spilled()), ..Figures::default() };
+        Ok(ContourReport { notes: written.notes, output_bytes: written.bytes, run, ..report })
     }
 
     fn check(&self, vertices: u64, line: &Line) -> Result<()> {

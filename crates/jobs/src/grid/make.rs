@@ -12,8 +12,9 @@ use super::preset::{Making, Model};
 use super::report::{BandReport, GridReport, GridStage};
 use super::source::{BandSource, Cells, Finished};
 use crate::convert::{copy_levels, task};
+use crate::figures::Figures;
 use crate::points::{Limits, parts_in};
-use crate::{Cancel, Progress, peak_memory};
+use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
 use terrane_cloud::PointSource;
@@ -86,11 +87,13 @@ impl<'a> Maker<'a> {
             bands: bands.reports(&valid),
             notes,
             output_bytes,
-            spilled_bytes: blocks.spilled_bytes() + through,
-            threads: budget.threads,
             points_per_second: fed.census.read as f64 / accumulated.seconds,
             stages: vec![accumulated, GridStage::since("write", begun)],
-            wall_seconds: start.elapsed().as_secs_f64(),
+            run: Figures {
+                threads: budget.threads,
+                spilled_bytes: Some(blocks.spilled_bytes() + through),
+                ..Figures::since(start, &job.resources)
+            },
             ..report(job, &info, extent)
         }))
     }
@@ -189,8 +192,6 @@ pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &Extent) -> GridRep
         sample_type: info.sample_type.name().to_owned(),
         nodata: job.nodata,
         radius: extent.radius(&job.rules(extent.cell()), job),
-        memory_budget: job.resources.memory,
-        peak_memory: peak_memory(),
         ..GridReport::default()
     }
 }

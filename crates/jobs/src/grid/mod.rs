@@ -225,12 +225,12 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let start = Instant::now();
     let cloud = cloud::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
+    let mut report = Maker::of_whole(&*cloud, job, progress, cancel)?.make()?;
     let stages = [vec![opened], report.stages].concat();
-    let wall_seconds = start.elapsed().as_secs_f64();
+    report.run.wall_seconds = start.elapsed().as_secs_f64();
     let notes = [cloud.notes().to_vec(), report.notes].concat();
     let files = cloud.files().len();
-    Ok(GridReport { stages, wall_seconds, notes, files, ..report })
+    Ok(GridReport { stages, notes, files, ..report })
 }
 
 /// As [`run`], of points from any source (`job.input` is only named in the report).

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::figures::Figures;
 use terrane_cloud::Census;
 
 /// What a cloud-to-grid job did.
@@ -35,13 +36,9 @@ pub struct GridReport {
     /// What is odd about the cloud, or what the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,
-    /// Bytes that did not fit into memory and went through a temporary file.
-    pub spilled_bytes: u64,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
     pub stages: Vec<GridStage>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub points_per_second: f64,
 }
 

@@ -22,7 +22,8 @@ pub use report::{HierarchyReport, LineReport};
 pub use tool::Measure;
 pub(crate) use whole::positions;
 
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::figures::Figures;
+use crate::{Cancel, Progress, Resources};
 use files::Files;
 use part::Tally;
 use stored::Store;
@@ -141,10 +142,7 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     };
     report.inputs = job.input.iter().map(|path| path.display().to_string()).collect();
     report.method = job.method.name.to_owned();
-    report.threads = job.resources.threads;
-    report.memory_budget = job.resources.memory;
-    report.peak_memory = peak_memory();
-    report.wall_seconds = started.elapsed().as_secs_f64();
+    report.run = Figures::since(started, &job.resources);
     Ok(report)
 }
 

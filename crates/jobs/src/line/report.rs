@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::goal::Threshold;
 use super::tool::Measure;
+use crate::figures::Figures;
 
 /// What a file of hierarchies was to a simplification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -49,8 +50,6 @@ pub struct LineReport {
     pub hierarchy: Option<HierarchyReport>,
     pub output_bytes: u64,
     pub notes: Vec<String>,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
 }

@@ -12,6 +12,7 @@ use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
+use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
@@ -314,13 +315,15 @@ impl Maker<'_> {
             notes: self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt()).collect(),
             tiles: layout.tiles(),
             tile_cells: layout.side(),
-            threads: self.opened.shares.threads,
-            memory_budget: job.resources.memory,
-            peak_memory: peak_memory(),
-            spilled_bytes: outcome.spilled_bytes,
             trials,
             stages: outcome.stages,
-            wall_seconds: 0.0,
+            run: Figures {
+                threads: self.opened.shares.threads,
+                memory_budget: job.resources.memory,
+                peak_memory: peak_memory(),
+                spilled_bytes: Some(outcome.spilled_bytes),
+                wall_seconds: 0.0,
+            },
             samples_per_second: 0.0,
         })
     }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use crate::figures::Figures;
 use crate::placing::Placed;
 
 /// Seconds and samples of one stage.
@@ -59,14 +60,10 @@ pub struct TinReport {
     pub notes: Vec<String>,
     pub tiles: u64,
     pub tile_cells: u32,
-    pub threads: usize,
-    pub memory_budget: u64,
-    pub peak_memory: Option<u64>,
-    /// Bytes written to the temporary file.
-    pub spilled_bytes: u64,
     /// Complete runs that only counted, to find the tolerance of a budget.
     pub trials: u32,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
     pub samples_per_second: f64,
     pub stages: Vec<StageReport>,
 }
@@ -74,8 +71,13 @@ pub struct TinReport {
 impl TinReport {
     /// Notes the time it all took.
     pub(super) fn took(&mut self, time: Duration) {
-        self.wall_seconds = time.as_secs_f64();
-        self.samples_per_second = self.samples as f64 / self.wall_seconds;
+        self.run.wall_seconds = time.as_secs_f64();
+        self.samples_per_second = self.run.rate(self.samples);
+    }
+
+    /// Notes that more bytes went through temporary files.
+    pub(super) fn spilled(&mut self, bytes: u64) {
+        self.run.spilled_bytes = Some(self.run.spilled_bytes.unwrap_or_default() + bytes);
     }
 }
 

@@ -30,9 +30,11 @@ use serde::Serialize;
 
 use self::findings::Findings;
 use self::pairs::{Compared, Pairs};
+use super::found::Verdict;
+use crate::figures::Figures;
 use crate::line::{Length, Measure, goal_of, on_threads, positions};
 use crate::memory::PROGRAM;
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
@@ -67,13 +69,8 @@ pub struct LineVerifyJob {
 pub struct LineVerifyReport {
     pub lines: String,
     pub original: String,
-    pub passed: bool,
-    /// True when all that is promised was looked at.
-    pub judged: bool,
-    /// One line for each broken promise.
-    pub failures: Vec<String>,
-    /// One line for each promise that could not be judged.
-    pub not_judged: Vec<String>,
+    #[serde(flatten)]
+    pub verdict: Verdict,
     /// What else should be known.
     pub notes: Vec<String>,
     /// True when crossings, rings, sides and borders were judged, not only measured.
@@ -111,8 +108,8 @@ pub struct LineVerifyReport {
     pub moved: u64,
     /// Borders torn apart or run together.
     pub torn: u64,
-    pub peak_memory: Option<u64>,
-    pub wall_seconds: f64,
+    #[serde(flatten)]
+    pub run: Figures,
 }
 
 /// Least bytes for pieces, and for what is looked at together.
@@ -155,7 +152,7 @@ pub fn verify_lines(
     let proof = Proof { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())??;
     let report = told(job, (measure, tolerance), (&found, &findings), format);
-    Ok(LineVerifyReport { wall_seconds: started.elapsed().as_secs_f64(), ..report })
+    Ok(LineVerifyReport { run: Figures::since(started, &job.resources), ..report })
 }
 
 fn told(
@@ -178,10 +175,7 @@ fn told(
     LineVerifyReport {
         lines: job.lines.display().to_string(),
         original: job.original.display().to_string(),
-        passed: failures.is_empty(),
-        judged: not_judged.is_empty(),
-        failures,
-        not_judged,
+        verdict: Verdict::of(failures, not_judged),
         notes: (!cut.is_empty()).then_some(note).into_iter().collect(),
         topology: job.topology,
         features: findings.features,
@@ -205,8 +199,7 @@ fn told(
         turned: found.turned.count,
         moved: found.moved.count,
         torn: found.torn.count,
-        peak_memory: peak_memory(),
-        wall_seconds: 0.0,
+        run: Figures::default(),
     }
 }
 

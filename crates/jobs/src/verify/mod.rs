@@ -5,6 +5,7 @@
 //! times and memory depends on threads, memory budget, or the order of work.
 
 mod cloud;
+mod found;
 mod lines;
 mod parts;
 mod report;
@@ -16,17 +17,19 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
+use crate::figures::Figures;
 use crate::memory::beside_program;
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
-pub use cloud::{CloudFault, CloudVerifyJob, CloudVerifyReport, prove_cloud, verify_cloud};
+pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
+pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
-pub use report::{FaultReport, Place, VerifyReport};
+pub use report::{OfGrid, Place, VerifyReport};
 
 /// Least memory a verification can work in, and least for each thread.
 const LEAST_MEMORY: u64 = 1 << 20;
@@ -70,7 +73,8 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         _ => e,
     })?;
     let mesh = job.mesh.display().to_string();
-    Ok(VerifyReport { mesh, raster: job.raster.to_string(), ..report })
+    let of = OfGrid { raster: job.raster.to_string(), ..report.of };
+    Ok(VerifyReport { mesh, of, ..report })
 }
 
 /// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
@@ -125,17 +129,10 @@ pub fn verify(
     let context = Context::new(work, grid, tolerance)?;
     let spread = parts::fill(&context)?;
     let tally = parts::check(&context, &spread)?;
-    let report = VerifyReport::new(&context, &spread.counts, spread.broken, &tally);
-    let wall_seconds = start.elapsed().as_secs_f64();
-    Ok(VerifyReport {
-        threads: context.work.threads,
-        memory_budget: resources.memory,
-        spilled_bytes: spread.bytes(),
-        peak_memory: peak_memory(),
-        wall_seconds,
-        samples_per_second: report.samples as f64 / wall_seconds.max(1e-9),
-        ..report
-    })
+    let mut report = report::report(&context, &spread.counts, spread.broken, &tally);
+    report.run = context.work.figures(start, resources, spread.bytes());
+    report.of.samples_per_second = report.run.rate(report.of.samples);
+    Ok(report)
 }
 
 /// What a proof works with, whatever the mesh is held against.
@@ -153,6 +150,12 @@ struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
+    /// Figures of a proof that ends now.
+    fn figures(&self, started: Instant, resources: &Resources, spilled: u64) -> Figures {
+        let run = Figures::since(started, resources);
+        Figures { threads: self.threads, spilled_bytes: Some(spilled), ..run }
+    }
+
     fn new(
         mesh: &'a dyn MeshSource,
         tolerance: Option<f64>,

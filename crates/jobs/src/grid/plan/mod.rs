@@ -183,7 +183,7 @@ impl Work for Grid {
         run.points += made.points.read;
         Ok(Made {
             facts: Facts { read: made.points.read, kept: made.points.kept },
-            spilled: made.spilled_bytes,
+            spilled: made.run.spilled_bytes.unwrap_or_default(),
         })
     }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use crate::figures::Figures;
 use crate::grid::budget::Budget;
 use crate::grid::extent::Extent;
 use crate::grid::make::{Bands, Maker, report};
@@ -120,9 +121,12 @@ impl Opened {
             bands: bands.reports(&valid),
             notes,
             output_bytes: sink.finish()?,
-            threads: budget.threads,
+            run: Figures {
+                threads: budget.threads,
+                spilled_bytes: Some(0),
+                ..Figures::since(started, &job.resources)
+            },
             stages: vec![GridStage::since("write", started)],
-            wall_seconds: started.elapsed().as_secs_f64(),
             ..report(job, &info, extent)
         })
     }

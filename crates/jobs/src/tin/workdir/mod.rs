@@ -177,7 +177,7 @@ fn whole(run: RunReport) -> Result<TinReport> {
     let lost = || Error::new(ErrorKind::Internal, "a run ended without its mesh");
     let mut mesh = run.of.mesh.ok_or_else(lost)?;
     mesh.took(Duration::from_secs_f64(run.wall_seconds));
-    mesh.spilled_bytes += run.spilled_bytes;
+    mesh.spilled(run.spilled_bytes);
     mesh.stages.extend(run.of.stages);
     Ok(mesh)
 }

@@ -17,14 +17,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::{Work, open_mesh, stated_tolerance};
-use crate::{Cancel, Progress, Resources, peak_memory};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
 use terrane_mesh::MeshSource;
 use terrane_proof::cloud::{Bound, Placer};
 
-pub use report::{CloudFault, CloudVerifyReport};
+pub use report::{CloudVerifyReport, OfCloud};
 
 /// A mesh to be proven against a cloud.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ pub fn verify_cloud(
         _ => e,
     })?;
     let mesh = job.mesh.display().to_string();
-    Ok(CloudVerifyReport { mesh, cloud, ..report })
+    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
 }
 
 /// Proves `mesh` against the points of `source`; what the two hold themselves is not part of the
@@ -90,17 +90,11 @@ pub fn prove_cloud(
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
     let spread = super::spread::Spread::fill(&context.work, &context.placer, layout)?;
     let (tally, again) = parts::check(&context, &points, hull, &spread)?;
-    let report = CloudVerifyReport::new(&context, &points, hull, &spread, &tally);
-    let wall_seconds = start.elapsed().as_secs_f64();
-    Ok(CloudVerifyReport {
-        threads: context.work.threads,
-        memory_budget: resources.memory,
-        spilled_bytes: points.bytes() + spread.bytes() + again,
-        peak_memory: peak_memory(),
-        wall_seconds,
-        points_per_second: report.points.read as f64 / wall_seconds.max(1e-9),
-        ..report
-    })
+    let mut report = report::report(&context, &points, hull, &spread, &tally);
+    let spilled = points.bytes() + spread.bytes() + again;
+    report.run = context.work.figures(start, resources, spilled);
+    report.of.points_per_second = report.run.rate(report.of.points.read);
+    Ok(report)
 }
 
 /// What every pass over a cloud needs to know.

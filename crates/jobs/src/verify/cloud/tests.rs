@@ -6,6 +6,7 @@ use super::*;
 use crate::Silent;
 use crate::cloud_tin::{self, CloudTinJob};
 use crate::few::Few;
+use crate::figures::Figures;
 use terrane_base::geom::{Frame, Point3};
 use terrane_mesh::{self as mesh, MeshInfo};
 
@@ -61,16 +62,13 @@ fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshS
 
 fn proved(mesh: &dyn MeshSource, cloud: &Few, resources: &Resources) -> CloudVerifyReport {
     let tolerance = stated_tolerance(mesh.info()).unwrap();
-    let report = prove_cloud(mesh, cloud, tolerance, resources, &Silent, &Cancel::default());
+    let report =
+        prove_cloud(mesh, cloud, tolerance, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {
-        threads: 0,
-        memory_budget: 0,
-        spilled_bytes: 0,
-        peak_memory: None,
-        wall_seconds: 0.0,
-        points_per_second: 0.0,
-        ..report.unwrap()
+        of: OfCloud { points_per_second: 0.0, ..report.of },
+        run: Figures::default(),
+        ..report
     }
 }
 
@@ -127,15 +125,19 @@ fn meshes_of_every_format_are_proved() {
         for tolerance in [0.0, tolerance()] {
             let mesh = made(&cloud, tolerance, folder.path(), name);
             let report = proved(&*mesh, &cloud, &resources);
-            assert_eq!(report.failures, Vec::<String>::new(), "{name} at {tolerance}");
-            assert!(report.passed && report.made_by_terrane);
-            assert_eq!((report.free_vertices, report.off_point_vertices.count), (0, 0), "{name}");
-            assert_eq!(report.tolerance_steps, Some((tolerance * 100.0).round()), "{name}");
+            assert_eq!(report.verdict.failures, Vec::<String>::new(), "{name} at {tolerance}");
+            assert!(report.verdict.passed && report.made_by_terrane);
+            assert_eq!(
+                (report.free_vertices, report.of.off_point_vertices.count),
+                (0, 0),
+                "{name}"
+            );
+            assert_eq!(report.of.tolerance_steps, Some((tolerance * 100.0).round()), "{name}");
             assert_eq!(report.non_delaunay_edges.count, 0);
-            assert_eq!(report.covered_points, report.judged_points);
-            assert!(report.stacked_points >= 60 && report.judged_points <= 6000);
+            assert_eq!(report.of.covered_points, report.of.judged_points);
+            assert!(report.of.stacked_points >= 60 && report.of.judged_points <= 6000);
             assert!(report.max_error.unwrap() <= tolerance);
-            assert_eq!(report.mesh_area, report.hull_area);
+            assert_eq!(report.mesh_area, report.of.hull_area);
         }
     }
 }
@@ -157,7 +159,7 @@ fn threads_and_memory_change_nothing() {
         let report =
             |threads, memory| proved(&mesh, &cloud, &resources(threads, memory, folder.path()));
         let one = report(1, 1 << 30);
-        assert!(one.failures.len() > 5, "{:?}", one.failures);
+        assert!(one.verdict.failures.len() > 5, "{:?}", one.verdict.failures);
         assert_eq!(report(3, 1 << 30), one);
         assert_eq!(report(1, 1 << 20), one);
         assert_eq!(report(3, 3 << 20), one);
@@ -172,7 +174,7 @@ fn little_memory_spreads_crowds_again() {
     let spilled = |memory| {
         let resources = resources(1, memory, folder.path());
         let report = prove_cloud(&*mesh, &cloud, None, &resources, &Silent, &Cancel::default());
-        report.unwrap().spilled_bytes
+        report.unwrap().run.spilled_bytes.unwrap()
     };
     assert!(spilled(1 << 20) > spilled(1 << 30) * 3 / 2);
 }
@@ -185,8 +187,8 @@ fn failures(spoil: impl FnOnce(&mut Memory, &mut Vec<Point>)) -> Vec<String> {
     spoil(&mut mesh, &mut cloud.points);
     let cloud = few(cloud.points);
     let report = proved(&mesh.settled(), &cloud, &resources(2, 64 << 20, folder.path()));
-    assert_eq!(report.passed, report.failures.is_empty());
-    report.failures
+    assert_eq!(report.verdict.passed, report.verdict.failures.is_empty());
+    report.verdict.failures
 }
 
 fn says(failures: &[String], what: &str) -> bool {
@@ -246,9 +248,9 @@ fn the_tolerance_is_closed_to_the_step() {
     let folder = tempfile::tempdir().unwrap();
     let report = |z| proved(&mesh, &cloud(z), &resources(1, 1 << 20, folder.path()));
     for sign in [-1, 1] {
-        assert!(report(sign * STEPS).passed);
+        assert!(report(sign * STEPS).verdict.passed);
         let over = report(sign * (STEPS + 1));
-        assert!(says(&over.failures, "1 points further from the mesh than the tolerance"));
+        assert!(says(&over.verdict.failures, "1 points further from the mesh than the tolerance"));
         assert_eq!(over.over_tolerance.first, Some([500_003.0, 4_750_003.0]));
     }
 }
