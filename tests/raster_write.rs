@@ -35,26 +35,16 @@ impl Grid {
         };
         let stored = (0..u64::from(width) * u64::from(height)).map(value).collect();
         let info = GridInfo {
-            width,
-            height,
             transform: TRANSFORM,
             georeferenced: true,
-            pixel_is_point: false,
             crs: Crs {
                 epsg: Some(32_611),
                 geographic: Some(false),
                 vertical_unit: Some("metre".into()),
                 ..Crs::default()
             },
-            sample_type,
             nodata: Some(nodata),
-            scale: 1.0,
-            offset: 0.0,
-            block: (width, 1),
-            bands: 1,
-            band: 1,
-            format: "memory",
-            details: Vec::new(),
+            ..GridInfo::plain("memory", width, height, sample_type)
         };
         Self { info, stored }
     }

@@ -80,21 +80,11 @@ fn round_to(sample_type: SampleType, value: f64) -> f64 {
 
 fn info(sample_type: SampleType, width: u32, height: u32, nodata: Option<f64>) -> GridInfo {
     GridInfo {
-        width,
-        height,
         transform: Affine { x0: 500_015.1, a: 30.3, b: 0.0, y0: 4_000_000.7, d: 0.0, e: -29.9 },
         georeferenced: true,
-        pixel_is_point: false,
         crs: Crs { epsg: Some(32_611), geographic: Some(false), ..Crs::default() },
-        sample_type,
         nodata,
-        scale: 1.0,
-        offset: 0.0,
-        block: (width, 1),
-        bands: 1,
-        band: 1,
-        format: "memory",
-        details: Vec::new(),
+        ..GridInfo::plain("memory", width, height, sample_type)
     }
 }
 

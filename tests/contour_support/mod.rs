@@ -6,7 +6,7 @@ use std::path::Path;
 
 use terrane::Result;
 use terrane_base::geom::plane::orient;
-use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_base::geom::{Affine, Rect};
 use terrane_jobs::contour::{ContourJob, ContourReport, Heights, run, trace};
 use terrane_jobs::line::Length;
 use terrane_jobs::{Cancel, Resources, Silent};
@@ -23,21 +23,9 @@ pub struct Grid {
 impl Grid {
     pub fn new(width: u32, height: u32, transform: Affine, heights: Vec<f64>) -> Self {
         let info = GridInfo {
-            width,
-            height,
             transform,
             georeferenced: true,
-            pixel_is_point: false,
-            crs: Crs::default(),
-            sample_type: SampleType::F64,
-            nodata: None,
-            scale: 1.0,
-            offset: 0.0,
-            block: (width, 1),
-            bands: 1,
-            band: 1,
-            format: "memory",
-            details: Vec::new(),
+            ..GridInfo::plain("memory", width, height, SampleType::F64)
         };
         Self { info, heights }
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use terrane_base::Error;
 use terrane_base::Result;
 use terrane_base::geom::predicates::in_circle;
-use terrane_base::geom::{Affine, Crs, Point3, Rect};
+use terrane_base::geom::{Affine, Point3, Rect};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
@@ -23,21 +23,10 @@ impl FunctionGrid {
         height_at: impl Fn(u32, u32) -> f64 + Send + Sync + 'static,
     ) -> Self {
         let info = GridInfo {
-            width,
-            height,
             transform: Affine { x0: 1000.0, a: 2.0, b: 0.0, y0: 5000.0, d: 0.0, e: -2.0 },
             georeferenced: true,
-            pixel_is_point: false,
-            crs: Crs::default(),
-            sample_type: SampleType::F32,
-            nodata: None,
-            scale: 1.0,
-            offset: 0.0,
             block: (256, 256),
-            bands: 1,
-            band: 1,
-            format: "test",
-            details: Vec::new(),
+            ..GridInfo::plain("test", width, height, SampleType::F32)
         };
         Self { info, height_at: Box::new(height_at) }
     }

@@ -3,7 +3,7 @@
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::Result;
-use terrane_base::geom::{Affine, Crs, Point3, Rect};
+use terrane_base::geom::{Point3, Rect};
 use terrane_jobs::figures::Figures;
 use terrane_jobs::verify::{OfGrid, VerifyReport, verify};
 use terrane_jobs::{Cancel, Resources, Silent};
@@ -20,23 +20,7 @@ pub(crate) struct Grid {
 impl Grid {
     pub(crate) fn new(width: u32, height: u32, f: impl Fn(u32, u32) -> f64) -> Self {
         let samples = (0..height).flat_map(|r| (0..width).map(move |c| (c, r)));
-        let info = GridInfo {
-            width,
-            height,
-            transform: Affine::LATTICE,
-            georeferenced: false,
-            pixel_is_point: false,
-            crs: Crs::default(),
-            sample_type: SampleType::F64,
-            nodata: None,
-            scale: 1.0,
-            offset: 0.0,
-            block: (width, 1),
-            bands: 1,
-            band: 1,
-            format: "memory",
-            details: Vec::new(),
-        };
+        let info = GridInfo::plain("memory", width, height, SampleType::F64);
         Self { info, heights: samples.map(|(c, r)| f(c, r)).collect() }
     }
 
@@ -95,18 +79,7 @@ pub(crate) struct Mesh {
 
 impl Mesh {
     pub(crate) fn new(vertices: Vec<Point3>, triangles: Vec<[u64; 3]>) -> Self {
-        let info = MeshInfo {
-            vertices: 0,
-            triangles: 0,
-            format: "memory",
-            origin: [0.0; 3],
-            scale: [1.0; 3],
-            single_precision: false,
-            indexed: true,
-            solid: false,
-            crs: None,
-            details: Vec::new(),
-        };
+        let info = MeshInfo::plain("memory", 0, 0);
         let mut mesh = Self { info, vertices, triangles };
         mesh.recount();
         mesh

@@ -6,5 +6,6 @@ pub mod digits;
 pub mod error;
 pub mod geom;
 pub mod limits;
+pub mod registry;
 
 pub use error::{Error, ErrorKind, Result};

@@ -4,6 +4,7 @@
 pub mod atomic;
 mod beside;
 pub mod fault;
+pub mod format;
 mod glob;
 mod list;
 mod lock;

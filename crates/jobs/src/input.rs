@@ -280,27 +280,10 @@ fn grow(bounds: &mut [Point3; 2], vertex: &Point3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_base::geom::{Affine, Crs};
     use terrane_raster::SampleType;
 
     fn info(width: u32, height: u32, block: (u32, u32)) -> GridInfo {
-        GridInfo {
-            width,
-            height,
-            transform: Affine::LATTICE,
-            georeferenced: false,
-            pixel_is_point: false,
-            crs: Crs::default(),
-            sample_type: SampleType::F32,
-            nodata: None,
-            scale: 1.0,
-            offset: 0.0,
-            block,
-            bands: 1,
-            band: 1,
-            format: "test",
-            details: Vec::new(),
-        }
+        GridInfo { block, ..GridInfo::plain("test", width, height, SampleType::F32) }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::metric::{Geographic, Located, Plane, Space, Vertical};
 use super::visvalingam::{self, Weight};
 use super::{Scratch, Xy, cone, imai_iri, rdp};
+use terrane_base::registry::{Named, find};
 
 /// A method for vertices `V` in the metric `M`: metric, vertices, tolerance, scratch, kept indices
 /// (appended).
@@ -116,5 +117,13 @@ pub const METHODS: &[Method] = &[
 
 /// The method called `name`.
 pub fn method(name: &str) -> Option<&'static Method> {
-    METHODS.iter().find(|method| method.name == name)
+    find(METHODS, name)
+}
+
+impl Named for Method {
+    const KIND: &'static str = "method";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
 }

@@ -20,6 +20,8 @@ use std::path::Path;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
+use terrane_base::registry::{Named, offered};
+use terrane_files::format::{self, Format};
 
 pub use sidecar::{check_prj, prj_path, write_prj};
 
@@ -29,24 +31,17 @@ pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb:
 /// The format called `name`, or else the one that `path`'s extension stands for (letter case does
 /// not matter). Unknown names and extensions are usage errors that list the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
-    if let Some(name) = name {
-        return by_name(name).ok_or_else(|| {
-            Error::usage(format!("unknown mesh format \"{name}\""))
-                .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
-        });
-    }
-    by_extension(path).ok_or_else(|| {
-        Error::usage("the file name does not say which mesh format is meant")
-            .in_file(path)
-            .remedy(format!("end the name in {}, or name a format", known(endings)))
-    })
+    format::by_path(FORMATS, path, name)
 }
 
 /// The format of an existing file: by its first bytes, or else by its extension. `None` when it
 /// is no mesh.
 pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
     let head = input::Input::open(path)?.head(SNIFF_BYTES)?;
-    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
+    Ok(FORMATS
+        .iter()
+        .find(|format| (format.sniff)(&head))
+        .or_else(|| format::by_extension(FORMATS, path)))
 }
 
 /// Opens a mesh file of any known format, or a folder of meshes that are one.
@@ -59,7 +54,7 @@ fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
     let format = identify(path)?.ok_or_else(|| {
         Error::bad_input("not a mesh of a known format")
             .in_file(path)
-            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
+            .remedy(format!("known formats are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;
     (format.open)(path)
 }
@@ -67,25 +62,22 @@ fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
 /// Bytes of a file that [`MeshFormat::sniff`] gets to see.
 const SNIFF_BYTES: usize = 512;
 
-fn by_name(name: &str) -> Option<&'static MeshFormat> {
-    let is_it = |f: &&MeshFormat| {
-        f.name.eq_ignore_ascii_case(name)
-            || f.extensions.iter().any(|ending| ending.eq_ignore_ascii_case(name))
-    };
-    FORMATS.iter().find(is_it)
+impl Named for MeshFormat {
+    const KIND: &'static str = "mesh format";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn aliases(&self) -> &'static [&'static str] {
+        self.extensions
+    }
 }
 
-fn by_extension(path: &Path) -> Option<&'static MeshFormat> {
-    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-    FORMATS.iter().find(|format| format.extensions.contains(&ending.as_str()))
-}
-
-fn known(text: impl Fn(&MeshFormat) -> String) -> String {
-    FORMATS.iter().map(text).collect::<Vec<_>>().join(", ")
-}
-
-fn endings(format: &MeshFormat) -> String {
-    format.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+impl Format for MeshFormat {
+    fn extensions(&self) -> &'static [&'static str] {
+        self.extensions
+    }
 }
 
 /// What a sink is told before the first batch.

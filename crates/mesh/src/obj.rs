@@ -167,18 +167,8 @@ impl ObjSource {
 
 fn info(vertices: u64, triangles: u64, comments: Vec<String>) -> MeshInfo {
     let crs = comments.iter().find_map(|text| text.strip_prefix(text::CRS)).map(str::to_owned);
-    MeshInfo {
-        vertices,
-        triangles,
-        format: FORMAT.name,
-        origin: [0.0; 3],
-        scale: [1.0; 3],
-        single_precision: false,
-        indexed: true,
-        solid: false,
-        crs,
-        details: comments.into_iter().map(|text| ("comment".to_owned(), text)).collect(),
-    }
+    let details = comments.into_iter().map(|text| ("comment".to_owned(), text)).collect();
+    MeshInfo { crs, details, ..MeshInfo::plain(FORMAT.name, vertices, triangles) }
 }
 
 /// Comments before the first vertex are kept, but not without end.

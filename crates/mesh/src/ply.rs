@@ -114,16 +114,10 @@ impl PlySource {
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
         let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
         let info = MeshInfo {
-            vertices: header.vertices.count,
-            triangles: header.faces.count,
-            format: FORMAT.name,
-            origin: [0.0; 3],
-            scale: [1.0; 3],
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
-            indexed: true,
-            solid: false,
             crs: header.crs.clone(),
             details: std::iter::once(encoding).chain(comments).collect(),
+            ..MeshInfo::plain(FORMAT.name, header.vertices.count, header.faces.count)
         };
         Ok(Self { input, header, info })
     }

@@ -46,6 +46,22 @@ pub(super) fn generator() -> String {
 }
 
 impl MeshInfo {
+    /// Shared vertices in double precision, as they are stored, and nothing else known.
+    pub fn plain(format: &'static str, vertices: u64, triangles: u64) -> Self {
+        Self {
+            vertices,
+            triangles,
+            format,
+            origin: [0.0; 3],
+            scale: [1.0; 3],
+            single_precision: false,
+            indexed: true,
+            solid: false,
+            crs: None,
+            details: Vec::new(),
+        }
+    }
+
     /// True when the file bears this program's mark: its name and version, or in STL the recorded
     /// origin.
     pub fn is_own(&self) -> bool {

@@ -74,17 +74,7 @@ impl Tile {
 }
 
 impl GridSource for Tile {
-    fn info(&self) -> &GridInfo {
-        &self.info
-    }
-
-    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        self.read(rect, out)
-    }
-
-    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.read(rect, out)
-    }
+    reads_alike!();
 }
 
 fn describe(bytes: u64, name: &str, options: &OpenOptions) -> Result<GridInfo> {

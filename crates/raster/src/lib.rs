@@ -3,6 +3,32 @@
 //! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
 //! written by terrane are memory-mapped.
 
+/// What of [`GridSource`] is the same for all that have an `info` and read heights of either width by one
+/// generic `read`.
+macro_rules! reads_alike {
+    () => {
+        fn info(&self) -> &$crate::GridInfo {
+            &self.info
+        }
+
+        fn read_f32(
+            &self,
+            rect: terrane_base::geom::Rect,
+            out: &mut [f32],
+        ) -> terrane_base::error::Result<()> {
+            self.read(rect, out)
+        }
+
+        fn read_f64(
+            &self,
+            rect: terrane_base::geom::Rect,
+            out: &mut [f64],
+        ) -> terrane_base::error::Result<()> {
+            self.read(rect, out)
+        }
+    };
+}
+
 mod array;
 mod asc;
 mod cache;
@@ -44,7 +70,9 @@ pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_base::registry::Named;
 use terrane_files as file;
+use terrane_files::format::{Format, by_extension};
 use window::Window;
 
 /// How samples are stored in the file.
@@ -348,7 +376,7 @@ fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
 fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
     let is_header = raw::is_header_name(path);
     let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
-    let by_name = || FORMATS.iter().find(|format| format.has_extension_of(path));
+    let by_name = || by_extension(FORMATS, path);
     by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
 }
 
@@ -381,13 +409,17 @@ fn unknown_format(path: &Path) -> Error {
         .remedy(format!("terrane reads {}", known.join(", ")))
 }
 
-impl RasterFormat {
-    /// True when the name of `path` ends in one of the format's extensions, in any case.
-    fn has_extension_of(&self, path: &Path) -> bool {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+impl Named for RasterFormat {
+    const KIND: &'static str = "raster format";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+impl Format for RasterFormat {
+    fn extensions(&self) -> &'static [&'static str] {
         self.extensions
-            .iter()
-            .any(|extension| name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')))
     }
 }
 

@@ -17,6 +17,7 @@ use crate::{
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
+use terrane_files::format::Format;
 
 /// Registry entry of gzip.
 pub(super) const GZIP: RasterFormat = RasterFormat {

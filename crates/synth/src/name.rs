@@ -4,7 +4,8 @@ use std::fmt;
 
 use super::words::{Given, Words};
 use super::{CHARACTERS, Character, PARAMETERS, Terrain};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
+use terrane_base::registry::{Named, named};
 
 impl Terrain {
     /// The terrain with this name: a character, then any of its parameters as `key=value`,
@@ -13,7 +14,7 @@ impl Terrain {
     pub fn parse(name: &str) -> Result<Self> {
         let mut words = name.split(',').map(str::trim);
         let character = words.next().unwrap_or_default();
-        let mut terrain = Self::new(find(character)?);
+        let mut terrain = Self::new(named(CHARACTERS, character)?);
         for given in terrain.words().read(words, name)? {
             terrain.set(&given)?;
         }
@@ -55,12 +56,12 @@ impl Terrain {
     }
 }
 
-fn find(name: &str) -> Result<&'static Character> {
-    CHARACTERS.iter().find(|c| c.name == name).ok_or_else(|| {
-        let known: Vec<&str> = CHARACTERS.iter().map(|c| c.name).collect();
-        Error::usage(format!("there is no terrain named {name:?}"))
-            .remedy(format!("there are {}", known.join(", ")))
-    })
+impl Named for Character {
+    const KIND: &'static str = "terrain";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
 }
 
 /// The name that [`Terrain::parse`] turns back into the same terrain.

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::FORMATS;
 use terrane_base::error::Result;
 use terrane_files::Seek;
+use terrane_files::format::by_extension;
 
 /// Endings that also lie beside files of features without being one: lists, tables, notes.
 const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
@@ -42,6 +43,7 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
 fn is_member(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let is_known = FORMATS.iter().any(|format| format.extensions.contains(&ending.as_str()));
-    is_known && !hidden && !AMBIGUOUS_ENDINGS.contains(&ending.as_str())
+    by_extension(FORMATS, path).is_some()
+        && !hidden
+        && !AMBIGUOUS_ENDINGS.contains(&ending.as_str())
 }

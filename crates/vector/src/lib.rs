@@ -35,7 +35,9 @@ mod wkt;
 use std::path::Path;
 
 use terrane_base::error::{Error, Result};
+use terrane_base::registry::{Named, offered};
 use terrane_files::RawFile;
+use terrane_files::format::{self, Format};
 
 pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
 pub use find::{files, files_below, is_collection};
@@ -155,7 +157,7 @@ pub fn create(
     let create = format.create.ok_or_else(|| {
         Error::usage(format!("{} is read, but not written", format.name))
             .in_file(path)
-            .remedy(format!("written are {}", writable(|f| f.name.to_owned())))
+            .remedy(format!("written are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;
     let inner = create(path, layer, options)?;
     Ok(match options.decimals {
@@ -174,7 +176,10 @@ const SNIFF_BYTES: u64 = 4096;
 /// A file that cannot be read.
 pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
     let head = RawFile::open(path)?.head(SNIFF_BYTES)?;
-    Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(path)))
+    Ok(FORMATS
+        .iter()
+        .find(|format| (format.sniff)(&head))
+        .or_else(|| format::by_extension(FORMATS, path)))
 }
 
 /// The format called `name`, or else the one that the ending of `path` stands for (letter case does
@@ -183,41 +188,31 @@ pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
 /// # Errors
 /// An unknown name or ending; the error lists the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static VectorFormat> {
-    if let Some(name) = name {
-        return by_name(name).ok_or_else(|| {
-            Error::usage(format!("unknown vector format \"{name}\""))
-                .remedy(format!("known formats are {}", writable(|f| f.name.to_owned())))
-        });
+    format::by_path(FORMATS, path, name)
+}
+
+impl Named for VectorFormat {
+    const KIND: &'static str = "vector format";
+
+    fn name(&self) -> &'static str {
+        self.name
     }
-    by_extension(path).ok_or_else(|| {
-        Error::usage("the file name does not say which vector format is meant")
-            .in_file(path)
-            .remedy(format!("end the name in {}, or name a format", writable(endings)))
-    })
+
+    fn aliases(&self) -> &'static [&'static str] {
+        self.extensions
+    }
+
+    fn is_offered(&self) -> bool {
+        self.create.is_some()
+    }
 }
 
-fn by_name(name: &str) -> Option<&'static VectorFormat> {
-    let is_it = |f: &&VectorFormat| {
-        f.name.eq_ignore_ascii_case(name)
-            || f.extensions.iter().any(|ending| ending.eq_ignore_ascii_case(name))
-    };
-    FORMATS.iter().find(is_it)
-}
-
-fn by_extension(path: &Path) -> Option<&'static VectorFormat> {
-    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-    FORMATS.iter().find(|format| format.extensions.contains(&ending.as_str()))
+impl Format for VectorFormat {
+    fn extensions(&self) -> &'static [&'static str] {
+        self.extensions
+    }
 }
 
 fn known(text: impl Fn(&VectorFormat) -> String) -> String {
     FORMATS.iter().map(text).collect::<Vec<_>>().join(", ")
-}
-
-fn writable(text: impl Fn(&VectorFormat) -> String) -> String {
-    let formats = FORMATS.iter().filter(|format| format.create.is_some());
-    formats.map(text).collect::<Vec<_>>().join(", ")
-}
-
-fn endings(format: &VectorFormat) -> String {
-    format.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
 }

@@ -15,6 +15,7 @@ use super::block::Cell;
 use super::plane::Primitive;
 use super::recipe::{Region, Rules};
 use terrane_base::error::{Error, Result};
+use terrane_base::registry::{Named, named};
 
 pub use idw::{MOST_POWER, check_power};
 pub use surface::Shape;
@@ -125,8 +126,7 @@ impl TryFrom<Stored> for Statistic {
     type Error = Error;
 
     fn try_from(stored: Stored) -> Result<Self> {
-        let method = METHODS.iter().find(|method| method.name == stored.name);
-        let method = method.ok_or_else(|| unknown(&stored.name))?;
+        let method = named(METHODS, &stored.name)?;
         Ok(Self { method, values: stored.values })
     }
 }
@@ -257,6 +257,18 @@ pub fn parse_list(text: &str) -> Result<Vec<Asked>> {
     Ok(asked)
 }
 
+impl Named for Method {
+    const KIND: &'static str = "statistic";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn aliases(&self) -> &'static [&'static str] {
+        self.aliases
+    }
+}
+
 /// Items between commas; "key=value" goes with the item before it.
 fn items(text: &str) -> Vec<String> {
     let mut items: Vec<String> = Vec::new();
@@ -274,11 +286,7 @@ fn items(text: &str) -> Vec<String> {
 fn parse(item: &str) -> Result<Asked> {
     let (name, parameters) = item.split_once(':').unwrap_or((item, ""));
     let rank = name.strip_prefix('p').and_then(|rank| rank.parse::<f64>().ok());
-    let is_it = |m: &&Method| match rank {
-        Some(_) => m.name == percentile::PERCENTILE.name,
-        None => m.name == name || m.aliases.contains(&name),
-    };
-    let method = METHODS.iter().find(is_it).ok_or_else(|| unknown(name))?;
+    let method = named(METHODS, rank.map_or(name, |_| percentile::PERCENTILE.name))?;
     let given = Given { rank, values: values(method, parameters)? };
     let statistic = Statistic { method, values: (method.check)(&given)? };
     let mut label = if rank.is_some() { name } else { method.name }.to_owned();
@@ -311,12 +319,6 @@ fn refusal(method: &Method, pair: &str) -> Error {
         true => error.remedy(format!("{} takes none", method.name)),
         false => error.remedy(format!("it takes {}", keys.join(", "))),
     }
-}
-
-fn unknown(name: &str) -> Error {
-    let names: Vec<_> = METHODS.iter().map(|m| m.name).collect();
-    Error::usage(format!("unknown statistic \"{name}\""))
-        .remedy(format!("known are {}", names.join(", ")))
 }
 
 #[cfg(test)]

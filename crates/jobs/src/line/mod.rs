@@ -28,8 +28,9 @@ use files::Files;
 use part::Tally;
 use stored::Store;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::registry::named;
 use terrane_line::topology::{Collapse, Strategy};
-use terrane_line::{METHODS, Method, registry};
+use terrane_line::{METHODS, Method};
 use terrane_vector as vector;
 use tool::Rule;
 
@@ -119,11 +120,7 @@ impl LineJob {
 /// # Errors
 /// Usage: a name that is none; the known ones are listed.
 pub fn method(name: &str) -> Result<&'static Method> {
-    registry::method(name).ok_or_else(|| {
-        let known: Vec<_> = METHODS.iter().map(|method| method.name).collect();
-        Error::usage(format!("unknown method {name:?}"))
-            .remedy(format!("known methods are {}", known.join(", ")))
-    })
+    named(METHODS, name)
 }
 
 /// Runs the job. The outputs do not depend on threads or memory; nothing appears under an output's

@@ -268,7 +268,7 @@ mod tests {
     use super::*;
     use crate::Silent;
     use crate::tin::container::Container;
-    use terrane_base::geom::{Affine, Crs, Rect};
+    use terrane_base::geom::Rect;
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};
     use terrane_tin::{Local, Triangle};
@@ -283,21 +283,8 @@ mod tests {
     impl Saddle {
         fn new(side: u32) -> Self {
             let info = GridInfo {
-                width: side,
-                height: side,
-                transform: Affine::LATTICE,
-                georeferenced: false,
-                pixel_is_point: false,
-                crs: Crs::default(),
-                sample_type: SampleType::F32,
-                nodata: None,
-                scale: 1.0,
-                offset: 0.0,
                 block: (64, 64),
-                bands: 1,
-                band: 1,
-                format: "test",
-                details: Vec::new(),
+                ..GridInfo::plain("test", side, side, SampleType::F32)
             };
             Self { info, broken_row: None }
         }

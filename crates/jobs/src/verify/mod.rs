@@ -234,18 +234,8 @@ mod tests {
     use super::*;
 
     fn info(details: &[(&str, &str)]) -> MeshInfo {
-        MeshInfo {
-            vertices: 0,
-            triangles: 0,
-            format: "test",
-            origin: [0.0; 3],
-            scale: [1.0; 3],
-            single_precision: false,
-            indexed: true,
-            solid: false,
-            crs: None,
-            details: details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect(),
-        }
+        let details = details.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+        MeshInfo { details, ..MeshInfo::plain("test", 0, 0) }
     }
 
     #[test]

@@ -223,7 +223,6 @@ mod tests {
 
     use super::*;
     use crate::Silent;
-    use terrane_base::geom::Crs;
     use terrane_raster::SampleType;
 
     /// A plane of any size that counts the samples read of it.
@@ -235,21 +234,8 @@ mod tests {
     impl Plane {
         fn new(side: u32) -> Self {
             let info = GridInfo {
-                width: side,
-                height: side,
-                transform: Affine::LATTICE,
-                georeferenced: false,
-                pixel_is_point: false,
-                crs: Crs::default(),
-                sample_type: SampleType::F32,
-                nodata: None,
-                scale: 1.0,
-                offset: 0.0,
                 block: (512, 512),
-                bands: 1,
-                band: 1,
-                format: "test",
-                details: Vec::new(),
+                ..GridInfo::plain("test", side, side, SampleType::F32)
             };
             Self { info, read: AtomicU64::new(0) }
         }

@@ -150,18 +150,7 @@ mod tests {
 
     impl Line {
         fn new(vertices: u64) -> Self {
-            Self(MeshInfo {
-                vertices,
-                triangles: 0,
-                format: "test",
-                origin: [0.0; 3],
-                scale: [1.0; 3],
-                single_precision: false,
-                indexed: true,
-                solid: false,
-                crs: None,
-                details: Vec::new(),
-            })
+            Self(MeshInfo::plain("test", vertices, 0))
         }
     }
 

@@ -115,17 +115,7 @@ impl AscGrid {
 }
 
 impl GridSource for AscGrid {
-    fn info(&self) -> &GridInfo {
-        &self.info
-    }
-
-    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        self.read(rect, out)
-    }
-
-    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.read(rect, out)
-    }
+    reads_alike!();
 
     fn block_bytes(&self) -> u64 {
         self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64

@@ -109,17 +109,7 @@ impl GeoTiff {
 }
 
 impl GridSource for GeoTiff {
-    fn info(&self) -> &GridInfo {
-        &self.info
-    }
-
-    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        self.read(rect, out)
-    }
-
-    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.read(rect, out)
-    }
+    reads_alike!();
 
     fn block_bytes(&self) -> u64 {
         let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);

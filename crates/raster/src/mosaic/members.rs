@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FORMATS, RasterFormat, SYNTH_PREFIX, file_name, raw};
+use crate::{FORMATS, SYNTH_PREFIX, file_name, raw};
 use terrane_base::error::{Error, Result};
+use terrane_files::format::by_extension;
 use terrane_files::{Seek, name_of, path_of, shown};
 
 /// Formats of one file in another.
@@ -159,8 +160,7 @@ fn is_grid_name(path: &Path) -> bool {
     if PACKED_ENDINGS.contains(&last.as_str()) {
         return is_grid_name(&path.with_extension(""));
     }
-    let known = |format: &RasterFormat| format.has_extension_of(path);
-    FORMATS.iter().any(known)
+    by_extension(FORMATS, path).is_some()
 }
 
 #[cfg(test)]

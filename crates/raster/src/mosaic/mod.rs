@@ -177,17 +177,7 @@ impl Part {
 }
 
 impl GridSource for Mosaic {
-    fn info(&self) -> &GridInfo {
-        &self.info
-    }
-
-    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        self.read(rect, out)
-    }
-
-    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.read(rect, out)
-    }
+    reads_alike!();
 
     fn block_bytes(&self) -> u64 {
         let of = |part: &Part| match &part.source {

@@ -240,17 +240,7 @@ impl Store {
 }
 
 impl GridSource for Store {
-    fn info(&self) -> &GridInfo {
-        &self.info
-    }
-
-    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
-        self.read(rect, out)
-    }
-
-    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
-        self.read(rect, out)
-    }
+    reads_alike!();
 
     /// Lets the pages of the tiles that lie wholly inside `rect` go.
     fn release(&self, rect: Rect) {

@@ -1,11 +1,11 @@
 //! ESRI ASCII grids: heights as text, each with the fewest digits that tell it from its neighbours.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 use std::sync::Mutex;
 
+use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
-use super::{GridFormat, GridSink, Order};
-use crate::store::Heights;
+use super::{GridFormat, Order};
 use crate::store::header::number;
 use crate::store::misfit::Misfit;
 use crate::store::sample::{Codec, Height};
@@ -26,9 +26,6 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     bytes_per_sample: 48,
     create: |order| Ok(Box::new(AscSink::new(order)?)),
 };
-
-/// Samples of a block, about; at least one row.
-const BLOCK_SAMPLES: u32 = 1 << 17;
 
 /// A text grid in the making.
 struct AscSink {
@@ -60,24 +57,8 @@ impl AscSink {
         Ok(Self { target, info, nodata, nodata_text, codec, sidecars, text })
     }
 
-    fn write_rows<H: Height + std::fmt::Display>(
-        &self,
-        rect: Rect,
-        heights: &[H],
-        out: &mut String,
-    ) -> Result<()> {
-        for (row, line) in (rect.row..).zip(heights.chunks_exact(rect.width as usize)) {
-            for (col, height) in (rect.col..).zip(line) {
-                self.write_sample(*height, out).map_err(|misfit| self.refuse(misfit, col, row))?;
-            }
-            out.pop();
-            out.push('\n');
-        }
-        Ok(())
-    }
-
     /// One sample and a space.
-    fn write_sample<H: Height + std::fmt::Display>(
+    fn write_sample<H: Height + Display>(
         &self,
         height: H,
         out: &mut String,
@@ -119,26 +100,27 @@ fn header(info: &GridInfo, nodata: f64) -> String {
     )
 }
 
-impl GridSink for AscSink {
+impl RowSink for AscSink {
+    const BLOCK_SAMPLES: u32 = 1 << 17;
+
     fn info(&self) -> &GridInfo {
         &self.info
     }
 
-    fn block(&self) -> (u32, u32) {
-        (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
-    }
-
-    fn encode(
+    fn encode_rows<H: Height + Display>(
         &self,
-        _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: &[H],
         out: &mut Vec<u8>,
     ) -> Result<()> {
         let mut text = String::new();
-        match heights {
-            Heights::F32(heights) => self.write_rows(rect, heights, &mut text)?,
-            Heights::F64(heights) => self.write_rows(rect, heights, &mut text)?,
+        for (row, line) in (rect.row..).zip(heights.chunks_exact(rect.width as usize)) {
+            for (col, height) in (rect.col..).zip(line) {
+                self.write_sample(*height, &mut text)
+                    .map_err(|misfit| self.refuse(misfit, col, row))?;
+            }
+            text.pop();
+            text.push('\n');
         }
         *out = text.into_bytes();
         Ok(())
@@ -152,8 +134,8 @@ impl GridSink for AscSink {
         sidecar::lost(&self.info)
     }
 
-    fn finish(self: Box<Self>) -> Result<u64> {
-        let Self { target, sidecars, text, .. } = *self;
+    fn finish(self) -> Result<u64> {
+        let Self { target, sidecars, text, .. } = self;
         unlocked(text).flush()?;
         sidecars.commit()?;
         target.commit()

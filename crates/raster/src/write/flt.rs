@@ -1,10 +1,11 @@
 //! ESRI GridFloat: heights as little-endian `f32` by row, with a text header and .prj beside them.
 
+use std::fmt::Display;
 use std::sync::Mutex;
 
+use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
-use super::{GridFormat, GridSink, Order};
-use crate::store::Heights;
+use super::{GridFormat, Order};
 use crate::store::header::number;
 use crate::store::sample::{Codec, Height};
 use crate::{GridInfo, SampleType};
@@ -24,9 +25,6 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     bytes_per_sample: 16,
     create: |order| Ok(Box::new(FltSink::new(order)?)),
 };
-
-/// Samples of a block, about; at least one row.
-const BLOCK_SAMPLES: u32 = 1 << 18;
 
 /// A raw grid in the making.
 struct FltSink {
@@ -57,17 +55,6 @@ impl FltSink {
         let (codec, out) = (order.codec(&info), Mutex::new(Out::of(&target, 0)?));
         Ok(Self { target, info, codec, sidecars, out })
     }
-
-    fn write_rows<H: Height>(&self, rect: Rect, heights: &[H], out: &mut [u8]) -> Result<()> {
-        let rows = heights.chunks_exact(rect.width as usize);
-        let bytes = out.chunks_exact_mut(rect.width as usize * SampleType::F32.bytes());
-        for ((row, line), bytes) in (rect.row..).zip(rows).zip(bytes) {
-            self.codec.encode(line, bytes).map_err(|misfit| {
-                self.codec.refusal(misfit, rect.col, row).in_file(self.target.path())
-            })?;
-        }
-        Ok(())
-    }
 }
 
 /// GridFloat's own keys for square cells, else those of a raw grid that has two cell sizes.
@@ -92,28 +79,26 @@ fn header(info: &GridInfo) -> String {
     )
 }
 
-impl GridSink for FltSink {
+impl RowSink for FltSink {
     fn info(&self) -> &GridInfo {
         &self.info
     }
 
-    fn block(&self) -> (u32, u32) {
-        (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
-    }
-
-    fn encode(
+    fn encode_rows<H: Height + Display>(
         &self,
-        _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: &[H],
         out: &mut Vec<u8>,
     ) -> Result<()> {
-        out.clear();
         out.resize(rect.len() * SampleType::F32.bytes(), 0);
-        match heights {
-            Heights::F32(heights) => self.write_rows(rect, heights, out),
-            Heights::F64(heights) => self.write_rows(rect, heights, out),
+        let rows = heights.chunks_exact(rect.width as usize);
+        let bytes = out.chunks_exact_mut(rect.width as usize * SampleType::F32.bytes());
+        for ((row, line), bytes) in (rect.row..).zip(rows).zip(bytes) {
+            self.codec.encode(line, bytes).map_err(|misfit| {
+                self.codec.refusal(misfit, rect.col, row).in_file(self.target.path())
+            })?;
         }
+        Ok(())
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
@@ -124,8 +109,8 @@ impl GridSink for FltSink {
         sidecar::lost(&self.info)
     }
 
-    fn finish(self: Box<Self>) -> Result<u64> {
-        let Self { target, sidecars, out, .. } = *self;
+    fn finish(self) -> Result<u64> {
+        let Self { target, sidecars, out, .. } = self;
         unlocked(out).flush()?;
         sidecars.commit()?;
         target.commit()

@@ -15,6 +15,7 @@ mod level;
 mod packed;
 mod png;
 mod predict;
+mod rows;
 mod sidecar;
 mod store;
 mod target;
@@ -30,6 +31,8 @@ use crate::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
+use terrane_base::registry::{self, Named};
+use terrane_files::format::{self, Format};
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
@@ -179,15 +182,6 @@ impl GridFormat {
         let message = format!("{} cannot hold several bands", self.name);
         Err(Error::usage(message).remedy(format!("write {}, or one band", several_bands())))
     }
-
-    fn has_extension_of(&self, path: &Path) -> bool {
-        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        self.extensions.contains(&ending.as_str())
-    }
-
-    fn endings(&self) -> String {
-        self.extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ")
-    }
 }
 
 /// The format called `name`, or else the first that `path`'s ending stands for.
@@ -196,14 +190,7 @@ impl GridFormat {
 /// Usage: an unknown name or ending (the known ones are listed), or a name whose format does not have
 /// the ending.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
-    let Some(name) = name else {
-        return FORMATS.iter().find(|format| format.has_extension_of(path)).ok_or_else(|| {
-            Error::usage("the file name does not say which grid format is meant")
-                .in_file(path)
-                .remedy(format!("end it in {}", known(|f| f.endings())))
-        });
-    };
-    let format = by_name(name)?;
+    let format = format::by_path(FORMATS, path, name)?;
     if format.has_extension_of(path) {
         return Ok(format);
     }
@@ -217,21 +204,25 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
 /// # Errors
 /// Usage: an unknown name (the known ones are listed).
 pub fn by_name(name: &str) -> Result<&'static GridFormat> {
-    let named = |format: &&GridFormat| format.name.eq_ignore_ascii_case(name);
-    FORMATS.iter().find(named).ok_or_else(|| {
-        Error::usage(format!("unknown grid format \"{name}\""))
-            .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
-    })
+    registry::named(FORMATS, name)
+}
+
+impl Named for GridFormat {
+    const KIND: &'static str = "grid format";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+impl Format for GridFormat {
+    fn extensions(&self) -> &'static [&'static str] {
+        self.extensions
+    }
 }
 
 /// The formats that hold several bands.
 fn several_bands() -> String {
     let formats = FORMATS.iter().filter(|format| format.several_bands);
     formats.map(|format| format.name).collect::<Vec<_>>().join(" or ")
-}
-
-fn known(text: impl Fn(&GridFormat) -> String) -> String {
-    let mut texts: Vec<String> = FORMATS.iter().map(text).collect();
-    texts.dedup();
-    texts.join(", ")
 }

@@ -1,6 +1,7 @@
 //! PNG heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
 //! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent.
 
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -9,10 +10,10 @@ use std::sync::{Arc, Mutex};
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
 use super::creation::Accepts::Words;
+use super::rows::RowSink;
 use super::sidecar::{self, Sidecars};
-use super::{CreationOption, GridFormat, GridSink, Order};
+use super::{CreationOption, GridFormat, Order};
 use crate::png::{PACKINGS, Packing};
-use crate::store::Heights;
 use crate::store::header::number;
 use crate::store::sample::Height;
 use crate::{GridInfo, SampleType};
@@ -44,8 +45,6 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     create: |order| Ok(Box::new(PngSink::new(order)?)),
 };
 
-/// Samples of a block, about; at least one row.
-const BLOCK_SAMPLES: u32 = 1 << 18;
 /// Greatest packed value.
 const MOST: f64 = 16_777_215.0;
 /// Heights this near to a step, in steps, are that step.
@@ -90,19 +89,6 @@ impl PngSink {
         let info = GridInfo { sample_type: SampleType::U32, ..info };
         let round = options.round;
         Ok(Self { target, info, packing, alpha, round, sidecars, picture, cause, notes })
-    }
-
-    fn write_rows<H: Height>(&self, rect: Rect, heights: &[H], out: &mut Vec<u8>) -> Result<()> {
-        for (row, line) in (rect.row..).zip(heights.chunks_exact(rect.width as usize)) {
-            for (col, height) in (rect.col..).zip(line) {
-                let packed = if height.is_void() { self.void() } else { self.pack(*height) };
-                let packed = packed.map_err(|e| {
-                    e.at(format_args!("column {col}, row {row}")).in_file(self.target.path())
-                })?;
-                out.extend_from_slice(if self.alpha { &packed } else { &packed[..3] });
-            }
-        }
-        Ok(())
     }
 
     fn void(&self) -> Result<[u8; 4]> {
@@ -239,27 +225,27 @@ fn check_end(target: &mut AtomicFile) -> io::Result<()> {
     if last == LAST { Ok(()) } else { Err(io::ErrorKind::StorageFull.into()) }
 }
 
-impl GridSink for PngSink {
+impl RowSink for PngSink {
     fn info(&self) -> &GridInfo {
         &self.info
     }
 
-    fn block(&self) -> (u32, u32) {
-        (self.info.width, (BLOCK_SAMPLES / self.info.width).clamp(1, self.info.height))
-    }
-
-    fn encode(
+    fn encode_rows<H: Height + Display>(
         &self,
-        _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: &[H],
         out: &mut Vec<u8>,
     ) -> Result<()> {
-        out.clear();
-        match heights {
-            Heights::F32(heights) => self.write_rows(rect, heights, out),
-            Heights::F64(heights) => self.write_rows(rect, heights, out),
+        for (row, line) in (rect.row..).zip(heights.chunks_exact(rect.width as usize)) {
+            for (col, height) in (rect.col..).zip(line) {
+                let packed = if height.is_void() { self.void() } else { self.pack(*height) };
+                let packed = packed.map_err(|e| {
+                    e.at(format_args!("column {col}, row {row}")).in_file(self.target.path())
+                })?;
+                out.extend_from_slice(if self.alpha { &packed } else { &packed[..3] });
+            }
         }
+        Ok(())
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
@@ -271,8 +257,8 @@ impl GridSink for PngSink {
         self.notes.clone()
     }
 
-    fn finish(self: Box<Self>) -> Result<u64> {
-        let Self { mut target, sidecars, picture, cause, .. } = *self;
+    fn finish(self) -> Result<u64> {
+        let Self { mut target, sidecars, picture, cause, .. } = self;
         unlocked(picture).finish().map_err(|e| failed(target.path(), &cause, e))?;
         check_end(&mut target).map_err(|e| Error::write(target.path(), e))?;
         sidecars.commit()?;

@@ -5,7 +5,8 @@ use std::fmt;
 use super::{Lines, SHAPES, Shape};
 use crate::Parameter;
 use crate::words::{Given, Words};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
+use terrane_base::registry::{Named, find, named};
 
 /// The parameters of synthetic lines.
 pub const PARAMETERS: &[Parameter] = &[
@@ -46,18 +47,14 @@ fn default(key: &str) -> f64 {
 impl Lines {
     /// True for the name of synthetic lines: its first word is one of [`SHAPES`].
     pub fn is_named(name: &str) -> bool {
-        shape(name).is_some()
+        find(SHAPES, first_word(name)).is_some()
     }
 
     /// The lines with this name: a shape, then any of [`PARAMETERS`] as `key=value`, separated by
     /// commas, in any order, each at most once. Fails with
     /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
     pub fn parse(name: &str) -> Result<Self> {
-        let shape = shape(name).ok_or_else(|| {
-            let known: Vec<&str> = SHAPES.iter().map(|shape| shape.name).collect();
-            Error::usage(format!("there are no lines named {name:?}"))
-                .remedy(format!("there are {}", known.join(", ")))
-        })?;
+        let shape = named(SHAPES, first_word(name))?;
         let known = PARAMETERS.iter().collect();
         let words = Words { what: "line", kind: shape.name, known };
         let mut lines = Self {
@@ -84,9 +81,16 @@ impl Lines {
     }
 }
 
-fn shape(name: &str) -> Option<&'static Shape> {
-    let first = name.split(',').next()?.trim();
-    SHAPES.iter().find(|shape| shape.name == first)
+fn first_word(name: &str) -> &str {
+    name.split(',').next().unwrap_or_default().trim()
+}
+
+impl Named for Shape {
+    const KIND: &'static str = "line shape";
+
+    fn name(&self) -> &'static str {
+        self.name
+    }
 }
 
 /// The name that [`Lines::parse`] turns back into the same lines.

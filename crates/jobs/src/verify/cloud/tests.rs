@@ -231,18 +231,8 @@ fn the_tolerance_is_closed_to_the_step() {
     // Points over the middle of a triangle that lies level.
     let corners = [[0, 0], [900, 0], [0, 900]].map(|[x, y]| Point::new(x, y, 0));
     let cloud = |z| few(corners.into_iter().chain([Point::new(300, 300, z)]).collect());
-    let info = MeshInfo {
-        vertices: 3,
-        triangles: 1,
-        format: "test",
-        origin: [0.0; 3],
-        scale: [1.0; 3],
-        single_precision: false,
-        indexed: true,
-        solid: false,
-        crs: None,
-        details: vec![("max error".to_owned(), tolerance().to_string())],
-    };
+    let details = vec![("max error".to_owned(), tolerance().to_string())];
+    let info = MeshInfo { details, ..MeshInfo::plain("test", 3, 1) };
     let vertices = corners.map(|point| FRAME.world(point)).to_vec();
     let mesh = Memory { info, vertices, triangles: vec![[0, 1, 2]] };
     let folder = tempfile::tempdir().unwrap();

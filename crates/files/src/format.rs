@@ -1,0 +1,50 @@
+//! Formats of files, found by name or by the endings of files.
+
+use std::path::Path;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::registry::{self, Named};
+
+/// A format of files.
+pub trait Format: Named {
+    /// Endings of its files, in lower case and without the dot; the usual one first.
+    fn extensions(&self) -> &'static [&'static str];
+
+    /// True when the name of `path` ends in one of them, in any case.
+    fn has_extension_of(&self, path: &Path) -> bool {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let is_it =
+            |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));
+        self.extensions().iter().any(is_it)
+    }
+
+    /// Its endings in words.
+    fn endings(&self) -> String {
+        self.extensions().iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ")
+    }
+}
+
+/// The first format that the ending of `path` stands for.
+pub fn by_extension<F: Format>(all: &'static [F], path: &Path) -> Option<&'static F> {
+    all.iter().find(|format| format.has_extension_of(path))
+}
+
+/// The format called `name`, or else the first that the ending of `path` stands for.
+///
+/// # Errors
+/// Usage: an unknown name or ending; the known ones are listed.
+pub fn by_path<F: Format>(
+    all: &'static [F],
+    path: &Path,
+    name: Option<&str>,
+) -> Result<&'static F> {
+    if let Some(name) = name {
+        return registry::named(all, name);
+    }
+    by_extension(all, path).ok_or_else(|| {
+        let endings = registry::offered(all, F::endings);
+        Error::usage(format!("the file name does not say which {} is meant", F::KIND))
+            .in_file(path)
+            .remedy(format!("end the name in {endings}, or name a format"))
+    })
+}

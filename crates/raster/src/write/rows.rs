@@ -1,0 +1,69 @@
+//! Sinks that write whole rows, one below the other, and keep nothing of them.
+
+use std::fmt::Display;
+
+use super::GridSink;
+use crate::GridInfo;
+use crate::store::Heights;
+use crate::store::sample::Height;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+
+/// A sink of whole rows.
+pub(super) trait RowSink: Send + Sync {
+    /// Samples of a block, about; at least one row.
+    const BLOCK_SAMPLES: u32 = 1 << 18;
+
+    fn info(&self) -> &GridInfo;
+
+    /// Puts the rows of `rect` into `out`, which is empty.
+    fn encode_rows<H: Height + Display>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        out: &mut Vec<u8>,
+    ) -> Result<()>;
+
+    fn append(&self, bytes: &[u8]) -> Result<()>;
+
+    fn notes(&self) -> Vec<String>;
+
+    fn finish(self) -> Result<u64>;
+}
+
+impl<S: RowSink> GridSink for S {
+    fn info(&self) -> &GridInfo {
+        RowSink::info(self)
+    }
+
+    fn block(&self) -> (u32, u32) {
+        let GridInfo { width, height, .. } = *RowSink::info(self);
+        (width, (S::BLOCK_SAMPLES / width).clamp(1, height))
+    }
+
+    fn encode(
+        &self,
+        _band: u32,
+        rect: Rect,
+        heights: Heights<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
+        out.clear();
+        match heights {
+            Heights::F32(heights) => self.encode_rows(rect, heights, out),
+            Heights::F64(heights) => self.encode_rows(rect, heights, out),
+        }
+    }
+
+    fn append(&self, bytes: &[u8]) -> Result<()> {
+        RowSink::append(self, bytes)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        RowSink::notes(self)
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        RowSink::finish(*self)
+    }
+}
