@@ -24,7 +24,7 @@ fn main() -> terrane::Result<()> {
     let done = plan.run().output(&mesh).run()?;
     println!("{} of {} tasks were done before", done.found, done.tasks);
     let proof = terrane::open(&dem)?.verify(&mesh).run()?;
-    assert!(proof.passed, "{:?}", proof.failures);
+    assert!(proof.verdict.passed, "{:?}", proof.verdict.failures);
     println!("proved: no sample further than {:?}", proof.max_error);
 
     std::fs::remove_dir_all(&folder).map_err(failed)

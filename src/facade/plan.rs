@@ -29,7 +29,7 @@ use terrane_jobs::tin::{Form, run_plan, status_of};
 /// }
 /// let done = plan.run().output(&mesh).run()?; // what is left, and the mesh
 /// assert_eq!(done.written.as_deref(), Some(mesh.as_path()));
-/// assert!(dem.verify(&mesh).run()?.passed);
+/// assert!(dem.verify(&mesh).run()?.verdict.passed);
 /// # Ok(())
 /// # }
 /// ```

@@ -16,7 +16,7 @@ use terrane_jobs::verify::{
 /// A proof to be done: of a mesh against a [`Grid`] or [`Cloud`], or of simplified lines against the
 /// [`Features`] they were made from.
 ///
-/// A broken promise is no error, but a report whose `verdict` is that it has not `passed`, and whose `failures` say what and
+/// A broken promise is no error, but a report: its `verdict` has not `passed`, and its `failures` say what and
 /// where; `judged` is true when all that is promised was looked at.
 pub struct VerifyBuilder<'a, T> {
     against: &'a T,

@@ -24,7 +24,7 @@ pub trait Named: 'static {
 /// The first of `all` that is called `name`, letter case aside.
 pub fn find<T: Named>(all: &'static [T], name: &str) -> Option<&'static T> {
     let is_it = |own: &&str| own.eq_ignore_ascii_case(name);
-    all.iter().find(|thing| is_it(&thing.name()) || thing.aliases().iter().any(|own| is_it(own)))
+    all.iter().find(|thing| is_it(&thing.name()) || thing.aliases().iter().any(is_it))
 }
 
 /// As [`find`].
