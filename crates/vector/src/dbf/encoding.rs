@@ -3,26 +3,19 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use encoding_rs::{UTF_8, WINDOWS_1252};
 use terrane_base::error::{Error, Result};
 
 /// How bytes are text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// UTF-8.
-    Utf8,
-    /// ISO 8859-1, with the printable characters of Windows-1252 where that has control characters.
-    Latin1,
+    /// Said. ISO 8859-1 is Windows-1252, which has printable characters where that has none.
+    Known(&'static encoding_rs::Encoding),
     /// Not said: UTF-8 where it is sound, or else as ISO 8859-1.
     Unknown,
     /// Said, and not known: only ASCII can be read.
     Other(String),
 }
-
-/// Windows-1252 from 0x80 to 0x9f; where it has none, the control characters of ISO 8859-1.
-const WINDOWS: [char; 32] = [
-    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}',
-    '\u{90}', '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
-];
 
 impl Encoding {
     /// That which the `.cpg` beside the table at `path` names, or else the language driver in the
@@ -35,46 +28,48 @@ impl Encoding {
             Some(text) => Self::by_name(String::from_utf8_lossy(&text).trim()),
             None => match driver {
                 0 => Self::Unknown,
-                0x03 | 0x57 | 0x58 | 0x59 => Self::Latin1,
+                0x03 | 0x57 | 0x58 | 0x59 => Self::Known(WINDOWS_1252),
                 code => Self::Other(format!("language driver {code:#04x}")),
             },
         }
     }
 
     fn by_name(name: &str) -> Self {
-        let plain: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
-        match plain.to_ascii_uppercase().as_str() {
-            "UTF8" | "65001" => Self::Utf8,
-            "ISO88591" | "88591" | "LATIN1" | "1252" | "CP1252" | "WINDOWS1252" | "ANSI1252"
-            | "LDID87" | "LDID3" => Self::Latin1,
-            "" => Self::Unknown,
-            _ => Self::Other(name.chars().take(40).collect()),
+        let mut plain: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
+        plain.make_ascii_lowercase();
+        match plain.as_str() {
+            "" => return Self::Unknown,
+            "65001" => return Self::Known(UTF_8),
+            "ldid87" | "ldid3" => return Self::Known(WINDOWS_1252),
+            _ => {}
         }
+        // Programs write the number of a code page alone, or behind a word of their own.
+        let number = plain.trim_start_matches(|c: char| c.is_ascii_alphabetic());
+        let labels = [name, &plain, &format!("cp{number}"), &format!("iso{number}")]
+            .map(|label| encoding_rs::Encoding::for_label(label.as_bytes()));
+        let other = || Self::Other(name.chars().take(40).collect());
+        labels.into_iter().flatten().next().map_or_else(other, Self::Known)
     }
 
     /// The text of bytes.
     pub(super) fn text<'a>(&self, bytes: &'a [u8]) -> Result<Cow<'a, str>> {
-        let utf8 = std::str::from_utf8(bytes);
-        match (self, utf8) {
-            (Self::Utf8 | Self::Unknown, Ok(text)) => Ok(Cow::Borrowed(text)),
+        match (self, std::str::from_utf8(bytes)) {
+            (Self::Unknown, Ok(text)) => Ok(Cow::Borrowed(text)),
             (_, Ok(text)) if text.is_ascii() => Ok(Cow::Borrowed(text)),
-            (Self::Utf8, Err(_)) => {
-                Err(Error::bad_input("a text is not UTF-8, as the .cpg has it")
-                    .remedy("correct the .cpg: it may be ISO-8859-1"))
+            (Self::Unknown, Err(_)) => Ok(WINDOWS_1252.decode_without_bom_handling(bytes).0),
+            (Self::Known(encoding), _) => {
+                let text = encoding.decode_without_bom_handling_and_without_replacement(bytes);
+                text.ok_or_else(|| {
+                    let name = encoding.name();
+                    Error::bad_input(format!("a text is not {name}, as the .cpg has it"))
+                        .remedy("correct the .cpg: it may be ISO-8859-1")
+                })
             }
-            (Self::Latin1 | Self::Unknown, _) => Ok(bytes.iter().map(|&b| latin1(b)).collect()),
             (Self::Other(name), _) => {
                 Err(Error::unsupported(format!("texts in {name:?} are not supported"))
                     .remedy("write the file anew in UTF-8: ogr2ogr -lco ENCODING=UTF-8"))
             }
         }
-    }
-}
-
-fn latin1(byte: u8) -> char {
-    match byte {
-        0x80..=0x9f => WINDOWS[usize::from(byte - 0x80)],
-        _ => char::from(byte),
     }
 }
 
@@ -84,14 +79,24 @@ mod tests {
 
     #[test]
     fn names_and_texts() {
-        for (name, text) in
-            [("UTF-8", "é"), ("utf8", "é"), ("ISO-8859-1", "Ã©"), ("ANSI 1252", "Ã©")]
-        {
+        let latin = ["ISO-8859-1", "88591", "ISO 8859-1", "latin1", "1252", "CP1252", "ANSI 1252"];
+        let names = latin.map(|name| (name, "Ã©"));
+        let others = [
+            ("UTF-8", "é"),
+            ("utf8", "é"),
+            ("65001", "é"),
+            ("LDID/87", "Ã©"),
+            ("1251", "Г©"),
+            ("windows-1251", "Г©"),
+            ("88592", "ĂŠ"),
+        ];
+        for (name, text) in names.into_iter().chain(others) {
             assert_eq!(Encoding::by_name(name).text("é".as_bytes()).unwrap(), text, "{name}");
         }
-        assert_eq!(Encoding::Latin1.text(&[b'a', 0x80, 0xe9]).unwrap(), "a€é");
+        let latin = Encoding::Known(WINDOWS_1252);
+        assert_eq!(latin.text(&[b'a', 0x80, 0x81, 0xe9]).unwrap(), "a€\u{81}é");
         assert_eq!(Encoding::Unknown.text(&[0xe9]).unwrap(), "é");
-        assert!(Encoding::Utf8.text(&[0xe9]).is_err());
+        assert!(Encoding::Known(UTF_8).text(&[0xe9]).is_err());
         let other = Encoding::by_name("CP437");
         assert!(other.text(b"abc").is_ok());
         assert!(other.text(&[0xe9]).unwrap_err().to_string().contains("CP437"));
