@@ -6,8 +6,10 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Bytes read at a time.
+/// Bytes read at a time where one record follows the other.
 const CHUNK_BYTES: u64 = 1 << 18;
+/// Bytes read at least where records lie anywhere.
+const PAGE_BYTES: u64 = 1 << 12;
 
 /// A file, and the part of it that is in memory.
 pub(super) struct Pages {
@@ -45,7 +47,9 @@ impl Pages {
     fn read(&mut self, offset: u64, bytes: u64) -> Result<()> {
         self.file.check_range(offset, bytes)?;
         limits::check("bytes of a feature", bytes, limits::MAX_FEATURE_BYTES)?;
-        let wanted = bytes.max(CHUNK_BYTES).min(self.file.size() - offset);
+        let end = self.base.saturating_add(self.buffer.len() as u64);
+        let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
+        let wanted = bytes.max(least).min(self.file.size() - offset);
         // Nothing counts as read until it is.
         self.base = u64::MAX;
         self.buffer.resize(wanted as usize, 0);
