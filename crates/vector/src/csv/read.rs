@@ -58,10 +58,39 @@ struct Columns {
     properties: Vec<(usize, Arc<str>)>,
 }
 
-/// A line of the file.
+/// The cells of a line of the file, one behind the other.
 #[derive(Default)]
 struct Row {
-    cells: Vec<String>,
+    text: String,
+    /// Where in the text each cell ends.
+    ends: Vec<usize>,
+}
+
+impl Row {
+    fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// True for an empty line.
+    fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    fn get(&self, at: usize) -> Option<&str> {
+        let end = *self.ends.get(at)?;
+        let start = if at == 0 { 0 } else { self.ends[at - 1] };
+        Some(&self.text[start..end])
+    }
+
+    fn push(&mut self, cell: &str) {
+        self.text.push_str(cell);
+        self.ends.push(self.text.len());
+    }
+
+    fn clear(&mut self) {
+        self.text.clear();
+        self.ends.clear();
+    }
 }
 
 struct Source {
@@ -90,26 +119,28 @@ impl FeatureSource for Source {
         }
         self.has_row = false;
         self.first_line = self.line;
-        let (id, mut part) = (self.cell(self.columns.id), self.cell(self.columns.part));
+        let owned = |cell: Option<&str>| cell.map(str::to_owned);
+        let (id, mut part) =
+            (owned(self.cell(self.columns.id)), owned(self.cell(self.columns.part)));
         let properties = self.properties();
         let mut found = Coordinates::default();
         self.position(&mut found)?;
         while self.next_row()? {
-            if self.row.cells.is_empty() {
+            if self.row.is_empty() {
                 // Without ids an empty line ends a feature.
                 if self.columns.id.is_none() {
                     break;
                 }
                 continue;
             }
-            if self.cell(self.columns.id) != id {
+            if self.cell(self.columns.id) != id.as_deref() {
                 self.has_row = true;
                 break;
             }
             let now = self.cell(self.columns.part);
-            if now != part {
+            if now != part.as_deref() {
                 found.end_part();
-                part = now;
+                part = owned(now);
             }
             self.position(&mut found)?;
         }
@@ -152,12 +183,12 @@ impl Source {
             let bare: String = line.split('"').step_by(2).collect();
             let found = [b'\t', b';', b','].into_iter().find(|d| bare.as_bytes().contains(d));
             self.delimiter = found.unwrap_or(b' ');
-            self.row.cells = self.cells(&line)?;
-            self.count = self.row.cells.len();
+            self.split(&line)?;
+            self.count = self.row.len();
             break;
         }
-        let names: Vec<String> =
-            self.row.cells.iter().map(|name| name.trim().to_ascii_lowercase()).collect();
+        let named = |at| self.row.get(at).map(|name| name.trim().to_ascii_lowercase());
+        let names: Vec<String> = (0..self.count).filter_map(named).collect();
         if names.first().is_some_and(|first| number::whole(first.as_bytes()).is_some()) {
             self.has_row = true;
             return self.without_names(names.len());
@@ -187,8 +218,8 @@ impl Source {
         let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
         let known = [Some(x), Some(y), z, m, id, part];
         let others = (0..names.len()).filter(|at| !known.contains(&Some(*at)));
-        let original = &self.row.cells;
-        let properties = others.map(|at| (at, original[at].trim().into())).collect();
+        let original = |at| self.row.get(at).map(|name| (at, name.trim().into()));
+        let properties = others.filter_map(original).collect();
         if names[x].starts_with("lon") && self.layer.crs.is_unknown() {
             self.layer.crs = crs::wgs84();
             self.notes.push("longitude and latitude are taken to be in WGS 84".to_owned());
@@ -222,7 +253,7 @@ impl Source {
     /// Goes to the first row of a feature.
     fn first_row(&mut self) -> Result<bool> {
         while self.next_row()? {
-            if !self.row.cells.is_empty() {
+            if !self.row.is_empty() {
                 return Ok(true);
             }
         }
@@ -238,8 +269,11 @@ impl Source {
             self.is_over = true;
             return Ok(false);
         };
-        self.row.cells = if line.trim().is_empty() { Vec::new() } else { self.cells(&line)? };
-        let found = self.row.cells.len();
+        self.row.clear();
+        if !line.trim().is_empty() {
+            self.split(&line)?;
+        }
+        let found = self.row.len();
         if found > 0 && found != self.count {
             let message = format!("has {found} columns, where the first line has {}", self.count);
             return Err(self.bad(message).remedy("mend the line"));
@@ -247,49 +281,58 @@ impl Source {
         Ok(true)
     }
 
-    /// The cells of a line.
-    fn cells(&self, line: &str) -> Result<Vec<String>> {
+    /// Takes a line apart.
+    fn split(&mut self, line: &str) -> Result<()> {
+        self.row.clear();
         if self.delimiter == b' ' {
-            return Ok(line.split_whitespace().map(str::to_owned).collect());
+            line.split_whitespace().for_each(|cell| self.row.push(cell));
+        } else if line.contains('"') {
+            self.split_quoted(line)?;
+        } else {
+            line.split(char::from(self.delimiter)).for_each(|cell| self.row.push(cell));
         }
-        if !line.contains('"') {
-            return Ok(line.split(char::from(self.delimiter)).map(str::to_owned).collect());
-        }
-        let mut cells = vec![String::new()];
-        let mut quoted = false;
+        Ok(())
+    }
+
+    fn split_quoted(&mut self, line: &str) -> Result<()> {
+        let delimiter = char::from(self.delimiter);
+        let (mut cell, mut quoted) = (String::new(), false);
         let mut characters = line.chars().peekable();
         while let Some(c) = characters.next() {
-            let last = cells.len() - 1;
             match c {
                 '"' if quoted && characters.peek() == Some(&'"') => {
                     characters.next();
-                    cells[last].push('"');
+                    cell.push('"');
                 }
                 '"' if quoted => {
                     quoted = false;
-                    if characters.peek().is_some_and(|next| *next != char::from(self.delimiter)) {
+                    if characters.peek().is_some_and(|next| *next != delimiter) {
                         return Err(self.bad("something follows a quotation mark in its cell"));
                     }
                 }
-                '"' if cells[last].trim().is_empty() => {
+                '"' if cell.trim().is_empty() => {
                     quoted = true;
-                    cells[last].clear();
+                    cell.clear();
                 }
                 '"' => {
                     return Err(self.bad("a quotation mark is within a cell that has none before"));
                 }
-                c if c == char::from(self.delimiter) && !quoted => cells.push(String::new()),
-                c => cells[last].push(c),
+                c if c == delimiter && !quoted => {
+                    self.row.push(&cell);
+                    cell.clear();
+                }
+                c => cell.push(c),
             }
         }
         if quoted {
             return Err(self.bad("a quotation mark is not closed on its line"));
         }
-        Ok(cells)
+        self.row.push(&cell);
+        Ok(())
     }
 
-    fn cell(&self, column: Option<usize>) -> Option<String> {
-        column.and_then(|at| self.row.cells.get(at)).map(|cell| cell.trim().to_owned())
+    fn cell(&self, column: Option<usize>) -> Option<&str> {
+        column.and_then(|at| self.row.get(at)).map(str::trim)
     }
 
     /// Those of the first row of a feature.
@@ -300,7 +343,7 @@ impl Source {
             (_, Some(real)) if real.is_finite() => Value::Real(real),
             _ => Value::Text(text.to_owned()),
         };
-        let cell = |at: usize| self.row.cells.get(at).map_or("", |cell| cell.trim());
+        let cell = |at: usize| self.row.get(at).map_or("", str::trim);
         let named = self.columns.properties.iter();
         Properties(named.map(|(at, name)| (name.clone(), value(cell(*at)))).collect())
     }
@@ -309,7 +352,7 @@ impl Source {
         let Columns { x, y, z, m, .. } = self.columns;
         let (x, y) = (self.number("x", x)?, self.number("y", y)?);
         let there = |at: Option<usize>| {
-            at.filter(|at| self.row.cells.get(*at).is_some_and(|cell| !cell.trim().is_empty()))
+            at.filter(|at| self.row.get(*at).is_some_and(|cell| !cell.trim().is_empty()))
         };
         let z = there(z).map(|at| self.number("z", at)).transpose()?;
         let m = there(m).map(|at| self.number("m", at)).transpose()?;
@@ -318,8 +361,8 @@ impl Source {
     }
 
     fn number(&self, name: &str, at: usize) -> Result<f64> {
-        let Some(cell) = self.row.cells.get(at) else {
-            let count = self.row.cells.len();
+        let Some(cell) = self.row.get(at) else {
+            let count = self.row.len();
             return Err(self.bad(format!("has {count} columns, and {name} is column {}", at + 1)));
         };
         let value = number::whole(cell.as_bytes()).filter(|value| value.is_finite());
