@@ -1,10 +1,6 @@
 //! FlatGeobuf 3: a header, a packed tree of rectangles, and features, each a FlatBuffers table behind
 //! its size (<https://flatgeobuf.org>, with the FlatBuffers internals of Google's documentation).
-//!
-//! **Why not the `flatgeobuf` crate** (6.0.1): of 400 files with one to three bytes changed three made it
-//! panic (a list shorter than it is said to be), a feature may claim any size before a byte of it is
-//! read, and it writes a feature without heights into a layer with heights as it is, which GDAL does not
-//! open. Its index takes as much memory as this one (273 and 260 MB for 2 million points).
+//! Why not by a library: "Libraries tried" in ARCHITECTURE.md.
 
 mod build;
 mod read;
