@@ -1,5 +1,5 @@
 //! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. One engine for
-//! every kind of plan; what a kind's tasks are, and what one does, it says itself ([`Work`]).
+//! every kind of plan; what a kind's tasks are, and what one does, it says itself (`Work`).
 //!
 //! | name | what |
 //! |---|---|
