@@ -49,7 +49,7 @@
 //! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
 //!
 //! Every builder says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
-//! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in `build` or `write`.
+//! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in the work: `build`, `write` or `run`.
 //! Outputs appear whole or not at all. Nothing is printed, and no handler or hook of the process is changed.
 //!
 //! Rooms of the house that are of use alone (the triangulations, the methods for lines, the readers of

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use terrane::{Affine, Cancel, Crs, Plan, Progress, Tin};
+use terrane::{Affine, Cancel, Crs, Filter, Plan, Progress, Rect, Tin};
 use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
@@ -114,7 +114,63 @@ fn what_makes_no_sense_is_refused() {
     assert_eq!(made(empty), ErrorKind::BadInput);
     assert!(terrane::open("no such file.tif").is_err() && terrane::open_cloud("none.laz").is_err());
     let grid = terrane::open(NAME).unwrap();
+    let all = Rect::new(0, 0, u32::MAX, u32::MAX);
+    assert_eq!(grid.heights(all).unwrap_err().kind(), ErrorKind::Usage);
     assert!(grid.band(2).is_err());
+}
+
+#[test]
+fn what_cannot_act_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let cloud = terrane::open_cloud("synth:cloud,size=50,density=2,seed=7").unwrap();
+    let usage = |done: Result<_, terrane::Error>| {
+        assert_eq!(done.map_err(|error| error.kind()), Err(ErrorKind::Usage));
+    };
+    let cells = || cloud.grid(1.0).stats("mean");
+    usage(cells().radius(2.0).write(path("a.tif")).map(drop));
+    usage(cells().max_edge(2.0).write(path("a.tif")).map(drop));
+    usage(cloud.grid(1.0).stats("count").fill(2).write(path("a.tif")).map(drop));
+    usage(cells().overwrite(true).plan(path("work"), None).map(drop));
+    let plan = cells().plan(path("work"), 256).unwrap();
+    let task = &plan.status().unwrap().to_do[0].id;
+    usage(plan.run().task(task).output(path("a.tif")).run().map(drop));
+    usage(plan.run().task(task).overwrite(true).run().map(drop));
+    let grid = terrane::open(NAME).unwrap();
+    usage(grid.tin().max_error(1.0).split(2).build().map(drop));
+    usage(grid.tin().max_error(1.0).overwrite(true).plan(path("other"), None).map(drop));
+    let ground = Filter { classes: Some(vec![2]), ..Filter::default() };
+    usage(cloud.filter(ground.clone()).unwrap().filter(ground).map(drop));
+}
+
+#[test]
+fn lines_in_degrees_are_proved_in_metres() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let line: Vec<String> = (0..500)
+        .map(|i| format!("[{}, {}]", f64::from(i) / 100.0, (f64::from(i) / 9.0).sin()))
+        .collect();
+    let text = format!(r#"{{"type": "LineString", "coordinates": [{}]}}"#, line.join(", "));
+    std::fs::write(path("line.geojson"), text).unwrap();
+    let features = terrane::open_features(path("line.geojson")).unwrap();
+    features.simplify().metres(2000.0).write(path("few.geojson")).unwrap();
+    let passed = |metres: f64| {
+        features.verify(path("few.geojson")).metres(metres).run().unwrap().verdict.passed
+    };
+    assert!(passed(2000.0) && !passed(200.0));
+}
+
+#[test]
+fn degrees_are_no_local_metres() {
+    let folder = tempfile::tempdir().unwrap();
+    let heights: Vec<f32> = (0..64).map(|i| (i * i % 13) as f32).collect();
+    let crs = Crs { epsg: Some(4326), geographic: Some(true), ..Crs::default() };
+    let place = Affine { x0: 9.0, a: 0.01, b: 0.0, y0: 47.0, d: 0.0, e: -0.01 };
+    let tin = Tin::from_array(&heights, 8, 8).unwrap().place(place, crs).max_error(1.0);
+    let tin = tin.build().unwrap();
+    let glb = tin.write(folder.path().join("mesh.glb"));
+    assert_eq!(glb.unwrap_err().kind(), ErrorKind::Unsupported);
+    tin.write(folder.path().join("mesh.ply")).unwrap();
 }
 
 /// Counts what it is told.

@@ -254,7 +254,7 @@ fn job(args: &Args) -> Result<GridJob> {
         overwrite: args.out.overwrite,
         ..job
     };
-    args.wanted.check(preset, job.format()?)?;
+    args.wanted.check(job.format()?)?;
     job.check()?;
     args.check_files()?;
     Ok(job)
@@ -306,36 +306,13 @@ impl Wanted {
         })
     }
 
-    /// Fails when an option was given that cannot act, on statistics or on the preset in their place,
-    /// in a format.
-    pub(super) fn check(&self, preset: Option<Preset>, format: &GridFormat) -> Result<()> {
-        let stats = preset.map_or_else(|| self.stat.0.clone(), |preset| vec![preset.band()]);
-        let lack = |key| stats.iter().any(|asked| asked.statistic.lacks(key));
-        let around = self.cells.compat == CompatName::Pdal || lack("radius");
-        let (weighs, spans) = (lack("power"), lack("max_edge"));
-        let fills = stats.iter().any(|asked| asked.statistic.is_height());
+    /// Fails when an option was given that cannot act in a format.
+    pub(super) fn check(&self, format: &GridFormat) -> Result<()> {
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
-        let options = [
-            (
-                "--radius",
-                self.method.radius.is_some() && !around,
-                "for idw and nearest without one",
-            ),
-            ("--power", self.method.power.is_some() && !weighs, "for idw without one"),
-            (
-                "--max-edge",
-                self.method.max_edge.is_some() && !spans,
-                "for tin without one, --dtm, --dsm and --chm",
-            ),
-            ("--fill", self.method.fill.is_some() && !fills, "for heights, not for counts"),
-            (
-                "--round",
-                self.file.round && format.holds_types && floats.contains(&self.file.sample_type),
-                "for whole numbers: floats hold the nearest value anyway",
-            ),
-        ];
-        let idling = options.into_iter().find(|(_, idles, _)| *idles);
-        idling.map_or(Ok(()), |(option, _, why)| Err(idle(option, why)))
+        if self.file.round && format.holds_types && floats.contains(&self.file.sample_type) {
+            return Err(idle("--round", "for whole numbers: floats hold the nearest value anyway"));
+        }
+        Ok(())
     }
 }
 

@@ -55,7 +55,10 @@ fn section(name: &str, verb: &Command, common: &BTreeMap<String, Vec<&str>>) -> 
     let about = verb.get_long_about().or(verb.get_about()).unwrap().to_string();
     let usage = verb.clone().render_usage().to_string();
     let usage = usage.split_whitespace().collect::<Vec<_>>().join(" ");
-    let mut text = format!("\n## terrane {name}\n\n{}\n", escaped(&about));
+    let mut text = format!(
+        "\n## terrane {name}\n\n{}\n",
+        about.split("\n\n").map(escaped).collect::<Vec<_>>().join("\n\n")
+    );
     write!(text, "\n```text\n{}\n```\n", usage.trim_start_matches("Usage: ")).unwrap();
     let names = verb.get_positionals().map(row);
     text += &table("name", names);

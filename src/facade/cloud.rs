@@ -50,7 +50,7 @@ impl Cloud {
     /// The same cloud, only the points that pass `filter`.
     ///
     /// # Errors
-    /// As [`open_cloud`].
+    /// As [`open_cloud`]; a cloud that has a filter already.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -62,6 +62,10 @@ impl Cloud {
     /// # }
     /// ```
     pub fn filter(self, filter: Filter) -> Result<Self> {
+        if self.options.filter != Filter::default() {
+            return Err(Error::usage("the cloud has a filter already")
+                .remedy("say all that points have to meet in one filter"));
+        }
         Self::open(self.inputs, OpenOptions { filter, ..self.options })
     }
 
@@ -261,6 +265,10 @@ impl<'a> GridBuilder<'a> {
     /// As [`write`](Self::write); a [`model`](Self::model), which is made of the whole cloud at once; a folder
     /// that holds something else.
     pub fn plan(mut self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
+        if self.run.overwrite {
+            return Err(Error::usage("a plan writes no grid yet, in place of another")
+                .remedy("leave overwrite out, and say it of the run"));
+        }
         let folder = folder.into();
         let format = terrane_raster::write::by_name(self.format.as_deref().unwrap_or("GTiff"))?;
         self.format = Some(format.name.to_owned());

@@ -6,8 +6,9 @@ use super::contours::ContourBuilder;
 use super::convert::ConvertBuilder;
 use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
-use terrane_base::Result;
 use terrane_base::geom::Rect;
+use terrane_base::{Error, ErrorKind, Result};
+use terrane_jobs::memory;
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 
 /// A grid of heights, in one file or many: what [`open`] opens.
@@ -25,6 +26,8 @@ pub struct Grid {
 ///
 /// Several files (a `Vec<String>`), a folder, a list or a pattern are one mosaic: on the lattice of the
 /// first one, later ones on top wherever they are valid.
+///
+/// What has to be unpacked first is unpacked into the system's folder for temporary files.
 ///
 /// # Errors
 /// A file that is missing, damaged, of no known format or beyond a limit; files that do not fit together.
@@ -44,7 +47,15 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
 
 impl Grid {
     fn open(inputs: Inputs, options: OpenOptions) -> Result<Self> {
-        let source = raster::open_all(inputs.names(), &options)?;
+        let source = match raster::open_all(inputs.names(), &options) {
+            // A block of it is larger than what is held unless told otherwise.
+            Err(error) if error.kind() == ErrorKind::Resource => {
+                let block = memory::look_at(&inputs, &options)?.block_bytes();
+                let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);
+                raster::open_all(inputs.names(), &OpenOptions { cache_bytes, ..options.clone() })?
+            }
+            opened => opened?,
+        };
         Ok(Self { inputs, options, source })
     }
 
@@ -74,6 +85,9 @@ impl Grid {
     /// # Errors
     /// A rectangle that reaches out of the grid; damage in the file.
     pub fn heights(&self, rect: Rect) -> Result<Vec<f64>> {
+        if self.info().bounds().intersect(&rect) != rect {
+            return Err(Error::usage(format!("{rect:?} reaches out of the grid")));
+        }
         let mut heights = vec![f64::NAN; rect.len()];
         self.source.read_f64(rect, &mut heights)?;
         Ok(heights)
@@ -105,11 +119,5 @@ impl Grid {
 
     pub(super) fn nodata_given(&self) -> Option<f64> {
         self.options.nodata
-    }
-
-    /// Opened again, its cache within `bytes`.
-    pub(super) fn reopened(&self, bytes: u64) -> Result<Box<dyn GridSource>> {
-        let cache_bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
-        raster::open_all(self.inputs.names(), &OpenOptions { cache_bytes, ..self.options.clone() })
     }
 }

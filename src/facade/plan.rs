@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::run::{Run, overwrite_setting, run_settings};
-use terrane_base::Result;
+use terrane_base::{Error, Result};
 use terrane_jobs::grid::plan::{grid_status, run_grid};
 use terrane_jobs::plan::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, kind};
 use terrane_jobs::tin::{Form, run_plan, status_of};
@@ -79,7 +79,8 @@ impl Plan {
     /// Opens the plan in a folder.
     ///
     /// # Errors
-    /// A folder without a plan, or with a damaged one.
+    /// A folder without a plan, or with one of no known kind. What else is wrong with it is told when it is
+    /// looked at or run.
     pub fn open(folder: impl Into<PathBuf>) -> Result<Self> {
         let folder = folder.into();
         Ok(Self { kind: kind(&folder)?, folder })
@@ -157,9 +158,14 @@ impl PlanBuilder<'_> {
     ///
     /// # Errors
     /// An input that is not what it was; a task there is not, or whose inputs are not done
-    /// ([`ErrorKind::NotYet`](crate::ErrorKind::NotYet)); too little memory or disk; an output that exists;
+    /// ([`ErrorKind::NotYet`](crate::ErrorKind::NotYet)), or one that writes nothing and is given an output; too little memory or disk; an output that exists;
     /// cancelled.
     pub fn run(self) -> Result<PlanRun> {
+        let is_part = self.task.as_deref().is_some_and(|task| task != "finish");
+        if is_part && (self.output.is_some() || self.run.overwrite) {
+            return Err(Error::usage("only the last task writes a result")
+                .remedy("leave output and overwrite out, or run the task \"finish\""));
+        }
         let resources = self.run.resources()?;
         let disk = if self.check_disk { DiskCheck::On } else { DiskCheck::Off };
         let Run { overwrite, progress, cancel, .. } = self.run;

@@ -129,7 +129,8 @@ impl<C: Coordinates> Simplify<'_, C> {
         let keeps_all = self.tolerance.is_nan() || self.tolerance < 0.0;
         let is_finite = self.coords.iter().all(sealed::Sealed::is_finite);
         let different = self.coords.len() - usize::from(self.is_ring && !self.coords.is_empty());
-        if keeps_all || (self.is_ring && !is_finite) {
+        let is_too_long = self.is_ring && self.coords.len() > MOST;
+        if keeps_all || is_too_long || (self.is_ring && !is_finite) {
             return (0..different).collect();
         }
         let mut kept = Vec::new();

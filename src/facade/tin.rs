@@ -11,7 +11,7 @@ use terrane_base::{Error, Result};
 use terrane_jobs::placing::Placing;
 use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TILE_CELLS, TinJob, TinReport};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
-use terrane_raster::{self as raster, ArraySample, GridSource};
+use terrane_raster::{self as raster, ArraySample, OpenOptions};
 
 /// A triangle mesh in memory.
 ///
@@ -86,11 +86,18 @@ impl Tin {
     /// the size of the file in bytes.
     ///
     /// # Errors
-    /// A file that exists or cannot be written; an unknown ending; heights that the format, which has 32 bits
+    /// A file that exists or cannot be written; an unknown ending; longitudes and latitudes in GLB and STL,
+    /// which hold local metres ([`TinBuilder::write`] turns them into those); heights that the format, which has 32 bits
     /// for them, does not hold exactly (the bound would be broken: [`TinBuilder::write`] keeps it).
     pub fn write(&self, path: impl AsRef<Path>) -> Result<u64> {
         let path = path.as_ref();
         let format = mesh::by_path(path, None)?;
+        if format.single_precision && self.header.crs.horizontal_unit() == "degree" {
+            let message = format!("{} holds longitudes and latitudes in local metres", format.name);
+            return Err(Error::unsupported(message).in_file(path).remedy(
+                "write PLY or OBJ, or let the mesh be written while it is made: TinBuilder::write",
+            ));
+        }
         let is_exact = |[.., z]: &[f64; 3]| f64::from(*z as f32) == *z;
         if format.single_precision && !self.vertices.iter().all(is_exact) {
             let message = format!("{} has 32 bits for a height, too few for these", format.name);
@@ -217,14 +224,16 @@ impl<S> TinBuilder<S> {
         self.goal.ok_or_else(none)
     }
 
-    fn build_of(&self, source: &dyn GridSource, memory: u64) -> Result<Tin> {
-        let resources = terrane_jobs::Resources { memory, ..self.run.resources()? };
-        let (goal, resources) = (self.goal()?, &resources);
+    /// Makes the mesh by `build`, which is given a sink and the job.
+    fn build_by(
+        &self,
+        build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
+    ) -> Result<Tin> {
+        let (goal, resources) = (self.goal()?, &self.run.resources()?);
         let job =
             BuildJob { goal, strict: self.strict, drop: self.drop, tile: self.tile, resources };
         let kept = Kept::default();
-        let sink = Box::new(kept.clone());
-        let built = tin::build(source, sink, &job, &*self.run.progress, &self.run.cancel)?;
+        let built = build(Box::new(kept.clone()), &job)?;
         Ok(kept.into_tin(built))
     }
 }
@@ -252,7 +261,8 @@ impl TinBuilder<ArrayGrid<'_>> {
     /// A tolerance that is none; no goal; samples without a cell of four valid ones; too few vertices
     /// allowed for any mesh; too little memory; cancelled.
     pub fn build(self) -> Result<Tin> {
-        self.build_of(&self.source, self.run.resources()?.memory)
+        let Run { progress, cancel, .. } = &self.run;
+        self.build_by(|sink, job| tin::build(&self.source, sink, job, &**progress, cancel))
     }
 }
 
@@ -281,9 +291,15 @@ impl TinBuilder<&Grid> {
             return Err(Error::usage("a format and a split are of files")
                 .remedy("write the mesh, or leave them out"));
         }
-        let memory = self.run.resources()?.memory;
-        let cache = memory / CACHE_SHARE;
-        self.build_of(&*self.source.reopened(cache)?, memory - cache)
+        let Run { progress, cancel, temp_dir, .. } = &self.run;
+        let options = OpenOptions {
+            band: self.source.band_number(),
+            nodata: self.source.nodata_given(),
+            temp_dir: temp_dir.clone(),
+            ..OpenOptions::default()
+        };
+        let input = &self.source.inputs;
+        self.build_by(|sink, job| tin::build_files(input, &options, sink, job, &**progress, cancel))
     }
 
     /// Makes the mesh and writes it while it is made, whatever its size, within the memory allowed. The file
@@ -303,9 +319,11 @@ impl TinBuilder<&Grid> {
     /// # Errors
     /// As [`write`](Self::write); a goal other than an error; a folder that holds something else.
     pub fn plan(self, folder: impl Into<PathBuf>, cut: impl Into<Option<u32>>) -> Result<Plan> {
-        if self.split.is_some() {
-            return Err(Error::usage("a split is of what is written, and no part of a plan")
-                .remedy("leave it out"));
+        if self.split.is_some() || self.run.overwrite {
+            return Err(Error::usage(
+                "a plan writes no mesh yet, to be split or in place of another",
+            )
+            .remedy("leave split and overwrite out"));
         }
         let folder = folder.into();
         let format = Some(self.format.clone().unwrap_or_else(|| "PLY".to_owned()));
@@ -335,9 +353,6 @@ impl TinBuilder<&Grid> {
         })
     }
 }
-
-/// Part of the memory for decoded blocks of a grid whose mesh stays in memory.
-const CACHE_SHARE: u64 = 4;
 
 /// A sink that keeps what it is given.
 #[derive(Clone, Default)]

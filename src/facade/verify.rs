@@ -22,6 +22,8 @@ pub struct VerifyBuilder<'a, T> {
     against: &'a T,
     file: PathBuf,
     tolerance: Option<f64>,
+    /// Metres in the unit of the tolerance; `None` for units of the data.
+    unit: Option<f64>,
     topology: bool,
     run: Run,
 }
@@ -31,13 +33,13 @@ run_settings!(['a, T] VerifyBuilder<'a, T>);
 impl<'a, T> VerifyBuilder<'a, T> {
     pub(super) fn of(against: &'a T, file: &Path) -> Self {
         let run = Run::default();
-        Self { against, file: file.to_owned(), tolerance: None, topology: false, run }
+        Self { against, file: file.to_owned(), tolerance: None, unit: None, topology: false, run }
     }
 
-    /// The largest distance allowed. Meshes of terrane state theirs, lines do not; without one errors are
+    /// The largest distance allowed, in units of the data (of meshes: of their heights). Meshes of terrane state theirs, lines do not; without one errors are
     /// measured and not judged.
     pub fn max_error(mut self, tolerance: f64) -> Self {
-        self.tolerance = Some(tolerance);
+        (self.tolerance, self.unit) = (Some(tolerance), None);
         self
     }
 }
@@ -78,6 +80,12 @@ impl VerifyBuilder<'_, Cloud> {
 }
 
 impl VerifyBuilder<'_, Features> {
+    /// The largest distance allowed, in metres: on the ellipsoid where the data are longitudes and latitudes.
+    pub fn metres(mut self, tolerance: f64) -> Self {
+        (self.tolerance, self.unit) = (Some(tolerance), Some(1.0));
+        self
+    }
+
     /// Judge crossings, rings and shared borders, too.
     pub fn topology(mut self, topology: bool) -> Self {
         self.topology = topology;
@@ -93,7 +101,7 @@ impl VerifyBuilder<'_, Features> {
             lines: self.file,
             original: self.against.path.clone(),
             layer: self.against.layer.clone(),
-            tolerance: self.tolerance.map(|value| Length { value, unit: None }),
+            tolerance: self.tolerance.map(|value| Length { value, unit: self.unit }),
             is_space: false,
             topology: self.topology,
             may_drop: false,

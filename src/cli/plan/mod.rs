@@ -108,7 +108,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
     let format = write::by_name(args.wanted.file.format.as_deref().unwrap_or("GTiff"))?;
-    args.wanted.check(None, format)?;
+    args.wanted.check(format)?;
     let resources = Resources::default();
     let options = args.wanted.open_options(&resources)?;
     let Sifted { names, skipped } =

@@ -198,6 +198,30 @@ impl GridJob {
         folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 
+    /// Fails when something is asked for that acts on none of the bands.
+    fn check_idle(&self) -> Result<()> {
+        let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
+        let around = self.compat == Compat::Pdal || lack("radius");
+        let fills = self.stats.iter().any(|asked| asked.statistic.is_height());
+        let options = [
+            ("--radius", self.radius.is_some() && !around, "for idw and nearest without one"),
+            ("--power", self.power.is_some() && !lack("power"), "for idw without one"),
+            (
+                "--max-edge",
+                self.max_edge.is_some() && !lack("max_edge"),
+                "for tin without one, --dtm, --dsm and --chm",
+            ),
+            ("--fill", self.fill > 0 && !fills, "for heights, not for counts"),
+        ];
+        match options.into_iter().find(|(_, idles, _)| *idles) {
+            Some((option, _, why)) => {
+                Err(Error::usage(format!("{option} cannot act: it is {why}"))
+                    .remedy(format!("leave {option} out")))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Fails when the job cannot be done whatever the points.
     pub fn check(&self) -> Result<()> {
         let format = self.format()?;
@@ -208,6 +232,7 @@ impl GridJob {
         }
         self.preset.map_or(Ok(()), |preset| preset::check(preset, self))?;
         self.placement.check(self.compat)?;
+        self.check_idle()?;
         terrane_files::atomic::refuse_existing(&self.output, self.overwrite)
     }
 }

@@ -2,14 +2,15 @@
 
 use super::job::Goal;
 use super::layout::{Layout, checked_tile};
-use super::make::header;
+use super::make::{header, in_input, open_tiled};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::worker::worker_bytes;
-use crate::{Cancel, Progress, Resources, memory};
+use crate::memory::{self, Shares};
+use crate::{Cancel, Progress, Resources};
 use terrane_base::error::Result;
 use terrane_mesh::{MeshHeader, MeshSink};
-use terrane_raster::GridSource;
+use terrane_raster::{GridSource, Inputs, OpenOptions};
 use terrane_tin::Spec;
 
 /// A mesh to make of a grid that is open.
@@ -54,6 +55,37 @@ pub fn build(
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
     let worker = worker_bytes(layout.side(), job.goal.keeps_all());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
+    build_within(source, sink, job, shares, progress, cancel)
+}
+
+/// As [`build`], of files, whose decoded blocks have their share of the memory.
+///
+/// # Errors
+/// As [`build`], and those of opening and reading the files.
+pub fn build_files(
+    input: &Inputs,
+    options: &OpenOptions,
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    job.goal.check()?;
+    let (source, shares) = open_tiled(input, options, job.tile, job.goal, job.resources)?;
+    let built = build_within(&*source, sink, job, shares, progress, cancel);
+    built.map_err(|error| in_input(error, input))
+}
+
+fn build_within(
+    source: &dyn GridSource,
+    sink: Box<dyn MeshSink>,
+    job: &BuildJob<'_>,
+    shares: Shares,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Built> {
+    let info = source.info();
+    let layout = Layout::new(info.width, info.height, job.tile)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let settings = Settings {
         spec: Spec {

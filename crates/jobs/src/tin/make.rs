@@ -16,7 +16,7 @@ use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
-use crate::{Cancel, Progress, peak_memory};
+use crate::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
@@ -91,12 +91,23 @@ fn open(job: &TinJob) -> Result<memory::Opened> {
         temp_dir: job.resources.temp_dir.clone(),
         ..OpenOptions::default()
     };
-    let worker = |tile| worker_bytes(tile, job.goal.keeps_all());
-    let open = |tile| memory::open(&job.input, &options, &job.resources, worker(tile));
-    let tile = checked_tile(job.tile)?;
+    open_tiled(&job.input, &options, job.tile, job.goal, &job.resources)
+}
+
+/// Opens `input` for workers on tiles of `tile` cells.
+pub(super) fn open_tiled(
+    input: &Inputs,
+    options: &OpenOptions,
+    tile: u32,
+    goal: Goal,
+    resources: &Resources,
+) -> Result<memory::Opened> {
+    let worker = |tile| worker_bytes(tile, goal.keeps_all());
+    let open = |tile| memory::open(input, options, resources, worker(tile));
+    let tile = checked_tile(tile)?;
     open(tile).or_else(|error| {
         let too_large = |_: &Error| {
-            let source = memory::look_at(&job.input, &options).ok()?;
+            let source = memory::look_at(input, options).ok()?;
             let GridInfo { width, height, .. } = *source.info();
             Layout::new(width, height, tile).ok().map(|layout| layout.side())
         };

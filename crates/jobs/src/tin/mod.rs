@@ -24,7 +24,7 @@ mod worker;
 mod writer;
 mod zone;
 
-pub use build::{BuildJob, Built, build};
+pub use build::{BuildJob, Built, build, build_files};
 pub use cost::{Cost, cost};
 pub use job::{Goal, TinJob};
 pub use layout::TILE_CELLS;

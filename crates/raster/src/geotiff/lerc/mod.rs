@@ -46,16 +46,29 @@ fn decode_as<T: Sample + Pod>(
     if info.data_type != T::DATA_TYPE {
         return Err(other_type(shape));
     }
-    let mut samples = vec![void; shape.width * shape.height * shape.depth];
-    let found = lerc::decode_into_with_nodata(data, &mut samples, void).map_err(told)?;
+    let bands = info.bands as usize;
+    // One blob is in the order of the block, and decoded where it belongs if that is aligned.
+    let mut room = Vec::new();
+    let own = (bands == 1).then(|| bytemuck::try_cast_slice_mut(out).ok()).flatten();
+    let in_place = own.is_some();
+    let samples: &mut [T] = match own {
+        Some(samples) => samples,
+        None => {
+            room.resize(shape.width * shape.height * shape.depth, void);
+            &mut room
+        }
+    };
+    let found = lerc::decode_into_with_nodata(data, samples, void).map_err(told)?;
     let valid = found.valid_masks.first().map(lerc::bitmask::BitMask::count_valid);
     if valid != Some(info.valid_pixels as usize) {
         return Err("invalid LERC data: its mask has another number of samples".to_owned());
     }
+    if in_place {
+        return Ok(());
+    }
     let size = size_of::<T>();
-    let bands = info.bands as usize;
     // Blobs follow one another band by band.
-    for (band, samples) in samples.chunks_exact(samples.len() / bands).enumerate() {
+    for (band, samples) in room.chunks_exact(room.len() / bands).enumerate() {
         let samples = bytemuck::cast_slice::<T, u8>(samples);
         if bands == 1 {
             out.copy_from_slice(samples);
