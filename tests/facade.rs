@@ -132,6 +132,7 @@ fn what_cannot_act_is_refused() {
     usage(cells().max_edge(2.0).write(path("a.tif")).map(drop));
     usage(cloud.grid(1.0).stats("count").fill(2).write(path("a.tif")).map(drop));
     usage(cells().overwrite(true).plan(path("work"), None).map(drop));
+    usage(cells().plan(path("work"), 1 << 15).map(drop));
     let plan = cells().plan(path("work"), 256).unwrap();
     let task = &plan.status().unwrap().to_do[0].id;
     usage(plan.run().task(task).output(path("a.tif")).run().map(drop));

@@ -57,6 +57,8 @@ pub struct PlanStatus {
     pub disk_needed: u64,
     /// Where the result is, once it is written and as long as it is as it was written.
     pub written: Option<PathBuf>,
+    /// What is wrong with the result if it was written and is not as it was: it is missing, or altered.
+    pub fault: Option<String>,
 }
 
 /// What a run of a [`Plan`] did.
@@ -110,13 +112,15 @@ impl Plan {
 
 impl PlanStatus {
     fn of<S>(report: StatusReport<S>) -> Self {
+        let output = if report.to_do.is_empty() { 0 } else { report.forecast.output_bytes };
         Self {
             to_do: report.to_do,
             done: report.done,
             damaged: report.damaged,
             seconds: report.forecast.seconds,
             least_memory: report.forecast.least_memory,
-            disk_needed: report.forecast.disk_needed + report.forecast.output_bytes,
+            disk_needed: report.forecast.disk_needed + output,
+            fault: report.told.output_fault,
             written: report.told.output.map(PathBuf::from),
         }
     }

@@ -158,8 +158,12 @@ impl<T: Pod> Buckets<T> {
 
     /// Adds a run of records to a bucket.
     pub fn push(&self, bucket: usize, run: &[T]) -> Result<()> {
-        let taken = lock(&self.buckets[bucket]).push(run);
-        if taken > 0 && self.held.fetch_add(taken, Ordering::Relaxed) + taken > self.budget {
+        let mut own = lock(&self.buckets[bucket]);
+        let taken = own.push(run);
+        // Counted before another thread can spill the bucket and count it out.
+        let held = self.held.fetch_add(taken, Ordering::Relaxed) + taken;
+        drop(own);
+        if taken > 0 && held > self.budget {
             self.relieve(self.budget / 4 * 3)?;
         }
         Ok(())

@@ -125,9 +125,11 @@ impl<'a> Blocks<'a> {
         let before = block.held();
         let done = work(block);
         let grown = (block.held() - before) as u64;
+        // Counted before another thread can spill the block and count it out.
+        let held = self.held.fetch_add(grown, Ordering::Relaxed) + grown;
         drop(state);
-        if grown > 0 {
-            self.reserve(grown)?;
+        if grown > 0 && held > self.budget {
+            self.make_room()?;
         }
         done
     }

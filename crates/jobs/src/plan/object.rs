@@ -50,8 +50,9 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
     /// Looks at what is at `place`; `None` when it is not done. Fails when it is there and damaged.
     pub(super) fn look(place: &Place, look: Look, cancel: &Cancel) -> Result<Option<Self>> {
         let note = note(&place.file);
-        let Ok(text) = std::fs::read(&note) else { return Ok(None) };
-        let Ok(meta) = std::fs::metadata(&place.file) else { return Ok(None) };
+        let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
+        let meta = found(std::fs::metadata(&place.file), &place.file)?;
+        let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged(&note))?;
         if done.key != place.key || done.clone().sealed() != done {
             return Err(damaged(&note));
@@ -63,10 +64,12 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         Ok(Some(done))
     }
 
-    /// Seals the file that was just written at `place`.
-    pub(super) fn seal(place: &Place, facts: F, cancel: &Cancel) -> Result<Self> {
+    /// Seals the file that was just written at `place`, by the digest of what was written or, where that is
+    /// not known, of what is there. It is not interrupted: without a note the work would be lost.
+    pub(super) fn seal(place: &Place, facts: F, digest: Option<Digest>) -> Result<Self> {
         let Place { file, key } = place;
-        let digest = digest_of(std::slice::from_ref(file), cancel)?;
+        let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
+        let digest = digest.map_or_else(of_file, Ok)?;
         let bytes = std::fs::metadata(file).map_err(|e| Error::read(file, e))?.len();
         let done = Self { key: *key, digest, bytes, facts, seal: *key }.sealed();
         write_json(&note(file), &done)?;
@@ -78,6 +81,15 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         let bytes = self.bytes.to_le_bytes();
         let seal = Digest::of_parts(&[self.key.bytes(), self.digest.bytes(), &bytes, &facts]);
         Self { seal, ..self }
+    }
+}
+
+/// What was read of a file, if that is there. One that is there and cannot be read may well be done.
+fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
+    match read {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Error::read(path, error)),
     }
 }
 
@@ -119,7 +131,7 @@ mod tests {
         let look = |look| Done::<Facts>::look(&place, look, &cancel);
         assert!(look(Look::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
-        let done = Done::seal(&place, Facts { points: 3 }, &cancel).unwrap();
+        let done = Done::seal(&place, Facts { points: 3 }, None).unwrap();
         assert_eq!(look(Look::Whole).unwrap(), Some(done.clone()));
         std::fs::write(&place.file, "two").unwrap();
         assert!(look(Look::Quick).is_ok() && look(Look::Whole).is_err(), "other bytes");

@@ -200,7 +200,7 @@ impl<'a, W: Work> Run<'a, W> {
 
     /// Looks at every byte of what is done.
     fn check_done(&self) -> Result<Survey<'a, W>> {
-        self.at.progress.begin("check what is done", self.report.tasks);
+        self.at.progress.begin("check what is done", self.folder.tasks().len() as u64);
         let survey = Survey::of_all(self.folder, Look::Whole, self.at)?;
         self.at.progress.end();
         Ok(survey)
@@ -234,7 +234,13 @@ impl<'a, W: Work> Run<'a, W> {
     ) -> Result<()> {
         self.mend(survey)?;
         let error = match work(self, survey) {
-            Err(error) if error.kind() == ErrorKind::Io => error,
+            // What cannot be written is no object that could be damaged.
+            Err(error)
+                if error.kind() == ErrorKind::Io
+                    && error.path().is_none_or(|path| path.starts_with(&self.folder.path)) =>
+            {
+                error
+            }
             other => return other,
         };
         *survey = look(self)?;
@@ -271,8 +277,8 @@ impl<'a, W: Work> Run<'a, W> {
         }
         let place = survey.place(task)?;
         let (object, told) = ((task, &*place.file), &mut self.report.of);
-        let Made { facts, spilled } = W::make(&self.opened, object, survey, told, self.at)?;
-        let done = Done::seal(&place, facts, self.at.cancel)?;
+        let Made { facts, digest, spilled } = W::make(&self.opened, object, survey, told, self.at)?;
+        let done = Done::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;
         self.report.spilled_bytes += spilled;

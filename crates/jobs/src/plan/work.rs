@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::folder::Survey;
 use super::report::StatusReport;
-use super::{Kind, Look, Plan};
+use super::{Digest, Kind, Look, Plan};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
@@ -126,8 +126,10 @@ impl<T: fmt::Display> fmt::Display for Named<T> {
     }
 }
 
-/// An object that was made: what it tells of itself, and the bytes that went through a temporary file.
+/// An object that was made: what it tells of itself, the digest of its bytes as they were written, where
+/// that is known, and the bytes that went through a temporary file.
 pub(crate) struct Made<F> {
     pub(crate) facts: F,
+    pub(crate) digest: Option<Digest>,
     pub(crate) spilled: u64,
 }

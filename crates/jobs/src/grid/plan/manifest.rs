@@ -18,7 +18,7 @@ use terrane_files::{name_of, path_of, shown};
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
 pub(super) const BLOCK: u32 = 256;
 /// Most cells along a tile.
-const MOST_SIDE: u32 = 1 << 14;
+pub(super) const MOST_SIDE: u32 = 1 << 14;
 /// Points that a tile has about, unless told otherwise.
 const TILE_POINTS: f64 = (1_u64 << 26) as f64;
 

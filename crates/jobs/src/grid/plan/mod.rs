@@ -20,7 +20,7 @@ use crate::plan::{
     self, At, Kind, Look, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
 };
 use crate::{Cancel, Progress};
-use manifest::{BLOCK, Grid, Tile};
+use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census};
 use terrane_files::name_of;
@@ -77,6 +77,10 @@ pub fn plan_grid(
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
         return Err(Error::usage(format!("a tile of {side} cells is no multiple of {BLOCK}")));
+    }
+    if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
+        return Err(Error::usage(format!("a tile of {side} cells is too large"))
+            .remedy(format!("choose {MOST_SIDE} at most")));
     }
     job.check()?;
     let points = cloud::source(&job.input, &job.cloud)?;
@@ -183,6 +187,7 @@ impl Work for Grid {
         run.points += made.points.read;
         Ok(Made {
             facts: Facts { read: made.points.read, kept: made.points.kept },
+            digest: None,
             spilled: made.run.spilled_bytes.unwrap_or_default(),
         })
     }

@@ -239,7 +239,8 @@ impl Work for Mesh {
             run.made_samples += work.samples();
         }
         run.add(saved.clock.report());
-        Ok(Made { facts: saved.object.finish(saved.tally)?, spilled: saved.spilled_bytes })
+        let (facts, digest) = saved.object.finish(saved.tally)?;
+        Ok(Made { facts, digest: Some(digest), spilled: saved.spilled_bytes })
     }
 
     fn write(

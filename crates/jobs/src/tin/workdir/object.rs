@@ -78,6 +78,8 @@ impl Record {
 pub(in crate::tin) struct ObjectWriter {
     path: PathBuf,
     file: BufWriter<AtomicFile>,
+    /// Of all that was written.
+    hasher: blake3::Hasher,
     offset: u64,
     index: Vec<Entry>,
 }
@@ -86,7 +88,8 @@ impl ObjectWriter {
     /// Starts the object at `path`.
     pub(super) fn create(path: &Path) -> Result<Self> {
         let file = BufWriter::with_capacity(1 << 18, AtomicFile::create(path, true)?);
-        let mut writer = Self { path: path.to_path_buf(), file, offset: 0, index: Vec::new() };
+        let (path, hasher) = (path.to_path_buf(), blake3::Hasher::new());
+        let mut writer = Self { path, file, hasher, offset: 0, index: Vec::new() };
         writer.write(MAGIC)?;
         Ok(writer)
     }
@@ -98,18 +101,20 @@ impl ObjectWriter {
         self.write(bytes)
     }
 
-    /// Puts the whole object at its place.
-    pub(super) fn finish(mut self, tally: Tally) -> Result<Facts> {
+    /// Puts the whole object at its place; returns what it tells of itself, and the digest of its bytes.
+    pub(super) fn finish(mut self, tally: Tally) -> Result<(Facts, Digest)> {
         let index = std::mem::take(&mut self.index);
         let bytes: &[u8] = bytemuck::cast_slice(&index);
         self.write(bytes)?;
         let file = self.file.into_inner().map_err(|e| Error::write(&self.path, e.into_error()))?;
         file.commit()?;
-        Ok(Facts { index: Digest::of(bytes), tally })
+        let digest = Digest(*self.hasher.finalize().as_bytes());
+        Ok((Facts { index: Digest::of(bytes), tally }, digest))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.offset += bytes.len() as u64;
+        self.hasher.update(bytes);
         self.file.write_all(bytes).map_err(|e| Error::write(&self.path, e))
     }
 }
