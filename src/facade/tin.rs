@@ -1,13 +1,14 @@
 //! Meshes with a proven bound on their error, in memory and into files.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
+use terrane_files::lock;
 use terrane_jobs::placing::Placing;
 use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TILE_CELLS, TinJob, TinReport};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
@@ -366,7 +367,7 @@ struct Lists {
 
 impl Kept {
     fn into_tin(self, built: Built) -> Tin {
-        let mut lists = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut lists = lock(&self.0);
         let Lists { vertices, triangles } = std::mem::take(&mut *lists);
         let Built { tolerance, outcome, header } = built;
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
@@ -383,7 +384,7 @@ impl Kept {
 
 impl MeshSink for Kept {
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
-        let mut lists = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut lists = lock(&self.0);
         lists.vertices.extend_from_slice(batch.vertices);
         if u32::try_from(lists.vertices.len()).is_err() {
             return Err(Error::limit("number of vertices in memory", "above 2^32", u32::MAX)

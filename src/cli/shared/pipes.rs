@@ -238,7 +238,7 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     let shown = path.display().to_string();
     // As it stands in JSON, where that differs.
     let quoted = serde_json::Value::from(shown.as_str()).to_string();
-    let mut places = PLACES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let mut places = crate::files::lock(&PLACES);
     places.extend([quoted.trim_matches('"').to_owned(), shown]);
     Ok((folder, path))
 }
@@ -246,7 +246,7 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
 /// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user
 /// calls them.
 pub(crate) fn told(text: &str) -> Cow<'_, str> {
-    let places = PLACES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let places = crate::files::lock(&PLACES);
     places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
         true => Cow::Owned(without(place, &text)),
         false => text,
