@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::plan::Plan;
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
 use terrane_cloud::{self as cloud, CloudInfo, Filter, OpenOptions};
@@ -120,18 +120,12 @@ pub struct CloudTinBuilder<'a> {
 }
 
 run_settings!([] CloudTinBuilder<'_>);
-overwrite_setting!([] CloudTinBuilder<'_>);
+output_settings!([] CloudTinBuilder<'_>);
 
 impl CloudTinBuilder<'_> {
     /// No point further than this from the mesh, vertically, in the unit of the heights; 0 keeps all.
     pub fn max_error(mut self, tolerance: f64) -> Self {
         self.tolerance = Some(tolerance);
-        self
-    }
-
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
         self
     }
 
@@ -174,7 +168,7 @@ pub struct GridBuilder<'a> {
 }
 
 run_settings!([] GridBuilder<'_>);
-overwrite_setting!([] GridBuilder<'_>);
+output_settings!([] GridBuilder<'_>);
 
 impl<'a> GridBuilder<'a> {
     fn of(cloud: &'a Cloud, cell: f64) -> Self {
@@ -233,12 +227,6 @@ impl<'a> GridBuilder<'a> {
     /// Fill voids from known cells at most so many columns and rows away.
     pub fn fill(mut self, cells: u32) -> Self {
         self.fill = cells;
-        self
-    }
-
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
         self
     }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::grid::Grid;
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, output_settings, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::contour::{self, ContourJob, ContourReport, Heights};
 use terrane_jobs::line::Length;
@@ -30,7 +30,7 @@ pub struct ContourBuilder<'a> {
 }
 
 run_settings!([] ContourBuilder<'_>);
-overwrite_setting!([] ContourBuilder<'_>);
+output_settings!([] ContourBuilder<'_>);
 
 impl<'a> ContourBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
@@ -60,12 +60,6 @@ impl<'a> ContourBuilder<'a> {
     /// Give each vertex the height of its line as z.
     pub fn with_z(mut self, with_z: bool) -> Self {
         self.with_z = with_z;
-        self
-    }
-
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
         self
     }
 

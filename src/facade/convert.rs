@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::grid::Grid;
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, output_settings, run_settings};
 use terrane_base::Result;
 use terrane_jobs::convert::{self, ConvertJob, ConvertReport};
 use terrane_raster::SampleType;
@@ -32,7 +32,7 @@ pub struct ConvertBuilder<'a> {
 }
 
 run_settings!([] ConvertBuilder<'_>);
-overwrite_setting!([] ConvertBuilder<'_>);
+output_settings!([] ConvertBuilder<'_>);
 
 impl<'a> ConvertBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
@@ -45,12 +45,6 @@ impl<'a> ConvertBuilder<'a> {
             round: false,
             run: Run::default(),
         }
-    }
-
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
-        self
     }
 
     /// A creation option of the format, such as `COMPRESS`, `DEFLATE`.

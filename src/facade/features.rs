@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, output_settings, run_settings};
 use super::simplify::Method;
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
@@ -82,7 +82,7 @@ pub struct LineBuilder<'a> {
 }
 
 run_settings!([] LineBuilder<'_>);
-overwrite_setting!([] LineBuilder<'_>);
+output_settings!([] LineBuilder<'_>);
 
 impl LineBuilder<'_> {
     /// No vertex further than this from the segment in its place, in units of the data.
@@ -124,12 +124,6 @@ impl LineBuilder<'_> {
     /// Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
     pub fn topology(mut self, topology: bool) -> Self {
         self.topology = topology.then(Topology::default);
-        self
-    }
-
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
         self
     }
 

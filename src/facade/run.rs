@@ -131,4 +131,19 @@ macro_rules! overwrite_setting {
     };
 }
 
-pub(super) use {overwrite_setting, run_settings};
+/// The same, and the format that is written, for a builder that has it as `format`.
+macro_rules! output_settings {
+    ([$($generic:tt)*] $builder:ty) => {
+        super::run::overwrite_setting!([$($generic)*] $builder);
+
+        impl<$($generic)*> $builder {
+            /// Write this format, by its name, instead of the one of the file's ending.
+            pub fn format(mut self, name: impl Into<String>) -> Self {
+                self.format = Some(name.into());
+                self
+            }
+        }
+    };
+}
+
+pub(super) use {output_settings, overwrite_setting, run_settings};

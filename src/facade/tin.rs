@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::plan::Plan;
-use super::run::{Run, overwrite_setting, run_settings};
+use super::run::{Run, output_settings, run_settings};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_files::lock;
@@ -267,15 +267,9 @@ impl TinBuilder<ArrayGrid<'_>> {
     }
 }
 
-overwrite_setting!([] TinBuilder<&Grid>);
+output_settings!([] TinBuilder<&Grid>);
 
 impl TinBuilder<&Grid> {
-    /// Write this format, by its name, instead of the one of the file's ending.
-    pub fn format(mut self, name: impl Into<String>) -> Self {
-        self.format = Some(name.into());
-        self
-    }
-
     /// Write a folder with a mesh for every so many by so many tiles.
     pub fn split(mut self, tiles: u32) -> Self {
         self.split = Some(tiles);

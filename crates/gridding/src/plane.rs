@@ -71,7 +71,7 @@ impl<K: Keep> Cells<K> {
         Self(vec![K::NONE; cells])
     }
 
-    fn try_each(fits: bool) -> Result<()> {
+    fn checked(fits: bool) -> Result<()> {
         match fits {
             true => Ok(()),
             false => Err(Error::limit("number of points in one cell", "above 2^32", u32::MAX)
@@ -91,12 +91,12 @@ impl<K: Keep> Plane for Cells<K> {
         } else {
             each.for_each(|(cell, point)| fit &= self.0[*cell as usize].take(point, 0));
         }
-        Self::try_each(fit)
+        Self::checked(fit)
     }
 
     fn fold(&mut self, other: &dyn Plane) -> Result<()> {
         let pairs = self.0.iter_mut().zip(&like::<Self>(other)?.0);
-        Self::try_each(pairs.fold(true, |fit, (own, other)| own.join(*other) & fit))
+        Self::checked(pairs.fold(true, |fit, (own, other)| own.join(*other) & fit))
     }
 
     fn bytes(&self) -> &[u8] {
