@@ -1,22 +1,46 @@
 //! A tree of convex hulls over a line: the farthest vertex where boxes do not tell.
 //!
 //! Hershberger & Snoeyink, "Speeding Up the Douglas-Peucker Line-Simplification Algorithm" (1992), find
-//! the vertex farthest from a line on convex hulls, by binary search, and so need O(n log n) for all
-//! splits. Here the hulls are those of runs of 32 vertices, of four runs, and so on. A hull gives the
-//! extremes across the segment, and along it where its box reaches beyond an end: a box turned with the
-//! segment. Runs whose turned box holds nothing farther than a vertex known are passed over, the others
-//! opened, down to their vertices, which are compared as in a plain scan. So the result is that of a
-//! plain scan, bit for bit.
+//! the vertex farthest from an infinite line on two hulls that grow from a vertex between them and shrink
+//! as their history is undone: O(n log n) for all splits, of lines that do not cross themselves (their
+//! hulls are Melkman's). Here the hulls are those of runs of 32 vertices, of four runs, and so on: one
+//! logarithm more, but any line, distances from segments, and the first of equals. A hull gives the
+//! extremes across the segment and along it. Runs that hold nothing farther than a vertex known are
+//! passed over, the others opened, down to their vertices, which are compared as in a plain scan. So the
+//! result is that of a plain scan, bit for bit.
 //!
-//! What holds, for `n` vertices: making the tree takes O(n log n). A query takes O(log^2 n), and
-//! as much again for each run that has to be opened. Those are, where no vertex of a run lies beyond an end,
-//! the ones with a vertex as far as the farthest: of these only the first when differences
-//! of coordinates are whole multiples of some power of two below 2^26 of it (nothing is rounded then), else
-//! all with one within rounding (about 2^-49 of the products in it) of the farthest. All splits of such
-//! a line take O(n log^2 n). A run with vertices beyond an end is opened as well when the corners of
-//! its turned box are farther than the farthest vertex, up to the square root of two times as far as its
-//! own; how often, nothing bounds.
+//! What holds, for `n` vertices, crossing or not: all splits take O(n log^2 n + K + R), K and R below.
+//!
+//! - *Making the tree*, O(n log n): both chains of a hull ascend, so sorting those of four is merging
+//!   eight sorted runs.
+//! - *Bounding a run*, O(log n): nothing in a hull is farther from the segment than its corners, as
+//!   distances are convex. Corners that lie beside the segment are no farther than the extreme across, and
+//!   searching for that takes O(log n). The corners beyond an end follow one another around the hull and
+//!   are walked: K.
+//! - *Opening runs*, O(log^2 n) a query: all O(log n) runs of the query are bounded before the first is
+//!   opened, and corners raise the limit to just below what they reach. So a run is opened only if its
+//!   bound is that of the farthest vertex, which is charged to the vertex split at: it lies in the first
+//!   such run, and once it is known, equal bounds are not above it. Opened are its O(log n) ancestors, and
+//!   what rounding leaves in doubt: R.
+//!
+//! **R**, runs opened in vain. None where the coordinates of run and segment are whole multiples of a power
+//! of two below 2^26 of it apart and nothing lies beyond an end, or below 2^12 of it apart: nothing is
+//! rounded then, so bounds are what the formula gives; nor in runs with 32 positions or fewer,
+//! which are all looked at. So collinear vertices on a lattice and positions taken again and again cost
+//! nothing. Elsewhere all runs with a vertex within rounding (about 2^-49 of the products in it) of the
+//! farthest are opened, as what rounding makes of each of their vertices decides: that is quadratic for lines
+//! with a share of all vertices that near to one line at every split, as a slanted zigzag of rounded
+//! coordinates has.
+//!
+//! **K**, corners beyond ends. None where nothing lies beyond an end. As soon as walks of a run from one
+//! end have taken a quarter of its corners, the farthest of it from that end is remembered, and it is not
+//! walked where that is within the limit: ends that stay while vertices are taken off one by one cost
+//! O(n log n) in all, as long as nothing beside the segment is farther from them than the farthest vertex is.
+//! If ends are new each time, and many corners lie beyond them nearly as far as the farthest, nothing
+//! bounds K but the corners of the hulls: the vertex farthest from a point is not found by binary search,
+//! and diagrams that tell it would have to be kept for parts of hulls, too.
 
+use std::cell::Cell;
 use std::cmp::Ordering;
 use std::ops::Range as Indices;
 
@@ -34,16 +58,24 @@ const FAN: usize = 4;
 /// In fewer vertices than this every one is looked at.
 const SHORTEST: usize = 3 * LEAF;
 
-/// All corners of a hull are looked at where its run has so many times as many vertices.
+/// Corners of a hull for each that was walked from one end, up to which all are looked at and the
+/// farthest from that end is remembered.
 const WORTH: usize = 4;
+
+/// Positions of a run up to which all are kept, beside the hull.
+const FEW: usize = LEAF;
+
+/// Below so many units, differences of coordinates and sums of two products of them are not rounded.
+const EXACT: f64 = 67_108_864.0;
+
+/// Below so many units, reaches are not rounded: sums of two squares of sums of two products.
+const WHOLE: f64 = 4096.0;
 
 /// Hulls of the runs of a line, level by level.
 #[derive(Clone, Debug)]
 pub(super) struct Hulls {
     /// The lowest level first.
     levels: Vec<Level>,
-    /// Whether differences and their products come out exact.
-    is_exact: bool,
 }
 
 /// The hulls of runs of one length.
@@ -54,16 +86,48 @@ struct Level {
     hulls: Vec<Hull>,
     /// The vertices of all their chains.
     chains: Vec<u32>,
+    /// One vertex at each position of those runs that have few.
+    few: Vec<u32>,
 }
 
 /// The convex hull of a run: two chains, both from its lowest vertex by x and y to its highest.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Hull {
     around: PlaneBox,
+    /// The coordinates of the run are whole multiples of this power of two.
+    unit: i32,
+    /// What is known of the farthest from a begin and from an end.
+    far: [Cell<Far>; 2],
     /// Where the lower chain begins, the upper one, and where that ends.
     lower: usize,
     upper: usize,
     end: usize,
+    /// Where its positions begin among those of the level, and end: none, if they are not few.
+    few: [usize; 2],
+}
+
+/// How far the vertices of a run are from an end, squared, at most, and how many corners were walked.
+#[derive(Clone, Copy, Debug)]
+struct Far {
+    from: Xy,
+    square: f64,
+    walked: usize,
+}
+
+impl Far {
+    /// Nothing is known.
+    const fn new(from: Xy) -> Self {
+        Self { from, square: f64::INFINITY, walked: 0 }
+    }
+}
+
+/// What rounding may do to what is computed of the vertices of a run.
+#[derive(Clone, Copy, Debug)]
+struct Doubt {
+    /// To products.
+    slack: f64,
+    /// Not even reaches are rounded.
+    is_whole: bool,
 }
 
 /// A run that a query has yet to look at: its level, its place there, and the most that its vertices
@@ -81,6 +145,11 @@ struct Query<'a> {
     segment: &'a PlaneSegment,
     points: &'a [Xy],
     limit: f64,
+    /// The ends of the segment, and the unit of both.
+    ends: [Xy; 2],
+    unit: i32,
+    /// Runs bounded, steps of searches, corners and vertices looked at.
+    looks: u64,
 }
 
 impl Hulls {
@@ -88,26 +157,28 @@ impl Hulls {
     pub(super) fn new(points: &[Xy]) -> Self {
         let mut levels: Vec<Level> = Vec::new();
         let mut lowest = Level::new(LEAF);
-        let mut sorted = Vec::new();
+        let mut sorted = Vec::with_capacity(LEAF);
         for first in (0..points.len() / LEAF).map(|run| run * LEAF) {
             sorted.clear();
             sorted.extend(first as u32..(first + LEAF) as u32);
-            lowest.push(points, &mut sorted);
+            let unit = coarsest(points[first..first + LEAF].iter());
+            lowest.push(points, &mut sorted, unit);
         }
         levels.push(lowest);
         while let Some(below) = levels.last().filter(|level| level.hulls.len() >= 2 * FAN) {
-            let mut level = Level::new(below.length * FAN);
-            for run in below.hulls.chunks_exact(FAN) {
-                sorted.clear();
-                sorted.extend_from_slice(&below.chains[run[0].lower..run[FAN - 1].end]);
-                level.push(points, &mut sorted);
-            }
+            let level = Level::above(points, below);
             levels.push(level);
         }
-        Self { levels, is_exact: is_exact(points) }
+        Self { levels }
     }
 
-    /// As [`scan`]; `open` is memory kept between calls.
+    /// Corners of all hulls.
+    pub(super) fn corners(&self) -> u64 {
+        self.levels.iter().map(|level| level.chains.len() as u64).sum()
+    }
+
+    /// As [`scan`]; `open` is memory kept between calls. `vertices` are those between the ends of the
+    /// segment. Returns how much was looked at.
     pub(super) fn farthest(
         &self,
         segment: &PlaneSegment,
@@ -115,13 +186,17 @@ impl Hulls {
         vertices: Indices<usize>,
         open: &mut Vec<Run>,
         farthest: &mut Farthest,
-    ) {
+    ) -> u64 {
         let (from, to) = (vertices.start, vertices.end);
         if to - from < SHORTEST {
-            return scan::<Xy, Plane>(segment, points, from, to, farthest);
+            scan::<Xy, Plane>(segment, points, from, to, farthest);
+            return (to - from) as u64;
         }
         let (start, end) = (from.next_multiple_of(LEAF), to / LEAF * LEAF);
-        let mut query = Query { hulls: self, segment, points, limit: farthest.reach };
+        let looks = (start - from + to - end) as u64;
+        let (limit, ends) = (farthest.reach, [points[from - 1], points[to]]);
+        let unit = coarsest(ends.iter());
+        let mut query = Query { hulls: self, segment, points, limit, ends, unit, looks };
         open.clear();
         open.extend(self.runs(start..end).map(|(level, place)| query.run(level, place)));
         open.reverse();
@@ -130,6 +205,7 @@ impl Hulls {
             query.open(run, open, farthest);
         }
         scan::<Xy, Plane>(segment, points, end, to, farthest);
+        query.looks
     }
 
     /// The largest runs that make up `within`, whose ends are multiples of [`LEAF`].
@@ -163,6 +239,7 @@ impl Query<'_> {
         }
         if run.level == 0 {
             let first = run.place * LEAF;
+            self.looks += LEAF as u64;
             return scan::<Xy, Plane>(self.segment, self.points, first, first + LEAF, farthest);
         }
         let first = run.place * FAN;
@@ -175,83 +252,212 @@ impl Query<'_> {
     fn run(&mut self, level: usize, place: usize) -> Run {
         let hulls = &self.hulls.levels[level];
         let hull = &hulls.hulls[place];
+        self.looks += 1;
         let most = Plane::reach_most(self.segment, &hull.around);
         let most = if most > self.limit { self.most(hulls, hull).min(most) } else { most };
+        let most = if most > self.limit { self.most_of_few(hulls, hull).min(most) } else { most };
         Run { level, place, most }
     }
 
     /// As [`Query::run`], by the hull.
     fn most(&mut self, level: &Level, hull: &Hull) -> f64 {
-        let slack = match self.hulls.is_exact {
-            true => 0.0,
-            false => self.segment.rounding(&hull.around),
-        };
+        let doubt = self.doubt(hull);
         let [x, y] = self.segment.direction();
         let across = self.extremes(level, hull, [y, -x]);
-        let square = self.segment.most_across(&across, slack);
+        let across = across.map(|place| self.corner(level, place));
+        let square = self.segment.most_across(&across, doubt.slack);
         let over = self.segment.most_over(&hull.around);
         if over == 0.0 || square + over <= self.limit {
             return square + over;
         }
-        let along = self.extremes(level, hull, [x, y]);
-        let most = square + self.segment.most_along(&along, slack);
-        let is_worth_it = WORTH * (hull.end - hull.lower) <= level.length;
-        if most <= self.limit || !is_worth_it {
+        let places = self.extremes(level, hull, [x, y]);
+        let along = places.map(|place| self.corner(level, place));
+        let most = square + self.segment.most_along(&along, doubt.slack);
+        if most <= self.limit {
             return most;
         }
-        most.min(self.segment.most_around(self.farthest_corner(level, hull), slack))
+        // Corners that rounding alone puts beyond an end, or not.
+        let square = square + 4.0 * doubt.slack * doubt.slack;
+        let beyond = [0, 1].map(|side| self.beyond(level, hull, side, places[side], doubt));
+        most.min(larger(square, larger(beyond[0], beyond[1])))
     }
 
-    /// What the farthest corner of a hull reaches, which raises the limit.
-    fn farthest_corner(&mut self, level: &Level, hull: &Hull) -> f64 {
-        let corners = &level.chains[hull.lower..hull.end];
+    /// As [`Query::most`], where the run has few positions: what they reach, as it is computed.
+    fn most_of_few(&mut self, level: &Level, hull: &Hull) -> f64 {
+        let few = &level.few[hull.few[0]..hull.few[1]];
+        self.looks += few.len() as u64;
         let reach = |i: &u32| Plane::reach(self.segment, &self.points[*i as usize]);
-        let reach = corners.iter().map(reach).fold(0.0, larger);
+        let reach = few.iter().map(reach).fold(0.0, larger);
         self.limit = larger(self.limit, reach.next_down());
-        reach
+        if few.is_empty() { f64::INFINITY } else { reach }
     }
 
-    /// The vertices of a hull that are farthest against and along `direction`; what they reach raises
-    /// the limit.
-    fn extremes(&mut self, level: &Level, hull: &Hull, direction: Xy) -> [Xy; 2] {
-        let lower = &level.chains[hull.lower..hull.upper];
-        let upper = &level.chains[hull.upper..hull.end];
+    /// What rounding may do, by the run and the segment together.
+    fn doubt(&self, hull: &Hull) -> Doubt {
+        let span = self.segment.span(&hull.around);
+        let units = span * 2.0_f64.powi(-hull.unit.min(self.unit).clamp(-1000, 1000));
+        let slack = if units < EXACT { 0.0 } else { self.segment.rounding(&hull.around) };
+        Doubt { slack, is_whole: units < WHOLE }
+    }
+
+    /// The most that vertices of a run reach that lie beyond the begin (`side` 0) or the end (1), where
+    /// none is beyond the one at `place`. These corners follow one another around the hull.
+    fn beyond(
+        &mut self,
+        level: &Level,
+        hull: &Hull,
+        side: usize,
+        place: usize,
+        doubt: Doubt,
+    ) -> f64 {
+        let wider = |reach: f64| match doubt.is_whole {
+            true => reach,
+            false => self.segment.most_around(reach, doubt.slack),
+        };
+        if !self.segment.is_beyond(&self.corner(level, place), side) {
+            return 0.0;
+        }
+        let mut far = hull.far[side].get();
+        if far.from != self.ends[side] {
+            far = Far::new(self.ends[side]);
+        }
+        let known = wider(self.segment.reach_from_end(far.square));
+        if known <= self.limit {
+            return known;
+        }
+        let (reach, count) = self.walk(level, hull, side, place);
+        far.walked += count;
+        if far.square == f64::INFINITY && WORTH * far.walked >= hull.end - hull.lower {
+            far.square = self.farthest_from(level, hull, far.from);
+        }
+        hull.far[side].set(far);
+        self.looks += count as u64;
+        self.limit = larger(self.limit, reach.next_down());
+        wider(reach)
+    }
+
+    /// The farthest reach of the corners beyond an end, both ways from the one at `place`, and how many
+    /// were looked at.
+    fn walk(&self, level: &Level, hull: &Hull, side: usize, place: usize) -> (f64, usize) {
+        let mut reach = Plane::reach(self.segment, &self.corner(level, place));
+        let (mut count, corners) = (1, hull.end - hull.lower);
+        for next in [Hull::after, Hull::before] {
+            let mut at = next(hull, place);
+            while count < corners {
+                count += 1;
+                let corner = self.corner(level, at);
+                if !self.segment.is_beyond(&corner, side) {
+                    break;
+                }
+                reach = larger(reach, Plane::reach(self.segment, &corner));
+                at = next(hull, at);
+            }
+        }
+        (reach, count)
+    }
+
+    /// The largest squared distance of a corner from `place`.
+    fn farthest_from(&mut self, level: &Level, hull: &Hull, place: Xy) -> f64 {
+        let corners = &level.chains[hull.lower..hull.end];
+        self.looks += corners.len() as u64;
+        let square = |i: &u32| {
+            let at = self.points[*i as usize];
+            let q = [at[0] - place[0], at[1] - place[1]];
+            q[0] * q[0] + q[1] * q[1]
+        };
+        corners.iter().map(square).fold(0.0, larger)
+    }
+
+    /// The places of the vertices of a hull that are farthest against and along `direction`; what they
+    /// reach raises the limit.
+    fn extremes(&mut self, level: &Level, hull: &Hull, direction: Xy) -> [usize; 2] {
+        let (lower, upper) = (hull.lower..hull.upper, hull.upper..hull.end);
         let back = [-direction[0], -direction[1]];
         let (with, against) = if direction[1] >= 0.0 { (upper, lower) } else { (lower, upper) };
-        let extremes = [self.extreme(against, back), self.extreme(with, direction)];
-        for vertex in &extremes {
+        let extremes = [self.extreme(level, against, back), self.extreme(level, with, direction)];
+        for place in extremes {
             // Not itself, so that the first that is as far as it is found.
-            self.limit = larger(self.limit, Plane::reach(self.segment, vertex).next_down());
+            let reach = Plane::reach(self.segment, &self.corner(level, place));
+            self.limit = larger(self.limit, reach.next_down());
         }
         extremes
     }
 
-    /// The vertex of a chain that is farthest in `direction`, which is the chain's own side.
-    fn extreme(&self, chain: &[u32], direction: Xy) -> Xy {
-        let at = |i: usize| self.points[chain[i] as usize];
-        let (mut low, mut high) = (0, chain.len() - 1);
+    /// The place of the vertex of a chain that is farthest in `direction`, which is the chain's own side.
+    fn extreme(&mut self, level: &Level, chain: Indices<usize>, direction: Xy) -> usize {
+        let (mut low, mut high) = (chain.start, chain.end - 1);
         while low < high {
+            self.looks += 1;
             let middle = (low + high) / 2;
-            let (a, b) = (at(middle), at(middle + 1));
+            let (a, b) = (self.corner(level, middle), self.corner(level, middle + 1));
             let gain = (b[0] - a[0]) * direction[0] + (b[1] - a[1]) * direction[1];
             match gain > 0.0 {
                 true => low = middle + 1,
                 false => high = middle,
             }
         }
-        at(low)
+        low
+    }
+
+    fn corner(&self, level: &Level, place: usize) -> Xy {
+        self.points[level.chains[place] as usize]
+    }
+}
+
+impl Hull {
+    /// The place that follows one around the hull: along the lower chain and back along the upper.
+    fn after(&self, place: usize) -> usize {
+        match place < self.upper {
+            true if place + 1 < self.upper => place + 1,
+            true => self.end - 1,
+            false if place > self.upper => place - 1,
+            false => self.lower,
+        }
+    }
+
+    /// The place before one.
+    fn before(&self, place: usize) -> usize {
+        match place < self.upper {
+            true if place > self.lower => place - 1,
+            true => self.upper,
+            false if place + 1 < self.end => place + 1,
+            false => self.upper - 1,
+        }
     }
 }
 
 impl Level {
     fn new(length: usize) -> Self {
-        Self { length, hulls: Vec::new(), chains: Vec::new() }
+        Self { length, hulls: Vec::new(), chains: Vec::new(), few: Vec::new() }
     }
 
-    /// Adds the hull of the vertices in `run`, which it sorts.
-    fn push(&mut self, points: &[Xy], run: &mut [u32]) {
+    /// The level above one: hulls of the corners of hulls.
+    fn above(points: &[Xy], below: &Self) -> Self {
+        let mut level = Self::new(below.length * FAN);
+        let mut sorted = Vec::new();
+        for (place, run) in below.hulls.chunks_exact(FAN).enumerate() {
+            sorted.clear();
+            sorted.extend_from_slice(&below.chains[run[0].lower..run[FAN - 1].end]);
+            let unit = run.iter().map(|hull| hull.unit).min().unwrap_or(i32::MAX);
+            level.push(points, &mut sorted, unit);
+            sorted.clear();
+            if below.length == LEAF {
+                sorted.extend((place * level.length) as u32..((place + 1) * level.length) as u32);
+            } else if run.iter().all(|hull| hull.few[0] < hull.few[1]) {
+                sorted.extend_from_slice(&below.few[run[0].few[0]..run[FAN - 1].few[1]]);
+            } else {
+                continue;
+            }
+            level.push_few(points, &mut sorted);
+        }
+        level
+    }
+
+    /// Adds the hull of the vertices in `run`, which it sorts; `unit` is that of the whole run.
+    fn push(&mut self, points: &[Xy], run: &mut [u32], unit: i32) {
         let at = |i: &u32| points[*i as usize];
-        run.sort_unstable_by(|i, j| at(i).partial_cmp(&at(j)).unwrap_or(Ordering::Equal));
+        // Stable: chains come sorted, and are merged in linear time.
+        run.sort_by(|i, j| at(i).partial_cmp(&at(j)).unwrap_or(Ordering::Equal));
         let around = run[1..].iter().fold(Plane::region(&at(&run[0])), |around, i| {
             Plane::join(&around, &Plane::region(&at(i)))
         });
@@ -259,7 +465,22 @@ impl Level {
         self.push_chain(points, run, Ordering::Greater);
         let upper = self.chains.len();
         self.push_chain(points, run, Ordering::Less);
-        self.hulls.push(Hull { around, lower, upper, end: self.chains.len() });
+        let far = [(); 2].map(|()| Cell::new(Far::new([f64::NAN; 2])));
+        let (end, few) = (self.chains.len(), [self.few.len(); 2]);
+        self.hulls.push(Hull { around, unit, far, lower, upper, end, few });
+    }
+
+    /// Keeps one vertex at each position of `run` for the last hull, if they are few.
+    fn push_few(&mut self, points: &[Xy], run: &mut Vec<u32>) {
+        let at = |i: &u32| points[*i as usize];
+        run.sort_by(|i, j| at(i).partial_cmp(&at(j)).unwrap_or(Ordering::Equal));
+        run.dedup_by(|i, j| at(i) == at(j));
+        if run.len() <= FEW
+            && let Some(hull) = self.hulls.last_mut()
+        {
+            self.few.extend_from_slice(run);
+            hull.few[1] = self.few.len();
+        }
     }
 
     /// Adds the chain of a sorted run that turns `turn` at each of its vertices (Andrew, 1979).
@@ -279,15 +500,9 @@ impl Level {
     }
 }
 
-/// True when differences of coordinates, and differences and sums of two products of those, are not
-/// rounded: coordinates are whole multiples of a power of two, and differ by less than 2^26 of it.
-fn is_exact(points: &[Xy]) -> bool {
-    let unit = points.iter().flatten().map(|v| unit(*v)).min().unwrap_or(0);
-    let span = |axis: usize| {
-        let values = points.iter().map(|p| p[axis]);
-        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
-    };
-    span(0).max(span(1)) * 2.0_f64.powi(-unit) < 67_108_864.0
+/// The exponent of the largest power of two of which all coordinates are whole multiples.
+fn coarsest<'a>(places: impl Iterator<Item = &'a Xy>) -> i32 {
+    places.flatten().map(|v| unit(*v)).min().unwrap_or(i32::MAX)
 }
 
 /// The exponent of the largest power of two of which a number is a whole multiple.

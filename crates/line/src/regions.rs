@@ -13,7 +13,10 @@ const LEAF: usize = 16;
 const FAN: usize = 8;
 
 /// Fewer vertices than this are looked at one by one.
-const SHORTEST: usize = 6 * LEAF;
+pub(super) const SHORTEST: usize = 6 * LEAF;
+
+/// Vertices scanned for a region looked at, at most.
+pub(super) const LOOK: u64 = LEAF as u64;
 
 /// In ranges of at least this many vertices, a far one is looked for first.
 const LONG: usize = 4 * LEAF * FAN;

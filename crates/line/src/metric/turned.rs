@@ -20,6 +20,30 @@ impl PlaneSegment {
         (self.along[0].abs() + self.along[1].abs()) * reach * (8.0 * f64::EPSILON)
     }
 
+    /// Whether a vertex lies beyond the begin (0) or the end (1).
+    #[inline(always)]
+    pub(crate) fn is_beyond(&self, p: &Xy, side: usize) -> bool {
+        let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
+        let along = q[0] * d[0] + q[1] * d[1];
+        if side == 0 { along < 0.0 } else { along > self.limit }
+    }
+
+    /// The reach of a vertex beyond an end, from its squared distance to it.
+    #[inline(always)]
+    pub(crate) fn reach_from_end(&self, square: f64) -> f64 {
+        square * self.scale
+    }
+
+    /// The largest difference of a coordinate among both ends and a box.
+    pub(crate) fn span(&self, around: &PlaneBox) -> f64 {
+        let axis = |range: Range, i: usize| {
+            let range = range.minus(self.from[i]);
+            let range = range.join(Range::of(0.0)).join(Range::of(self.along[i]));
+            range.high - range.low
+        };
+        larger(axis(around.x, 0), axis(around.y, 1))
+    }
+
     /// The part of [`super::Metric::reach_most`] that is due to lying beyond an end.
     #[inline(always)]
     pub(crate) fn most_over(&self, around: &PlaneBox) -> f64 {

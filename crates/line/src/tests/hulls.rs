@@ -26,6 +26,16 @@ fn whirl(count: u32, turn: f64) -> Vec<Xy> {
     (0..count).map(vertex).collect()
 }
 
+/// Around and around at nearly the same distance from the last vertex.
+fn crown(count: u32, fall: f64) -> Vec<Xy> {
+    let vertex = |i: u32| {
+        let (sine, cosine) = (f64::from(i) * 2.4).sin_cos();
+        let radius = if i + 1 == count { 0.0 } else { 1.0 - fall * f64::from(i) };
+        [radius * cosine, radius * sine]
+    };
+    (0..count).map(vertex).collect()
+}
+
 /// Lines of a few hundred vertices: walks, zigzags, whirls, few positions taken again and again, and
 /// the same far away from the origin, where differences are rounded.
 fn line() -> impl Strategy<Value = Vec<Xy>> {
@@ -41,6 +51,8 @@ fn line() -> impl Strategy<Value = Vec<Xy>> {
         (200..900_u32, slants, growth).prop_map(|(n, slant, growth)| zigzag(n, slant, growth)),
         (200..900_u32, prop_oneof![Just(std::f64::consts::FRAC_PI_2), Just(2.4), Just(0.01)])
             .prop_map(|(n, turn)| whirl(n, turn)),
+        (200..900_u32, prop_oneof![Just(0.0), Just(1e-7), Just(1e-16)])
+            .prop_map(|(n, fall)| crown(n, fall)),
         positions,
     ];
     let away = prop_oneof![Just(0.0), Just(1e9 + 0.1)];

@@ -2,6 +2,7 @@
 
 mod hierarchies;
 mod hulls;
+mod looks;
 mod methods;
 mod rings;
 mod triangles;
