@@ -235,6 +235,79 @@ mod tests {
         }
     }
 
+    /// How many squares of this size, counted from the lowest x and y, hold points, and how many there
+    /// are.
+    fn squares(points: &[Point], size: i64) -> (usize, i64) {
+        let low = |axis: fn(&Point) -> i32| i64::from(points.iter().map(axis).min().unwrap());
+        let high = |axis: fn(&Point) -> i32| i64::from(points.iter().map(axis).max().unwrap());
+        let (west, south) = (low(|p| p.x), low(|p| p.y));
+        let at = |p: &Point| ((i64::from(p.x) - west) / size, (i64::from(p.y) - south) / size);
+        let used: std::collections::BTreeSet<_> = points.iter().map(at).collect();
+        let count = |from: i64, to: i64| (to - from) / size + 1;
+        (used.len(), count(west, high(|p| p.x)) * count(south, high(|p| p.y)))
+    }
+
+    proptest! {
+        /// Three points a bin if they lay evenly, and bins half as wide again and again where those in
+        /// use hold more than twelve, as long as there are no more than two for each point.
+        #[test]
+        fn bins_are_halved_while_they_are_crowded(points in clustered()) {
+            let bins = Bins::new(&points);
+            let count = points.len() as i64;
+            let extent = squares(&points, 1).1;
+            let first = (1..).take_while(|size| size * size * count <= 3 * extent).last().unwrap_or(1);
+            let sides = [bins.window().high, bins.window().low];
+            let longest = (0..2).map(|i| i64::from(sides[0][i]) - i64::from(sides[1][i]) + 1).max().unwrap();
+            let first = first.max((longest + count - 1) / count);
+            let mut size = first;
+            let crowded = |size| points.len() > 12 * squares(&points, size).0;
+            while crowded(size) && size > 1 && squares(&points, size / 2).1 <= 2 * count {
+                size /= 2;
+            }
+            prop_assert_eq!(i64::from(bins.size()), size);
+            prop_assert_eq!(bins.starts.len() as i64, squares(&points, size).1 + 1);
+        }
+    }
+
+    /// Points most of which lie in a corner of their extent.
+    fn clustered() -> impl Strategy<Value = Vec<Point>> {
+        (1i32..60, 1i32..60, 60i32..3_000).prop_flat_map(|(width, height, far)| {
+            let near = (0..width, 0..height).prop_map(|(x, y)| Point::new(x - 7, y - 99, 0));
+            let any = (0..far, 0..far / 3).prop_map(|(x, y)| Point::new(x - 7, y - 99, 0));
+            (prop::collection::vec(near, 1..300), prop::collection::vec(any, 0..9))
+                .prop_map(|(near, any)| [near, any].concat())
+        })
+    }
+
+    #[test]
+    fn windows_and_discs_beside_the_points_are_given_none() {
+        let points: Vec<_> = (0..900).map(|i| Point::new(i % 30 * 4, i / 30 * 4, 0)).collect();
+        let bins = Bins::new(&points);
+        let count = |window: &Window, disc: Option<&Disc>| {
+            let mut seen = 0;
+            match disc {
+                None => bins.visit(window, |run| seen += run.len()),
+                Some(disc) => bins.visit_disc(disc, window, |run| seen += run.len()),
+            }
+            seen
+        };
+        let window = |low: Site, high: Site| Window { low, high };
+        assert_eq!(count(&window([200, 0], [300, 300]), None), 0);
+        assert!((100..200).contains(&count(&window([20, 20], [59, 59]), None)));
+        // A circle of radius 20 around (60, 60), which holds some 80 points.
+        let disc = Disc::around([[80, 60], [48, 76], [48, 44]]);
+        let near = count(&Window::ALL, Some(&disc));
+        assert!((78..180).contains(&near), "{near}");
+        assert!(count(&window([60, 60], [119, 119]), Some(&disc)) < near / 2);
+        assert_eq!(count(&window([0, 0], [30, 119]), Some(&disc)), 0);
+        assert_eq!(count(&window([0, 0], [119, 30]), Some(&disc)), 0);
+        assert_eq!(count(&window([90, 0], [119, 119]), Some(&disc)), 0);
+        // A row, a column, and a position.
+        for (high, least) in [([119, 60], 6), ([60, 119], 6), ([60, 60], 1)] {
+            assert!(count(&window([60, 60], high), Some(&disc)) >= least);
+        }
+    }
+
     #[test]
     fn thin_and_crowded_extents_stay_within_bounds() {
         let line: Vec<_> = (0..1000).map(|i| Point::new(i * 500_000, 0, 0)).collect();
@@ -244,5 +317,7 @@ mod tests {
         crowd.push(Point::new(1 << 28, 1 << 28, 0));
         assert!(Bins::new(&crowd).starts.len() <= 2_100);
         assert!(Bins::new(&[]).points().is_empty());
+        let one = Bins::new(&vec![Point::new(7, 7, 7); 100]);
+        assert!(one.size() == 1 && one.points().len() == 1);
     }
 }

@@ -233,5 +233,143 @@ mod tests {
                 prop_assert_eq!(disc.clip(&window), Some(window));
             }
         }
+
+        /// What is searched beyond the disc costs time, and what is called for in vain costs reading.
+        #[test]
+        fn spans_and_boxes_are_those_of_the_circle(sites in prop::array::uniform4(small()), high in 0..300i32) {
+            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+            let disc = Disc::around([a, b, c]);
+            let (centre, radius) = circle([a, b, c]);
+            let near = 2.0 + 1e-9 * radius;
+            prop_assert!((disc.radius() - radius - 1.0).abs() < 1e-9 * radius, "{} {radius}", disc.radius());
+            for axis in [0, 1] {
+                let across = [d[1 - axis], d[1 - axis] + high].map(f64::from);
+                let gap = (across[0] - centre[1 - axis]).max(centre[1 - axis] - across[1]).max(0.0);
+                let half = (radius * radius - gap * gap).max(0.0).sqrt();
+                match disc.span(axis, d[1 - axis], d[1 - axis] + high) {
+                    None => prop_assert!(gap > radius * (1.0 - 1e-9)),
+                    Some(span) => {
+                        prop_assert!(gap < radius * (1.0 + 1e-9));
+                        // A grazing line is known to half the digits.
+                        let near = near + 1e-6 * radius * f64::from(u8::from(half < 1e-3 * radius));
+                        prop_assert!((span[0] as f64 - (centre[axis] - half)).abs() < near, "{span:?}");
+                        prop_assert!((span[1] as f64 - (centre[axis] + half)).abs() < near, "{span:?}");
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn a_disc_lies_in_a_window_that_holds_its_box(
+            sites in prop::array::uniform3(small()), off in prop::array::uniform4(-6..6i32)
+        ) {
+            let Some([a, b, c, _]) = turned([sites[0], sites[1], sites[2], [i32::MAX; 2]]) else {
+                return Ok(());
+            };
+            let (centre, radius) = circle([a, b, c]);
+            prop_assume!(radius < 1e6);
+            let end = |axis: usize, sign: f64, off: i32| {
+                ((centre[axis] + sign * radius).round() as i32) + off
+            };
+            let window = Window {
+                low: [end(0, -1.0, off[0]), end(1, -1.0, off[1])],
+                high: [end(0, 1.0, off[2]), end(1, 1.0, off[3])],
+            };
+            let room = [-off[0], -off[1], off[2], off[3]].into_iter().min().unwrap();
+            if room != 1 {
+                prop_assert_eq!(Disc::around([a, b, c]).lies_in(&window), room > 1);
+            }
+        }
+    }
+
+    /// Sites so near that `f64` tells their circle well.
+    fn small() -> impl Strategy<Value = Site> {
+        [-3_000..3_000i32, -3_000..3_000i32]
+    }
+
+    /// Centre and radius by the perpendicular bisectors, from the origin.
+    fn circle(corners: [Site; 3]) -> ([f64; 2], f64) {
+        let [a, b, c] = corners.map(|p| p.map(f64::from));
+        let row = |p: [f64; 2], q: [f64; 2]| {
+            let normal = [q[0] - p[0], q[1] - p[1]];
+            let middle = [(p[0] + q[0]) / 2.0, (p[1] + q[1]) / 2.0];
+            (normal, normal[0] * middle[0] + normal[1] * middle[1])
+        };
+        let ((u, m), (v, n)) = (row(a, b), row(a, c));
+        let area = u[0] * v[1] - u[1] * v[0];
+        let centre = [(m * v[1] - n * u[1]) / area, (u[0] * n - v[0] * m) / area];
+        (centre, (a[0] - centre[0]).hypot(a[1] - centre[1]))
+    }
+
+    /// All four corners of a square lie on one circle, and next to the fourth lies the inside.
+    #[test]
+    fn positions_are_told_from_the_largest_circle_by_the_smallest_step() {
+        for r in [1, 1000, terrane_base::geom::REACH] {
+            let disc = Disc::around([[-r, -r], [r, -r], [r, r]]);
+            let Position { x, y } = Position::of([-r, r]);
+            for (east, north) in (-1..=1).flat_map(|e| (-1..=1).map(move |n| (e, n))) {
+                let q = Position { x: x + east, y: y + north };
+                let square = i128::from(q.x).pow(2) + i128::from(q.y).pow(2);
+                let is_inside = square < 2 * i128::from(x).pow(2);
+                assert_eq!(disc.holds_exactly(q), is_inside, "{r} {east} {north}");
+                assert_eq!(disc.holds_position(q), is_inside, "{r} {east} {north}");
+            }
+        }
+    }
+
+    #[test]
+    fn positions_on_a_circle_do_not_lie_in_it() {
+        let mut dice = crate::oracle::Dice(4);
+        for _ in 0..20_000 {
+            let bits = 1 + dice.below(28);
+            let [x, y, east, north] = [0; 4].map(|_| dice.below(1 << bits) + 1);
+            // The fourth corner of a rectangle, and a step of 1/256 to and from its middle.
+            let disc = Disc::around([[x, y], [x + east, y], [x + east, y + north]]);
+            let Position { x, y } = Position::of([x, y + north]);
+            let inside = [-1, 0, 1].map(|step| disc.holds_exactly(Position { x: x + step, y }));
+            assert_eq!(inside, [false, false, true], "{disc:?}");
+        }
+    }
+
+    /// Of the positions next to a circle some are nearer to it than floats can tell.
+    #[test]
+    fn positions_beside_large_circles_are_told_exactly() {
+        let (mut dice, mut close) = (crate::oracle::Dice(6), [0; 2]);
+        for _ in 0..20_000 {
+            let mut any = || dice.below(1 << 29) - (1 << 28);
+            let corners = [0; 3].map(|_| [any(), any()]);
+            let Some([a, b, c, _]) = turned([corners[0], corners[1], corners[2], [i32::MAX; 2]])
+            else {
+                continue;
+            };
+            let ([east, north], radius) = circle([a, b, c]);
+            let across = f64::from(any()) * 1e-9 * radius;
+            let up = (radius * radius - across * across).sqrt();
+            let q = Position::from_steps(east + across, north + up);
+            let disc = Disc::around([a, b, c]);
+            assert_eq!(disc.holds_position(q), disc.holds_exactly(q));
+            let [x, y] = disc.centre_from(q);
+            let is_close = disc.within <= x * x + y * y && x * x + y * y <= disc.beyond;
+            close[usize::from(disc.holds_exactly(q))] += u32::from(is_close);
+        }
+        assert!(close.iter().all(|count| *count > 20), "{close:?}");
+    }
+
+    #[test]
+    fn what_a_window_holds_of_a_disc_is_found_within_few_steps() {
+        // A circle of radius 50 around (0, 0).
+        let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
+        let clip = |low: Site, high: Site| disc.clip(&Window { low, high });
+        assert_eq!(clip([60, -90], [90, 90]), None);
+        assert_eq!(clip([-90, 53], [90, 90]), None);
+        let whole = clip([-90, -90], [90, 90]).unwrap();
+        assert!(whole.low.iter().all(|v| (-53..=-50).contains(v)), "{whole:?}");
+        assert!(whole.high.iter().all(|v| (50..=53).contains(v)), "{whole:?}");
+        // Beside the centre the circle is 40 high on each side.
+        let right = clip([30, -90], [90, 90]).unwrap();
+        assert!(right.low[0] == 30 && (50..=53).contains(&right.high[0]), "{right:?}");
+        assert!((-43..=-40).contains(&right.low[1]) && (40..=43).contains(&right.high[1]));
+        let top = clip([-90, 30], [90, 90]).unwrap();
+        assert!(top.low[1] == 30 && (-43..=-40).contains(&top.low[0]), "{top:?}");
     }
 }

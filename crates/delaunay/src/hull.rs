@@ -231,6 +231,10 @@ mod tests {
         #[test]
         fn places_positions(points in points(6), x in -2_000i64..2_000, y in -2_000i64..2_000) {
             let hull = Hull::of(points);
+            if let [first, .., last] = &hull.sorted()[..] {
+                let side = |p: &Point| orient([first.x, first.y], [last.x, last.y], [p.x, p.y]);
+                prop_assert_eq!(hull.is_flat(), hull.ring().iter().all(|p| side(p) == 0));
+            }
             for q in [Position { x, y }, Position { x: x & !127, y: y & !127 }] {
                 prop_assert_eq!(hull.place(q), brute_place(&hull.sorted(), &hull, q));
                 let start = hull.start(q, false);
@@ -242,6 +246,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn corners_are_the_points_that_do_not_lie_between_two_others() {
+        // Three by three, of which the middle and the middles of the sides are no corners.
+        let lattice = (0..9).map(|i| Point::new(i % 3 * 2, i / 3 * 5, i)).collect();
+        let corners = Hull::of(lattice).corners();
+        assert_eq!(corners.iter().map(|p| p.z).collect::<Vec<_>>(), [0, 2, 8, 6]);
+        let triangle = [[0, 0, 7], [9, 1, 8], [3, 6, 9]].map(|[x, y, z]| Point::new(x, y, z));
+        assert_eq!(Hull::of(triangle.to_vec()).corners(), triangle);
+        let line = Hull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
+        assert_eq!(line.corners(), []);
     }
 
     #[test]

@@ -389,6 +389,21 @@ mod tests {
     }
 
     #[test]
+    fn collinear_points_have_heights_at_themselves_alone() {
+        let points: Vec<_> = (0..50).map(|i| Point::new(i * 6, i * 4, 100 - i)).collect();
+        let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+        let space = Loaded::whole(&bins);
+        let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
+        let mut height = |q: Position| natural.height(q).unwrap().unwrap();
+        for p in &points {
+            assert_eq!(height(Position::of(site(p))), Some(f64::from(p.z)));
+        }
+        for off in [[3.0, 2.0], [0.5, 0.0], [0.0, 1.0], [-6.0, -4.0]] {
+            assert_eq!(height(Position::from_steps(off[0], off[1])), None);
+        }
+    }
+
+    #[test]
     fn planes_are_reproduced_up_to_the_hull() {
         let plane = |x: f64, y: f64| 3.0 * x - 2.0 * y + 11.0;
         for (name, mut points) in oracle::awkward(300) {

@@ -152,6 +152,25 @@ mod tests {
         assert_eq!(interleave((1 << 30) - 1, (1 << 30) - 1), (1 << 60) - 1);
     }
 
+    /// So many that they are sorted in halves; in one set nearly all are in one of the first buckets.
+    #[test]
+    fn many_sites_come_in_order_wherever_they_lie() {
+        let mut dice = Dice(8);
+        for most in [1 << 29, 9_000, 300] {
+            let mut point = || Point::new(dice.below(most), dice.below(most), 0);
+            let mut points: Vec<_> = (0..40_000).map(|_| point()).collect();
+            points.push(Point::new((1 << 29) - 1, (1 << 29) - 1, 0));
+            let ordered = order(&points, &Serial);
+            let keys = ordered.sites.iter().map(|s| interleave(s[0] as u32, s[1] as u32));
+            assert!(keys.clone().zip(keys.skip(1)).all(|(a, b)| a < b));
+            let low = Window::of(points.iter().map(|p| [p.x, p.y])).unwrap().low;
+            for (site, &id) in ordered.sites.iter().zip(&ordered.ids) {
+                let p = points[id as usize];
+                assert_eq!([p.x - low[0], p.y - low[1]], *site);
+            }
+        }
+    }
+
     #[test]
     fn the_lowest_stands_for_all_at_a_position() {
         let mut dice = Dice(3);

@@ -216,3 +216,117 @@ impl Space for Loaded<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BOUNDS: Window = Window { low: [-40, 20], high: [170, 190] };
+
+    /// How far a position is from the nearest of a square.
+    fn gap(square: &Window, centre: [f64; 2]) -> f64 {
+        let along = |i: usize| {
+            let (low, high) = (f64::from(square.low[i]), f64::from(square.high[i]));
+            (low - centre[i]).max(centre[i] - high).max(0.0)
+        };
+        along(0).hypot(along(1))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+        #[test]
+        fn what_is_called_for_is_the_squares_with_points_that_touch_the_disc(
+            points in prop::collection::vec((-40..=170_i32, 20..=190_i32), 0..12), size in 1..60_i32,
+            x in -150..250_i32, y in -150..300_i32, small: bool, known in prop::array::uniform4(-60..200_i32)
+        ) {
+            let mut coverage = Coverage::new(BOUNDS, size);
+            let mut half = coverage.clone();
+            for (i, &(x, y)) in points.iter().enumerate() {
+                if i % 2 == 0 { coverage.add([x, y]) } else { half.add([x, y]) }
+            }
+            coverage.merge(&half);
+            let offsets = if small { [[7, 24], [-25, 0], [15, -20]] } else { [[33, 56], [-63, 16], [0, -65]] };
+            let radius = if small { 25.0 } else { 65.0 };
+            let disc = Disc::around(offsets.map(|[dx, dy]| [x + dx, y + dy]));
+            let known = Window::of([[known[0], known[1]], [known[2], known[3]]]).unwrap();
+            let square = |&(x, y): &(i32, i32)| {
+                let low = [0, 1].map(|i| {
+                    let p = [x, y][i] - BOUNDS.low[i];
+                    BOUNDS.low[i] + p / size * size
+                });
+                let high = [0, 1].map(|i| (low[i] + size - 1).min(BOUNDS.high[i]));
+                Window { low, high }
+            };
+            let all: Vec<_> = points.iter().map(square).filter(|square| !known.covers(square)).collect();
+            // What the disc touches by less than three steps may be called for, or not.
+            let within = |room: f64| {
+                let centre = [x, y].map(f64::from);
+                all.iter().filter(move |square| gap(square, centre) <= radius + room).copied()
+                    .reduce(|a, b| a.union(&b))
+            };
+            let found = coverage.unknown(&disc, &known);
+            let (least, most) = (within(0.0), within(3.0));
+            prop_assert!(least.is_none_or(|least| found.is_some_and(|found| found.covers(&least))));
+            prop_assert!(found.is_none_or(|found| most.is_some_and(|most| most.covers(&found))));
+        }
+    }
+
+    #[test]
+    fn maps_have_no_more_squares_than_they_may() {
+        let squares = |high: i32, size: i32| {
+            let map = Coverage::new(Window { low: [0; 2], high: [high; 2] }, size);
+            (map.size, map.columns, map.holds.len())
+        };
+        assert_eq!(squares(4095, 1), (1, 4096, 1 << 24));
+        assert_eq!(squares(4096, 1), (2, 2049, 2049 * 2049));
+        assert_eq!(squares(99, 10), (10, 10, 100));
+        assert_eq!(squares(100, 10), (10, 11, 121));
+        assert_eq!(squares(5, 0), (1, 6, 36));
+    }
+
+    #[test]
+    fn what_is_known_needs_nothing_more() {
+        let bins = Bins::new(&[]);
+        let window = |low: Site, high: Site| Window { low, high };
+        let bounds = window([0, 0], [100, 100]);
+        // A circle of radius 50 around the origin of the bounds.
+        let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
+        let certify = |known: Window, coverage: Option<&Coverage>| {
+            Loaded { bins: &bins, known, bounds, coverage }.certify(&disc)
+        };
+        assert_eq!(certify(window([-60, -60], [60, 60]), None), Ok(()));
+        // Nothing lies beyond the bounds.
+        assert_eq!(certify(window([0, 0], [60, 60]), None), Ok(()));
+        let Err(Needs(part)) = certify(window([0, 0], [20, 60]), None) else { panic!() };
+        assert!(part.low == [0, 0] && part.high.iter().all(|v| (50..54).contains(v)), "{part:?}");
+        let mut coverage = Coverage::new(bounds, 10);
+        assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Ok(()));
+        coverage.add([33, 5]);
+        let needs = Needs(window([30, 0], [39, 9]));
+        assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Err(needs));
+        let beyond = Loaded {
+            bins: &bins,
+            known: bounds,
+            bounds: window([60, 60], [99, 99]),
+            coverage: None,
+        };
+        assert_eq!(beyond.certify(&disc), Ok(()));
+    }
+
+    #[test]
+    fn windows_grow_within_the_reach_and_meet_in_what_both_hold() {
+        let window = |low: Site, high: Site| Window { low, high };
+        let (a, b) = (window([0, 10], [20, 30]), window([20, -5], [40, 10]));
+        assert_eq!(a.grown(7), window([-7, 3], [27, 37]));
+        assert_eq!(window([i32::MIN + 1; 2], [i32::MAX; 2]).grown(9), Window::ALL);
+        assert_eq!(a.intersection(&b), Some(window([20, 10], [20, 10])));
+        assert_eq!(a.intersection(&window([21, 0], [40, 90])), None);
+        assert_eq!(a.intersection(&window([0, 31], [40, 90])), None);
+        assert_eq!(a.union(&b), window([0, -5], [40, 30]));
+        assert!(a.contains([0, 30]) && !a.contains([21, 20]) && !a.contains([5, 9]));
+        assert!(a.covers(&a) && !a.covers(&a.grown(1)) && a.grown(1).covers(&a));
+        assert!(!a.covers(&b) && !a.covers(&window([5, 15], [10, 31])));
+    }
+}

@@ -290,6 +290,59 @@ mod tests {
     }
 
     #[test]
+    fn neighbours_lie_beyond_the_sides_they_are_told_for() {
+        for (name, points) in oracle::awkward(60) {
+            let triangulation = Triangulation::new(&points).unwrap();
+            let hull = triangulation.hull();
+            let ends = (0..hull.len()).map(|i| [hull[i], hull[(i + 1) % hull.len()]]);
+            let rim: std::collections::BTreeSet<_> = ends.collect();
+            for t in 0..triangulation.numbers() {
+                let Some(corners) = triangulation.corners(t) else { continue };
+                for (i, beyond) in triangulation.neighbours(t).into_iter().enumerate() {
+                    let side = [corners[i], corners[(i + 1) % 3]];
+                    match triangulation.corners(beyond) {
+                        None => assert!(rim.contains(&side), "{name}"),
+                        Some(other) => {
+                            let turned = |k: usize| [other[(k + 1) % 3], other[k]] == side;
+                            assert!((0..3).any(turned), "{name}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Counts how often work was divided.
+    #[derive(Default)]
+    struct Joins(std::sync::atomic::AtomicU32);
+
+    impl Fork for Joins {
+        fn join<A: Send, B: Send>(
+            &self,
+            a: impl FnOnce() -> A + Send,
+            b: impl FnOnce() -> B + Send,
+        ) -> (A, B) {
+            self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            (a(), b())
+        }
+    }
+
+    #[test]
+    fn large_sets_are_divided_and_small_ones_are_not() {
+        let mut dice = Dice(2);
+        let points: Vec<_> =
+            (0..40_000).map(|_| Point::new(dice.below(1 << 29), dice.below(1 << 29), 0)).collect();
+        for (count, joins) in [(16_383, 0), (16_384, 1), (32_000, 1), (33_000, 4)] {
+            let fork = Joins::default();
+            let divided = Triangulation::forked(&points[..count], &fork).unwrap();
+            divided.validate().unwrap();
+            let counted = fork.0.into_inner();
+            // Of two quarters of a random set one may be above the bound, and the other below.
+            assert!(counted >= joins && counted <= 2 * joins, "{count}: {counted}");
+        }
+    }
+
+    #[test]
     fn duplicates_are_reported_with_the_lowest() {
         let points = [[0, 0, 5], [9, 0, 1], [0, 0, 3], [4, 7, 1], [0, 0, 3], [9, 0, 1]];
         let points = points.map(|[x, y, z]| Point::new(x, y, z));
@@ -297,6 +350,19 @@ mod tests {
         assert_eq!(triangulation.duplicates(), [[0, 2], [4, 2], [5, 1]]);
         assert_eq!(triangulation.triangles().count(), 1);
         assert_eq!(triangulation.hull(), [2, 1, 3]);
+    }
+
+    #[test]
+    fn validation_sees_a_dent_in_the_hull() {
+        let points = [[0, 0], [10, 0], [20, 0], [10, 10]].map(|[x, y]| Point::new(x, y, 0));
+        let mut triangulation = Triangulation::new(&points).unwrap();
+        assert!(triangulation.validate().is_ok());
+        // Its two triangles turn left and are Delaunay all the same.
+        let middle = triangulation.ordered.sites.iter().position(|site| *site == [10, 0]).unwrap();
+        triangulation.ordered.sites[middle] = [10, 1];
+        assert!(triangulation.validate().unwrap_err().contains("convex"));
+        triangulation.ordered.sites[middle] = [10, -1];
+        assert!(triangulation.validate().is_ok());
     }
 
     #[test]

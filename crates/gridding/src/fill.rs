@@ -62,6 +62,31 @@ mod tests {
     }
 
     #[test]
+    fn cells_are_filled_as_the_definition_says() {
+        let (width, height) = (11_i64, 7_i64);
+        let known = |i: i64| i * 7919 % 13 == 0;
+        let values: Vec<f64> =
+            (0..width * height).map(|i| if known(i) { i as f64 } else { V }).collect();
+        let whole = Rect::new(0, 0, width as u32, height as u32);
+        for reach in 1..5 {
+            let mut out = vec![0.0; values.len()];
+            fill(&values, whole, whole, reach as u32, &mut out);
+            for at in (0..width * height).filter(|at| !known(*at)) {
+                let apart =
+                    |i: i64| (i % width - at % width).abs().max((i / width - at / width).abs());
+                let near: Vec<i64> =
+                    (0..width * height).filter(|i| known(*i) && apart(*i) <= reach).collect();
+                let weight = |i: &i64| 1.0 / apart(*i) as f64;
+                let sum: f64 = near.iter().map(|i| weight(i) * *i as f64).sum();
+                let expected = sum / near.iter().map(weight).sum::<f64>();
+                let found = out[at as usize];
+                let is_void = near.is_empty();
+                assert!(if is_void { found.is_nan() } else { (found - expected).abs() < 1e-9 });
+            }
+        }
+    }
+
+    #[test]
     fn parts_are_filled_as_the_whole_is() {
         let values: Vec<f64> =
             (0..400).map(|i| if i * 7919 % 11 == 0 { f64::from(i) / 3.0 } else { V }).collect();

@@ -415,6 +415,43 @@ mod tests {
     }
 
     #[test]
+    fn numbers_too_large_to_count_are_not_counted() {
+        let decimals = |scale: i128, cell: i128, offset: i128| Decimals {
+            scale: Decimal::new(scale, 0),
+            offset: Decimal::new(offset, 0),
+            anchor: Decimal::new(0, 0),
+            cell: Decimal::new(cell, 0),
+        };
+        let is_counted = |scale, cell, offset| decimals(scale, cell, offset).units(0).is_some();
+        assert!(is_counted(1, 1, 0) && is_counted(1 << 82, 1 << 82, 1 << 123));
+        assert!(!is_counted(1 << 83, 1, 0));
+        assert!(!is_counted(1, 1 << 83, 0));
+        assert!(!is_counted(1, 1, 1 << 124) && !is_counted(1, 1, -(1 << 124)));
+    }
+
+    #[test]
+    fn an_anchor_a_hair_off_a_step_is_on_it() {
+        let at = |anchor: f64| {
+            let lattice = Lattice::new(&frame(0.1, 0.0), [anchor; 2], [0.5; 2], Edges::LowerClosed);
+            let x = lattice.x.covering(0, 9);
+            let mut squares = Vec::new();
+            x.squares(7, 0..9, lattice.unit(2.0), &mut squares);
+            (squares, lattice.unit(2.0))
+        };
+        assert_ne!(0.1 + 0.2, 0.3);
+        assert_eq!(at(0.1 + 0.2), at(0.3));
+        // Twentieths: the centre of the first cell is at 0.55, and the step at 0.7.
+        assert_eq!(at(0.3).0[0], 9);
+    }
+
+    #[test]
+    fn a_span_is_from_the_cell_of_the_lowest_to_that_of_the_highest() {
+        let lattice = Lattice::new(&frame(1.0, 0.0), [0.0; 2], [10.0, 3.0], Edges::NorthClosed);
+        let points = [Point::new(-11, 3, 0), Point::new(30, 4, 0)];
+        assert_eq!(lattice.span(points), [[-2, 3], [0, 1]]);
+    }
+
+    #[test]
     fn borders_belong_to_one_cell() {
         // Cells of 1 in steps of 0.01, from -3 to 4.
         let lattice = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);

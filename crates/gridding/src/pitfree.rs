@@ -188,7 +188,15 @@ mod tests {
         assert_eq!(pits.layers(), 4);
         let layers = [-3.0, 0.0, 1.99, 2.0, 5.0, 9.0, 10.0, 99.0].map(|h| pits.layers_of(h));
         assert_eq!(layers, [1, 1, 1, 2, 3, 3, 4, 4]);
-        assert_eq!(PitFree::metres(1.0).layers(), 14);
+        assert_eq!(pits.max_edge(), 1.0);
+        let usual = PitFree::metres(0.5);
+        assert_eq!((usual.layers(), usual.max_edge()), (14, 1.5));
+        for (layer, height) in
+            (2..).zip([2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0])
+        {
+            assert_eq!(usual.layers_of(height), layer, "{height}");
+            assert_eq!(usual.layers_of(height - 0.01), layer - 1, "{height}");
+        }
     }
 
     #[test]

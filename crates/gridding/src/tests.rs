@@ -332,6 +332,7 @@ proptest! {
             blocks[division].add(0, hits).unwrap();
             blocks[2].add(0, hits).unwrap();
         }
+        blocks[1] = reread(&recipe, &blocks[1], 3);
         let (parts, whole) = blocks.split_at_mut(2);
         let (one, other) = parts.split_at_mut(1);
         one[0].fold(&other[0]).unwrap();
@@ -370,4 +371,83 @@ fn room_for_heights_is_held_until_it_is_given_back() {
     block.parts_mut(&[0]);
     assert!(block.held() >= 100 * median.bytes_per_point());
     assert!(block.parts()[0].is_empty() && block.value(&median.bands()[0], 0, &UNITS).is_nan());
+}
+
+/// More hits than are handed over at once, in rows of many cells and of one.
+#[test]
+fn no_hit_is_lost_however_many_there_are() {
+    let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
+    let lattice = Lattice::new(&frame, [0.0; 2], [1.0; 2], Edges::LowerClosed);
+    let lattice = Lattice { x: lattice.x.covering(0, 40), y: lattice.y.covering(0, 40) };
+    let recipe = recipe("count", true);
+    for (width, height) in [(1, 1), (1, 30), (37, 30), (30, 1)] {
+        let window = Rect::new(2, 5, width, height);
+        // All are in one cell, some of whose neighbours are nearer than the radius to them.
+        let points = vec![Point::new(250, 3450, 7); 5_000];
+        let mut block = Block::new(&recipe, (width * height) as usize);
+        let mut scatter = Scatter::new(&lattice, 2.0);
+        let places = vec![(2, 5); points.len()];
+        scatter.add((&lattice, window, width), &points, &places, (&mut block, 0)).unwrap();
+        for at in 0..width * height {
+            let (east, south) = (f64::from(at % width), f64::from(at / width));
+            let expected = if east.hypot(south) < 2.0 { 5_000.0 } else { 0.0 };
+            let found = block.value(&recipe.bands()[0], at as usize, &UNITS);
+            assert_eq!(found, expected, "{width} {height} {at}");
+        }
+    }
+}
+
+#[test]
+fn the_lowest_of_the_points_at_a_centre_is_its_height() {
+    let recipe = recipe("idw", false);
+    let mut block = Block::new(&recipe, 2);
+    let z = [90, -30, 50, 70, 80].map(|z| Point::new(0, 0, z));
+    let hits = Hits { cells: &[0, 0, 0, 1, 1], points: &z, squares: &[0, 0, 1, 1, 1], unit: 1e-3 };
+    block.add(0, hits).unwrap();
+    let values = [0, 1].map(|at| block.value(&recipe.bands()[0], at, &UNITS));
+    assert_eq!(values, [-30.0 * UNITS.scale + UNITS.offset, 75.0 * UNITS.scale + UNITS.offset]);
+}
+
+#[test]
+fn a_cell_with_more_points_than_can_be_counted_is_an_error() {
+    let recipe = recipe("count", false);
+    let full = |count: u32| {
+        let mut block = Block::new(&recipe, 2);
+        let part = &mut block.parts_mut(&[8])[0];
+        part[..4].copy_from_slice(&count.to_ne_bytes());
+        block
+    };
+    let points = [Point::new(0, 0, 8); 2];
+    for cells in [[0, 1], [1, 0]] {
+        let hits = Hits { cells: &cells, points: &points, squares: &[], unit: 1.0 };
+        assert!(full(u32::MAX).add(0, hits).is_err(), "{cells:?}");
+        assert!(full(u32::MAX - 1).add(0, hits).is_ok(), "{cells:?}");
+    }
+    assert!(full(u32::MAX - 5).fold(&full(6)).is_err());
+    assert!(full(u32::MAX - 6).fold(&full(6)).is_ok());
+}
+
+#[test]
+fn statistics_are_one_by_name_and_numbers() {
+    let one = |text: &str| parse_list(text).unwrap()[0].statistic;
+    for (a, b, is_same) in [
+        ("min", "min", true),
+        ("min", "max", false),
+        ("p95", "p95", true),
+        ("p95", "p90", false),
+        ("idw:radius=2", "idw:radius=2", true),
+        ("idw:radius=2", "idw:radius=3", false),
+        ("idw:radius=2", "nearest:radius=2", false),
+    ] {
+        assert_eq!(one(a) == one(b), is_same, "{a} {b}");
+    }
+    let whole = ["count", "density", "mean"].map(|text| one(text).is_whole());
+    assert_eq!(whole, [true, false, false]);
+    assert_eq!(
+        ["p95", "idw:radius=2", "mean"].map(|text| one(text).rank()),
+        [Some(95.0), None, None]
+    );
+    let lacks = ["idw", "idw:radius=2", "mean"].map(|text| one(text).lacks("radius"));
+    assert_eq!(lacks, [true, false, false]);
+    assert!(one("idw:radius=2").lacks("power"));
 }

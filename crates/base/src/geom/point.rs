@@ -85,6 +85,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn distances_of_many_digits_are_compared_in_floats() {
+        // A third of a unit in each step: no decimals that can be counted.
+        let (scale, origin) = ([1.0 / 3.0 * 1e-30; 2], Point::new(0, 0, 0));
+        let at = |x: i32| is_within(origin, Point::new(x, 0, 0), scale, 3.0 * scale[0]);
+        assert_eq!([0, 2, 3, 4].map(at), [true, true, true, false]);
+        let third = |x: i32| is_within(origin, Point::new(x, 0, 0), [1.0 / 3.0; 2], 10_000.0);
+        assert_eq!([29_999, 30_000, 30_001].map(third), [true, true, false]);
+        let wide = |x: i32, most: f64| is_within(origin, Point::new(x, 0, 0), [1.0; 2], most);
+        assert!(wide(5, 5.0) && !wide(5, 5.0_f64.next_down()) && wide(5, 1e9) && !wide(5, 0.0));
+    }
+
+    #[test]
     fn distances_are_compared_as_decimals() {
         let mut off = 0;
         for k in 1..400 {

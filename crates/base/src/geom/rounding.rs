@@ -29,3 +29,23 @@ impl Rounding {
         self.origin + f64::from(((height - self.origin) * self.scale) as f32) / self.scale
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_read_back_is_written_as_it_is() {
+        let feet = Rounding { origin: 5e5, scale: 0.3048 };
+        // A millimetre from the origin an f32 is as fine as the height itself.
+        let near = (1..20_000).map(|i| 5e5 + f64::from(i) * 1.234_567e-7);
+        for height in near.chain((0..20_000).map(|i| 4e5 + f64::from(i) * 17.123_456_7)) {
+            for rounding in [feet, Rounding::about(0.0), Rounding::about(5e5)] {
+                let read = rounding.apply(height);
+                assert!((read - height).abs() <= 1e-6 * height, "{read} {height}");
+                assert_eq!(rounding.apply(read), read);
+            }
+        }
+        assert_eq!(Rounding::about(0.5).apply(0.5 + 1.0 / 3.0), 0.5 + f64::from(1.0_f32 / 3.0));
+    }
+}

@@ -112,7 +112,16 @@ mod tests {
         assert_eq!((ruler.first(326.900_001), ruler.last(326.900_001)), (32_691, 32_690));
         assert_eq!((ruler.place(326.9), ruler.place(0.0)), (32_690.0, 0.0));
         let between = ruler.place(326.900_000_000_1);
-        assert!(32_690.0 < between && between < 32_690.1);
+        assert!((32_690.0 + HAIR..32_690.1).contains(&between));
+        let below = ruler.place(326.899_999_999_9);
+        assert!(32_689.9 < below && below <= 32_690.0 - HAIR);
+    }
+
+    #[test]
+    fn decimals_too_long_for_all_steps_are_not_counted() {
+        let ruler = Ruler::new(1.1, 1e-27);
+        assert_eq!(ruler.at(FAR), 1.1 * FAR as f64);
+        assert_eq!((ruler.first(11.0), ruler.last(11.0)), (10, 10));
     }
 
     #[test]

@@ -212,6 +212,87 @@ mod tests {
         assert_eq!(ground.height(0, 1, [1.0, 0.0]), Some(175.0));
     }
 
+    /// Two cells by two, with the cells beside them.
+    fn ground_of(heights: [i32; 16], tolerances: [f32; 4]) -> Ground {
+        let (heights, tolerances) = (heights.to_vec(), tolerances.to_vec());
+        Ground { width: 2, wide: 4, heights, tolerances }
+    }
+
+    const DISTINCT: [i32; 16] =
+        [10, 25, 70, 3, 90, 40, 60, 85, 20, 100, 130, 170, 55, 300, 310, 290];
+
+    #[test]
+    fn a_height_is_blended_from_the_four_nearest_centres() {
+        let ground = ground_of(DISTINCT, [0.0; 4]);
+        let height = |col: usize, row: usize| f64::from(DISTINCT[row * 4 + col]);
+        for (col, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            for (x, y) in [(0.5, 0.5), (0.0, 0.75), (0.25, 0.25), (0.75, 0.125), (1.0, 1.0)] {
+                // The place among all centres, the first of which is at (0, 0).
+                let (east, north) = (col as f64 + 0.5 + x, row as f64 + 0.5 + y);
+                let (w, s) = (east.floor(), north.floor());
+                let [across, up] = [east - w, north - s];
+                let (w, s) = (w as usize, s as usize);
+                let along = |row: usize| match across {
+                    0.0 => height(w, row),
+                    _ => height(w, row) * (1.0 - across) + height(w + 1, row) * across,
+                };
+                let expected = match up {
+                    0.0 => along(s),
+                    _ => along(s) * (1.0 - up) + along(s + 1) * up,
+                };
+                let found = ground.height(col, row, [x, y]).unwrap();
+                assert!((found - expected).abs() < 1e-9, "{col} {row} {x} {y}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_last_heights_the_surface_goes_on_as_it_was() {
+        let without = |gone: &[usize]| {
+            let mut heights = DISTINCT;
+            gone.iter().for_each(|&at| heights[at] = EMPTY);
+            ground_of(heights, [0.0; 4])
+        };
+        // The cell (0, 0) is at 5; beside it are 4 and 6, above it 9 and below it 1.
+        let own = f64::from(DISTINCT[5]);
+        let at = |gone: &[usize], place| without(gone).height(0, 0, place).unwrap();
+        assert_eq!(at(&[6, 9, 10], [1.0, 1.0]), own);
+        assert_eq!(at(&[10], [1.0, 1.0]), own + (60.0 - own) * 0.5 + (100.0 - own) * 0.5);
+        assert_eq!(at(&[6], [1.0, 0.5]), own);
+        assert_eq!(at(&[6], [1.0, 1.0]), (own + own + 100.0 + 130.0) / 4.0);
+        assert_eq!(without(&[5]).height(0, 0, [0.5; 2]), None);
+        // Slopes are taken from what is there: both sides, one, or none.
+        let slope = |gone: &[usize]| without(gone).slope(5);
+        let rise = |x: f64, y: f64| x.hypot(y);
+        assert_eq!(slope(&[]), rise(0.5 * (60.0 - 90.0), 0.5 * (100.0 - 25.0)));
+        assert_eq!(slope(&[4]), rise(20.0, 37.5));
+        assert_eq!(slope(&[6, 1]), rise(-50.0, 60.0));
+        assert_eq!(slope(&[4, 6, 9]), rise(0.0, 15.0));
+        assert_eq!(slope(&[4, 6, 1, 9]), 0.0);
+    }
+
+    #[test]
+    fn each_cell_has_its_own_tolerance() {
+        let ground = ground_of([100; 16], [1.0, 2.0, 4.0, 8.0]);
+        for (i, (col, row)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
+            let most = 1 << i;
+            let is = |off: i32| ground.is_ground(col, row, [0.3, 0.9], 100 + off);
+            assert_eq!([most, -most, most + 1].map(is), [true, true, false], "{col} {row}");
+        }
+    }
+
+    /// What is looked at for noise, twice the holes, the windows, and the cells beside.
+    #[test]
+    fn the_reach_is_counted_in_cells() {
+        let reach = |cell: f64, window: f64| {
+            Parameters { window, ..Parameters::metres(cell, 0.01) }.reach()
+        };
+        assert_eq!(reach(1.0, 18.0), 2 + 2 * 36 + 36 + 1);
+        assert_eq!(reach(0.5, 18.0), 2 + 2 * 72 + 72 + 1);
+        assert_eq!(reach(2.0, 5.0), 2 + 2 * 6 + 6 + 1);
+        assert_eq!(reach(9.0, 1.0), 2 + 2 * 2 + 2 + 1);
+    }
+
     #[test]
     fn steep_ground_may_lie_further_off() {
         for (east, north) in [(0, 0), (7, 0), (0, -9), (12, 5), (-3, 40)] {

@@ -161,6 +161,45 @@ mod tests {
         }
     }
 
+    /// A block of so many cells on level ground, and whether it is taken off; cells are 2 wide and
+    /// steps 0.5, so that windows of half width r take off what is higher than 2 r steps.
+    fn is_taken_off(side: usize, height: i32, window: f64) -> bool {
+        let usual = Parameters::metres(2.0, 0.5);
+        let parameters = Parameters { slope: 0.5, window, ..usual };
+        let block =
+            |k: usize| (8..8 + side).contains(&(k % 24)) && (8..8 + side).contains(&(k / 24));
+        let mut heights: Vec<i32> =
+            (0..24 * 24).map(|k| if block(k) { height } else { 0 }).collect();
+        let before = heights.clone();
+        take_off_objects(&mut heights, 24, &parameters);
+        let gone: Vec<bool> = heights.iter().map(|height| *height == EMPTY).collect();
+        let is_gone = gone.contains(&true);
+        assert!((0..gone.len()).all(|k| gone[k] == (is_gone && block(k))), "the block or nothing");
+        assert!((0..gone.len()).all(|k| gone[k] || heights[k] == before[k]));
+        is_gone
+    }
+
+    #[test]
+    fn blocks_are_taken_off_that_rise_by_more_than_the_slope_of_the_window() {
+        for (side, height, expected) in [
+            (1, 2, false),
+            (1, 3, true),
+            (2, 2, false),
+            (2, 3, true),
+            // A window of three cells fits on a block of three; that of five does not.
+            (3, 3, false),
+            (3, 4, false),
+            (3, 5, true),
+            (4, 5, true),
+            (5, 6, false),
+            (5, 7, true),
+        ] {
+            assert_eq!(is_taken_off(side, height, 6.0), expected, "{side} {height}");
+        }
+        // No window is wider than the largest: half of it is 3 cells.
+        assert!(is_taken_off(6, 99, 6.0) && !is_taken_off(7, 99, 6.0));
+    }
+
     #[test]
     fn windows_grow_to_the_largest() {
         assert_eq!(radii(18).collect::<Vec<_>>(), [1, 2, 3, 4, 6, 8, 11, 14, 18]);

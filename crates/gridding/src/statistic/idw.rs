@@ -191,3 +191,56 @@ fn raised(square: f64, power: f64) -> f64 {
     let part = if power.fract() == 0.0 { 1.0 } else { distance.sqrt() };
     (0..power as u32).fold(part, |product, _| product * distance)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_are_above_nothing_and_at_most_four() {
+        let fits = [0.0, -1.0, f64::NAN, 4.1].map(|power| check_power(power).is_ok());
+        assert_eq!(fits, [false; 4]);
+        assert!(check_power(1e-9).is_ok() && check_power(4.0).is_ok());
+    }
+
+    #[test]
+    fn weights_are_the_nearest_whole_numbers() {
+        for (radius, power, unit) in
+            [(3.0, 1.0, 0.5), (3.0, 2.0, 0.25), (2.0, 1.5, 0.01), (7.0, 0.7, 1.0)]
+        {
+            let squares: Vec<u128> = (1..60).map(|i| i * i * i).collect();
+            let (cells, points) = (vec![0; squares.len()], vec![Point::default(); squares.len()]);
+            let hits = Hits { cells: &cells, points: &points, squares: &squares, unit };
+            let mut found = Vec::new();
+            Falloff::new(radius, power).weigh(hits, |i, weight| found.push((i, weight)));
+            assert_eq!(found.len(), squares.len());
+            for (i, weight) in found {
+                let distance = (squares[i] as f64).sqrt() * unit;
+                let exact = (1 << 24) as f64 * (radius / distance).powf(power);
+                let off = (weight as f64 - exact).abs();
+                assert!(off <= 0.5 + 1e-12 * exact, "{power} {i}: {weight} {exact}");
+            }
+        }
+    }
+
+    /// Powers of floats differ from machine to machine; products and roots do not.
+    #[test]
+    fn multiples_of_a_half_are_products_and_roots() {
+        let mut off = 0;
+        for square in (1..2_000).map(|i| f64::from(i) * 1.7) {
+            let d = square.sqrt();
+            for (power, expected) in [
+                (0.5, d.sqrt()),
+                (1.0, d),
+                (1.5, d.sqrt() * d),
+                (3.0, d * d * d),
+                (4.0, d * d * d * d),
+            ] {
+                assert_eq!(raised(square, power).to_bits(), expected.to_bits(), "{square} {power}");
+                off += u32::from(square.powf(power / 2.0) != expected);
+            }
+            assert_eq!(raised(square, 1.3), square.powf(0.65));
+        }
+        assert!(off > 0);
+    }
+}

@@ -19,7 +19,8 @@ pub(super) fn text(code: u32) -> Option<&'static str> {
 
 /// Whether the system of an EPSG code is of latitude and longitude; `None` where the code is unknown.
 pub fn is_geographic(code: u32) -> Option<bool> {
-    Some(text(code)?.starts_with("GEOG"))
+    // The text may be bound to another system, which comes after its own.
+    Some(wkt::from_text(text(code)?).geographic == Some(true))
 }
 
 /// The horizontal system of a code.

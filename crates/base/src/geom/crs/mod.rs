@@ -16,6 +16,8 @@ mod method;
 mod node;
 #[cfg(test)]
 mod tests_of_keys;
+#[cfg(test)]
+mod tests_of_text;
 mod unit;
 pub mod wkt;
 mod write;

@@ -216,7 +216,6 @@ pub fn of_srs(text: &str) -> Crs {
     match (first.trim().parse(), second.map(|code| code.trim().parse())) {
         (Ok(code), None) => of_code(code),
         (Ok(code), Some(Ok(vertical))) => of_codes(code, vertical),
-        _ if text.is_empty() => Crs::default(),
         _ => from_text(text),
     }
 }
