@@ -6,6 +6,7 @@
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use terrane_base::bound::Bound;
 use terrane_base::geom::{Crs, Point3, Rect};
 use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, SinkOptions};
 use terrane_synth::{CHARACTERS, Terrain};
@@ -29,7 +30,14 @@ fn window(character: &str, cols: u32, rows: u32) -> Vec<f32> {
 }
 
 fn spec(tolerance: f64, drop: bool) -> Spec {
-    Spec { tolerance, strict: false, drop, single_precision: None, measure: false }
+    Spec {
+        tolerance,
+        bound: Bound::Samples,
+        strict: false,
+        drop,
+        single_precision: None,
+        measure: false,
+    }
 }
 
 /// A tile with more grid on the right, when `apron` is 1, and nothing else around it.

@@ -15,7 +15,7 @@ use criterion::{Criterion, Throughput};
 use terrane_base::geom::Rect;
 use terrane_raster::{GridSource, OpenOptions, open};
 
-#[path = "../tests/raster_support/tiff_builder.rs"]
+#[path = "../tests/common/raster_support/tiff_builder.rs"]
 #[allow(dead_code)]
 mod tiff_builder;
 

@@ -58,6 +58,7 @@
 mod facade;
 
 pub use facade::*;
+pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_cloud::{CloudInfo, Filter, Return};

@@ -1,6 +1,7 @@
 //! The documents: links that lead somewhere, pages that are in the book, tutorials that run as they are
 //! written, and reports whose members are all told of.
 
+#[path = "common/cli_support.rs"]
 mod cli_support;
 
 use std::collections::BTreeSet;
@@ -93,6 +94,19 @@ fn links_that_lead_nowhere_are_found() {
     assert_eq!(broken(&page, nowhere).len(), 3);
     let sound = "# A `b`: c\n[a](#a-b-c) [b](guide/tin.md#options)\n```sh\n[c](gone.md)\n```\n";
     assert_eq!(broken(&page, sound), Vec::<String>::new());
+}
+
+#[test]
+fn the_page_of_methods_says_what_the_registry_does() {
+    let page = read(&root().join("docs/src/guide/methods.md"));
+    for method in terrane_methods::METHODS {
+        let cells = [method.source, method.time, method.promise.text()].join(" | ");
+        let row = format!("| `{}` | {cells} |", method.name);
+        assert!(page.contains(&row), "{row}");
+    }
+    for triangulation in terrane_methods::Triangulation::ALL {
+        assert!(page.contains(&format!("\n| `{triangulation}` | ")), "{triangulation}");
+    }
 }
 
 /// Links to files beside the book work in the repository and are broken in the book.

@@ -4,6 +4,7 @@
 //!
 //! To renew the table: `TERRANE_GOLDEN=renew cargo test --test golden`.
 
+#[path = "common/cli_support.rs"]
 mod cli_support;
 
 use std::collections::BTreeMap;
@@ -20,6 +21,7 @@ use terrane_gridding as gridding;
 use terrane_jobs::REVISION;
 use terrane_line as line;
 use terrane_mesh as mesh;
+use terrane_methods as methods;
 use terrane_raster as raster;
 use terrane_synth as synth;
 use terrane_vector as vector;
@@ -102,6 +104,7 @@ fn jobs() -> Vec<String> {
         add(format!("tin synth:{name} o.ply --max-error 3"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --no-drop"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --strict"));
+        add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --bound surface"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64 --tolerance 4"));
     }
@@ -111,6 +114,21 @@ fn jobs() -> Vec<String> {
         add(format!("tin ../in/rough.tif o -f {} --max-error 4 --tile 64 --split 2", format.name));
         add(format!("tin ../in/degrees.asc o.{mesh} --max-error 2"));
         add(format!("tin ../in/dense.laz o.{mesh} --max-error 0.3"));
+    }
+    for how in ["--strict", "--no-drop", "--max-vertices 900", "-f STL"] {
+        let goal = if how.starts_with("--max") { "" } else { "--max-error 1.5" };
+        add(format!("tin ../in/rough.tif o.ply --tile 64 --bound surface {goal} {how}"));
+    }
+    for method in methods::METHODS {
+        for grid in ["rough,width=49,height=61,seed=3", "coast,width=57,height=40,seed=2"] {
+            let job = format!("tin synth:{grid} o.ply --max-error 6 --method {}", method.name);
+            let others =
+                if method.takes_triangulation { &["split3", "data-dependent"][..] } else { &[] };
+            for name in others {
+                add(format!("{job} --triangulation {name}"));
+            }
+            add(job);
+        }
     }
     for limit in ["--max-vertices 300", "--max-triangles 300"] {
         add(format!("tin ../in/rough.tif o.ply --tile 64 {limit}"));
@@ -226,6 +244,10 @@ fn jobs() -> Vec<String> {
         add(format!("verify ../in/{proof} --json"));
     }
     add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 then run w -o o.ply".into());
+    add(
+        "plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --bound surface then run w -o o.ply"
+            .into(),
+    );
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::atomic;
+use crate::bound::Bound;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
@@ -99,6 +100,7 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
         solid_base: None,
         placing: Placing::default(),
         goal: Goal::MaxError(TOLERANCE),
+        bound: Bound::Samples,
         strict: false,
         drop: true,
         tile: 512,

@@ -108,7 +108,7 @@ pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{gridding, mesh, raster, synth, vector};
+    use crate::{gridding, mesh, methods, raster, synth, vector};
 
     #[test]
     fn the_command_is_sound() {
@@ -137,6 +137,9 @@ mod tests {
         }
         for format in vector::FORMATS.iter().filter(|format| format.create.is_some()) {
             assert!(help("contour").contains(format.name), "{}", format.name);
+        }
+        for method in methods::METHODS {
+            assert!(help("tin").contains(method.about), "{}", method.name);
         }
         for method in gridding::METHODS {
             assert!(help("grid").contains(method.about), "{}", method.name);

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use super::grid::Grid;
 use super::plan::Plan;
 use super::run::{Run, output_settings, run_settings};
+use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_files::lock;
@@ -158,6 +159,7 @@ const BATCH: usize = 1 << 14;
 pub struct TinBuilder<S> {
     source: S,
     goal: Option<Goal>,
+    bound: Bound,
     strict: bool,
     drop: bool,
     tile: u32,
@@ -173,6 +175,7 @@ impl<S> TinBuilder<S> {
         Self {
             source,
             goal: None,
+            bound: Bound::Samples,
             strict: false,
             drop: true,
             tile: USUAL_TILE,
@@ -198,6 +201,13 @@ impl<S> TinBuilder<S> {
     /// The smallest tolerance that so many triangles allow.
     pub fn max_triangles(mut self, count: u64) -> Self {
         self.goal = Some(Goal::MaxTriangles(count));
+        self
+    }
+
+    /// Of what the error is promised: of all samples (so it is unless told otherwise), or of the lines
+    /// between them as well.
+    pub fn bound(mut self, bound: Bound) -> Self {
+        self.bound = bound;
         self
     }
 
@@ -231,8 +241,14 @@ impl<S> TinBuilder<S> {
         build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
     ) -> Result<Tin> {
         let (goal, resources) = (self.goal()?, &self.run.resources()?);
-        let job =
-            BuildJob { goal, strict: self.strict, drop: self.drop, tile: self.tile, resources };
+        let job = BuildJob {
+            goal,
+            bound: self.bound,
+            strict: self.strict,
+            drop: self.drop,
+            tile: self.tile,
+            resources,
+        };
         let kept = Kept::default();
         let built = build(Box::new(kept.clone()), &job)?;
         Ok(kept.into_tin(built))
@@ -340,6 +356,7 @@ impl TinBuilder<&Grid> {
             solid_base: None,
             placing: Placing::default(),
             goal: self.goal()?,
+            bound: self.bound,
             strict: self.strict,
             drop: self.drop,
             tile: self.tile,

@@ -7,6 +7,7 @@ use super::features::Features;
 use super::grid::Grid;
 use super::run::{Run, run_settings};
 use terrane_base::Result;
+use terrane_base::bound::Bound;
 use terrane_jobs::line::Length;
 use terrane_jobs::verify::{
     self, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyJob,
@@ -24,6 +25,7 @@ pub struct VerifyBuilder<'a, T> {
     tolerance: Option<f64>,
     /// Metres in the unit of the tolerance; `None` for units of the data.
     unit: Option<f64>,
+    bound: Option<Bound>,
     topology: bool,
     run: Run,
 }
@@ -33,7 +35,8 @@ run_settings!(['a, T] VerifyBuilder<'a, T>);
 impl<'a, T> VerifyBuilder<'a, T> {
     pub(super) fn of(against: &'a T, file: &Path) -> Self {
         let run = Run::default();
-        Self { against, file: file.to_owned(), tolerance: None, unit: None, topology: false, run }
+        let file = file.to_owned();
+        Self { against, file, tolerance: None, unit: None, bound: None, topology: false, run }
     }
 
     /// The largest distance allowed, in units of the data (of meshes: of their heights). Meshes of terrane state theirs, lines do not; without one errors are
@@ -45,6 +48,13 @@ impl<'a, T> VerifyBuilder<'a, T> {
 }
 
 impl VerifyBuilder<'_, Grid> {
+    /// What the largest distance is of: samples, or all lines between neighbouring ones. Meshes of terrane
+    /// state theirs; what states none is held to it at samples. The report has the error of both.
+    pub fn bound(mut self, bound: Bound) -> Self {
+        self.bound = Some(bound);
+        self
+    }
+
     /// Proves the mesh.
     ///
     /// # Errors
@@ -56,6 +66,7 @@ impl VerifyBuilder<'_, Grid> {
             band: self.against.band_number(),
             nodata: self.against.nodata_given(),
             tolerance: self.tolerance,
+            bound: self.bound,
             resources: self.run.resources()?,
         };
         verify::run(&job, &*self.run.progress, &self.run.cancel)

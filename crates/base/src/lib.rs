@@ -2,6 +2,7 @@
 //! headers, and the geometry of windows, maps and coordinate reference systems.
 
 pub mod bits;
+pub mod bound;
 pub mod digits;
 pub mod error;
 pub mod geom;

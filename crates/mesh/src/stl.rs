@@ -29,8 +29,9 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 
 const ORIGIN: &str = "terrane origin ";
 const SCALE: &str = " scale ";
-/// What a bound begins with, here and in the comments of a mesh.
+/// What a tolerance begins with, here and in the comments of a mesh; and what that is promised of.
 const BOUND: &str = "max error ";
+const OF: &str = "bound ";
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -49,7 +50,7 @@ type Corners = [[f32; 3]; 3];
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin, header.scale)?;
-    let title = title(header.origin, local.scale(), bound(&header.comments))?;
+    let title = title(header.origin, local.scale(), bound(&header.comments).as_deref())?;
     let solid = options.solid_base.map(|base| {
         let (lowest, stored) = (header.bounds[0][2], (header.origin[2], header.scale[2]));
         Solid::new(
@@ -63,10 +64,12 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, encoder)
 }
 
-/// The bound that comments state, without its unit.
-fn bound(comments: &[String]) -> Option<&str> {
+/// The bound that comments state, without its unit: "1.5", or "1.5 bound surface".
+fn bound(comments: &[String]) -> Option<String> {
     let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
-    stated.and_then(|rest| rest.split_whitespace().next())
+    let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
+    let of = comments.iter().find(|comment| comment.starts_with(OF));
+    Some(std::iter::once(tolerance).chain(of.map(String::as_str)).collect::<Vec<_>>().join(" "))
 }
 
 /// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none.
@@ -272,8 +275,11 @@ impl StlSource {
             crs: None,
             details: Vec::new(),
         };
-        let bound = title.split_once(BOUND).filter(|_| known.is_some());
-        let bound = bound.map(|(_, bound)| (BOUND.trim_end().to_owned(), bound.to_owned()));
+        let stated = |key: &str| {
+            let (_, value) = title.split_once(key).filter(|_| known.is_some())?;
+            Some((key.trim_end().to_owned(), value.to_owned()))
+        };
+        let bound = stated(BOUND).into_iter().chain(stated(OF));
         let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
         let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
@@ -388,12 +394,14 @@ mod tests {
     #[test]
     fn the_title_holds_the_bound_where_there_is_room() {
         let comments = ["source a.tif".to_owned(), "max error 1.5 metre".to_owned()];
-        let made = title([500_000.0, 4e6, 0.0], None, bound(&comments)).unwrap();
+        let made = title([500_000.0, 4e6, 0.0], None, bound(&comments).as_deref()).unwrap();
         assert!(made.starts_with(b"terrane origin 500000 4000000 0 max error 1.5 "), "{made:?}");
         let full = [-1.234_567_890_123_456_7e-300, -1.234_567_890_123_456_7e-300, 1.5];
-        let made = title(full, None, bound(&comments)).unwrap();
+        let made = title(full, None, bound(&comments).as_deref()).unwrap();
         assert!(!made.windows(3).any(|some| some == b"max"));
         assert_eq!(bound(&["source a.tif".to_owned()]), None);
+        let of_surface = [&comments[..], &["bound surface".to_owned()]].concat();
+        assert_eq!(bound(&of_surface).as_deref(), Some("1.5 bound surface"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::mem::size_of;
 
 use super::Part;
+use super::between::Between;
 use super::exact::{double_area, in_circle};
 use super::sections::{ceil, floor};
 use super::surface::{Followed, Run, Surface};
@@ -36,7 +37,7 @@ pub(crate) enum Meeting {
 /// One side of one triangle: the vertices it joins (the smaller number in the high half), then
 /// the triangle and the corner it starts at. Vertices are numbered in the order of their positions.
 #[derive(Clone, Copy, Debug)]
-struct Use {
+pub(crate) struct Use {
     ends: u64,
     side: u32,
 }
@@ -49,6 +50,13 @@ impl Use {
     /// The smaller and the larger vertex number.
     fn numbers(self) -> [u32; 2] {
         [(self.ends >> 32) as u32, self.ends as u32]
+    }
+
+    /// Heights of the two ends as its triangle has them, the lower position first.
+    pub(crate) fn heights(self, triangles: &[Triangle]) -> [f64; 2] {
+        let (triangle, corner) = (&triangles[self.side as usize / 3], self.side as usize % 3);
+        let [a, b] = [corner, (corner + 1) % 3].map(|corner| triangle.corners[corner]);
+        if a.at < b.at { [a.z, b.z] } else { [b.z, a.z] }
     }
 }
 
@@ -145,8 +153,8 @@ impl Corners {
         self.numbers[side.side as usize] == side.numbers()[0]
     }
 
-    /// Hands on every edge: its ends, the lower first, and how triangles meet there.
-    pub(crate) fn each_edge(&self, mut each: impl FnMut([Position; 2], Meeting)) {
+    /// Hands on every edge: its ends, the lower first, how triangles meet there, and their sides.
+    pub(crate) fn each_edge(&self, mut each: impl FnMut([Position; 2], Meeting, &[Use])) {
         for uses in self.uses().chunk_by(|a, b| a.ends == b.ends) {
             let meeting = match *uses {
                 [one] => Meeting::Open(self.apex(one)),
@@ -155,7 +163,7 @@ impl Corners {
                 }
                 _ => Meeting::Tangled,
             };
-            each(uses[0].numbers().map(|number| self.position(number)), meeting);
+            each(uses[0].numbers().map(|number| self.position(number)), meeting, uses);
         }
     }
 
@@ -168,15 +176,18 @@ impl Corners {
 
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
 pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
+    let mut between = Between::new(part, surface);
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_corner(part, at, heights, tally);
+            between.corner(at, heights, tally);
         }
     });
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
     let mut unfinished = Vec::new();
-    corners.each_edge(|ends, meeting| {
+    corners.each_edge(|ends, meeting, sides| {
+        between.edge(ends, sides, tally);
         if matches!(meeting, Meeting::Open(_)) {
             open.push(ends);
         }

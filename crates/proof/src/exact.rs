@@ -2,7 +2,7 @@
 //! the tolerance.
 
 use super::expansion::Expansion;
-use super::triangle::{Position, Triangle, Vertex};
+use super::triangle::{Position, Triangle};
 
 /// Twice the signed area of (a, b, c) in 2^-60 cell, exact: coordinates are at most 2^61, so
 /// differences fit `i64`, and products of them are at most 2^124.
@@ -66,21 +66,44 @@ pub(crate) fn exceeds(triangle: &Triangle, at: Position, height: f64, tolerance:
     let area = double_area(a, b, c);
     let sign = area.signum();
     let weights = [double_area(at, b, c), double_area(a, at, c), double_area(a, b, at)];
-    let beyond = |side: i128| {
+    let [p, q, r] = [0, 1, 2].map(|i| (-sign * weights[i], triangle.corners[i].z));
+    is_beyond(&[(sign * area, height), p, q, r], sign * area, tolerance)
+}
+
+/// True when a sum of weighted values is further from 0 than `whole` (above 0) tolerances: exact.
+fn is_beyond(terms: &[(i128, f64)], whole: i128, tolerance: f64) -> bool {
+    [1, -1].into_iter().any(|side| {
         let mut sum = Expansion::default();
-        sum.add_product(side * sign * area, height);
-        sum.add_product(-sign * area, tolerance);
-        for (weight, Vertex { z, .. }) in weights.into_iter().zip(triangle.corners) {
-            sum.add_product(-side * sign * weight, z);
-        }
+        sum.add_product(-whole, tolerance);
+        terms.iter().for_each(|&(weight, value)| sum.add_product(side * weight, value));
         sum.is_positive_or_overflown()
-    };
-    beyond(1) || beyond(-1)
+    })
+}
+
+/// A height on the straight line between two: the second has `part` of the weight, the first the rest.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Blend {
+    /// The two heights.
+    pub(crate) ends: [f64; 2],
+    /// From 0 to the whole.
+    pub(crate) part: i128,
+}
+
+impl Blend {
+    /// True when two heights are more than `tolerance` apart, parts being of `whole`: exact, as [`exceeds`].
+    pub(crate) fn is_far(self, other: Self, whole: i128, tolerance: f64) -> bool {
+        let terms = |Self { ends: [a, b], part }, side: i128| {
+            [(side * (whole - part), a), (side * part, b)]
+        };
+        let ([a, b], [c, d]) = (terms(self, 1), terms(other, -1));
+        is_beyond(&[a, b, c, d], whole, tolerance)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::triangle::Vertex;
     use proptest::prelude::*;
 
     fn vertex(col: i64, row: i64, z: f64) -> Vertex {

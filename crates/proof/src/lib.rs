@@ -7,6 +7,7 @@
 //! maximum or an exact sum, so the outcome does not depend on how the grid was divided, nor on the
 //! order in which domains were done.
 
+mod between;
 mod bits;
 pub mod cloud;
 mod domain;

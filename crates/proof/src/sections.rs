@@ -44,6 +44,10 @@ pub(crate) trait Int:
     fn div_floor(self, by: Self) -> (Self, Self);
     /// As a column.
     fn column(self) -> i64;
+    /// As a float, rounded.
+    fn float(self) -> f64;
+    /// As it is.
+    fn wide(self) -> i128;
 }
 
 impl Int for i64 {
@@ -59,6 +63,12 @@ impl Int for i64 {
     }
     fn column(self) -> i64 {
         self
+    }
+    fn float(self) -> f64 {
+        self as f64
+    }
+    fn wide(self) -> i128 {
+        self.into()
     }
 }
 
@@ -76,29 +86,35 @@ impl Int for i128 {
     fn column(self) -> i64 {
         self as i64
     }
+    fn float(self) -> f64 {
+        self as f64
+    }
+    fn wide(self) -> i128 {
+        self
+    }
 }
 
-/// True when `i64` is enough: all corners are samples, less than 2^30 cells apart.
-pub(crate) fn is_small(triangle: &Triangle) -> bool {
-    let [low, high] = triangle.bounds();
-    let reach = (high.col - low.col).max(high.row - low.row) >> Position::FRACTION;
-    triangle.is_lattice() && reach < 1 << 30
+/// True when `i64` is enough: all are samples, less than 2^30 cells apart.
+pub(crate) fn is_small(corners: &[Position]) -> bool {
+    let near = |a: i64, b: i64| floor(a - b).unsigned_abs() < 1 << 29;
+    let [col, row] = [corners[0].col, corners[0].row];
+    corners.iter().all(|p| p.is_sample() && near(p.col, col) && near(p.row, row))
 }
 
-/// The crossing of an edge with one row after the other.
+/// The crossing of an edge with one row after the other: at `column` and `rest / divisor` of a cell.
 #[derive(Clone, Copy, Debug)]
-struct Walk<N> {
-    column: i64,
-    rest: N,
+pub(crate) struct Walk<N> {
+    pub(crate) column: i64,
+    pub(crate) rest: N,
+    pub(crate) divisor: N,
     step: i64,
     step_rest: N,
-    divisor: N,
 }
 
 impl<N: Int> Walk<N> {
     /// Starts on the edge from `a` down to `b` (`a.row < b.row`) at `row`.
     #[inline]
-    fn new(a: Position, b: Position, row: i64) -> Self {
+    pub(crate) fn new(a: Position, b: Position, row: i64) -> Self {
         let (x, y) = (N::coordinate(a.col), N::coordinate(a.row));
         let (dx, dy) = (N::coordinate(b.col) - x, N::coordinate(b.row) - y);
         let cell = N::whole(1 << N::FRACTION);
@@ -114,7 +130,7 @@ impl<N: Int> Walk<N> {
     }
 
     #[inline(always)]
-    fn advance(&mut self) {
+    pub(crate) fn advance(&mut self) {
         self.column += self.step;
         self.rest = self.rest + self.step_rest;
         if self.rest >= self.divisor {
@@ -240,7 +256,7 @@ mod tests {
             };
             let wide = found::<i128>(&t);
             prop_assert_eq!(&wide, &(in_triangle(false), in_triangle(true)));
-            if is_small(&t) {
+            if is_small(&t.positions()) {
                 prop_assert_eq!(found::<i64>(&t), wide);
             }
         }

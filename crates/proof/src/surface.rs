@@ -97,11 +97,7 @@ impl Surface {
         out.clear();
         out.resize(self.cells.row(row).len(), 0);
         for row in [Some(row), row.checked_sub(1)].into_iter().flatten() {
-            let mut carry = 0;
-            for (out, &cells) in out.iter_mut().zip(self.cells.row(row)) {
-                *out |= cells | cells << 1 | carry;
-                carry = cells >> 63;
-            }
+            widen(out, self.cells.row(row));
         }
     }
 
@@ -136,6 +132,20 @@ impl Surface {
         Some(self.cells.get(col, row))
     }
 
+    /// Unit edges that border a cell of the surface, by their first sample: those of rows, and those of
+    /// columns.
+    pub(crate) fn lines(&self) -> [Bits; 2] {
+        let [mut right, mut down] = [self.cells.clone(), self.cells.clone()];
+        for row in 0..self.rect.height as usize {
+            widen(down.row_mut(row), self.cells.row(row));
+            if let Some(above) = row.checked_sub(1) {
+                let cells = right.row_mut(row).iter_mut().zip(self.cells.row(above));
+                cells.for_each(|(line, cells)| *line |= cells);
+            }
+        }
+        [right, down]
+    }
+
     /// Follows `run` along the outline: each of its unit edges must have surface on exactly one
     /// side.
     pub fn follow(&self, run: Run) -> Followed {
@@ -157,6 +167,15 @@ fn mark_cells(cells: &mut [u64], above: &[u64], below: &[u64]) {
         let both = above[i] & below[i];
         cells[i] = both & (both >> 1 | next << 63);
         next = both;
+    }
+}
+
+/// Adds to `out` the samples above and below the cells of a row: for each its own bit and the next.
+fn widen(out: &mut [u64], cells: &[u64]) {
+    let mut carry = 0;
+    for (out, &cells) in out.iter_mut().zip(cells) {
+        *out |= cells | cells << 1 | carry;
+        carry = cells >> 63;
     }
 }
 

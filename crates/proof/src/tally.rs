@@ -27,21 +27,19 @@ impl Fault {
     }
 }
 
-/// A sample and its error.
+/// A place of the grid and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
     /// Vertical distance to the mesh.
     pub error: f64,
-    /// Column.
-    pub col: u32,
-    /// Row.
-    pub row: u32,
+    /// Where it is, rounded down.
+    pub at: Position,
 }
 
 impl Spot {
     /// The larger error; of equal ones the first in row order.
     fn worse(self, other: Self) -> Self {
-        let later = (other.row, other.col) > (self.row, self.col);
+        let later = other.at > self.at;
         if other.error < self.error || other.error == self.error && later { self } else { other }
     }
 }
@@ -68,6 +66,12 @@ pub struct Tally {
     pub over: Fault,
     /// The largest error.
     pub worst: Option<Spot>,
+    /// Breaks of the mesh on lines between neighbouring samples of the surface.
+    pub breaks: u64,
+    /// Those of them further from their line than the tolerance.
+    pub over_between: Fault,
+    /// The largest error of them.
+    pub worst_between: Option<Spot>,
     /// Sum of errors.
     pub errors: ExactSum,
     /// Sum of squared errors.
@@ -124,12 +128,14 @@ impl Tally {
         self.surface_samples += other.surface_samples;
         self.surface_cells += other.surface_cells;
         self.covered += other.covered;
+        self.breaks += other.breaks;
         self.open_edges += other.open_edges;
         self.interior_edges += other.interior_edges;
         self.double_area = self.double_area.saturating_add(other.double_area);
         self.errors.merge(&other.errors);
         self.squares.merge(&other.squares);
         other.worst.into_iter().for_each(|spot| self.spot(spot));
+        other.worst_between.into_iter().for_each(|spot| self.spot_between(spot));
         other.smallest_angle.into_iter().for_each(|angle| self.angle_at_least(angle));
         add(&mut self.histogram, &other.histogram);
         add(&mut self.angles, &other.angles);
@@ -138,12 +144,13 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 16] {
+    fn faults_mut(&mut self) -> [&mut Fault; 17] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
             &mut self.void_cells,
             &mut self.over,
+            &mut self.over_between,
             &mut self.inverted,
             &mut self.empty,
             &mut self.outside,
@@ -167,6 +174,16 @@ impl Tally {
     /// Takes note of the error of a sample.
     pub(crate) fn spot(&mut self, spot: Spot) {
         self.worst = Some(self.worst.map_or(spot, |worst| worst.worse(spot)));
+    }
+
+    /// Takes note of the error of a break.
+    pub(crate) fn spot_between(&mut self, spot: Spot) {
+        self.worst_between = Some(self.worst_between.map_or(spot, |worst| worst.worse(spot)));
+    }
+
+    /// The largest error of samples and breaks: that of the surface, as far as grids tell of one.
+    pub fn worst_of_surface(&self) -> Option<Spot> {
+        self.worst.into_iter().chain(self.worst_between).reduce(Spot::worse)
     }
 
     fn angle_at_least(&mut self, angle: f64) {

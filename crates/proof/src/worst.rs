@@ -120,7 +120,7 @@ impl<'a> Worst<'a> {
             return;
         }
         let plane = Plane::new(triangle);
-        if is_small(triangle) {
+        if is_small(&triangle.positions()) {
             self.scan::<i64>(triangle, &plane);
         } else {
             self.scan::<i128>(triangle, &plane);
@@ -323,7 +323,7 @@ impl<'a> Worst<'a> {
             return;
         }
         if let Some(bit) = run.find(error) {
-            tally.spot(Spot { error, col: (from + bit) as u32 + self.window.col, row });
+            tally.spot(Spot { error, at: self.place(from + bit, row) });
         }
     }
 

@@ -32,17 +32,21 @@ pub(super) fn within(weights: [i64; 3], z: [f64; 3], height: f64, tolerance: f64
     if excess.abs() > DOUBT * scale {
         return excess < 0.0;
     }
-    doubled_excess(weights, z, height, tolerance, total) <= 0.0
+    let [a, b, c] = weights;
+    let terms = [(a, z[0]), (b, z[1]), (c, z[2]), (-a, height), (-b, height), (-c, height)];
+    is_at_most(terms, tolerance, total)
 }
 
-/// The sign of |sum of w * (z - h)| - tolerance * total.
-fn doubled_excess(w: [f64; 3], z: [f64; 3], height: f64, tolerance: f64, total: f64) -> f64 {
-    let mut sum = Doubled::default();
-    for (weight, z) in w.iter().zip(z) {
-        sum = sum.add(Doubled::product(*weight, z)).add(Doubled::product(-weight, height));
-    }
+/// True when the sum of the products of `terms` is at most `tolerance` times `total` from zero.
+pub(super) fn is_at_most<const N: usize>(
+    terms: [(f64, f64); N],
+    tolerance: f64,
+    total: f64,
+) -> bool {
+    let add = |sum: Doubled, (weight, z)| sum.add(Doubled::product(weight, z));
+    let sum = terms.into_iter().fold(Doubled::default(), add);
     let distance = if sum.high < 0.0 { Doubled { high: -sum.high, low: -sum.low } } else { sum };
-    distance.add(Doubled::product(-tolerance, total)).high
+    distance.add(Doubled::product(-tolerance, total)).high <= 0.0
 }
 
 /// An unevaluated sum of two doubles, the second below half a unit of the first.
@@ -148,7 +152,60 @@ mod tests {
         assert!(!within([1, 0, 0], [5.5; 3], 5.5_f64.next_up(), 0.0));
     }
 
+    /// A sample that is off by the tolerance and the last bit of it is found among all others.
+    #[test]
+    fn a_scan_tells_the_last_bit_beyond_the_tolerance() {
+        let p = [(0, 0), (9, 0), (0, 9)].map(|(col, row)| Local::new(col, row));
+        let scanned = |height: f64| {
+            let mut z = vec![0.0; 100];
+            (z[33], z[52]) = (height, 2.0);
+            let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
+            let heights = crate::Heights { width: 10, height: 10, f32: &rounded, f64: Some(&z) };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, 10, 10], [0; 4], None);
+            scan(&field, p, 3.0)
+        };
+        for (height, within) in [
+            (3.0, true),
+            (3.0_f64.next_up(), false),
+            (3.0 + 2e-9, false),
+            (3.5, false),
+            (2.9, true),
+        ] {
+            let worst = scanned(height);
+            assert_eq!((worst.within, worst.at), (within, Local::new(3, 3)), "{height}");
+            assert!((worst.error - height).abs() < 1e-12);
+        }
+    }
+
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4_000))]
+
+        /// Heights of fifty bits and weights of twenty-six: floats round, and whole numbers do not. By
+        /// turns one of the numbers alone is large.
+        #[test]
+        fn close_calls_of_long_numbers_agree_with_integer_arithmetic(
+            weights in [0_i64..1 << 26, 0_i64..1 << 26, 1_i64..1 << 26],
+            z in prop::array::uniform3(-(1_i64 << 50)..1 << 50), height in -(1_i64 << 50)..1 << 50,
+            short in prop::array::uniform4(prop_oneof![Just(0), Just(20), Just(45)]), slack in -1_i64..=1, near: bool
+        ) {
+            let z: [i64; 3] = std::array::from_fn(|i| z[i] >> short[i]);
+            let plane: i128 = weights.iter().zip(z).map(|(&w, z)| i128::from(w) * i128::from(z)).sum();
+            let middle = (plane / weights.iter().map(|&w| i128::from(w)).sum::<i128>()) as i64;
+            // Next to the plane the largest numbers all but cancel.
+            let height = if near { middle + (height >> 44) } else { height >> short[3] };
+            let offset: i128 = weights.iter().zip(z)
+                .map(|(&w, z)| i128::from(w) * i128::from(z - height)).sum();
+            let total: i128 = weights.iter().map(|&w| i128::from(w)).sum();
+            // The tolerance is a float next to the error: as many bits behind the point as it has.
+            let bits = (offset.abs() / total).leading_zeros().saturating_sub(76).min(40);
+            let tolerance = ((offset.abs() << bits) / total + i128::from(slack)).max(0);
+            let expected = offset.abs() << bits <= tolerance * total;
+            let float = tolerance as f64 / (1_u64 << bits) as f64;
+            let found = within(weights, z.map(|v| v as f64), height as f64, float);
+            prop_assert_eq!(found, expected);
+        }
+
         #[test]
         fn agrees_with_integer_arithmetic(
             weights in [0_i64..1 << 26, 0_i64..1 << 26, 1_i64..1 << 26],

@@ -31,8 +31,8 @@ pub(super) struct Field {
     exact: Vec<f64>,
     /// Vertices are rounded to f32 relative to this height.
     rounding: Option<Rounding>,
-    /// Samples from the border that scans leave out (1 for a tile, whose rim is fixed).
-    margin: u32,
+    /// Samples that scans leave out on the left, right, above and below (1 where the rim is fixed).
+    margins: [u32; 4],
 }
 
 impl Field {
@@ -41,10 +41,10 @@ impl Field {
         &mut self,
         heights: &Heights<'_>,
         [col, row, width, height]: [u32; 4],
-        margin: u32,
+        margins: [u32; 4],
         rounding: Option<Rounding>,
     ) {
-        (self.width, self.height, self.margin) = (width, height, margin);
+        (self.width, self.height, self.margins) = (width, height, margins);
         self.rounding = rounding;
         self.values.clear();
         self.exact.clear();
@@ -84,13 +84,14 @@ impl Field {
     #[inline(always)]
     pub(super) fn level(&self, level: u8) -> Level<'_> {
         let shift = u32::from(level);
-        let first = (self.margin + (1 << shift) - 1) >> shift;
-        let last = |n: u32| ((n - 1 - self.margin.min(n - 1)) >> shift) as i32;
+        let [left, right, above, below] = self.margins;
+        let first = |margin: u32| ((margin + (1 << shift) - 1) >> shift) as i32;
+        let last = |n: u32, margin: u32| ((n - 1 - margin.min(n - 1)) >> shift) as i32;
         Level {
             heights: &self.values[self.starts[level as usize]..],
             pitch: ((self.width as usize - 1) >> level) + 1,
             shift,
-            bounds: [first as i32, last(self.width), first as i32, last(self.height)],
+            bounds: [first(left), last(self.width, right), first(above), last(self.height, below)],
         }
     }
 
@@ -123,8 +124,20 @@ impl Field {
     /// The exact height of a sample.
     #[inline(always)]
     pub(super) fn sample(&self, p: Local) -> f64 {
-        let index = self.index(p);
+        self.at(self.index(p))
+    }
+
+    /// The exact height of the sample at `index`, counted row by row.
+    #[inline(always)]
+    pub(super) fn at(&self, index: usize) -> f64 {
         if self.exact.is_empty() { f64::from(self.values[index]) } else { self.exact[index] }
+    }
+
+    /// The largest height but for its sign, void samples aside.
+    pub(super) fn largest(&self) -> f64 {
+        let samples = &self.values[..self.width as usize * self.height as usize];
+        let most = |samples: &[f32]| samples.iter().fold(0.0_f32, |most, z| most.max(z.abs()));
+        f64::from(samples.chunks(1024).map(most).fold(0.0, f32::max))
     }
 
     /// The height a vertex at this sample has in the output.
@@ -157,7 +170,7 @@ mod tests {
         let heights: Vec<f32> = (0..width * height).map(|i| i as f32).collect();
         let heights = Heights { width, height, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, width, height], 0, None);
+        field.load(&heights, [0, 0, width, height], [0; 4], None);
         for level in 0..LEVELS as u8 {
             let copy = field.level(level);
             for row in (0..height).step_by(1 << level) {
@@ -171,11 +184,28 @@ mod tests {
     }
 
     #[test]
+    fn a_field_takes_the_bytes_it_tells() {
+        for cells in [64, 101, 511] {
+            let side = cells + 1;
+            let rounded = vec![0.0_f32; (side * side) as usize];
+            let exact = vec![0.0_f64; (side * side) as usize];
+            let heights = Heights { width: side, height: side, f32: &rounded, f64: Some(&exact) };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, side, side], [1; 4], None);
+            let held = 4 * field.values.len() + 8 * field.exact.len();
+            let told = Field::bytes(cells);
+            // Odd sides leave a little more in the copies.
+            let share = told as f64 / held as f64;
+            assert!((0.97..1.01).contains(&share), "{cells}: {told} for {held}");
+        }
+    }
+
+    #[test]
     fn the_margin_keeps_scans_off_the_rim() {
         let heights = [0.0; 9 * 5];
         let heights = Heights { width: 9, height: 5, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, 9, 5], 1, None);
+        field.load(&heights, [0, 0, 9, 5], [1; 4], None);
         assert_eq!(field.level(0).bounds, [1, 7, 1, 3]);
         assert_eq!(field.level(1).bounds, [1, 3, 1, 1]);
         assert_eq!(field.level(3).bounds, [1, 0, 1, 0]);

@@ -11,10 +11,12 @@
 //! batch is slower: sorting costs more than the cache gives back (37 against 26.6 ns).
 
 use super::Local;
+use super::crossing::Crossings;
 use super::exact;
 use super::field::{Field, LEVELS};
 use super::mesh::{Mesh, State};
 use super::scan::{Facet, Scan, double_area, level_for};
+use super::strict;
 
 /// Samples a first scan of a triangle looks at, about.
 const SAMPLES_PER_SCAN: i64 = 64;
@@ -27,9 +29,21 @@ pub(super) struct Judge<'a> {
     pub(super) field: &'a Field,
     pub(super) scan: Scan,
     pub(super) tolerance: f64,
+    /// Set where edges have to keep to the tolerance between samples, too.
+    pub(super) crossings: Option<Crossings<'a>>,
 }
 
-impl Judge<'_> {
+impl<'a> Judge<'a> {
+    /// Judges samples.
+    pub(super) fn of_samples(field: &'a Field, scan: Scan, tolerance: f64) -> Self {
+        Self { field, scan, tolerance, crossings: None }
+    }
+
+    /// The same, of what lies between samples as well.
+    pub(super) fn and_between(&self, crossings: Crossings<'a>) -> Self {
+        Self { crossings: Some(crossings), ..*self }
+    }
+
     /// The sample of triangle `p` to insert, or `None` when every sample of the decimated copy
     /// `level` is within the tolerance. At level 0 the answer is exact: scans in `f32` decide only
     /// where their rounding cannot matter.
@@ -60,6 +74,15 @@ impl Judge<'_> {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
         let largest = z.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
         (largest + self.tolerance) * ROUNDING
+    }
+}
+
+/// Inserts samples until every sample of the dirty triangles is within the tolerance.
+pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, strict: bool) {
+    if strict {
+        strict::insert(judge, mesh);
+    } else {
+        insert_adaptive(judge, mesh, lists);
     }
 }
 
@@ -105,7 +128,7 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 /// A triangle is first scanned at the stride that gives about [`SAMPLES_PER_SCAN`] samples. When no
 /// candidate is left, those that passed at a coarse stride are scanned finer, and so on until all
 /// have passed at stride 1.
-pub(super) fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
+fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
     lists.begin(mesh);
     loop {
         while let Some(bucket) = lists.next_batch() {
@@ -212,5 +235,103 @@ impl WorkLists {
             }
         }
         !passed.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+    use crate::scan::available;
+    use proptest::prelude::*;
+    use terrane_base::geom::predicates::orient;
+
+    const SIDE: u32 = 12;
+
+    fn field(heights: &[f64], margin: u32) -> Field {
+        let rounded: Vec<f32> = heights.iter().map(|&z| z as f32).collect();
+        let heights = Heights { width: SIDE, height: SIDE, f32: &rounded, f64: Some(heights) };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
+        field
+    }
+
+    /// Offsets from the plane times twice the area, and that area, of all samples in a triangle; heights
+    /// are whole numbers.
+    fn offsets(field: &Field, p: [Local; 3]) -> Vec<(Local, i128, i128)> {
+        let [a, b, c] = p.map(Local::lattice);
+        let z = field.vertices(p).map(|z| z as i128);
+        let all = (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE));
+        let offset = |at: Local| {
+            let q = at.lattice();
+            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)].map(i128::from);
+            let height = field.sample(at) as i128;
+            let off: i128 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
+            let inside = weights.iter().all(|&weight| weight >= 0);
+            inside.then(|| (at, off.abs(), weights.iter().sum()))
+        };
+        all.filter_map(offset).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+
+        /// Tolerances that a sample keeps or misses by nothing or a hair, heights far from zero.
+        #[test]
+        fn a_triangle_at_full_resolution_has_a_candidate_when_a_sample_is_beyond(
+            z in prop::collection::vec(0..40_i32, (SIDE * SIDE) as usize),
+            p in prop::array::uniform3((0..SIDE, 0..SIDE)),
+            far in prop_oneof![Just(0), Just(5_000), Just(-3_000_000)],
+            pick in any::<prop::sample::Index>(), off in -1..=1_i32
+        ) {
+            let p = p.map(|(col, row)| Local::new(col, row));
+            prop_assume!(double_area(p) > 0);
+            let field = field(&z.iter().map(|z| f64::from(z + far)).collect::<Vec<_>>(), 0);
+            let all = offsets(&field, p);
+            let (_, error, area) = all[pick.index(all.len())];
+            // A whole tolerance, so that what is exceeded is exact.
+            let tolerance = (error / area) as i32 + off.max(0);
+            let beyond = |&(_, error, area): &(Local, i128, i128)| error > i128::from(tolerance) * area;
+            let outside: Vec<_> = all.iter().filter(|sample| beyond(sample)).map(|s| s.0).collect();
+            for (_, scan) in available() {
+                let judge = Judge::of_samples(&field, scan, tolerance.into());
+                let found = judge.candidate(p, 0);
+                prop_assert_eq!(found.is_some(), !outside.is_empty(), "{:?}", outside);
+                prop_assert!(found.is_none_or(|found| outside.contains(&found.at)));
+            }
+        }
+
+        /// Some ten roundings of what is added up, and not so much that all is decided exactly.
+        #[test]
+        fn a_hair_is_thin(z in prop::array::uniform3(-1e6..1e6_f64), tolerance in 0.0..1e6_f64) {
+            let field = Field::default();
+            let hair = Judge::of_samples(&field, available()[0].1, tolerance).hair(z);
+            let size = z.iter().map(|z| z.abs()).fold(tolerance, f64::max);
+            prop_assert!(hair >= 10.0 * size * f64::from(f32::EPSILON) / 2.0);
+            prop_assert!(hair <= 40.0 * size * f64::from(f32::EPSILON));
+        }
+    }
+
+    /// A sample that is off by the tolerance is no candidate of a coarse scan, whatever lies between.
+    #[test]
+    fn coarse_scans_leave_close_calls_to_finer_ones() {
+        let mut z = vec![0.0; (SIDE * SIDE) as usize];
+        z[(4 * SIDE + 4) as usize] = 3.0;
+        z[(5 * SIDE + 3) as usize] = 8.0;
+        let field = field(&z, 0);
+        let p = [(0, 0), (11, 0), (0, 11)].map(|(col, row)| Local::new(col, row));
+        for (_, scan) in available() {
+            let judge = |tolerance| Judge::of_samples(&field, scan, tolerance);
+            assert!(judge(3.0).candidate(p, 1).is_none());
+            assert_eq!(judge(2.9).candidate(p, 1).unwrap().at, Local::new(4, 4));
+            assert_eq!(judge(3.0).candidate(p, 0).unwrap().at, Local::new(3, 5));
+        }
+    }
+
+    #[test]
+    fn buckets_grow_with_the_logarithm_of_errors() {
+        let buckets = [0.5, 1.0, 1.5, 2.0, 4.0, 1e30].map(|error| bucket_of(error, 1.0));
+        assert_eq!(buckets, [0, 0, 1, 2, 4, BUCKETS - 1]);
+        assert_eq!(bucket_of(6.0, 3.0), 2);
     }
 }

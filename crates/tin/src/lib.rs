@@ -3,6 +3,8 @@
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
 //! algorithm III, with adaptive-stride scans. A vertex is always a sample.
 
+mod between;
+mod crossing;
 mod drop;
 mod exact;
 mod field;
@@ -17,6 +19,7 @@ pub mod scatter;
 mod strict;
 mod tile;
 
+use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 
 pub use order::sort_by_position;
@@ -74,6 +77,8 @@ pub struct Triangle {
 pub struct Spec {
     /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
     pub tolerance: f64,
+    /// Of what that is promised: of the samples, or of the lines between them too.
+    pub bound: Bound,
     /// One global maximum at a time with exact full scans (the reference), instead of
     /// adaptive-stride scans.
     pub strict: bool,
@@ -183,4 +188,7 @@ pub struct PatchMesh {
     /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not
     /// Delaunay with it, a larger patch would have changed more.
     pub border: Vec<[Local; 3]>,
+    /// Samples between which an edge is beyond the tolerance, and which the frozen border keeps from being
+    /// vertices: a neighbouring or larger patch has to mend that. Empty where samples alone are judged.
+    pub left: Vec<Local>,
 }

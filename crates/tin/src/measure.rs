@@ -133,3 +133,107 @@ fn upwards(value: f64) -> f32 {
 pub(super) fn owns_by_direction(from: Local, to: Local) -> bool {
     to.row() < from.row() || (to.row() == from.row() && to.col() > from.col())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+    use proptest::prelude::*;
+
+    const SIDE: u32 = 40;
+
+    fn field(heights: &[f64]) -> Field {
+        let rounded: Vec<f32> = heights.iter().map(|&z| z as f32).collect();
+        let heights = Heights { width: SIDE, height: SIDE, f32: &rounded, f64: Some(heights) };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+        field
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(500))]
+
+        /// Heights are whole numbers of 2^-20, so that fractions tell every error.
+        #[test]
+        fn samples_are_measured_once_and_none_is_further_than_told(
+            seed: u32, owned: [bool; 3], far in prop_oneof![Just(0), Just(1 << 34)],
+            p in prop::array::uniform3((0..SIDE, 0..SIDE)),
+        ) {
+            let p = p.map(|(col, row)| Local::new(col, row));
+            let [a, b, c] = p.map(Local::lattice);
+            prop_assume!(orient(a, b, c) > 0);
+            let noise = |i: u32| i64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 8) + far;
+            let unit = f64::from(1 << 20);
+            let heights: Vec<f64> = (0..SIDE * SIDE).map(|i| noise(i) as f64 / unit).collect();
+            let field = field(&heights);
+            let z = p.map(|at| noise(at.row() * SIDE + at.col()));
+            let (mut most, mut sum) = (0.0_f64, 0.0);
+            for i in 0..SIDE * SIDE {
+                let q = Local::new(i % SIDE, i / SIDE).lattice();
+                // Edge 0 is from the first corner to the second, and so on.
+                let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
+                if sides.iter().any(|&side| side < 0) {
+                    continue;
+                }
+                let weights = [sides[1], sides[2], sides[0]].map(i128::from);
+                let off: i128 = (0..3).map(|k| weights[k] * i128::from(z[k] - noise(i))).sum();
+                let error = off.abs() as f64 / orient(a, b, c) as f64 / unit;
+                most = most.max(error);
+                if (0..3).all(|k| owned[k] || sides[k] != 0) {
+                    sum += error * error;
+                }
+            }
+            let (found, squares) = measure(&field, p, owned, f64::INFINITY);
+            prop_assert!(f64::from(found) >= most, "{found} {most}");
+            prop_assert!(f64::from(found) <= most * (1.0 + 1e-6) + 1e-6, "{found} {most}");
+            prop_assert!((f64::from(squares) - sum).abs() <= 1e-5 * sum + 1e-9, "{squares} {sum}");
+            let told = measure(&field, p, owned, 3.0).0;
+            prop_assert!(told <= 3.0 && (told - found.min(3.0)).abs() < 1e-6);
+        }
+
+        /// The rounding of a height above the plane is that of the largest numbers on the way to it.
+        #[test]
+        fn doubt_is_sixteen_roundings_of_what_is_added_up(
+            p in prop::array::uniform3((0..SIDE, 0..SIDE)), z in prop::array::uniform3(-1e4..1e4_f64),
+            largest in 0.0..10.0_f64
+        ) {
+            let p = p.map(|(col, row)| Local::new(col, row));
+            let [a, b, c] = p.map(Local::lattice);
+            prop_assume!(orient(a, b, c) > 0);
+            let facet = Facet::new(p, z);
+            let found = doubt(&facet, p, z, largest) / (16.0 * f64::EPSILON);
+            let height = z.iter().map(|z| z.abs()).fold(0.0, f64::max);
+            let (col, row) = ([a, b, c].map(|q| q[0]), [a, b, c].map(|q| q[1]));
+            let far = |all: [i32; 3]| f64::from(all.into_iter().max().unwrap());
+            let along = (facet.gx * far(col)).abs() + (facet.gy * far(row)).abs();
+            // A slope is a difference of two products, each as large as the rises over the area.
+            let rise = |to: usize| (z[to] - z[0]).abs();
+            let side = |to: [i32; 2], axis: usize| f64::from((to[axis] - a[axis]).abs());
+            let products = |axis: usize| rise(1) * side(c, 1 - axis) + rise(2) * side(b, 1 - axis);
+            let slopes: f64 = (0..2)
+                .map(|axis| products(axis) * (side(b, axis) + side(c, axis)))
+                .sum::<f64>() / orient(a, b, c) as f64;
+            let expected = largest + height + 2.0 * along + slopes;
+            prop_assert!((found - expected).abs() <= 1e-9 * expected, "{found} {expected}");
+            let level = doubt(&Facet::new(p, [z[0]; 3]), p, [z[0]; 3], largest);
+            prop_assert!((level - 16.0 * f64::EPSILON * largest).abs() <= 1e-20);
+        }
+    }
+
+    #[test]
+    fn single_precision_is_rounded_up() {
+        for value in [0.0, 1.0, 0.1, 1.0 / 3.0, 7.7, 1e-3] {
+            let up = upwards(value);
+            assert!(f64::from(up) >= value && (up == 0.0 || f64::from(up.next_down()) < value));
+        }
+    }
+
+    #[test]
+    fn of_two_sides_of_an_edge_one_owns_it() {
+        let p = |i: u32| Local::new(i % 5, i / 5);
+        for (a, b) in (0..25).flat_map(|a| (0..a).map(move |b| (p(a), p(b)))) {
+            assert_ne!(owns_by_direction(a, b), owns_by_direction(b, a));
+        }
+        assert!(owns_by_direction(p(0), p(1)) && owns_by_direction(p(9), p(0)));
+    }
+}

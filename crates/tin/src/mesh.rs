@@ -24,6 +24,8 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) enum State {
     /// Scanned at the stride `2^level`; nothing above the tolerance was seen there.
     Passed(u8),
+    /// All its samples are within the tolerance, and its edges between samples.
+    Kept,
     /// Changed since it was last scanned.
     Dirty,
     /// Scanned; a sample to insert is known.
@@ -40,9 +42,21 @@ pub(super) enum State {
 pub(super) struct Tri {
     pub(super) corners: [Local; 3],
     pub(super) twins: [u32; 3],
-    /// The loose triangle this one was built from, [`NONE`] once it has changed.
+    /// The loose triangle this one was built from, or anything else that it is known by until it changes:
+    /// [`NONE`] then.
     pub(super) source: u32,
     pub(super) state: State,
+}
+
+/// Which border edges may not be split.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) enum Fixed {
+    /// None: the mesh is being set up.
+    #[default]
+    Nothing,
+    /// All but those on the sides (left, right, above, below) of a rectangle of so many cells where the
+    /// grid ends.
+    Inside { ends: [bool; 4], cells: [u32; 2] },
 }
 
 /// A triangulation of lattice positions.
@@ -51,8 +65,8 @@ pub(super) struct Mesh {
     pub(super) tris: Vec<Tri>,
     free: Vec<u32>,
     stack: Vec<u32>,
-    /// Border edges may not be split any more.
-    pub(super) border_is_fixed: bool,
+    /// Where border edges may not be split any more.
+    pub(super) fixed: Fixed,
 }
 
 /// The next edge or corner of a triangle, without a division.
@@ -82,13 +96,28 @@ enum Place {
     Corner,
 }
 
+impl Fixed {
+    /// True when the border may be split at `p`.
+    fn allows(self, p: Local) -> bool {
+        match self {
+            Self::Nothing => true,
+            Self::Inside { ends: [left, right, above, below], cells: [cols, rows] } => {
+                (left && p.col() == 0)
+                    || (right && p.col() == cols)
+                    || (above && p.row() == 0)
+                    || (below && p.row() == rows)
+            }
+        }
+    }
+}
+
 impl Mesh {
     /// Empties the mesh, keeping its memory.
     pub(super) fn clear(&mut self) {
         self.tris.clear();
         self.free.clear();
         self.stack.clear();
-        self.border_is_fixed = false;
+        self.fixed = Fixed::Nothing;
     }
 
     /// Starts over with the two triangles of a rectangle (`cols` x `rows` cells).
@@ -104,6 +133,18 @@ impl Mesh {
     #[inline(always)]
     pub(super) fn origin(&self, half_edge: u32) -> Local {
         self.tris[(half_edge >> 2) as usize].corners[(half_edge & 3) as usize]
+    }
+
+    /// The corner at which a half-edge ends.
+    #[inline(always)]
+    pub(super) fn end(&self, half_edge: u32) -> Local {
+        self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
+    }
+
+    /// The same edge of the triangle beyond, or [`NONE`].
+    #[inline(always)]
+    pub(super) fn twin(&self, half_edge: u32) -> u32 {
+        self.tris[(half_edge >> 2) as usize].twins[(half_edge & 3) as usize]
     }
 
     /// Ids of triangles in use.
@@ -126,6 +167,11 @@ impl Mesh {
     pub(super) fn remove(&mut self, id: u32) {
         self.tris[id as usize].state = State::Free;
         self.free.push(id);
+    }
+
+    /// From here on those triangles count as changed that change.
+    pub(super) fn forget_changes(&mut self) {
+        self.tris.iter_mut().for_each(|tri| tri.source = 0);
     }
 
     /// Makes `a` and `b` (either may be [`NONE`]) twins.
@@ -157,6 +203,33 @@ impl Mesh {
         }
     }
 
+    /// The triangle that holds `to`, seen from where the line between it and its neighbour `from` crosses
+    /// an edge, with the two on its two sides; `None` when the mesh ends in between.
+    pub(super) fn follow(&self, half_edge: u32, from: Local, to: Local) -> Option<u32> {
+        let target = to.lattice();
+        let is_left = |half_edge| {
+            let ends = [self.origin(half_edge), self.end(half_edge)].map(Local::lattice);
+            orient(ends[0], ends[1], target) >= 0
+        };
+        // On which side of the line a corner lies: a unit step, so one of its coordinates is that of both.
+        let side = |p: Local| match from.row() == to.row() {
+            true => p.row().cmp(&to.row()),
+            false => p.col().cmp(&to.col()),
+        };
+        let mut at = if is_left(half_edge) { half_edge } else { self.twin(half_edge) };
+        while at != NONE {
+            let id = at >> 2;
+            let [after, before] = [next(at & 3), prev(at & 3)].map(|edge| 4 * id + edge);
+            if is_left(after) && is_left(before) {
+                return Some(id);
+            }
+            // The apex is where `after` ends: the line leaves by the edge whose ends it parts.
+            let apex = side(self.end(after));
+            at = self.twin(if apex == side(self.origin(at)) { after } else { before });
+        }
+        None
+    }
+
     fn place(&self, t: u32, p: Local) -> Option<Place> {
         let [a, b, c] = self.tris[t as usize].corners.map(Local::lattice);
         let q = p.lattice();
@@ -179,15 +252,15 @@ impl Mesh {
     pub(super) fn insert(&mut self, t: u32, p: Local, star: &mut Vec<u32>) -> bool {
         match self.place(t, p) {
             Some(Place::Inside) => self.split_inside(t, p),
-            Some(Place::Edge(edge)) if self.may_split(t, edge) => self.split_edge(t, edge, p),
+            Some(Place::Edge(edge)) if self.may_split(t, edge, p) => self.split_edge(t, edge, p),
             _ => return false,
         }
         self.legalise(star);
         true
     }
 
-    fn may_split(&self, t: u32, edge: u32) -> bool {
-        !self.border_is_fixed || self.tris[t as usize].twins[edge as usize] != NONE
+    fn may_split(&self, t: u32, edge: u32, p: Local) -> bool {
+        self.tris[t as usize].twins[edge as usize] != NONE || self.fixed.allows(p)
     }
 
     fn split_inside(&mut self, t: u32, p: Local) {

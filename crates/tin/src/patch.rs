@@ -8,14 +8,17 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
+use super::between;
+use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, insert_adaptive};
+use super::greedy::{Judge, fit};
 use super::measure::{measure, owns_by_direction};
-use super::mesh::{Mesh, NONE, State, Tri, next, prev};
+use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
-use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop, strict};
+use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
 use terrane_base::bits::BitSet;
+use terrane_base::bound::Bound;
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
 /// vertices of the seam that are no longer needed.
@@ -24,23 +27,26 @@ use terrane_base::bits::BitSet;
 /// linear in the triangles but for sorting them.
 pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
     let (width, height) = (input.heights.width, input.heights.height);
-    scratch.field.load(&input.heights, [0, 0, width, height], 0, spec.single_precision);
+    scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
     let mut sorted = input.triangles.to_vec();
     sort_by_position(&mut sorted);
     build(&mut scratch.mesh, &sorted);
-    let Scratch { field, mesh, lists, drop, used, scan } = scratch;
-    let judge = Judge { field, scan: *scan, tolerance: spec.tolerance };
+    let Scratch { field, mesh, lists, rounds, drop, used, scan } = scratch;
+    mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
-    if spec.strict {
-        strict::insert(&judge, mesh);
-    } else {
-        insert_adaptive(&judge, mesh, lists);
+    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
+    fit(&judge, mesh, lists, spec.strict);
+    if spec.bound == Bound::Surface {
+        let crossings = Crossings::new(field, spec.tolerance);
+        between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
+        judge = judge.and_between(crossings);
     }
     if spec.drop {
         drop.limit_circles(input.spacing);
         drop_seam(&judge, mesh, input, drop);
     }
-    finish(mesh, &Border { field, input }, &sorted, spec, used)
+    let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
+    PatchMesh { left, ..finish(mesh, &Border { field, input }, &sorted, spec, used) }
 }
 
 impl PatchInput<'_> {
@@ -53,7 +59,6 @@ impl PatchInput<'_> {
 /// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
 fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
     mesh.clear();
-    mesh.border_is_fixed = true;
     let mut edges = Vec::with_capacity(3 * sorted.len());
     for (id, triangle) in (0_u32..).zip(sorted) {
         let corners = triangle.corners;
@@ -195,4 +200,92 @@ fn finish(
     }
     (patch.vertices, patch.heights) = vertices_in_use(&patch.triangles, field, used);
     patch
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+
+    /// Six by five samples, of which (3, 2) is void.
+    fn field() -> Field {
+        let heights: Vec<f32> =
+            (0..30).map(|i| if i == 2 * 6 + 3 { f32::NAN } else { i as f32 }).collect();
+        let heights = Heights { width: 6, height: 5, f32: &heights, f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, 6, 5], [0; 4], None);
+        field
+    }
+
+    fn input(grid_ends: [bool; 4]) -> PatchInput<'static> {
+        let heights = Heights { width: 6, height: 5, f32: &[], f64: None };
+        let (seam_col, seam_row) = (Some(4), None);
+        PatchInput { heights, triangles: &[], seam_col, seam_row, grid_ends, spacing: u32::MAX }
+    }
+
+    /// The cell a step of half a unit to the right of the middle of an edge, if the patch has it.
+    fn cell_beyond(from: Local, to: Local) -> Option<[i32; 2]> {
+        let ([x, y], [to_x, to_y]) = (from.lattice(), to.lattice());
+        let (dx, dy) = (to_x - x, to_y - y);
+        let [col, row] = [(x + to_x + dy).div_euclid(2), (y + to_y - dx).div_euclid(2)];
+        ((0..5).contains(&col) && (0..4).contains(&row)).then_some([col, row])
+    }
+
+    fn all() -> impl Iterator<Item = Local> + Clone {
+        (0..5).flat_map(|row| (0..6).map(move |col| Local::new(col, row)))
+    }
+
+    #[test]
+    fn a_void_lies_beyond_the_unit_edges_around_its_cells_alone() {
+        let (field, input) = (field(), input([false; 4]));
+        let border = Border { field: &field, input: &input };
+        let mut found = 0;
+        for (from, to) in all().flat_map(|from| all().map(move |to| (from, to))) {
+            let apart = from.col().abs_diff(to.col()) + from.row().abs_diff(to.row());
+            let is_void = |[col, row]: [i32; 2]| (2..=3).contains(&col) && (1..=2).contains(&row);
+            let expected = apart == 1 && cell_beyond(from, to).is_some_and(is_void);
+            assert_eq!(border.has_void_beyond(from, to), expected, "{from:?} {to:?}");
+            found += usize::from(expected);
+        }
+        // Four for each of the four cells.
+        assert_eq!(found, 16);
+    }
+
+    #[test]
+    fn an_edge_is_frozen_where_the_surface_goes_on() {
+        let field = field();
+        let tri = |corners: [(u32, u32); 3]| {
+            Tri::new(corners.map(|(col, row)| Local::new(col, row)), [NONE; 3])
+        };
+        for ends in [[false; 4], [true; 4], [true, false, false, true]] {
+            let input = input(ends);
+            let border = Border { field: &field, input: &input };
+            // Two sides of the rectangle, and a diagonal.
+            let corner = tri([(0, 0), (5, 0), (0, 4)]);
+            assert_eq!([0, 1, 2].map(|e| border.is_frozen(&corner, e)), [!ends[2], true, !ends[0]]);
+            let other = tri([(5, 4), (0, 4), (5, 0)]);
+            assert_eq!([0, 1, 2].map(|e| border.is_frozen(&other, e)), [!ends[3], true, !ends[1]]);
+            // Below the edge from (3, 1) to (2, 1) lies the void.
+            let above = tri([(3, 1), (2, 1), (2, 0)]);
+            assert_eq!([0, 1, 2].map(|e| border.is_frozen(&above, e)), [false, true, true]);
+        }
+    }
+
+    #[test]
+    fn an_edge_on_the_seam_has_both_ends_there() {
+        let (field, input) = (field(), input([false; 4]));
+        let border = Border { field: &field, input: &input };
+        let tri = |corners: [(u32, u32); 3]| {
+            let corners = corners.map(|(col, row)| Local::new(col, row));
+            Tri { source: 7, ..Tri::new(corners, [NONE; 3]) }
+        };
+        let on = tri([(4, 0), (4, 3), (1, 1)]);
+        assert_eq!([0, 1, 2].map(|edge| border.is_on_seam(&on, edge)), [true, false, false]);
+        let turned = [[4, 0], [4, 3], [1, 1]].map(|[col, row]| Local::new(col, row));
+        assert_eq!(border.beside(&on).collect::<Vec<_>>(), [turned]);
+        // Of a triangle that changed every open edge is asked about.
+        let changed = Tri { source: NONE, twins: [NONE, 3, NONE], ..on };
+        let [a, b, c] = turned;
+        assert_eq!(border.beside(&changed).collect::<Vec<_>>(), [[a, b, c], [c, a, b]]);
+    }
 }

@@ -80,6 +80,7 @@ mod tests {
     use crate::Heights;
     use crate::exact::{distance, for_each_sample, within};
     use crate::field::Field;
+    use crate::mesh::Fixed;
     use crate::scan;
     use proptest::prelude::*;
 
@@ -113,13 +114,12 @@ mod tests {
             let heights: Vec<f32> = heights.into_iter().map(f32::from).collect();
             let heights = Heights { width: 12, height: 9, f32: &heights, f64: None };
             let mut field = Field::default();
-            field.load(&heights, [0, 0, 12, 9], 1, None);
-            let judge =
-                Judge { field: &field, scan: scan::fastest(), tolerance: tolerance.into() };
+            field.load(&heights, [0, 0, 12, 9], [1; 4], None);
+            let judge = Judge::of_samples(&field, scan::fastest(), tolerance.into());
             let (mut mesh, mut twin) = (Mesh::default(), Mesh::default());
             for mesh in [&mut mesh, &mut twin] {
                 mesh.reset_to_rectangle(11, 8);
-                mesh.border_is_fixed = true;
+                mesh.fixed = Fixed::Inside { ends: [false; 4], cells: [11, 8] };
             }
             insert(&judge, &mut mesh);
             insert_naively(&judge, &mut twin);

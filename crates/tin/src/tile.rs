@@ -12,19 +12,19 @@
 //!
 //! What insertions change beyond that is not bounded, but dies away within a few triangles: no edge of
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
-//! --test pipeline_tin every_edge`).
+//! --test jobs every_edge`).
 
+use super::between::{self, Rounds};
+use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, WorkLists, insert_adaptive};
+use super::greedy::{Judge, WorkLists, fit};
 use super::measure::{measure, owns_by_direction};
-use super::mesh::{Mesh, NONE, State, next};
+use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
 use super::scan::{self, Scan};
-use super::{Local, Spec, TileInput, TileMesh, Triangle, drop, strict};
+use super::{Local, Spec, TileInput, TileMesh, Triangle, drop};
 use terrane_base::bits::BitSet;
-
-/// Rim samples are left out of a tile's scans.
-const RIM: u32 = 1;
+use terrane_base::bound::Bound;
 
 /// A worker's buffers, reused from tile to tile.
 #[derive(Debug)]
@@ -32,6 +32,7 @@ pub struct Scratch {
     pub(super) field: Field,
     pub(super) mesh: Mesh,
     pub(super) lists: WorkLists,
+    pub(super) rounds: Rounds,
     pub(super) drop: drop::Scratch,
     pub(super) used: BitSet,
     pub(super) scan: Scan,
@@ -43,6 +44,7 @@ impl Default for Scratch {
             field: Field::default(),
             mesh: Mesh::default(),
             lists: WorkLists::default(),
+            rounds: Rounds::default(),
             drop: drop::Scratch::default(),
             used: BitSet::default(),
             scan: scan::fastest(),
@@ -66,28 +68,44 @@ impl Scratch {
 pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
     let (cols, rows) = (input.cols(), input.rows());
     let window = [input.apron_left, input.apron_above, cols, rows];
-    scratch.field.load(&input.heights, window, RIM, spec.single_precision);
+    let aprons = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
+    let ends = aprons.map(|apron| apron == 0);
+    // What the rim of a neighbour decides is not scanned.
+    scratch.field.load(&input.heights, window, aprons, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
     let surface = Surface::new(input);
     let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input.spacing);
     insert_all(&mut scratch.mesh, &fixed);
     insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
-    scratch.mesh.border_is_fixed = true;
+    scratch.mesh.fixed = Fixed::Inside { ends, cells: [cols - 1, rows - 1] };
     if surface.has_voids() {
         mark_outside(&mut scratch.mesh, &surface);
     }
-    let judge = Judge { field: &scratch.field, scan: scratch.scan, tolerance: spec.tolerance };
-    if spec.strict {
-        strict::insert(&judge, &mut scratch.mesh);
-    } else {
-        insert_adaptive(&judge, &mut scratch.mesh, &mut scratch.lists);
-    }
+    scratch.drop.limit_circles(input.spacing);
+    refine(scratch, spec, &fixed);
+    finish(scratch, spec, &surface, ends)
+}
+
+/// Inserts and drops vertices until the mesh is within the tolerance and none is redundant. Between samples
+/// only what then is too far off is mended: first to drop what samples do not need leaves fewer vertices.
+fn refine(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
+    let Scratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
+    let judge = Judge::of_samples(field, *scan, spec.tolerance);
+    fit(&judge, mesh, lists, spec.strict);
     if spec.drop {
-        scratch.drop.limit_circles(input.spacing);
-        drop::drop_redundant(&judge, &mut scratch.mesh, &fixed, &mut scratch.drop);
+        drop.settle(field, fixed);
+        drop::drop_redundant(&judge, mesh, drop);
     }
-    let borders = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
-    finish(scratch, spec, &surface, borders.map(|apron| apron == 0))
+    if spec.bound == Bound::Samples {
+        return;
+    }
+    mesh.forget_changes();
+    let crossings = Crossings::new(field, spec.tolerance);
+    between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
+    if spec.drop {
+        drop.unsettle_changed(field, mesh);
+        drop::drop_redundant(&judge.and_between(crossings), mesh, drop);
+    }
 }
 
 impl TileInput<'_> {

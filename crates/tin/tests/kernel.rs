@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
+use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 use terrane_tin::{
@@ -51,26 +52,49 @@ impl Grid {
 }
 
 fn spec(tolerance: f64) -> Spec {
-    Spec { tolerance, strict: false, drop: true, single_precision: None, measure: true }
+    Spec {
+        tolerance,
+        bound: Bound::Samples,
+        strict: false,
+        drop: true,
+        single_precision: None,
+        measure: true,
+    }
 }
 
 /// Triangulates columns `from ..= to` of a grid as one tile.
 fn tile(grid: &Grid, from: u32, to: u32, spec: &Spec) -> TileMesh {
-    let (left, right) = (u32::from(from > 0), u32::from(to + 1 < grid.width));
-    let all = grid.f32();
-    let cols = (from - left) as usize..(to + 1 + right) as usize;
-    let z: Vec<f32> =
-        all.chunks(grid.width as usize).flat_map(|row| row[cols.clone()].to_vec()).collect();
-    let heights = Heights { width: cols.len() as u32, height: grid.height, f32: &z, f64: None };
+    part(grid, [from, to], [0, grid.height - 1], spec)
+}
+
+/// Triangulates columns and rows of a grid, both ends included, as one tile.
+fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
+    let aprons =
+        |[from, to]: [u32; 2], count: u32| [u32::from(from > 0), u32::from(to + 1 < count)];
+    let ([left, right], [above, below]) = (aprons(cols, grid.width), aprons(rows, grid.height));
+    let (all, mut z) = (grid.f32(), Vec::new());
+    for row in rows[0] - above..=rows[1] + below {
+        let first = row * grid.width;
+        let line = first + cols[0] - left..=first + cols[1] + right;
+        z.extend_from_slice(&all[*line.start() as usize..=*line.end() as usize]);
+    }
+    let [width, height] =
+        [cols[1] - cols[0] + 1 + left + right, rows[1] - rows[0] + 1 + above + below];
     let input = TileInput {
-        heights,
+        heights: Heights { width, height, f32: &z, f64: None },
         apron_left: left,
         apron_right: right,
-        apron_above: 0,
-        apron_below: 0,
+        apron_above: above,
+        apron_below: below,
         spacing: u32::MAX,
     };
     triangulate_tile(&input, spec, &mut Scratch::default())
+}
+
+/// A tile's triangles at their place in the grid.
+fn moved(triangles: &[Triangle], [col, row]: [u32; 2]) -> Vec<Triangle> {
+    let shift = |p: Local| Local::new(p.col() + col, p.row() + row);
+    triangles.iter().map(|t| Triangle { corners: t.corners.map(shift), ..*t }).collect()
 }
 
 fn whole(grid: &Grid, spec: &Spec) -> TileMesh {
@@ -94,6 +118,11 @@ fn check_bound(
         let p = triangle.corners.map(lattice);
         let area = i128::from(orient(p[0], p[1], p[2]));
         assert!(area > 0, "{p:?} is not counter-clockwise");
+        assert_eq!(
+            triangle.corners.iter().min(),
+            triangle.corners.first(),
+            "the smallest comes first"
+        );
         let z = triangle
             .corners
             .map(|c| i128::from(grid.at(c.col(), c.row()).expect("a valid vertex")));
@@ -143,6 +172,27 @@ fn check_delaunay(triangles: &[Triangle]) {
     }
 }
 
+/// Panics when an edge is further than `tolerance` (an integer number of `unit`ths) from a line between
+/// two neighbouring samples that it crosses: whole numbers throughout.
+fn check_between(grid: &Grid, triangles: &[Triangle], tolerance: i64, unit: i64) {
+    let height = |at: [i64; 2]| grid.at(at[0] as u32, at[1] as u32).expect("surface over a void");
+    for (a, b) in edges(triangles).into_keys() {
+        let [a, b] = [a, b].map(|end| lattice(end).map(i64::from));
+        for axis in [0, 1] {
+            let n = (b[axis] - a[axis]).abs();
+            for line in a[axis].min(b[axis]) + 1..a[axis].max(b[axis]) {
+                let k = (line - a[axis]).abs();
+                let along = a[1 - axis] * (n - k) + b[1 - axis] * k;
+                let (first, rest) = (along.div_euclid(n), along.rem_euclid(n));
+                let sample = |along| height(if axis == 0 { [line, along] } else { [along, line] });
+                let far = if rest == 0 { 0 } else { sample(first + 1) * rest };
+                let off = height(a) * (n - k) + height(b) * k - sample(first) * (n - rest) - far;
+                assert!(off.abs() * unit <= tolerance * n, "{a:?} to {b:?} at {line}");
+            }
+        }
+    }
+}
+
 fn check_all(grid: &Grid, triangles: &[Triangle], tolerance: i128, unit: i128) {
     let covered = check_bound(grid, triangles, tolerance, unit);
     check_delaunay(triangles);
@@ -169,11 +219,15 @@ proptest! {
     #[test]
     fn every_sample_is_within_the_tolerance(
         width in 2_u32..40, height in 2_u32..40, seed in 0_u32..1000, holes in 0_u32..6,
-        quarters in 0_i32..60, strict: bool, drop: bool
+        quarters in 0_i32..60, strict: bool, drop: bool, of_surface: bool
     ) {
         let grid = Grid::hills(width, height, seed, holes);
-        let spec = Spec { strict, drop, ..spec(f64::from(quarters) / 4.0) };
+        let bound = Bound::ALL[usize::from(of_surface)];
+        let spec = Spec { strict, drop, bound, ..spec(f64::from(quarters) / 4.0) };
         let mesh = whole(&grid, &spec);
+        if of_surface {
+            check_between(&grid, &mesh.triangles, quarters.into(), 4);
+        }
         check_all(&grid, &mesh.triangles, quarters.into(), 4);
         let largest = mesh.triangles.iter().fold(0.0_f32, |most, t| most.max(t.max_error));
         prop_assert!(f64::from(largest) <= spec.tolerance);
@@ -203,30 +257,31 @@ proptest! {
 
     #[test]
     fn two_tiles_mend_into_one_mesh(
-        seed in 0_u32..1000, holes in 0_u32..3, half in 8_u32..40, height in 2_u32..50, tolerance in 0_i32..20
+        seed in 0_u32..1000, holes in 0_u32..3, half in 8_u32..40, height in 2_u32..50,
+        tolerance in 0_i32..20, of_surface: bool
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let spec = spec(tolerance.into());
+        let spec = Spec { bound: Bound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
         for reach in [half, half / 2, 4, 0] {
-            let (mended, is_delaunay) = mend(&grid, half, &spec, reach);
-            if is_delaunay {
+            let (mended, is_done) = mend(&grid, half, &spec, reach);
+            if is_done {
                 check_all(&grid, &mended, tolerance.into(), 1);
+                if of_surface {
+                    check_between(&grid, &mended, tolerance.into(), 1);
+                }
             }
-            prop_assert!(is_delaunay || reach < half);
+            prop_assert!(is_done || reach < half);
         }
     }
 }
 
 /// Two tiles that meet at column `half`, and the patch of the triangles that come within `reach` of
-/// it: all triangles in grid positions, and whether those left out agree with the patch.
+/// it: all triangles in grid positions, and whether those left out agree with the patch, which had no more
+/// to mend between samples.
 fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool) {
-    let shift = |t: &Triangle| {
-        let corners = t.corners.map(|p| Local::new(p.col() + half, p.row()));
-        Triangle { corners, ..*t }
-    };
     let left = tile(grid, 0, half, spec).triangles;
-    let right = tile(grid, half, 2 * half, spec).triangles;
-    let all = left.into_iter().chain(right.iter().map(shift));
+    let right = moved(&tile(grid, half, 2 * half, spec).triangles, [half, 0]);
+    let all = left.into_iter().chain(right);
     let band = half - reach..=half + reach;
     let (inside, mut mended): (Vec<_>, Vec<_>) = all.partition(|t| {
         let cols = t.corners.map(|p| p.col());
@@ -249,7 +304,7 @@ fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool
     };
     let is_delaunay = patch.border.iter().all(agrees);
     mended.extend(&patch.triangles);
-    (mended, is_delaunay)
+    (mended, is_delaunay && patch.left.is_empty())
 }
 
 #[test]
@@ -270,6 +325,88 @@ fn adaptive_strides_need_no_more_vertices_than_strict_greedy() {
     }
 }
 
+/// Samples of a tile of 64 by 48 cells that begins with posts, and its triangles.
+fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &Spec) -> TileMesh {
+    let z: Vec<f32> = (0..65 * 49).map(|i| height(i % 65, i / 65)).collect();
+    let heights = Heights { width: 65, height: 49, f32: &z, f64: None };
+    let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
+    let input = TileInput { heights, apron_left, apron_right, apron_above, apron_below, spacing };
+    triangulate_tile(&input, spec, &mut Scratch::default())
+}
+
+/// The centre of the circle around a triangle, and its squared radius.
+fn circle(triangle: &Triangle) -> ([f64; 2], f64) {
+    let [a, b, c] = triangle.corners.map(|p| lattice(p).map(f64::from));
+    let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+    let double = 2.0 * (u[0] * v[1] - u[1] * v[0]);
+    let square = |w: [f64; 2]| w[0] * w[0] + w[1] * w[1];
+    let x = (v[1] * square(u) - u[1] * square(v)) / double;
+    let y = (u[0] * square(v) - v[0] * square(u)) / double;
+    ([a[0] + x, a[1] + y], x * x + y * y)
+}
+
+/// A cone with a broken surface.
+fn cone(col: u32, row: u32) -> f32 {
+    let far = (f64::from(col) - 30.0).hypot(f64::from(row) - 20.0);
+    (90.0 - 2.0 * far) as f32 + ((col * 7919 + row * 104_729) % 13) as f32
+}
+
+#[test]
+fn no_circle_is_wider_than_the_diagonal_of_a_square_of_posts() {
+    for (spacing, tolerance) in [(8, 1.0), (16, 5.0), (16, 30.0), (48, 5.0)] {
+        let mesh = with_posts(cone, spacing, &spec(tolerance));
+        // A circle around a place beyond the tile need not hold a post.
+        let inside =
+            |&([x, y], _): &([f64; 2], f64)| (0.0..=64.0).contains(&x) && (0.0..=48.0).contains(&y);
+        let circles = mesh.triangles.iter().map(circle).filter(inside);
+        let widest = circles.map(|(_, square)| square).fold(0.0, f64::max);
+        let most = f64::from(spacing * spacing) / 2.0;
+        assert!(widest <= most * (1.0 + 1e-9), "{spacing} {tolerance}: {widest}");
+    }
+}
+
+#[test]
+fn flat_ground_keeps_its_posts_and_vertices_between_them_may_go() {
+    for (spacing, posts) in [(16, 5 * 4), (8, 9 * 7), (64, 2 * 2)] {
+        for tolerance in [0.0, 5.0] {
+            let flat = with_posts(|_, _| 7.0, spacing, &spec(tolerance));
+            assert_eq!(flat.vertices.len(), posts, "{spacing}");
+        }
+    }
+    let count = |drop| with_posts(cone, 16, &Spec { drop, ..spec(5.0) }).vertices.len();
+    let (all, fewer) = (count(false), count(true));
+    assert!(fewer as f64 <= 0.95 * all as f64, "{fewer} of {all}");
+}
+
+/// Of two samples as far from the chord the first is kept, and then the second is near enough.
+#[test]
+fn lines_of_a_rim_are_divided_at_the_first_of_equals() {
+    let z = [0, 5, 0, 5, 0].map(Some);
+    let grid = Grid { width: 5, height: 2, z: [z, [Some(0); 5]].concat() };
+    let mesh = whole(&grid, &spec(4.0));
+    let top: Vec<u32> = mesh.vertices.iter().filter(|p| p.row() == 0).map(|p| p.col()).collect();
+    assert_eq!(top, [0, 1, 4]);
+}
+
+#[test]
+fn isolated_samples_touch_no_cell() {
+    for (holes, half) in [(0, 9), (2, 9), (12, 14), (30, 20)] {
+        let grid = Grid::hills(2 * half + 1, 23, 5, holes);
+        let all = grid.z.iter().flatten().count() as u64;
+        let mesh = whole(&grid, &spec(9.0));
+        assert_eq!(mesh.valid, all);
+        let alone = |at: &u32| {
+            let (col, row) = (at % grid.width, at / grid.width);
+            let near = |at: u32, last: u32| at.saturating_sub(1)..=at.min(last - 1);
+            let rows = near(row, grid.height - 1);
+            let mut cells =
+                rows.flat_map(|row| near(col, grid.width - 1).map(move |col| (col, row)));
+            grid.at(col, row).is_some() && !cells.any(|(col, row)| grid.is_cell(col, row))
+        };
+        assert_eq!(mesh.isolated, (0..grid.width * grid.height).filter(alone).count() as u64);
+    }
+}
+
 #[test]
 fn dropping_saves_vertices() {
     let grid = Grid::hills(257, 257, 5, 0);
@@ -278,28 +415,75 @@ fn dropping_saves_vertices() {
     assert!(fewer as f64 <= 0.9 * all as f64, "{fewer} of {all}");
 }
 
-#[test]
-fn the_sum_of_squares_counts_every_sample_once() {
-    for holes in [0, 2] {
-        let grid = Grid::hills(65, 50, 8, holes);
-        let mesh = whole(&grid, &spec(9.0));
-        let mut errors = BTreeMap::new();
-        for triangle in &mesh.triangles {
-            let p = triangle.corners.map(lattice);
-            let area = orient(p[0], p[1], p[2]) as f64;
-            let z = triangle.corners.map(|c| grid.at(c.col(), c.row()).unwrap() as f64);
-            for (row, col) in (0..50).flat_map(|row| (0..65).map(move |col| (row, col))) {
-                let q = [col, row];
-                let w = [orient(p[1], p[2], q), orient(p[2], p[0], q), orient(p[0], p[1], q)];
-                if w.iter().all(|&w| w >= 0) {
-                    let plane: f64 = (0..3).map(|i| w[i] as f64 * z[i]).sum::<f64>() / area;
-                    errors.insert(q, plane - grid.at(col as u32, row as u32).unwrap() as f64);
-                }
+/// The sum of the squares of the errors of all samples, by looking at every sample and triangle.
+fn sum_of_squares(grid: &Grid, triangles: &[Triangle]) -> f64 {
+    let mut errors = BTreeMap::new();
+    for triangle in triangles {
+        let p = triangle.corners.map(lattice);
+        let area = orient(p[0], p[1], p[2]) as f64;
+        let z = triangle.corners.map(|c| grid.at(c.col(), c.row()).unwrap() as f64);
+        for (row, col) in
+            (0..grid.height).flat_map(|row| (0..grid.width).map(move |col| (row, col)))
+        {
+            let q = [col as i32, row as i32];
+            let w = [orient(p[1], p[2], q), orient(p[2], p[0], q), orient(p[0], p[1], q)];
+            if w.iter().all(|&w| w >= 0) {
+                let plane: f64 = (0..3).map(|i| w[i] as f64 * z[i]).sum::<f64>() / area;
+                errors.insert(q, plane - grid.at(col, row).unwrap() as f64);
             }
         }
-        let expected: f64 = errors.values().map(|e| e * e).sum();
-        let found: f64 = mesh.triangles.iter().map(|t| f64::from(t.square_sum)).sum();
-        assert!((found - expected).abs() < 1e-4 * expected, "{found} against {expected}");
+    }
+    errors.values().map(|e| e * e).sum()
+}
+
+#[test]
+fn the_sum_of_squares_counts_every_sample_once() {
+    for (holes, tolerance) in [(0, 9.0), (2, 9.0), (1, 20.0)] {
+        let (grid, spec) = (Grid::hills(65, 50, 8, holes), spec(tolerance));
+        let quarter = |cols: [u32; 2], rows: [u32; 2]| {
+            moved(&part(&grid, cols, rows, &spec).triangles, [cols[0], rows[0]])
+        };
+        let halves =
+            [[0, 21], [21, 49]].map(|rows| [quarter([0, 30], rows), quarter([30, 64], rows)]);
+        for (name, triangles) in [
+            ("one tile", whole(&grid, &spec).triangles),
+            ("four tiles", halves.concat().concat()),
+            ("two tiles mended", mend(&grid, 32, &spec, 12).0),
+            ("two tiles all of which is mended", mend(&grid, 32, &spec, 32).0),
+        ] {
+            let expected = sum_of_squares(&grid, &triangles);
+            let found: f64 = triangles.iter().map(|t| f64::from(t.square_sum)).sum();
+            assert!((found - expected).abs() < 1e-4 * expected, "{name}: {found} {expected}");
+        }
+    }
+}
+
+/// Both sides of a rim have the same vertices, and no sample is counted by two tiles.
+#[test]
+fn four_tiles_have_their_rims_in_common_and_count_samples_once() {
+    for (holes, col, row) in [(0, 9, 8), (2, 9, 11), (12, 14, 10), (30, 20, 5)] {
+        let (grid, spec) = (Grid::hills(2 * col + 1, 23, 5, holes), spec(4.0));
+        let (cols, rows) = ([[0, col], [col, 2 * col]], [[0, row], [row, 22]]);
+        let tiles = rows.map(|rows| cols.map(|cols| part(&grid, cols, rows, &spec)));
+        let counts = |mesh: &TileMesh| [mesh.valid, mesh.isolated];
+        let sum = |i: usize| tiles.iter().flatten().map(|mesh| counts(mesh)[i]).sum::<u64>();
+        assert_eq!([sum(0), sum(1)], counts(&whole(&grid, &spec)), "{holes}");
+        if holes > 0 {
+            // A tile does not list what only the other side's triangles use.
+            continue;
+        }
+        let on = |mesh: &TileMesh, is: &dyn Fn(&Local) -> Option<u32>| -> Vec<u32> {
+            mesh.vertices.iter().filter_map(is).collect()
+        };
+        for [left, right] in &tiles {
+            let ends = on(left, &|p| (p.col() == col).then_some(p.row()));
+            assert_eq!(ends, on(right, &|p| (p.col() == 0).then_some(p.row())), "{holes}");
+        }
+        let [above, below] = &tiles;
+        for (above, below) in above.iter().zip(below) {
+            let ends = on(above, &|p| (p.row() == row).then_some(p.col()));
+            assert_eq!(ends, on(below, &|p| (p.row() == 0).then_some(p.col())), "{holes}");
+        }
     }
 }
 

@@ -147,6 +147,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         solid_base: None,
         placing: Placing::default(),
         goal: Goal::MaxError(args.max_error),
+        bound: args.method.bound,
         strict: args.method.strict,
         drop: !args.method.no_drop,
         tile: args.method.tile(),

@@ -1,12 +1,15 @@
 //! Lists that the help of a verb ends in, taken from the registries.
 
-use crate::{gridding, line, mesh, raster, synth, vector};
+use crate::{gridding, line, mesh, methods, raster, synth, vector};
 
 /// The last list of verbs that can fail in every way.
 pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
 3 nothing wrong was found but something promised could not be judged, 65 bad input, 69 not yet, \
 70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
 130 stopped";
+
+/// What the engine's own way to make meshes of grids is called.
+pub(crate) const ENGINE: &str = "greedy";
 
 pub(crate) fn grids() -> String {
     let formats = raster::FORMATS.iter();
@@ -62,6 +65,17 @@ pub(crate) fn meshes() -> String {
     let formats = mesh::FORMATS.iter();
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
     list("Meshes read and written", &rows)
+}
+
+pub(crate) fn meshers() -> String {
+    let engine = (
+        ENGINE,
+        "Garland & Heckbert 1995".to_owned(),
+        "the engine's own: any size, all cores, fewest vertices",
+    );
+    let row = |m: &methods::Method| (m.name, m.source.to_owned(), m.about);
+    let rows: Vec<_> = std::iter::once(engine).chain(methods::METHODS.iter().map(row)).collect();
+    list("Methods for grids", &rows)
 }
 
 pub(crate) fn simplifiers() -> String {

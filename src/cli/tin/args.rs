@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::atomic::refuse_existing;
+use crate::bound::Bound;
 use crate::cli::shared::{args, check, many, names, parse, points};
+use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
 use crate::jobs::placing::Placing;
 use crate::jobs::tin::{Goal, TILE_CELLS};
@@ -47,6 +49,8 @@ pub(crate) struct Args {
     pub(crate) split: Split,
     #[command(flatten)]
     pub(crate) method: Method,
+    #[command(flatten)]
+    pub(crate) textbook: textbook::Chosen,
     /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
     /// be removed when the mesh is there
     #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]
@@ -113,6 +117,10 @@ impl PrintArgs {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct Method {
+    /// Of what the error is promised: of the samples, or of the whole surface: of the lines between
+    /// neighbouring samples, too [default: samples]
+    #[arg(long, value_name = "WHAT", default_value_t, hide_default_value = true, value_parser = clap::value_parser!(Bound))]
+    pub(crate) bound: Bound,
     /// Insert one global maximum at a time (the reference; slower, more vertices)
     #[arg(long)]
     pub(crate) strict: bool,

@@ -1,5 +1,6 @@
 //! `terrane tin` on point clouds.
 
+use crate::bound::Bound;
 use crate::cli::shared::many::Kind;
 use crate::cli::shared::{Outcome, check, points, report, text};
 use crate::cli::tin::args::Args;
@@ -71,9 +72,12 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--split", args.split.tiles.is_some()),
         ("--workdir", args.workdir.is_some()),
         ("--no-disk-check", args.disk.no_disk_check),
+        ("--bound surface", args.method.bound == Bound::Surface),
         ("--strict", args.method.strict),
         ("--no-drop", args.method.no_drop),
         ("--tile", args.method.tile.is_some()),
+        ("--method", args.textbook.method.is_some()),
+        ("--triangulation", args.textbook.triangulation.is_some()),
         ("--co", !args.co.is_empty()),
         ("--base", args.print.placing()?.base.is_some()),
     ];

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::shared::{Outcome, check, many, pipes, report, text};
 use crate::cli::tin::args::{Args, Creation};
+use crate::cli::tin::textbook;
 use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::error::{Error, Result};
@@ -20,6 +21,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         return Err(Error::usage("--no-disk-check is for runs by plan")
             .remedy("leave it out, or pass --workdir"));
     }
+    args.textbook.check(args)?;
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     let grids = many::Kind::Grids(&options);
@@ -38,7 +40,10 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Result<Outcome> {
     let progress = args.show.progress();
     let made = match &args.workdir {
-        None => tin::run(job, progress.as_ref(), cancel)?,
+        None => match args.textbook.by() {
+            None => tin::run(job, progress.as_ref(), cancel)?,
+            Some(by) => tin::run_by(job, &by, progress.as_ref(), cancel)?,
+        },
         Some(folder) => {
             tin::run_in(folder, job, skipped, args.disk.check(), progress.as_ref(), cancel)?
         }
@@ -93,6 +98,7 @@ fn job(args: &Args) -> Result<TinJob> {
         solid_base,
         placing,
         goal: args.goal.goal()?,
+        bound: args.method.bound,
         strict: args.method.strict,
         drop: !args.method.no_drop,
         tile: args.method.tile(),
@@ -109,6 +115,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         band: job.band,
         nodata: job.nodata,
         tolerance: Some(made.tolerance),
+        bound: None,
         resources: job.resources.clone(),
     }
 }
@@ -134,6 +141,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
+    rows.extend(textbook::told(r).map(|method| ("method", method)));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));

@@ -3,6 +3,7 @@
 mod args;
 mod cloud;
 mod grid;
+mod textbook;
 mod told;
 
 pub(crate) use args::{Args, Method, Split};
@@ -24,7 +25,7 @@ impl Verb for Args {
     );
 
     fn lists() -> Vec<String> {
-        vec![lists::grids(), lists::meshes(), lists::EXIT_CODES.to_owned()]
+        vec![lists::grids(), lists::meshes(), lists::meshers(), lists::EXIT_CODES.to_owned()]
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
+use crate::bound::Bound;
 use crate::cli::shared::{args, many, names, parse, points};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
 /// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
@@ -25,6 +26,10 @@ pub(crate) struct Args {
     /// Largest vertical distance allowed [default: the one the mesh file states]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse::tolerance)]
     pub(crate) max_error: Option<f64>,
+    /// What the bound is of, for meshes of grids: samples, or surface for every point of the lines between
+    /// neighbouring samples as well [default: what the mesh file states; samples, where it states nothing]
+    #[arg(long, value_name = "WHAT")]
+    pub(crate) bound: Option<Bound>,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -98,6 +103,20 @@ impl Promises {
             ("--layer", self.layer.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+}
+
+impl Args {
+    /// Refuses a choice of bounds, as there is none on `what`.
+    pub(crate) fn refuse_bound(&self, what: &str) -> Result<()> {
+        match self.bound {
+            None => Ok(()),
+            Some(bound) => {
+                Err(Error::usage(format!("--bound {bound} is for meshes of grids, and {what}"))
+                    .in_file(&self.mesh)
+                    .remedy("leave --bound out"))
+            }
+        }
     }
 }
 

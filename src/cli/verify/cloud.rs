@@ -30,6 +30,7 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
             .in_file(&path_of(&args.source[0]))
             .remedy(format!("leave {option} out")));
     }
+    args.refuse_bound("this is a point cloud")?;
     if !is_mesh(&name_of(args.mesh.clone())?)? {
         return Err(Error::bad_input("is a grid, not a mesh")
             .in_file(&args.mesh)
@@ -50,9 +51,9 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let rows = [("points", points(&r.of)), told::off_vertices(r, "cloud")];
+    let (rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, "cloud"));
     let unit = format!(" ({})", r.of.vertical_unit);
-    told::summary(r, rows, &unit, text::rate(r.of.points_per_second, "points"))
+    told::summary(r, rows, off, &unit, text::rate(r.of.points_per_second, "points"))
 }
 
 fn points(r: &OfCloud) -> String {

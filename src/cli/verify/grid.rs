@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::bound::Bound;
 use crate::cli::shared::{Outcome, check, many, report, text};
 use crate::cli::verify::args::{Args, wrong_way_round};
 use crate::cli::verify::told;
@@ -29,6 +30,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         band: args.grid.band(),
         nodata: args.grid.nodata,
         tolerance: args.max_error,
+        bound: args.bound,
         resources,
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -53,8 +55,22 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
 
 /// A proof for people.
 pub(crate) fn summary(r: &VerifyReport) -> String {
-    let rows = [("samples", samples(&r.of)), told::off_vertices(r, "grid")];
-    told::summary(r, rows, "", text::rate(r.of.samples_per_second, "samples"))
+    let rows = vec![("surface", surface(r)), ("samples", samples(&r.of))];
+    let off = told::off_vertices(r, "grid");
+    told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
+}
+
+/// The error on the lines between samples.
+fn surface(r: &VerifyReport) -> String {
+    let [over, breaks] = [r.of.over_between_samples.count, r.of.breaks].map(text::count);
+    let judged = match (r.of.bound, r.tolerance) {
+        (Bound::Samples, _) => "; no promise of this mesh",
+        (Bound::Surface, None) => "; not judged",
+        (Bound::Surface, Some(_)) => "",
+    };
+    let most = r.of.surface_error.map_or("-".to_owned(), text::bound);
+    let over = r.tolerance.map_or(String::new(), |_| format!(", {over} of them over"));
+    format!("error {most} at the most, {breaks} places between samples{over}{judged}")
 }
 
 fn samples(r: &OfGrid) -> String {

@@ -44,26 +44,27 @@ pub(super) fn in_words(verdict: &Verdict) -> String {
     }
 }
 
-/// A proof of a mesh for people: the verdict, what failed, and the figures. Of the original come a row
-/// about its points, and one about vertices that it does not have; `unit` is that of errors, and `rate`
+/// A proof of a mesh for people: the verdict, what failed, and the figures. Of the original come rows
+/// of its own, and one about vertices that it does not have (`off`); `unit` is that of errors, and `rate`
 /// how fast the proof was.
 pub(super) fn summary<O: Original>(
     r: &MeshReport<O>,
-    [points, off]: [Row; 2],
+    own: Vec<Row>,
+    off: Row,
     unit: &str,
     rate: String,
 ) -> String {
     let failures: String = r.verdict.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes =
         format!("{} vertices, {} triangles", text::count(r.vertices), text::count(r.triangles));
-    let mut rows = vec![
-        ("error", errors(r) + unit),
-        points,
+    let mut rows = vec![("error", errors(r) + unit)];
+    rows.extend(own);
+    rows.extend([
         ("mesh", sizes),
         off,
         ("edges", edges(r.interior_edges, r.open_edges, r.non_delaunay_edges.count)),
         ("angles", angles(r.smallest_angle)),
-    ];
+    ]);
     rows.extend(report::took(&r.run, Some(rate), ""));
     format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
 }

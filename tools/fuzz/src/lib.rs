@@ -1,6 +1,6 @@
 //! Bytes from a fuzzer as files on disk, read as terrane reads the files of others.
 
-#[path = "../../../tests/raster_support/attempt.rs"]
+#[path = "../../../tests/common/raster_support/attempt.rs"]
 mod attempt;
 pub mod line;
 pub mod vector;

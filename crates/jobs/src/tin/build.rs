@@ -8,6 +8,7 @@ use super::seek::{Seeker, run_stage};
 use super::worker::worker_bytes;
 use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
+use terrane_base::bound::Bound;
 use terrane_base::error::Result;
 use terrane_mesh::{MeshHeader, MeshSink};
 use terrane_raster::{GridSource, Inputs, OpenOptions};
@@ -18,6 +19,8 @@ use terrane_tin::Spec;
 pub struct BuildJob<'a> {
     /// What to reach.
     pub goal: Goal,
+    /// Of what the tolerance is promised.
+    pub bound: Bound,
     /// Reference greedy instead of adaptive strides.
     pub strict: bool,
     /// Run the drop pass.
@@ -90,6 +93,7 @@ fn build_within(
     let settings = Settings {
         spec: Spec {
             tolerance: 0.0,
+            bound: job.bound,
             strict: job.strict,
             drop: job.drop,
             single_precision: None,
@@ -106,5 +110,5 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    Ok(Built { tolerance, outcome, header: header(info, info.format, tolerance, 0.0) })
+    Ok(Built { tolerance, outcome, header: header(info, info.format, &settings.spec, 0.0) })
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::Resources;
 use crate::placing::Placing;
 use crate::plan::as_text;
+use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
 
@@ -74,6 +75,8 @@ pub struct TinJob {
     /// What to reach.
     #[serde(flatten)]
     pub goal: Goal,
+    /// Of what the tolerance is promised.
+    pub bound: Bound,
     /// Reference greedy instead of adaptive strides.
     pub strict: bool,
     /// Run the drop pass.

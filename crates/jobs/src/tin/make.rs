@@ -17,6 +17,7 @@ use crate::input::grid_stats;
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
 use crate::{Cancel, Progress, Resources, peak_memory};
+use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
@@ -65,8 +66,16 @@ pub(super) struct Opened {
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
+        Self::with(job, || open(job))
+    }
+
+    /// The same, with an input that is opened in another way.
+    pub(super) fn with(
+        job: &TinJob,
+        open: impl FnOnce() -> Result<memory::Opened>,
+    ) -> Result<Self> {
         let format = mesh::by_path(&job.output, job.format.as_deref())?;
-        let (source, shares) = open(job)?;
+        let (source, shares) = open()?;
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
@@ -77,7 +86,7 @@ impl Opened {
 
 impl Opened {
     /// What becomes of heights in the file, where it stores them in f32.
-    fn rounding(&self) -> Option<Rounding> {
+    pub(super) fn rounding(&self) -> Option<Rounding> {
         let scale = self.placed.scale[2];
         self.height_origin.map(|origin| Rounding { origin, scale })
     }
@@ -85,13 +94,17 @@ impl Opened {
 
 /// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
 fn open(job: &TinJob) -> Result<memory::Opened> {
-    let options = OpenOptions {
+    open_tiled(&job.input, &options(job), job.tile, job.goal, &job.resources)
+}
+
+/// How to open the input of `job`.
+pub(super) fn options(job: &TinJob) -> OpenOptions {
+    OpenOptions {
         band: job.band,
         nodata: job.nodata,
         temp_dir: job.resources.temp_dir.clone(),
         ..OpenOptions::default()
-    };
-    open_tiled(&job.input, &options, job.tile, job.goal, &job.resources)
+    }
 }
 
 /// Opens `input` for workers on tiles of `tile` cells.
@@ -152,7 +165,8 @@ impl Maker<'_> {
     ) -> Result<TinReport> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
-        let mut header = header(info, &job.input.to_string(), tolerance, height);
+        let spec = self.spec(tolerance);
+        let mut header = header(info, &job.input.to_string(), &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
@@ -258,6 +272,7 @@ impl Maker<'_> {
     pub(super) fn spec(&self, tolerance: f64) -> Spec {
         Spec {
             tolerance,
+            bound: self.job.bound,
             strict: self.job.strict,
             drop: self.job.drop,
             single_precision: self.opened.rounding(),
@@ -309,7 +324,10 @@ impl Maker<'_> {
             crs: info.crs.label(),
             horizontal_unit: horizontal_unit(&info.crs).to_owned(),
             vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
+            method: None,
+            triangulation: None,
             tolerance,
+            bound: job.bound,
             max_error: measured(outcome.max_error),
             rmse: measured((outcome.square_sum / surface).sqrt()),
             samples: layout.samples(),
@@ -341,7 +359,7 @@ impl Maker<'_> {
 }
 
 /// What a file of the mesh is told of it.
-pub(super) fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) -> MeshHeader {
+pub(super) fn header(info: &GridInfo, input: &str, spec: &Spec, height: f64) -> MeshHeader {
     let bounds = bounds(info);
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
     MeshHeader {
@@ -349,8 +367,15 @@ pub(super) fn header(info: &GridInfo, input: &str, tolerance: f64, height: f64) 
         origin: origin(bounds, height),
         scale: [1.0; 3],
         bounds,
-        comments: vec![format!("source {input}"), format!("max error {tolerance}{unit}")],
+        comments: comments(input, spec, &unit),
     }
+}
+
+/// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
+fn comments(input: &str, spec: &Spec, unit: &str) -> Vec<String> {
+    let error = format!("max error {}{unit}", spec.tolerance);
+    let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
+    [format!("source {input}"), error].into_iter().chain(bound).collect()
 }
 
 /// World bounding box of the samples; z is not known.

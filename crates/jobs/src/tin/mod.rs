@@ -17,6 +17,7 @@ mod scope;
 mod seek;
 mod store;
 mod tally;
+mod textbook;
 mod units;
 mod window;
 mod workdir;
@@ -31,6 +32,7 @@ pub use layout::TILE_CELLS;
 pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
+pub use textbook::{Textbook, run_by};
 pub(crate) use units::{horizontal_unit, vertical_unit};
 pub use workdir::{
     Form, MeshRun, MeshStatus, PlanJob, RunJob, RunReport, StatusReport, plan_work, run_in,

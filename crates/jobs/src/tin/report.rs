@@ -6,11 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::figures::Figures;
 use crate::placing::Placed;
+use terrane_base::bound::Bound;
 
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageReport {
-    /// Name: "read", "tiles", "seams", "write", "load".
+    /// Name: "read", "tiles", "seams", "write", "load"; of methods of the textbooks "method".
     pub name: String,
     /// Seconds spent in it, summed over threads.
     pub thread_seconds: f64,
@@ -30,7 +31,15 @@ pub struct TinReport {
     pub crs: String,
     pub horizontal_unit: String,
     pub vertical_unit: String,
+    /// The method, where it is not the engine's own, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<String>,
+    /// how it connects vertices, where it leaves that open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub triangulation: Option<String>,
     pub tolerance: f64,
+    /// Of what it is promised.
+    pub bound: Bound,
     /// Largest error of any sample, when measured.
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.

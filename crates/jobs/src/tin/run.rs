@@ -268,10 +268,12 @@ mod tests {
     use super::*;
     use crate::Silent;
     use crate::tin::container::Container;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use terrane_base::bound::Bound;
     use terrane_base::geom::Rect;
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};
-    use terrane_tin::{Local, Triangle};
+    use terrane_tin::{Local, Triangle, mend_patch};
     use terrane_tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
 
     /// A saddle with a fault in it, if wanted.
@@ -327,6 +329,7 @@ mod tests {
         Settings {
             spec: Spec {
                 tolerance: 5.0,
+                bound: Bound::Samples,
                 strict: false,
                 drop: true,
                 single_precision: None,
@@ -368,6 +371,62 @@ mod tests {
             let error = run(&source, threads, kernel).unwrap_err().to_string();
             assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");
         }
+    }
+
+    fn is_corner(input: &PatchInput<'_>) -> bool {
+        input.seam_col.is_some() && input.seam_row.is_some()
+    }
+
+    /// Largest height of a patch around a corner.
+    static TALLEST: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+
+    fn measured(
+        of: usize,
+        input: &PatchInput<'_>,
+        spec: &Spec,
+        scratch: &mut Scratch,
+    ) -> PatchMesh {
+        if is_corner(input) {
+            TALLEST[of].fetch_max(input.heights.height, Ordering::Relaxed);
+        }
+        mend_patch(input, spec, scratch)
+    }
+
+    /// Leaves something to mend at the first row of all patches along rows.
+    fn leaving(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+        let is_row = input.seam_row.is_some() && !is_corner(input);
+        let left = if is_row { vec![Local::new(0, 0)] } else { Vec::new() };
+        PatchMesh { left, ..measured(1, input, spec, scratch) }
+    }
+
+    #[test]
+    fn what_is_left_between_samples_beside_a_seam_is_taken_up_around_the_corners() {
+        let source = Saddle::new(257);
+        let usual = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            measured(0, input, spec, scratch)
+        };
+        run(&source, 1, Kernel { patch: usual, ..Kernel::GREEDY }).unwrap();
+        run(&source, 1, Kernel { patch: leaving, ..Kernel::GREEDY }).unwrap();
+        let [usual, leaving] = [0, 1].map(|i| TALLEST[i].load(Ordering::Relaxed));
+        assert!(leaving > usual, "{leaving} rows against {usual}");
+    }
+
+    #[test]
+    fn what_no_patch_around_a_corner_can_mend_between_samples_is_an_error() {
+        let stuck = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            let left = if is_corner(input) { vec![Local::new(0, 0)] } else { Vec::new() };
+            PatchMesh { left, ..mend_patch(input, spec, scratch) }
+        };
+        let kernel = Kernel { patch: stuck, ..Kernel::GREEDY };
+        let error = run(&Saddle::new(257), 1, kernel).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Internal);
+        assert!(error.to_string().contains("cannot be kept within the tolerance"), "{error}");
+        let narrow = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+            let is_left = is_corner(input) && input.heights.width < 55;
+            let left = if is_left { vec![Local::new(0, 0)] } else { Vec::new() };
+            PatchMesh { left, ..mend_patch(input, spec, scratch) }
+        };
+        run(&Saddle::new(257), 1, Kernel { patch: narrow, ..Kernel::GREEDY }).unwrap();
     }
 
     /// Two triangles for every tile of a flat land.

@@ -114,6 +114,7 @@ fn too_coarse(rounding: f64, tolerance: f64) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrane_base::bound::Bound;
     use terrane_base::error::ErrorKind;
 
     #[test]
@@ -130,6 +131,7 @@ mod tests {
         let spec = |tolerance, single: bool| Spec {
             tolerance,
             single_precision: single.then_some(Rounding::about(0.0)),
+            bound: Bound::Samples,
             strict: false,
             drop: true,
             measure: false,

@@ -178,7 +178,12 @@ impl<'a> Worker<'a> {
             self.read(rect)?;
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             let frontier = self.frontier(&patch, rect, &zone)?;
-            if reach == layout.widest_reach() || !frontier.is_open() {
+            let is_widest = reach == layout.widest_reach();
+            let is_done = seam != Seam::Corner || patch.left.is_empty();
+            if is_widest && !is_done {
+                return Err(unbounded());
+            }
+            if is_widest || (is_done && !frontier.is_open()) {
                 return self.settle(seam, tile, rect, &patch, &frontier);
             }
         }
@@ -256,7 +261,10 @@ impl<'a> Worker<'a> {
             Seam::Vertical => self.release_left_of_seam(tile),
             Seam::Horizontal => {
                 let row = self.job.layout.widest_reach() as i32;
-                self.job.store.set_reach(tile, frontier.closed_reach(row))?;
+                let seam = self.job.layout.seam_lines(seam, tile, rect)[1].unwrap_or_default();
+                let left = patch.left.iter().map(|at| at.row().abs_diff(seam)).max();
+                let reach = frontier.closed_reach(row).max(left.unwrap_or_default());
+                self.job.store.set_reach(tile, reach)?;
             }
             Seam::Corner => {}
         }
@@ -397,6 +405,12 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool) -> u64 {
         + Window::bytes(samples)
         + Marks::bytes(cells)
         + 4 * Ranks::bytes(cells)
+}
+
+/// What is left over of the bound between samples at the end: never seen.
+fn unbounded() -> Error {
+    Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
+        .remedy("choose another --tile, and please report this with the input")
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {

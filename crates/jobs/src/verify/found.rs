@@ -177,7 +177,6 @@ impl<O: Original> MeshReport<O> {
         let Findings { mesh, tolerance, vertices, tally, step, .. } = *found;
         let fault = |fault: &Fault| FaultReport::of(fault, &place);
         let mean = |sum: f64| (tally.covered > 0).then(|| sum / tally.covered as f64);
-        let at = |col: u32, row: u32| place(Position::sample(i64::from(col), i64::from(row)));
         let report = Self {
             mesh: String::new(),
             format: mesh.format.to_owned(),
@@ -186,7 +185,7 @@ impl<O: Original> MeshReport<O> {
             tolerance,
             over_tolerance: fault(&tally.over),
             max_error: tally.worst.map(|spot| spot.error * step),
-            max_error_at: tally.worst.map(|spot| at(spot.col, spot.row)),
+            max_error_at: tally.worst.map(|spot| place(spot.at)),
             rmse: mean(tally.squares.value()).map(|square| square.sqrt() * step),
             mean_error: mean(tally.errors.value()).map(|mean| mean * step),
             error_histogram: tolerance.map_or(Vec::new(), |_| tally.histogram.to_vec()),

@@ -20,6 +20,7 @@ use bytemuck::Pod;
 use crate::figures::Figures;
 use crate::memory::beside_program;
 use crate::{Cancel, Progress, Resources};
+use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
@@ -47,6 +48,8 @@ pub struct VerifyJob {
     pub nodata: Option<f64>,
     /// Largest allowed vertical distance; what the mesh's comments say when `None`.
     pub tolerance: Option<f64>,
+    /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
+    pub bound: Option<Bound>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -66,8 +69,12 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         Some(tolerance) => Some(tolerance),
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
+    let bound = match job.bound {
+        Some(bound) => bound,
+        None => stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
-    let checked = verify(&*mesh, &*grid, tolerance, &job.resources, progress, cancel);
+    let checked = verify(&*mesh, &*grid, tolerance, bound, &job.resources, progress, cancel);
     let report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
         _ => e,
@@ -93,25 +100,40 @@ fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
 /// The tolerance a mesh states in a comment: "max error 1.5 metre". A statement that is no bound is
 /// an error: to take it for none would leave the errors unjudged.
 fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
-    let stated = |(key, value): &'_ (String, String)| {
-        let rest = if key == KEY { value } else { value.trim().strip_prefix(KEY)? };
-        let is_whole_word = rest.is_empty() || key == KEY || rest.starts_with(char::is_whitespace);
-        is_whole_word.then(|| rest.split_whitespace().next().unwrap_or_default().to_owned())
-    };
-    let Some(word) = info.details.iter().find_map(stated) else { return Ok(None) };
+    let Some(word) = stated(info, TOLERANCE) else { return Ok(None) };
     match word.parse() {
         Ok(tolerance) if (0.0..f64::INFINITY).contains(&tolerance) => Ok(Some(tolerance)),
-        _ => Err(Error::bad_input(format!("states \"{KEY} {word}\", which is no bound"))
+        _ => Err(Error::bad_input(format!("states \"{TOLERANCE} {word}\", which is no bound"))
             .remedy("give the bound with --max-error")),
     }
 }
 
-const KEY: &str = "max error";
+/// What the tolerance of a mesh is of, as a comment states it: "bound surface". What is not understood is
+/// an error: to take it for less would leave a promise unjudged.
+fn stated_bound(info: &MeshInfo) -> Result<Bound> {
+    let Some(word) = stated(info, BOUND) else { return Ok(Bound::default()) };
+    word.parse().map_err(|_| {
+        Error::bad_input(format!("states \"{BOUND} {word}\", which is not known"))
+            .remedy("say what is to be proved with --bound")
+    })
+}
+
+/// The word after `key` in a mesh's comments.
+fn stated<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
+    info.details.iter().find_map(|(own, value)| {
+        let rest = if own == key { value } else { value.trim().strip_prefix(key)? };
+        let is_whole_word = rest.is_empty() || own == key || rest.starts_with(char::is_whitespace);
+        is_whole_word.then(|| rest.split_whitespace().next().unwrap_or_default())
+    })
+}
+
+const TOLERANCE: &str = "max error";
+const BOUND: &str = "bound";
 
 /// What a report says where no bound is known.
 const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
 
-/// Proves `mesh` against `grid`; a caller's caches of both are not part of the memory budget, of
+/// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's caches of both are not part of the memory budget, of
 /// which this takes about two thirds.
 ///
 /// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
@@ -120,13 +142,14 @@ pub fn verify(
     mesh: &dyn MeshSource,
     grid: &dyn GridSource,
     tolerance: Option<f64>,
+    bound: Bound,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
     let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
-    let context = Context::new(work, grid, tolerance)?;
+    let context = Context::new(work, grid, tolerance, bound)?;
     let spread = parts::fill(&context)?;
     let tally = parts::check(&context, &spread)?;
     let mut report = report::report(&context, &spread.counts, spread.broken, &tally);
@@ -183,6 +206,7 @@ struct Context<'a> {
     work: Work<'a>,
     grid: &'a dyn GridSource,
     tolerance: Option<f64>,
+    bound: Bound,
     snapper: Snapper,
     precision: Precision,
     /// See [`terrane_proof::Part::orientation`].
@@ -190,13 +214,19 @@ struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    fn new(work: Work<'a>, grid: &'a dyn GridSource, tolerance: Option<f64>) -> Result<Self> {
+    fn new(
+        work: Work<'a>,
+        grid: &'a dyn GridSource,
+        tolerance: Option<f64>,
+        bound: Bound,
+    ) -> Result<Self> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];
         Ok(Self {
             grid,
             tolerance,
+            bound,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
                 true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
@@ -247,6 +277,20 @@ mod tests {
         assert_eq!(stated(&[("comment", "max errors are small")]).unwrap(), None);
         assert_eq!(stated(&[]).unwrap(), None);
         for bad in ["max error unknown", "max error -1", "max error NaN", "max error"] {
+            assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
+        }
+    }
+
+    #[test]
+    fn the_bound_is_read_from_comments_and_is_that_of_samples_where_they_state_none() {
+        let stated = |details: &[(&str, &str)]| stated_bound(&info(details));
+        assert_eq!(stated(&[("bound", "surface")]).unwrap(), Bound::Surface);
+        let beside = [("comment", "max error 1.5 metre"), ("comment", "bound surface")];
+        assert_eq!(stated(&beside).unwrap(), Bound::Surface);
+        assert_eq!(stated(&[("comment", "bound samples")]).unwrap(), Bound::Samples);
+        assert_eq!(stated(&[("comment", "bounds 0 0 9 9")]).unwrap(), Bound::Samples);
+        assert_eq!(stated(&[]).unwrap(), Bound::Samples);
+        for bad in ["bound volume", "bound", "bound 1.5"] {
             assert_eq!(stated(&[("comment", bad)]).unwrap_err().kind(), ErrorKind::BadInput);
         }
     }

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::Context;
 use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
 use super::vertices::VertexCounts;
+use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
 use terrane_proof::{Fault, Position, Tally};
 
@@ -61,6 +62,18 @@ pub struct OfGrid {
     /// the precision of the format. A failure only where `made_by_terrane`: the error bound of
     /// other meshes may hold all the same.
     pub off_sample_vertices: FaultReport<Place>,
+    /// What the tolerance is of: samples alone, or lines between neighbouring samples, too.
+    pub bound: Bound,
+    /// Largest vertical distance between the mesh and the lines between neighbouring samples of the
+    /// surface, these samples included.
+    pub surface_error: Option<f64>,
+    /// Where it is.
+    pub surface_error_at: Option<Place>,
+    /// Where the mesh breaks on such a line: there, or at a sample, it is furthest from it.
+    pub breaks: u64,
+    /// Breaks further from their line than the tolerance (decided exactly, closed <=). A failure only
+    /// where `bound` is the surface.
+    pub over_between_samples: FaultReport<Place>,
     /// Samples of the grid by seconds.
     pub samples_per_second: f64,
 }
@@ -75,7 +88,12 @@ impl Original for OfGrid {
     }
 
     fn promises(&self) -> Vec<(FaultReport<Place>, &'static str)> {
+        let between = match self.bound {
+            Bound::Samples => FaultReport::default(),
+            Bound::Surface => self.over_between_samples,
+        };
         vec![
+            (between, "places between samples further from the mesh than the tolerance"),
             (self.uncovered_samples, "samples not covered by the mesh"),
             (self.uncovered_cells, "cells not covered by the mesh"),
             (self.void_cells, "void cells covered by triangles"),
@@ -119,6 +137,11 @@ pub(super) fn report(
         void_cells: fault(&tally.void_cells),
         outside_triangles: fault(&tally.outside),
         off_sample_vertices: fault(&tally.off_samples),
+        bound: context.bound,
+        surface_error: tally.worst_of_surface().map(|spot| spot.error),
+        surface_error_at: tally.worst_of_surface().map(|spot| place(spot.at)),
+        breaks: tally.breaks,
+        over_between_samples: fault(&tally.over_between),
         ..OfGrid::default()
     };
     let found = Findings {

@@ -23,7 +23,7 @@ pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
     });
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
-    corners.each_edge(|ends, meeting| {
+    corners.each_edge(|ends, meeting, _| {
         let is_owned = part.domain.owns(ends[0]);
         if is_owned {
             tally.edge(ends, meeting);

@@ -112,8 +112,7 @@ impl Plumb {
             tally.covered += 1;
             tally.errors.add(found.distance);
             tally.squares.add(found.distance * found.distance);
-            let (col, row) = (point.x as u32, point.y as u32);
-            tally.spot(Spot { error: found.distance, col, row });
+            tally.spot(Spot { error: found.distance, at });
             if found.is_over {
                 tally.over.add(at);
             }

@@ -108,7 +108,7 @@ impl Case {
             tally.covered += 1;
             tally.errors.add(error);
             tally.squares.add(error * error);
-            tally.spot(Spot { error, col: point.x as u32, row: point.y as u32 });
+            tally.spot(Spot { error, at: at(point) });
             let over = hits.iter().any(|h| 2 * h.0 > i128::from(self.halves) * h.1);
             let bin = (error * 20.0 / (f64::from(self.halves) / 2.0)) as usize;
             tally.histogram[if over { 20 } else { bin.min(19) }] += 1;

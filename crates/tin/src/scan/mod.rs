@@ -198,7 +198,7 @@ mod tests {
         let heights: Vec<f32> = (0..SIDE * SIDE).map(height).collect();
         let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
         let mut field = Field::default();
-        field.load(&heights, [0, 0, SIDE, SIDE], margin, None);
+        field.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
         field
     }
 
@@ -253,9 +253,30 @@ mod tests {
             heights[(target.row() * SIDE + target.col()) as usize] = 1.0;
             let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
             let mut one = Field::default();
-            one.load(&heights, [0, 0, SIDE, SIDE], margin, None);
+            one.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
             let found = scalar::scan(&one.level(level), &Facet::new(p, [0.0; 3]));
             prop_assert_eq!(found, Worst { error: 1.0, at: target });
+        }
+    }
+
+    /// Triangles as wide as a run of lanes, one more and one less, that begin anywhere.
+    #[test]
+    fn kernels_see_the_ends_of_rows_of_any_length() {
+        for (width, left) in (1..36).flat_map(|width| (0..18).map(move |left| (width, left))) {
+            let flat = [(left, 3), (left + width, 3), (left + width, 4)];
+            let p = flat.map(|(col, row)| Local::new(col, row));
+            for col in left..=left + width {
+                let mut heights = vec![0.0; (SIDE * SIDE) as usize];
+                heights[(3 * SIDE + col) as usize] = 1.0;
+                let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
+                let mut field = Field::default();
+                field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+                let expected = Worst { error: 1.0, at: Local::new(col, 3) };
+                for (name, scan) in available() {
+                    let found = scan(&field.level(0), &Facet::new(p, [0.0; 3]));
+                    assert_eq!(found, expected, "{name} {width} {left}");
+                }
+            }
         }
     }
 

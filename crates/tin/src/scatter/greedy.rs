@@ -302,6 +302,19 @@ mod tests {
         })
     }
 
+    /// A mesh of the corners of the hull, so that some points lie on its edges; none where all are on a
+    /// line.
+    fn hull_of(points: &[Point]) -> Option<Mesh> {
+        let hull = terrane_delaunay::Hull::of(points.to_vec());
+        let mesh = Mesh::of_first(&hull.corners());
+        assert_eq!(mesh.is_none(), hull.is_flat());
+        let mut mesh = mesh?;
+        for corner in hull.corners() {
+            mesh.insert(corner);
+        }
+        Some(mesh)
+    }
+
     /// The largest distance of any point from the mesh that covers it, by looking at all triangles.
     fn worst(mesh: &Mesh, points: &[Point]) -> f64 {
         let all: Vec<_> =
@@ -317,13 +330,25 @@ mod tests {
         points.iter().map(distance).fold(0.0, f64::max)
     }
 
+    /// The squares of all distances, each by the first triangle that covers the point.
+    fn sum_of_squares(mesh: &Mesh, points: &[Point]) -> f64 {
+        let all: Vec<_> =
+            (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
+        let at = |p: Point| [p.x, p.y];
+        let covers = |[a, b, c]: &[Point; 3], p: Point| {
+            [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(at(**a), at(**b), at(p)) >= 0)
+        };
+        let square = |p: &Point| {
+            all.iter().find(|t| covers(t, *p)).map(|t| Plane::new(*t).distance(*p).powi(2))
+        };
+        points.iter().filter_map(square).sum()
+    }
+
     proptest! {
         #[test]
         fn no_point_is_left_beyond_the_tolerance(points in cloud(), tolerance in 0..30u32) {
             let tolerance = f64::from(tolerance) + 0.25;
-            let hull = terrane_delaunay::Hull::of(points.clone());
-            let Some(mut mesh) = Mesh::of_first(hull.ring()) else { return Ok(()) };
-            hull.ring().iter().for_each(|&p| { mesh.insert(p); });
+            let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
             let before = mesh.points().len();
             let inserted = Fit::new(&mut mesh, &points, tolerance).run();
             validate(&mesh);
@@ -331,6 +356,78 @@ mod tests {
             prop_assert!(worst(&mesh, &points) <= tolerance * (1.0 + 1e-12));
             prop_assert!(!Fit::new(&mut mesh, &points, tolerance).is_open());
             prop_assert!(mesh.points().iter().all(|p| points.contains(p)));
+        }
+
+        /// Of each position one point counts, and is in the list of one triangle that holds it.
+        #[test]
+        fn every_point_is_listed_once_with_a_triangle_that_holds_it(points in cloud()) {
+            let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
+            let mut fit = Fit::new(&mut mesh, &points, 0.5);
+            loop {
+                let mut listed = 0;
+                for triangle in 0..fit.mesh.triangles().len() {
+                    let mut point = fit.heads[triangle];
+                    while point != NONE {
+                        let corners = fit.mesh.corners(triangle as u32);
+                        let [a, b, c] = corners.unwrap().map(|p| [p.x, p.y]);
+                        let p = [points[point as usize].x, points[point as usize].y];
+                        let sides = [orient(a, b, p), orient(b, c, p), orient(c, a, p)];
+                        prop_assert!(sides.iter().all(|&side| side >= 0), "{:?} {:?}", p, [a, b, c]);
+                        (listed, point) = (listed + 1, fit.nexts[point as usize]);
+                    }
+                }
+                prop_assert_eq!(listed + fit.mesh.points().len(), points.len());
+                let Some(worst) = fit.queue.pop() else { break };
+                if fit.worst[worst.triangle as usize] == worst {
+                    fit.insert(points[worst.point as usize], worst.triangle);
+                }
+            }
+        }
+
+        /// Distances in floating point are doubted by more than they are off, and by little.
+        #[test]
+        fn doubt_covers_the_rounding_of_distances(
+            c in prop::array::uniform3((-9000..9000i32, -9000..9000i32, -9000..9000i32)),
+            w in prop::array::uniform3(0..50i64), off in -40..40i32
+        ) {
+            let corners = c.map(|(x, y, z)| Point::new(x, y, z));
+            let [a, b, c] = corners;
+            let area = orient([a.x, a.y], [b.x, b.y], [c.x, c.y]);
+            let total: i64 = w.iter().sum();
+            prop_assume!(area != 0 && total > 0);
+            let mix = |f: fn(Point) -> i32| {
+                (0..3).map(|i| w[i] * i64::from(f(corners[i]))).sum::<i64>() / total
+            };
+            let point = Point::new(mix(|p| p.x) as i32, mix(|p| p.y) as i32, mix(|p| p.z) as i32 + off);
+            let plane = Plane::new(corners);
+            let found = plane.distance(point);
+            let [off, double] = offset(corners, point);
+            prop_assert_eq!(double.abs(), i128::from(area.abs()));
+            // How far the fraction is from what was found, times the area, in 2^-40 steps.
+            let scaled = (found * (1u64 << 40) as f64).round() as i128 * double.abs();
+            let error = (scaled - (off.abs() << 40)).abs() as f64 / double.abs() as f64 / (1u64 << 40) as f64;
+            prop_assert!(error <= plane.doubt(found) + 1e-12);
+            // The steepest slopes reach over the sides of the triangle.
+            let rise = |axis: fn(Point) -> i32, slope: f64| {
+                let far = |p: Point| f64::from((axis(p) - axis(a)).abs());
+                slope.abs() * far(b).max(far(c))
+            };
+            let least = rise(|p| p.x, plane.slope[0]).max(rise(|p| p.y, plane.slope[1]));
+            let heights = f64::from((b.z - a.z).abs().max((c.z - a.z).abs()));
+            let most = rise(|p| p.x, plane.slope[0]) + rise(|p| p.y, plane.slope[1]) + heights + found;
+            let unit = 16.0 * f64::EPSILON;
+            let doubt = plane.doubt(found);
+            prop_assert!(doubt >= 0.999 * unit * (least.max(heights) + found) && doubt <= 1.001 * unit * most);
+        }
+
+        #[test]
+        fn what_is_measured_is_what_is_left(points in cloud(), tolerance in 0..30u32) {
+            let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
+            Fit::new(&mut mesh, &points, tolerance.into()).run();
+            let expected = worst(&mesh, &points);
+            let (most, squares) = Fit::new(&mut mesh, &points, tolerance.into()).measure();
+            prop_assert!((most - expected).abs() <= 1e-9 * (1.0 + expected), "{} {}", most, expected);
+            prop_assert!((squares - sum_of_squares(&mesh, &points)).abs() <= 1e-6 * (1.0 + squares));
         }
 
         #[test]
@@ -352,6 +449,21 @@ mod tests {
             if (distance - tolerance).abs() > 1e-6 {
                 prop_assert_eq!(exceeds(corners, point, tolerance), distance > tolerance);
             }
+        }
+    }
+
+    #[test]
+    fn points_as_far_as_the_tolerance_are_left_out() {
+        let corners = [[0, 0], [90, 0], [0, 90]].map(|[x, y]| Point::new(x, y, 0));
+        for far in [7, -7] {
+            let points = [[20, 20, far], [40, 13, far - 1], [0, 45, 0]];
+            let points = points.map(|[x, y, z]| Point::new(x, y, z));
+            let open = |tolerance: f64| {
+                let mut mesh = Mesh::new(corners).unwrap();
+                Fit::new(&mut mesh, &points, tolerance).run().len()
+            };
+            let furthest = f64::from(points[0].z.abs().max(points[1].z.abs()));
+            assert_eq!((open(furthest), open(furthest.next_down() - 0.001) > 0), (0, true));
         }
     }
 

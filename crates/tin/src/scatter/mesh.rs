@@ -287,8 +287,11 @@ pub(super) mod tests {
         assert_eq!(mesh.triangles.len(), 2 * (mesh.points.len() + 1) - 4);
     }
 
+    /// The mesh of points in their order; none where all are on a line.
     fn mesh_of(points: &[Point]) -> Option<Mesh> {
-        let mut mesh = Mesh::of_first(points)?;
+        let first = Mesh::of_first(points);
+        assert_eq!(first.is_none(), terrane_delaunay::Hull::of(points.to_vec()).is_flat());
+        let mut mesh = first?;
         points.iter().for_each(|&p| {
             mesh.insert(p);
         });

@@ -302,7 +302,7 @@ mod tests {
             "kind": "tin", "terrane": env!("CARGO_PKG_VERSION"), "revision": REVISION,
             "method": {
                 "input": { "names": ["synth:rough"], "label": "synth:rough" }, "band": 1,
-                "nodata": "NaN", "format": "PLY", "max_error": 0.1, "strict": false, "drop": true,
+                "nodata": "NaN", "format": "PLY", "max_error": 0.1, "bound": "samples", "strict": false, "drop": true,
                 "tile": 16, "strip_rows": 2, "height_origin": null,
             },
             "grid": {

@@ -16,8 +16,9 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{Work, open_mesh, stated_tolerance};
+use super::{Verdict, Work, open_mesh, stated_bound, stated_tolerance};
 use crate::{Cancel, Progress, Resources};
+use terrane_base::bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
@@ -57,6 +58,7 @@ pub fn verify_cloud(
         Some(tolerance) => Some(tolerance),
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
+    let stated = stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
     let cloud = job.inputs.join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
     let proved = prove_cloud(&*mesh, &*source, tolerance, &job.resources, progress, cancel);
@@ -65,7 +67,18 @@ pub fn verify_cloud(
         _ => e,
     })?;
     let mesh = job.mesh.display().to_string();
-    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
+    let verdict = beside_stated(report.verdict, stated);
+    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, verdict, ..report })
+}
+
+/// The verdict on a mesh that states this bound: points have no surface between them to judge one by.
+fn beside_stated(verdict: Verdict, stated: bound::Bound) -> Verdict {
+    let mut not_judged = verdict.not_judged;
+    if stated == bound::Bound::Surface {
+        not_judged
+            .push("the bound on the surface that the mesh states, as points have none".to_owned());
+    }
+    Verdict::of(verdict.failures, not_judged)
 }
 
 /// Proves `mesh` against the points of `source`; what the two hold themselves is not part of the

@@ -1,0 +1,154 @@
+//! The drop heuristic: all samples are vertices, and the one whose removal leaves the smallest error goes, again
+//! and again, while no sample is further off than the tolerance.
+//!
+//! Source: Lee, "A drop heuristic conversion method for extracting irregular network for digital elevation
+//! models" (1989); "Comparison of existing methods for building triangular irregular network models of terrain
+//! from grid digital elevation models" (1991). The error of a removal is the largest of all samples in the
+//! star of the vertex, refilled with Delaunay triangles, so those that went before count as well; a vertex is
+//! looked at again when its star changes. At the end no vertex can go. Outlines stay.
+//!
+//! Ties: of equal errors the lowest (row, column) goes first.
+//!
+//! Time O(n log n log (n/m)) expected to come from n samples to m vertices: a star holds some n/m samples when
+//! m are left. Memory: some words a sample.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::grid::Sample;
+use crate::mesh::check_surface;
+use crate::plane::Plane;
+use crate::registry::{Method, Promise};
+use crate::result::Tin;
+use crate::star::{Full, Star, is_free};
+use crate::task::{Size, Task};
+use terrane_base::error::Result;
+
+pub(crate) const DROP: Method = Method {
+    name: "drop",
+    about: "all samples, and the vertex that leaves the smallest error goes, again and again",
+    source: "Lee 1989, 1991",
+    time: "O(n log n log (n/m)), expected",
+    memory: "the grid, and a mesh of all samples",
+    promise: Promise::Samples,
+    takes_triangulation: false,
+    takes_budget: true,
+    sample_bytes: 340,
+    run,
+};
+
+fn run(task: &Task<'_>) -> Result<Tin> {
+    let mut dropping = Dropping::new(task)?;
+    dropping.run()?;
+    Ok(Tin::of_mesh(&task.grid, &dropping.full.mesh))
+}
+
+/// A removal: the error it leaves, by its bits, the vertex, and the stamp of its star.
+type Removal = Reverse<(u64, Sample, u32)>;
+
+/// A mesh that gets coarser.
+struct Dropping<'a> {
+    task: &'a Task<'a>,
+    full: Full,
+    heap: BinaryHeap<Removal>,
+    /// By sample: how often its star has changed.
+    stamps: Vec<u32>,
+}
+
+impl<'a> Dropping<'a> {
+    fn new(task: &'a Task<'a>) -> Result<Self> {
+        let grid = &task.grid;
+        check_surface(grid)?;
+        let stamps = vec![0; grid.len()];
+        let mut new = Self { task, full: Full::new(grid), heap: BinaryHeap::new(), stamps };
+        for at in grid.samples() {
+            (task.pulse)()?;
+            new.weigh(at);
+        }
+        Ok(new)
+    }
+
+    fn run(&mut self) -> Result<()> {
+        let mut size = Size::counted(&self.full.mesh);
+        while !size.meets(self.task.goal) {
+            (self.task.pulse)()?;
+            let Some(vertex) = self.next() else { return size.check(self.task.goal) };
+            let star = self.full.star(&self.task.grid, vertex);
+            let Some(filling) = star.ears() else { continue };
+            size.shrink(&star, &filling);
+            self.full.refill(&self.task.grid, &star, &filling);
+            star.ring.iter().for_each(|link| self.weigh(link.from));
+        }
+        Ok(())
+    }
+
+    /// The vertex that goes next.
+    fn next(&mut self) -> Option<Sample> {
+        loop {
+            let Reverse((_, vertex, stamp)) = self.heap.pop()?;
+            if self.stamps[self.task.grid.index(vertex)] == stamp {
+                return Some(vertex);
+            }
+        }
+    }
+
+    /// Puts the removal of a vertex into the heap, if it is allowed. What is there of it counts no more.
+    fn weigh(&mut self, vertex: Sample) {
+        let index = self.task.grid.index(vertex);
+        self.stamps[index] += 1;
+        if is_free(&self.task.grid, vertex) {
+            let star = self.full.star(&self.task.grid, vertex);
+            let error = removal_error(self.task, &star);
+            self.heap.extend(error.map(|e| Reverse((e.to_bits(), vertex, self.stamps[index]))));
+        }
+    }
+}
+
+/// The largest error that the removal of a vertex leaves in its star; none where that is beyond the tolerance.
+fn removal_error(task: &Task<'_>, star: &Star) -> Option<f64> {
+    let mut worst = 0.0;
+    for corners in star.ears()? {
+        let plane = Plane::new(&task.grid, corners);
+        for (_, offset) in plane.offsets() {
+            if task.forbids(&offset) {
+                return None;
+            }
+            worst = offset.error().max(worst);
+        }
+    }
+    Some(worst)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::task::Goal;
+    use crate::tests::{grids, tolerances};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn in_the_end_no_vertex_can_go(heights in grids(), tolerance in tolerances()) {
+            let grid = heights.grid();
+            prop_assume!(check_surface(&grid).is_ok());
+            let task = Task::new(grid, Goal::MaxError(tolerance));
+            let mut dropping = Dropping::new(&task).unwrap();
+            dropping.run().unwrap();
+            dropping.full.mesh.validate();
+            let tin = Tin::of_mesh(&grid, &dropping.full.mesh);
+            for &vertex in tin.vertices.iter().filter(|at| is_free(&grid, **at)) {
+                let star = dropping.full.star(&grid, vertex);
+                prop_assert!(star.ears().is_some(), "a star has no filling");
+                prop_assert!(removal_error(&task, &star).is_none(), "{:?} can go", vertex);
+            }
+        }
+    }
+
+    #[test]
+    fn a_plane_keeps_its_corners_alone() {
+        let heights: Vec<f64> = (0..40 * 30).map(|i| f64::from(2 * (i % 40) - i / 40)).collect();
+        let grid = crate::grid::Grid::new(40, 30, &heights, None).unwrap();
+        let tin = run(&Task::new(grid, Goal::MaxError(0.0))).unwrap();
+        assert_eq!((tin.vertices.len(), tin.triangles.len(), tin.max_error), (4, 2, 0.0));
+    }
+}

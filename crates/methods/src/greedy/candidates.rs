@@ -1,0 +1,54 @@
+//! Version 4: a heap with one candidate by triangle, its worst sample. Source: algorithm III of Garland &
+//! Heckbert 1995; with the data-dependent triangulation their algorithm IV. Time O((m + n) log m) expected
+//! for m vertices of n samples. Memory: a few words a triangle.
+
+use std::collections::BinaryHeap;
+
+use super::{GREEDY, Search, run};
+use crate::candidate::Candidate;
+use crate::mesh::Mesh;
+use crate::registry::Method;
+use crate::task::Task;
+
+pub(crate) const GREEDY_4: Method = Method {
+    name: "greedy4",
+    about: "greedy insertion, with a heap of one candidate by triangle",
+    time: "O((m + n) log m), expected",
+    memory: "the grid, the mesh, and a heap of triangles",
+    sample_bytes: 220,
+    run: |task| run::<Candidates>(task),
+    ..GREEDY
+};
+
+/// The worst sample of each triangle. What has changed since is told by the triangle's stamp and thrown
+/// away when it comes up.
+pub(super) struct Candidates {
+    heap: BinaryHeap<(Candidate, u32, u32)>,
+    stamps: Vec<u32>,
+}
+
+impl Search for Candidates {
+    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
+        let mut search = Self { heap: BinaryHeap::new(), stamps: Vec::new() };
+        search.update(task, mesh, &mesh.surface().collect::<Vec<_>>());
+        search
+    }
+
+    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
+        self.stamps.resize(mesh.tris.len(), 0);
+        for &t in fresh {
+            self.stamps[t as usize] += 1;
+            let worst = Candidate::worst(task, mesh.tris[t as usize].corners);
+            self.heap.extend(worst.map(|worst| (worst, t, self.stamps[t as usize])));
+        }
+    }
+
+    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+        loop {
+            let (worst, t, stamp) = self.heap.pop()?;
+            if self.stamps[t as usize] == stamp {
+                return Some((worst, t));
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Greedy insertion: the sample that is furthest from the surface becomes a vertex, until none is further
+//! than the tolerance. Four ways to find it, each faster than the one before, and all with one result.
+//!
+//! Source: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields",
+//! CMU-CS-95-181 (1995). Their algorithms I, II and III are the versions 1, 2 and 4 here, and IV is version 4
+//! with the data-dependent triangulation. Before them: Fowler & Little 1979, De Floriani et al. 1985.
+//!
+//! Ties: of the samples beyond the tolerance the one with the largest error goes first, and among equals the
+//! lowest (row, column). Errors are those of [`crate::plane`], which depend on the triangle alone.
+
+mod all_points;
+mod by_triangle;
+mod candidates;
+mod point_heap;
+
+pub(crate) use all_points::GREEDY_1;
+pub(crate) use by_triangle::GREEDY_2;
+pub(crate) use candidates::GREEDY_4;
+pub(crate) use point_heap::GREEDY_3;
+
+use crate::candidate::Candidate;
+use crate::grid::Sample;
+use crate::mesh::Mesh;
+use crate::registry::{Method, Promise};
+use crate::result::Tin;
+use crate::task::{Size, Task};
+use terrane_base::error::Result;
+
+/// A way to find the worst candidate.
+trait Search {
+    /// Begins with a mesh.
+    fn new(task: &Task<'_>, mesh: &Mesh) -> Self;
+
+    /// Looks at triangles that are new; whatever else had their numbers is gone.
+    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]);
+
+    /// The greatest candidate of all, and a triangle that holds it.
+    fn worst(&mut self, task: &Task<'_>, mesh: &Mesh) -> Option<(Candidate, u32)>;
+}
+
+/// Inserts until nothing is left to do.
+fn run<S: Search>(task: &Task<'_>) -> Result<Tin> {
+    let mut mesh = Mesh::of_outline(&task.grid)?;
+    insert::<S>(task, &mut mesh, |_| ())?;
+    Ok(Tin::of_mesh(&task.grid, &mesh))
+}
+
+/// The same into a mesh that is there; `note` hears of every vertex in its turn.
+fn insert<S: Search>(task: &Task<'_>, mesh: &mut Mesh, mut note: impl FnMut(Sample)) -> Result<()> {
+    let mut size = Size::of(mesh, task.goal)?;
+    let mut search = S::new(task, mesh);
+    while let Some((worst, t)) = search.worst(task, mesh) {
+        (task.pulse)()?;
+        let Some(fresh) = size.insert(task, mesh, t, worst.at) else { break };
+        note(worst.at);
+        search.update(task, mesh, &fresh);
+    }
+    Ok(())
+}
+
+/// What the versions have in common, to be completed.
+const GREEDY: Method = Method {
+    name: "",
+    about: "",
+    source: "Garland & Heckbert 1995",
+    time: "",
+    memory: "",
+    promise: Promise::Samples,
+    takes_triangulation: true,
+    takes_budget: true,
+    sample_bytes: 0,
+    run: |task| run::<all_points::AllPoints>(task),
+};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! The grid that methods work on: heights of samples, and positions packed into one number.
+
+use crate::surface::Role;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rounding;
+use terrane_base::geom::predicates::Lattice;
+
+/// Bits of a column.
+const BITS: u32 = 14;
+
+/// A sample: column and row below 2^14, packed so that the order of numbers is (row, column) order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Sample(u32);
+
+impl Sample {
+    /// The sample in this column and row, both below 2^14.
+    #[inline(always)]
+    pub fn new(col: u32, row: u32) -> Self {
+        debug_assert!(col >> BITS == 0 && row >> BITS == 0);
+        Self(row << BITS | col)
+    }
+
+    /// Column, from 0.
+    #[inline(always)]
+    pub fn col(self) -> u32 {
+        self.0 & ((1 << BITS) - 1)
+    }
+
+    /// Row, from 0.
+    #[inline(always)]
+    pub fn row(self) -> u32 {
+        self.0 >> BITS
+    }
+
+    /// As coordinates for the predicates.
+    #[inline(always)]
+    pub(crate) fn lattice(self) -> Lattice {
+        [self.col() as i32, self.row() as i32]
+    }
+}
+
+/// Heights of a grid, all of them in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid<'a> {
+    width: u32,
+    height: u32,
+    heights: &'a [f64],
+    rounding: Option<Rounding>,
+}
+
+/// Most samples along a side, so that all predicates are exact in 64 bits.
+pub const MOST_SIDE: u32 = 1 << BITS;
+
+impl<'a> Grid<'a> {
+    /// A grid of `width` columns and `height` rows of samples; `heights` row by row, NaN where void.
+    /// Vertices get heights after `rounding`, where the output stores no more than an f32.
+    ///
+    /// # Errors
+    /// Usage: not as many heights as samples, or an infinite one. Limit: a side of more than 2^14 samples.
+    pub fn new(
+        width: u32,
+        height: u32,
+        heights: &'a [f64],
+        rounding: Option<Rounding>,
+    ) -> Result<Self> {
+        check_sides(width, height)?;
+        if heights.len() as u64 != u64::from(width) * u64::from(height) {
+            let given = heights.len();
+            return Err(Error::usage(format!("{given} heights are no {width} x {height} grid")));
+        }
+        if heights.iter().any(|height| height.is_infinite()) {
+            return Err(Error::usage("a height is infinite").remedy("voids are NaN"));
+        }
+        Ok(Self { width, height, heights, rounding })
+    }
+
+    /// Columns of samples.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows of samples.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Where a sample is, counted row by row.
+    #[inline(always)]
+    pub(crate) fn index(&self, at: Sample) -> usize {
+        at.row() as usize * self.width as usize + at.col() as usize
+    }
+
+    /// Samples.
+    pub(crate) fn len(&self) -> usize {
+        self.heights.len()
+    }
+
+    /// The height of a sample, NaN where void.
+    #[inline(always)]
+    pub fn sample(&self, at: Sample) -> f64 {
+        self.heights[self.index(at)]
+    }
+
+    /// The height that a vertex at this sample has in the output.
+    #[inline(always)]
+    pub fn vertex(&self, at: Sample) -> f64 {
+        let height = self.sample(at);
+        self.rounding.map_or(height, |rounding| rounding.apply(height))
+    }
+
+    /// All samples in (row, column) order.
+    pub(crate) fn samples(&self) -> impl Iterator<Item = Sample> + use<> {
+        let (width, height) = (self.width, self.height);
+        (0..height).flat_map(move |row| (0..width).map(move |col| Sample::new(col, row)))
+    }
+
+    /// True when the cell whose first sample is (`col`, `row`) has four valid samples.
+    pub(crate) fn holds_cell(&self, col: u32, row: u32) -> bool {
+        let corners = [(col, row), (col + 1, row), (col, row + 1), (col + 1, row + 1)];
+        col + 1 < self.width
+            && row + 1 < self.height
+            && corners.iter().all(|&(col, row)| !self.sample(Sample::new(col, row)).is_nan())
+    }
+
+    /// What a sample is to the surface.
+    pub(crate) fn role(&self, at: Sample) -> Role {
+        Role::of(self, at)
+    }
+
+    /// True for the four corners of the grid.
+    pub(crate) fn is_corner(&self, at: Sample) -> bool {
+        let is_end = |at: u32, count: u32| at == 0 || at + 1 == count;
+        is_end(at.col(), self.width) && is_end(at.row(), self.height)
+    }
+}
+
+/// Fails when a grid of so many samples along its sides cannot be worked on.
+///
+/// # Errors
+/// Limit: a side of more than 2^14 samples.
+pub fn check_sides(width: u32, height: u32) -> Result<()> {
+    if width.max(height) > MOST_SIDE {
+        let message = format!("a grid of {width} x {height} samples has a side above {MOST_SIDE}");
+        return Err(Error::new(ErrorKind::Limit, message)
+            .remedy("leave --method out: the engine's own takes grids of any size"));
+    }
+    Ok(())
+}

@@ -1,0 +1,168 @@
+//! A tree of rectangles, each halved across its longer side, and each two triangles.
+//!
+//! Source: the tree is the k-d tree of Bentley, "Multidimensional binary search trees used for associative
+//! searching" (1975), as used for surfaces in Samet, "The design and analysis of spatial data structures"
+//! (1990). Its rectangles meet in corners that lie within a neighbour's side; as in Von Herzen & Barr,
+//! "Accurate triangulations of deformed, intersecting surfaces" (1987), such a corner becomes a vertex of the
+//! neighbour too, whose triangles are Delaunay between its corners and these. That changes its surface, so its
+//! samples are looked at again, and it is cut if one is too far off: in rounds, until all are sound. A single
+//! cell always is.
+//!
+//! A rectangle that is partly void is cut, too. Of equal sides the columns are halved. Cuts through the worst
+//! sample instead of the middle leave a fifth more vertices, because what is cut off is narrow. Time O(n log n) a
+//! round, expected; there are few. Memory: the rectangles, and a number a sample.
+
+use crate::grid::Sample;
+use crate::mesh::{Mesh, check_surface};
+use crate::plane::Plane;
+use crate::registry::{Method, Promise};
+use crate::result::Tin;
+use crate::surface::{Cells, Extent};
+use crate::task::Task;
+use terrane_base::bits::BitSet;
+use terrane_base::error::Result;
+
+pub(crate) const KDTREE: Method = Method {
+    name: "kdtree",
+    about: "rectangles halved across the longer side where a sample is too far off, made conforming",
+    source: "Bentley 1975; Von Herzen & Barr 1987",
+    time: "O(n log n) for each of few rounds, expected",
+    memory: "the grid, the mesh, and a number for each sample",
+    promise: Promise::Samples,
+    takes_triangulation: false,
+    takes_budget: false,
+    sample_bytes: 180,
+    run,
+};
+
+fn run(task: &Task<'_>) -> Result<Tin> {
+    check_surface(&task.grid)?;
+    let cells = Cells::new(&task.grid);
+    let mut waiting =
+        vec![Rectangle { low: [0, 0], high: [task.grid.width() - 1, task.grid.height() - 1] }];
+    let mut leaves = Vec::new();
+    loop {
+        divide(task, &cells, &mut waiting, &mut leaves)?;
+        let triangles = conform(task, &mut leaves, &mut waiting)?;
+        if waiting.is_empty() {
+            return Ok(Tin::of_triangles(&task.grid, triangles));
+        }
+    }
+}
+
+/// Cuts rectangles until all are on the surface, and within the tolerance as two triangles.
+fn divide(
+    task: &Task<'_>,
+    cells: &Cells,
+    waiting: &mut Vec<Rectangle>,
+    leaves: &mut Vec<Rectangle>,
+) -> Result<()> {
+    while let Some(rectangle) = waiting.pop() {
+        (task.pulse)()?;
+        match cells.extent(rectangle.low, rectangle.high) {
+            Extent::Outside => {}
+            Extent::Inside if is_sound(task, &rectangle.mesh()) => leaves.push(rectangle),
+            Extent::Partly | Extent::Inside => waiting.extend(rectangle.halves()),
+        }
+    }
+    Ok(())
+}
+
+/// The triangles of all leaves between the corners of all; a leaf that is not sound with them is cut, and
+/// leaves no more.
+fn conform(
+    task: &Task<'_>,
+    leaves: &mut Vec<Rectangle>,
+    waiting: &mut Vec<Rectangle>,
+) -> Result<Vec<[Sample; 3]>> {
+    let mut corners = BitSet::new(task.grid.len());
+    for corner in leaves.iter().flat_map(Rectangle::corners) {
+        corners.insert(task.grid.index(corner));
+    }
+    let mut triangles = Vec::new();
+    let mut sound = Vec::with_capacity(leaves.len());
+    for leaf in leaves.drain(..) {
+        (task.pulse)()?;
+        let mut mesh = leaf.mesh();
+        let others = leaf.sides().filter(|at| corners.contains(task.grid.index(*at)));
+        mesh.insert_all(&task.grid, others);
+        if !is_sound(task, &mesh) {
+            waiting.extend(leaf.halves());
+            continue;
+        }
+        triangles.extend(mesh.surface().map(|id| mesh.tris[id as usize].corners));
+        sound.push(leaf);
+    }
+    *leaves = sound;
+    Ok(triangles)
+}
+
+/// True when all samples are within the tolerance.
+fn is_sound(task: &Task<'_>, mesh: &Mesh) -> bool {
+    mesh.surface().all(|id| {
+        let plane = Plane::new(&task.grid, mesh.tris[id as usize].corners);
+        !plane.offsets().any(|(_, offset)| task.exceeds(&offset))
+    })
+}
+
+/// A rectangle between two samples.
+#[derive(Clone, Copy, Debug)]
+struct Rectangle {
+    low: [u32; 2],
+    high: [u32; 2],
+}
+
+impl Rectangle {
+    /// Its parts on both sides of a cut through the middle of its longer side.
+    fn halves(self) -> [Self; 2] {
+        let side = |axis: usize| self.high[axis] - self.low[axis];
+        let axis = usize::from(side(1) > side(0));
+        let cut = u32::midpoint(self.low[axis], self.high[axis]);
+        let (mut before, mut after) = (self, self);
+        (before.high[axis], after.low[axis]) = (cut, cut);
+        [before, after]
+    }
+
+    fn corners(&self) -> [Sample; 4] {
+        let ([left, above], [right, below]) = (self.low, self.high);
+        [[left, above], [right, above], [right, below], [left, below]]
+            .map(|[col, row]| Sample::new(col, row))
+    }
+
+    /// The samples of its sides but for its corners.
+    fn sides(&self) -> impl Iterator<Item = Sample> + use<> {
+        let ([left, above], [right, below]) = (self.low, self.high);
+        let across = move |row: u32| (left + 1..right).map(move |col| Sample::new(col, row));
+        let down = move |col: u32| (above + 1..below).map(move |row| Sample::new(col, row));
+        across(above).chain(down(right)).chain(across(below)).chain(down(left))
+    }
+
+    fn mesh(&self) -> Mesh {
+        let [low, _, high, _] = self.corners();
+        Mesh::of_rectangle(low, high)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cut_is_across_the_longer_side() {
+        let rectangle = Rectangle { low: [2, 3], high: [9, 5] };
+        let halves = rectangle.halves().map(|half| (half.low, half.high));
+        assert_eq!(halves, [([2, 3], [5, 5]), ([5, 3], [9, 5])]);
+        assert_eq!(rectangle.sides().count(), 6 + 1 + 6 + 1);
+    }
+
+    #[test]
+    fn a_corner_within_a_side_becomes_a_vertex_of_both() {
+        // A single peak: rectangles around it are small, those beyond are large.
+        let mut heights = vec![0.0; 17 * 17];
+        heights[3 * 17 + 3] = 9.0;
+        let grid = crate::grid::Grid::new(17, 17, &heights, None).unwrap();
+        let tin = run(&Task::new(grid, crate::task::Goal::MaxError(1.0))).unwrap();
+        crate::tests::check_cover(&grid, &tin);
+        assert!(tin.vertices.contains(&Sample::new(3, 3)) && tin.vertices.len() < 60);
+    }
+}

@@ -1,0 +1,369 @@
+//! The triangle store that all methods share: triangles in one flat array, known to each other by twins.
+//!
+//! A half-edge is `4 * triangle + edge`; edge `i` of a triangle runs from `corners[i]` to
+//! `corners[i + 1]`. A half-edge without a twin lies on the border. Every change is of one kind: some
+//! triangles go, others take their place, within the same ring of edges ([`Mesh::replace`]).
+
+use crate::grid::{Grid, Sample};
+use crate::surface::Role;
+use crate::triangulation::Triangulation;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::predicates::orient;
+
+/// "No half-edge": the border of the mesh.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// What a triangle is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum State {
+    /// Part of the surface.
+    Surface,
+    /// Beyond the outline: kept so that the mesh is convex, never written.
+    Outside,
+    /// A slot that is not in use.
+    Free,
+}
+
+/// One triangle; corners are counter-clockwise in (column, row) axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tri {
+    pub(crate) corners: [Sample; 3],
+    pub(crate) twins: [u32; 3],
+    pub(crate) state: State,
+}
+
+/// An edge of the ring around what is replaced: where it starts, and the half-edge beyond it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Link {
+    pub(crate) from: Sample,
+    pub(crate) beyond: u32,
+}
+
+/// A triangulation of samples.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mesh {
+    pub(crate) tris: Vec<Tri>,
+    free: Vec<u32>,
+}
+
+/// The next edge or corner of a triangle.
+#[inline(always)]
+pub(crate) fn next(i: u32) -> u32 {
+    if i == 2 { 0 } else { i + 1 }
+}
+
+/// The previous edge or corner.
+#[inline(always)]
+pub(crate) fn prev(i: u32) -> u32 {
+    if i == 0 { 2 } else { i - 1 }
+}
+
+/// Where a sample lies in a triangle that holds it.
+enum Place {
+    Inside,
+    Edge(u32),
+    Corner,
+}
+
+impl Mesh {
+    /// The two triangles of the rectangle between two samples.
+    pub(crate) fn of_rectangle(low: Sample, high: Sample) -> Self {
+        let [a, b] = [low, Sample::new(high.col(), low.row())];
+        let [c, d] = [high, Sample::new(low.col(), high.row())];
+        Self::of_triangles(&[[a, b, c], [a, c, d]])
+    }
+
+    /// A mesh of counter-clockwise triangles that share whole edges.
+    pub(crate) fn of_triangles(triangles: &[[Sample; 3]]) -> Self {
+        let mut mesh = Self::default();
+        let mut edges = std::collections::HashMap::with_capacity(3 * triangles.len());
+        for &corners in triangles {
+            let id = mesh.add(Tri { corners, twins: [NONE; 3], state: State::Surface });
+            for half_edge in 4 * id..4 * id + 3 {
+                let ends = (mesh.origin(half_edge), mesh.end(half_edge));
+                match edges.remove(&(ends.1, ends.0)) {
+                    Some(twin) => mesh.link(half_edge, twin),
+                    None => drop(edges.insert(ends, half_edge)),
+                }
+            }
+        }
+        mesh
+    }
+
+    /// The mesh that methods which insert begin with: the corners of the grid and the outline of the voids.
+    ///
+    /// # Errors
+    /// `BadInput`: the grid has no surface.
+    pub(crate) fn of_outline(grid: &Grid<'_>) -> Result<Self> {
+        check_surface(grid)?;
+        let high = Sample::new(grid.width() - 1, grid.height() - 1);
+        let mut mesh = Self::of_rectangle(Sample::new(0, 0), high);
+        let outline = grid.samples().filter(|&at| grid.role(at) == Role::Outline);
+        mesh.insert_all(grid, outline);
+        mesh.mark_outside(grid);
+        Ok(mesh)
+    }
+
+    /// Inserts samples one after the other, near each other at best, the Delaunay way.
+    pub(crate) fn insert_all(&mut self, grid: &Grid<'_>, samples: impl Iterator<Item = Sample>) {
+        let mut near = 0;
+        for at in samples {
+            let t = self.locate(at, near);
+            let star = self.insert(grid, Triangulation::Delaunay, t, at);
+            near = star.first().copied().unwrap_or(t);
+        }
+    }
+
+    /// Triangles lie wholly on the surface or wholly beyond it, because every edge of its outline is an
+    /// edge of the mesh; one cell under a triangle's middle tells.
+    fn mark_outside(&mut self, grid: &Grid<'_>) {
+        for tri in &mut self.tris {
+            let sum = |of: fn(Sample) -> u32| tri.corners.into_iter().map(of).sum::<u32>() / 3;
+            if !grid.holds_cell(sum(Sample::col), sum(Sample::row)) {
+                tri.state = State::Outside;
+            }
+        }
+    }
+
+    /// The corner from which a half-edge starts.
+    #[inline(always)]
+    pub(crate) fn origin(&self, half_edge: u32) -> Sample {
+        self.tris[(half_edge >> 2) as usize].corners[(half_edge & 3) as usize]
+    }
+
+    /// The corner at which a half-edge ends.
+    #[inline(always)]
+    pub(crate) fn end(&self, half_edge: u32) -> Sample {
+        self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
+    }
+
+    /// The corner across from a half-edge.
+    #[inline(always)]
+    pub(crate) fn across(&self, half_edge: u32) -> Sample {
+        self.tris[(half_edge >> 2) as usize].corners[prev(half_edge & 3) as usize]
+    }
+
+    /// The same edge of the triangle beyond, or [`NONE`].
+    #[inline(always)]
+    pub(crate) fn twin(&self, half_edge: u32) -> u32 {
+        self.tris[(half_edge >> 2) as usize].twins[(half_edge & 3) as usize]
+    }
+
+    /// Triangles of the surface.
+    pub(crate) fn surface(&self) -> impl Iterator<Item = u32> + '_ {
+        let is_part = |&id: &u32| self.tris[id as usize].state == State::Surface;
+        (0..self.tris.len() as u32).filter(is_part)
+    }
+
+    fn add(&mut self, tri: Tri) -> u32 {
+        if let Some(id) = self.free.pop() {
+            self.tris[id as usize] = tri;
+            return id;
+        }
+        self.tris.push(tri);
+        (self.tris.len() - 1) as u32
+    }
+
+    /// Makes two half-edges (either may be [`NONE`]) twins.
+    fn link(&mut self, a: u32, b: u32) {
+        for (from, to) in [(a, b), (b, a)] {
+            if from != NONE {
+                self.tris[(from >> 2) as usize].twins[(from & 3) as usize] = to;
+            }
+        }
+    }
+
+    /// Puts the triangles `filling` where `gone` were; `ring` are the edges around both, in any order.
+    /// Returns the new triangles in the order of `filling`. Time quadratic in the triangles, which are few.
+    pub(crate) fn replace(
+        &mut self,
+        gone: &[u32],
+        filling: &[[Sample; 3]],
+        ring: &[Link],
+    ) -> Vec<u32> {
+        let state = self.tris[gone[0] as usize].state;
+        for &id in gone {
+            self.tris[id as usize].state = State::Free;
+            self.free.push(id);
+        }
+        let add = |&corners: &_| self.add(Tri { corners, twins: [NONE; 3], state });
+        let added: Vec<u32> = filling.iter().map(add).collect();
+        let mut open: Vec<u32> = Vec::new();
+        for half_edge in added.iter().flat_map(|&id| 4 * id..4 * id + 3) {
+            let (from, to) = (self.origin(half_edge), self.end(half_edge));
+            let is_twin = |&other: &u32| self.origin(other) == to && self.end(other) == from;
+            match open.iter().position(is_twin) {
+                Some(at) => self.link(half_edge, open.swap_remove(at)),
+                None => open.push(half_edge),
+            }
+        }
+        for half_edge in open {
+            let from = self.origin(half_edge);
+            let link = ring.iter().find(|link| link.from == from);
+            self.link(half_edge, link.map_or(NONE, |link| link.beyond));
+        }
+        added
+    }
+
+    /// The triangle that holds `at`, by walking from `start`; the mesh must be convex. The edge that is
+    /// looked at first changes from step to step, as in Devillers, Pion & Teillaud, "Walking in a
+    /// triangulation" (2002): without that the walk may go round in circles where a mesh is not Delaunay.
+    pub(crate) fn locate(&self, at: Sample, start: u32) -> u32 {
+        let target = at.lattice();
+        let (mut t, mut turn) = (start, 0x9e37_79b9_u32);
+        loop {
+            turn = turn.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let first = (turn >> 16) % 3;
+            let edges = [first, next(first), prev(first)].map(|edge| 4 * t + edge);
+            let is_beyond = |&edge: &u32| {
+                orient(self.origin(edge).lattice(), self.end(edge).lattice(), target) < 0
+            };
+            match edges.into_iter().find(is_beyond) {
+                Some(edge) => t = self.twin(edge) >> 2,
+                None => return t,
+            }
+        }
+    }
+
+    fn place(&self, t: u32, at: Sample) -> Place {
+        let side = |edge: u32| {
+            let half_edge = 4 * t + edge;
+            let ends = [self.origin(half_edge), self.end(half_edge)].map(Sample::lattice);
+            orient(ends[0], ends[1], at.lattice())
+        };
+        let on: Vec<u32> = (0..3).filter(|&edge| side(edge) == 0).collect();
+        match on[..] {
+            [] => Place::Inside,
+            [edge] => Place::Edge(edge),
+            _ => Place::Corner,
+        }
+    }
+
+    /// By how many the triangles will grow when `at`, which triangle `t` holds, is inserted.
+    pub(crate) fn growth(&self, t: u32, at: Sample) -> u64 {
+        match self.place(t, at) {
+            Place::Inside => 2,
+            Place::Edge(edge) if self.twin(4 * t + edge) == NONE => 1,
+            Place::Edge(_) => 2,
+            Place::Corner => 0,
+        }
+    }
+
+    /// Inserts `at`, which triangle `t` holds, and flips edges across from it as `triangulation` says.
+    /// Returns the triangles around it, all of which are new, and no other is; none when it is a vertex
+    /// already. The result depends on the mesh and the sample, and not on `t` or on the numbers of triangles.
+    pub(crate) fn insert(
+        &mut self,
+        grid: &Grid<'_>,
+        triangulation: Triangulation,
+        t: u32,
+        at: Sample,
+    ) -> Vec<u32> {
+        let (gone, mut ring, last) = match self.place(t, at) {
+            Place::Corner => return Vec::new(),
+            Place::Inside => (vec![t], self.around(&[4 * t, 4 * t + 1, 4 * t + 2]), None),
+            Place::Edge(edge) => self.beside(4 * t + edge),
+        };
+        if last.is_none() {
+            let lowest = (0..ring.len()).min_by_key(|&i| ring[i].from).unwrap_or(0);
+            ring.rotate_left(lowest);
+        }
+        let ends = ring.iter().map(|link| link.from).skip(1).chain(last.or(Some(ring[0].from)));
+        let fan: Vec<_> = ring.iter().zip(ends).map(|(link, to)| [at, link.from, to]).collect();
+        let fresh = self.replace(&gone, &fan, &ring);
+        self.legalise(grid, triangulation, fresh)
+    }
+
+    fn around(&self, half_edges: &[u32]) -> Vec<Link> {
+        let link = |&edge: &u32| Link { from: self.origin(edge), beyond: self.twin(edge) };
+        half_edges.iter().map(link).collect()
+    }
+
+    /// The triangles beside an edge and what lies around them, counter-clockwise; on the border the ring is
+    /// open and ends where the edge starts.
+    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<Link>, Option<Sample>) {
+        let others = |half_edge: u32| {
+            let (t, edge) = (half_edge >> 2, half_edge & 3);
+            [4 * t + next(edge), 4 * t + prev(edge)]
+        };
+        let (t, twin) = (half_edge >> 2, self.twin(half_edge));
+        let mut edges = others(half_edge).to_vec();
+        if twin == NONE {
+            return (vec![t], self.around(&edges), Some(self.origin(half_edge)));
+        }
+        edges.extend(others(twin));
+        (vec![t, twin >> 2], self.around(&edges), None)
+    }
+
+    /// Looks at the edges across from the new corner 0 of `waiting`, and at those that flips bring up.
+    fn legalise(
+        &mut self,
+        grid: &Grid<'_>,
+        triangulation: Triangulation,
+        mut waiting: Vec<u32>,
+    ) -> Vec<u32> {
+        let mut star = Vec::new();
+        while let Some(t) = waiting.pop() {
+            let (half_edge, twin) = (4 * t + 1, self.twin(4 * t + 1));
+            let may_flip = twin != NONE
+                && self.tris[(twin >> 2) as usize].state == self.tris[t as usize].state;
+            if !may_flip || !triangulation.flips(grid, self.quad(half_edge)) {
+                star.push(t);
+                continue;
+            }
+            waiting.extend(self.flip(half_edge));
+        }
+        star
+    }
+
+    /// The corner before an edge, the ends of the edge, and the corner beyond.
+    fn quad(&self, half_edge: u32) -> [Sample; 4] {
+        let ends = [self.origin(half_edge), self.end(half_edge)];
+        [self.across(half_edge), ends[0], ends[1], self.across(self.twin(half_edge))]
+    }
+
+    /// Turns the edge within the quadrilateral of its two triangles.
+    ///
+    /// ```text
+    ///          b                         b
+    ///        / | \                     /   \
+    ///       p  |  d    -- flip -->    p --- d
+    ///        \ | /                     \   /
+    ///          a                         a
+    /// ```
+    fn flip(&mut self, half_edge: u32) -> Vec<u32> {
+        let [p, a, b, d] = self.quad(half_edge);
+        let (gone, ring, _) = self.beside(half_edge);
+        self.replace(&gone, &[[p, a, d], [p, d, b]], &ring)
+    }
+}
+
+/// Fails when no cell of the grid has four valid samples.
+pub(crate) fn check_surface(grid: &Grid<'_>) -> Result<()> {
+    let mut samples = grid.samples();
+    if samples.any(|at| grid.holds_cell(at.col(), at.row())) {
+        return Ok(());
+    }
+    Err(Error::bad_input("the grid has no cell with four valid samples")
+        .remedy("fill its voids, or check its nodata value"))
+}
+
+#[cfg(test)]
+impl Mesh {
+    /// Panics unless twins share their edge and every triangle has positive area.
+    pub(crate) fn validate(&self) {
+        for id in
+            (0..self.tris.len() as u32).filter(|&id| self.tris[id as usize].state != State::Free)
+        {
+            let [a, b, c] = self.tris[id as usize].corners.map(Sample::lattice);
+            assert!(orient(a, b, c) > 0, "triangle {id} is not counter-clockwise");
+            for half_edge in (4 * id..4 * id + 3).filter(|&edge| self.twin(edge) != NONE) {
+                let twin = self.twin(half_edge);
+                assert_ne!(self.tris[(twin >> 2) as usize].state, State::Free);
+                assert_eq!(self.twin(twin), half_edge);
+                assert_eq!(self.origin(twin), self.end(half_edge));
+                assert_eq!(self.end(twin), self.origin(half_edge));
+            }
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! How far a sample is from a triangle, vertically: as a number that depends on nothing but the triangle, and
+//! as an exact decision.
+//!
+//! Versions of a method that find samples in different ways have to agree on ties. So the corners are taken
+//! in the order of their positions, and a sample on an edge is measured along that edge, in lowest terms:
+//! the triangles on both sides find the same number, to the last bit.
+
+use crate::exact::is_at_most;
+use crate::grid::{Grid, Sample};
+use terrane_base::geom::predicates::{Lattice, orient};
+
+/// Relative rounding of the plain evaluation, with room to spare.
+const DOUBT: f64 = 1e-14;
+
+/// A triangle with the heights of its corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plane<'a> {
+    grid: &'a Grid<'a>,
+    corners: [Sample; 3],
+    heights: [f64; 3],
+}
+
+impl<'a> Plane<'a> {
+    pub(crate) fn new(grid: &'a Grid<'a>, mut corners: [Sample; 3]) -> Self {
+        corners.sort_unstable();
+        Self { grid, corners, heights: corners.map(|corner| grid.vertex(corner)) }
+    }
+
+    /// How a sample of the closed triangle lies to it.
+    pub(crate) fn offset(&self, at: Sample) -> Offset {
+        let [[a, b, c], q] = [self.corners.map(Sample::lattice), [at.lattice(); 3]];
+        let weights = [orient(b, c, q[0]), orient(c, a, q[1]), orient(a, b, q[2])].map(i64::abs);
+        Offset { weights: lowest(weights), heights: self.heights, height: self.grid.sample(at) }
+    }
+
+    /// The samples of the closed triangle in (row, column) order, and how they lie to it.
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = (Sample, Offset)> {
+        samples_of(self.corners).map(|at| (at, self.offset(at)))
+    }
+}
+
+/// Weights of a sample on an edge without what they have in common, which differs from side to side.
+fn lowest(weights: [i64; 3]) -> [i64; 3] {
+    match weights {
+        [0, a, b] | [a, 0, b] | [a, b, 0] if a != 0 && b != 0 => {
+            let common = greatest_divisor(a, b);
+            weights.map(|weight| weight / common)
+        }
+        _ => weights,
+    }
+}
+
+fn greatest_divisor(mut a: i64, mut b: i64) -> i64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// A sample and the plane over or under it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Offset {
+    /// Barycentric weights, none negative.
+    weights: [i64; 3],
+    heights: [f64; 3],
+    height: f64,
+}
+
+impl Offset {
+    /// True at a corner, which is a vertex already.
+    pub(crate) fn is_corner(&self) -> bool {
+        self.weights.iter().filter(|weight| **weight == 0).count() > 1
+    }
+
+    /// |sample - plane|, rounded.
+    pub(crate) fn error(&self) -> f64 {
+        let terms = self.weights.into_iter().zip(self.heights);
+        let sum: f64 = terms.map(|(weight, z)| weight as f64 * (z - self.height)).sum();
+        (sum / self.total()).abs()
+    }
+
+    fn total(&self) -> f64 {
+        self.weights.iter().sum::<i64>() as f64
+    }
+
+    /// True when |sample - plane| is at most `tolerance`: exact, and closed.
+    pub(crate) fn is_within(&self, tolerance: f64) -> bool {
+        let size = self.heights.iter().fold(self.height.abs(), |size, z| size + z.abs());
+        let excess = self.error() - tolerance;
+        if excess.abs() > DOUBT * (size + tolerance) {
+            return excess < 0.0;
+        }
+        let [a, b, c] = self.weights.map(|weight| weight as f64);
+        let [x, y, z] = self.heights;
+        is_at_most(&[(a, x), (b, y), (c, z), (-self.total(), self.height)], tolerance, self.total())
+    }
+
+    /// The smallest number that [`is_within`](Self::is_within) holds for: bisected, as doubles that are not
+    /// negative are in the order of their bits.
+    pub(crate) fn least_bound(&self) -> f64 {
+        if self.is_within(0.0) {
+            return 0.0;
+        }
+        let mut above = self.error().max(f64::MIN_POSITIVE);
+        while !self.is_within(above) {
+            above *= 2.0;
+        }
+        let (mut below, mut above) = (0, above.to_bits());
+        while above - below > 1 {
+            let middle = below + (above - below) / 2;
+            match self.is_within(f64::from_bits(middle)) {
+                true => above = middle,
+                false => below = middle,
+            }
+        }
+        f64::from_bits(above)
+    }
+}
+
+/// The samples of a closed triangle, of either orientation, in (row, column) order.
+pub(crate) fn samples_of(corners: [Sample; 3]) -> impl Iterator<Item = Sample> {
+    let [a, b, c] = corners.map(Sample::lattice);
+    let turned = if orient(a, b, c) < 0 { [a, c, b] } else { [a, b, c] };
+    let rows = a[1].min(b[1]).min(c[1])..=a[1].max(b[1]).max(c[1]);
+    rows.flat_map(move |row| {
+        let [low, high] = columns(turned, row);
+        (low..=high).map(move |col| Sample::new(col as u32, row as u32))
+    })
+}
+
+/// First and last column of a row within the closed counter-clockwise triangle.
+fn columns([a, b, c]: [Lattice; 3], row: i32) -> [i64; 2] {
+    let cols = [a[0], b[0], c[0]].map(i64::from);
+    let mut low = cols.into_iter().fold(i64::MAX, i64::min);
+    let mut high = cols.into_iter().fold(i64::MIN, i64::max);
+    for [from, to] in [[a, b], [b, c], [c, a]] {
+        let (dx, dy) = (i64::from(to[0] - from[0]), i64::from(to[1] - from[1]));
+        let (start, reach) = (i64::from(from[0]), dx * i64::from(row - from[1]));
+        match dy {
+            0 => {}
+            1.. => high = high.min(start + reach.div_euclid(dy)),
+            _ => low = low.max(start - reach.div_euclid(-dy)),
+        }
+    }
+    [low, high]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn all_samples_of_a_triangle_are_visited_once(
+            at in prop::collection::vec((0_u32..12, 0_u32..12), 3)
+        ) {
+            let corners = [0, 1, 2].map(|i| Sample::new(at[i].0, at[i].1));
+            let [a, b, c] = corners.map(Sample::lattice);
+            prop_assume!(orient(a, b, c) != 0);
+            let holds = |q: &Sample| {
+                let q = q.lattice();
+                let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
+                sides.iter().all(|&side| side >= 0) || sides.iter().all(|&side| side <= 0)
+            };
+            let all = (0..12).flat_map(|row| (0..12).map(move |col| Sample::new(col, row)));
+            let found: Vec<_> = samples_of(corners).collect();
+            prop_assert_eq!(found, all.filter(holds).collect::<Vec<_>>());
+        }
+
+        #[test]
+        fn both_sides_of_an_edge_find_the_same_error(
+            heights in prop::collection::vec(-50.0_f64..50.0, 13 * 13), to in (0_u32..13, 0_u32..13),
+            sides in prop::collection::vec((0_u32..13, 0_u32..13), 2)
+        ) {
+            let grid = Grid::new(13, 13, &heights, None).unwrap();
+            let [from, to] = [Sample::new(6, 6), Sample::new(to.0, to.1)];
+            let planes = [sides[0], sides[1]].map(|(col, row)| Sample::new(col, row));
+            let is_flat = |third: &Sample| {
+                orient(from.lattice(), to.lattice(), third.lattice()) == 0
+            };
+            prop_assume!(!planes.iter().any(is_flat));
+            let [left, right] = [
+                Plane::new(&grid, [from, to, planes[0]]), Plane::new(&grid, [planes[1], to, from])
+            ];
+            for at in samples_of([from, to, planes[0]]) {
+                if orient(from.lattice(), to.lattice(), at.lattice()) == 0 {
+                    assert_eq!(left.offset(at).error(), right.offset(at).error());
+                }
+            }
+        }
+
+        #[test]
+        fn the_least_bound_is_where_the_decision_turns(
+            heights in prop::collection::vec(-50.0_f64..50.0, 25)
+        ) {
+            let grid = Grid::new(5, 5, &heights, None).unwrap();
+            let plane = Plane::new(&grid, [[0, 0], [4, 1], [2, 4]].map(|[c, r]| Sample::new(c, r)));
+            for (_, offset) in plane.offsets() {
+                let least = offset.least_bound();
+                assert!(offset.is_within(least));
+                assert!(least == 0.0 || !offset.is_within(least.next_down()));
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Right-triangulated irregular networks: a square is cut into two right triangles, and a triangle by the
+//! middle of its longest side, again and again.
+//!
+//! Source: Evans, Kirkpatrick & Townsend, "Right-triangulated irregular networks" (1998; Algorithmica 2001);
+//! the dependencies that keep it free of cracks as in Lindstrom et al., "Real-time, continuous level of detail
+//! rendering of height fields" (1996): a triangle and the one across its longest side are cut together, and
+//! whatever is cut has its parents cut before.
+//!
+//! A triangle is cut if any sample in it is beyond the tolerance: the true error. The error at the middle of
+//! the longest side alone, which many programs take because it costs one subtraction, says nothing of the
+//! samples in between and bounds nothing.
+//!
+//! Sides are powers of two. A grid of other sides lies in a corner of the next larger square, and what lies
+//! beyond it is void: a triangle that is partly on the surface is cut, so outlines are met by small triangles
+//! (the smallest are half a cell). Time O(n log n), memory a bit a sample of the square, beside the mesh.
+
+use crate::grid::Sample;
+use crate::mesh::check_surface;
+use crate::plane::Plane;
+use crate::registry::{Method, Promise};
+use crate::result::Tin;
+use crate::surface::{Cells, Extent};
+use crate::task::Task;
+use terrane_base::bits::BitSet;
+use terrane_base::error::Result;
+
+pub(crate) const RTIN: Method = Method {
+    name: "rtin",
+    about: "right triangles halved where a sample is too far off",
+    source: "Evans, Kirkpatrick & Townsend 1998",
+    time: "O(n log n)",
+    memory: "the grid, the mesh, and a bit for each sample of the square around it",
+    promise: Promise::Samples,
+    takes_triangulation: false,
+    takes_budget: false,
+    sample_bytes: 140,
+    run,
+};
+
+fn run(task: &Task<'_>) -> Result<Tin> {
+    check_surface(&task.grid)?;
+    let mut tree = Tree::new(task);
+    let roots = tree.roots();
+    for level in (0..tree.levels).rev() {
+        roots.iter().try_for_each(|&root| tree.mark(root, level))?;
+    }
+    let mut kept = Vec::new();
+    roots.iter().for_each(|&root| tree.collect(root, &mut kept));
+    Ok(Tin::of_triangles(&task.grid, kept))
+}
+
+/// A right triangle: the ends of its longest side, and the corner across, counter-clockwise.
+#[derive(Clone, Copy, Debug)]
+struct Right {
+    corners: [[u32; 2]; 3],
+    /// How often the square was halved.
+    level: u32,
+}
+
+impl Right {
+    /// The middle of the longest side.
+    fn middle(self) -> [u32; 2] {
+        let [a, b, _] = self.corners;
+        [u32::midpoint(a[0], b[0]), u32::midpoint(a[1], b[1])]
+    }
+
+    fn halves(self) -> [Self; 2] {
+        let (middle, [a, b, c]) = (self.middle(), self.corners);
+        [[c, a, middle], [b, c, middle]].map(|corners| Self { corners, level: self.level + 1 })
+    }
+
+    fn sampled(self) -> [Sample; 3] {
+        self.corners.map(|[col, row]| Sample::new(col, row))
+    }
+}
+
+/// The hierarchy over a square, and the middles at which it is cut.
+struct Tree<'a> {
+    task: &'a Task<'a>,
+    cells: Cells,
+    /// Cells along a side.
+    side: u32,
+    /// How often the square can be halved.
+    levels: u32,
+    cut: BitSet,
+}
+
+impl<'a> Tree<'a> {
+    fn new(task: &'a Task<'a>) -> Self {
+        let side = (task.grid.width().max(task.grid.height()) - 1).next_power_of_two();
+        let cut = BitSet::new((side as usize + 1).pow(2));
+        Self { task, cells: Cells::new(&task.grid), side, levels: 2 * side.ilog2(), cut }
+    }
+
+    fn roots(&self) -> [Right; 2] {
+        let [a, b] = [[0, 0], [self.side, 0]];
+        let [c, d] = [[self.side, self.side], [0, self.side]];
+        [[c, a, b], [a, c, d]].map(|corners| Right { corners, level: 0 })
+    }
+
+    /// Where the middle of a triangle's longest side has its bit.
+    fn bit(&self, triangle: Right) -> usize {
+        let [col, row] = triangle.middle();
+        row as usize * (self.side as usize + 1) + col as usize
+    }
+
+    fn is_cut(&self, triangle: Right) -> bool {
+        triangle.level < self.levels && self.cut.contains(self.bit(triangle))
+    }
+
+    /// Of the rectangle around a triangle.
+    fn extent_around(&self, triangle: Right) -> Extent {
+        let ends = |axis: usize| {
+            let [a, b, c] = triangle.corners.map(|corner| corner[axis]);
+            [a.min(b).min(c), a.max(b).max(c)]
+        };
+        let [cols, rows] = [ends(0), ends(1)];
+        self.cells.extent([cols[0], rows[0]], [cols[1], rows[1]])
+    }
+
+    fn extent(&self, triangle: Right) -> Extent {
+        match self.extent_around(triangle) {
+            Extent::Partly => {
+                let [one, other] = triangle.halves().map(|half| self.extent(half));
+                if one == other { one } else { Extent::Partly }
+            }
+            extent => extent,
+        }
+    }
+
+    /// Marks where triangles of a level within this one have to be cut; those of all deeper levels are marked.
+    fn mark(&mut self, triangle: Right, level: u32) -> Result<()> {
+        (self.task.pulse)()?;
+        if self.extent_around(triangle) == Extent::Outside {
+            return Ok(());
+        }
+        if triangle.level < level {
+            return triangle.halves().into_iter().try_for_each(|half| self.mark(half, level));
+        }
+        if self.must_cut(triangle) {
+            self.cut.insert(self.bit(triangle));
+        }
+        Ok(())
+    }
+
+    fn must_cut(&self, triangle: Right) -> bool {
+        match self.extent(triangle) {
+            Extent::Outside => false,
+            Extent::Partly => true,
+            Extent::Inside => {
+                let plane = Plane::new(&self.task.grid, triangle.sampled());
+                triangle.halves().into_iter().any(|half| self.is_cut(half))
+                    || plane.offsets().any(|(_, offset)| self.task.exceeds(&offset))
+            }
+        }
+    }
+
+    /// The triangles that are not cut, as far as they belong to the surface.
+    fn collect(&self, triangle: Right, kept: &mut Vec<[Sample; 3]>) {
+        if self.is_cut(triangle) {
+            triangle.halves().into_iter().for_each(|half| self.collect(half, kept));
+        } else if self.extent(triangle) == Extent::Inside {
+            kept.push(triangle.sampled());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Grid;
+    use crate::task::Goal;
+
+    #[test]
+    fn a_plane_is_two_triangles_on_a_square_of_a_power_of_two_and_more_elsewhere() {
+        for (width, height, triangles) in [(9, 9, 2), (2, 2, 2), (9, 5, 3)] {
+            let heights: Vec<f64> = (0..width * height)
+                .map(|i| f64::from(3 * (i % width)) - f64::from(i / width))
+                .collect();
+            let grid = Grid::new(width, height, &heights, None).unwrap();
+            let tin = run(&Task::new(grid, Goal::MaxError(0.0))).unwrap();
+            assert_eq!(tin.triangles.len(), triangles, "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn what_the_middle_alone_does_not_see_is_seen() {
+        // The middles of all longest sides of the first levels are flat; a sample between is not.
+        let mut heights = vec![0.0; 81];
+        heights[9 + 3] = 5.0;
+        let grid = Grid::new(9, 9, &heights, None).unwrap();
+        let tin = run(&Task::new(grid, Goal::MaxError(1.0))).unwrap();
+        assert!(tin.max_error <= 1.0 && tin.vertices.contains(&Sample::new(3, 1)));
+    }
+}

@@ -1,0 +1,131 @@
+//! The triangles around a vertex, for methods that take vertices away.
+
+use crate::grid::{Grid, Sample};
+use crate::mesh::{Link, Mesh, NONE, next, prev};
+use crate::surface::Role;
+use terrane_base::geom::predicates::{in_circle, orient};
+
+/// The star of a vertex and the ring around it, counter-clockwise. On a side of the grid the ring is closed
+/// by the edge that is left when the vertex goes.
+pub(crate) struct Star {
+    pub(crate) triangles: Vec<u32>,
+    pub(crate) ring: Vec<Link>,
+}
+
+impl Star {
+    /// The star of the vertex that a half-edge starts from.
+    pub(crate) fn of(mesh: &Mesh, half_edge: u32) -> Self {
+        let mut first = half_edge;
+        while mesh.twin(first) != NONE {
+            let twin = mesh.twin(first);
+            first = twin - (twin & 3) + next(twin & 3);
+            if first == half_edge {
+                break;
+            }
+        }
+        let (mut star, mut at) = (Self { triangles: Vec::new(), ring: Vec::new() }, first);
+        loop {
+            let (t, edge) = (at >> 2, at & 3);
+            let [outer, last] = [4 * t + next(edge), 4 * t + prev(edge)];
+            star.triangles.push(t);
+            star.ring.push(Link { from: mesh.origin(outer), beyond: mesh.twin(outer) });
+            at = mesh.twin(last);
+            if at == NONE {
+                star.ring.push(Link { from: mesh.origin(last), beyond: NONE });
+            }
+            if at == NONE || at == first {
+                return star;
+            }
+        }
+    }
+
+    /// Delaunay triangles of the ring: ears whose circle holds no other vertex of the ring, one after the
+    /// other, each the first from the lowest (row, column) on. Time cubic in the ring at worst.
+    pub(crate) fn ears(&self) -> Option<Vec<[Sample; 3]>> {
+        let mut ring: Vec<Sample> = self.ring.iter().map(|link| link.from).collect();
+        let lowest = (0..ring.len()).min_by_key(|&i| ring[i])?;
+        ring.rotate_left(lowest);
+        let mut filling = Vec::with_capacity(ring.len());
+        while ring.len() > 3 {
+            let ear = (0..ring.len()).find(|&i| is_ear(&ring, i))?;
+            filling.push(corners(&ring, ear));
+            ring.remove(ear);
+        }
+        let last = corners(&ring, 1);
+        filling.push(last);
+        is_left(last).then_some(filling)
+    }
+
+    /// Triangles of the ring that all have a vertex of it as a corner; none where one would be turned over.
+    pub(crate) fn fan(&self, apex: Sample) -> Option<Vec<[Sample; 3]>> {
+        let count = self.ring.len();
+        let edges = (0..count).map(|i| [self.ring[i].from, self.ring[(i + 1) % count].from]);
+        let others = edges.filter(|edge| !edge.contains(&apex));
+        let filling: Vec<_> = others.map(|[from, to]| [apex, from, to]).collect();
+        filling.iter().all(|corners| is_left(*corners)).then_some(filling)
+    }
+}
+
+/// A vertex of a ring between its neighbours.
+fn corners(ring: &[Sample], i: usize) -> [Sample; 3] {
+    let count = ring.len();
+    [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]]
+}
+
+fn is_left([a, b, c]: [Sample; 3]) -> bool {
+    orient(a.lattice(), b.lattice(), c.lattice()) > 0
+}
+
+fn is_ear(ring: &[Sample], i: usize) -> bool {
+    let around = corners(ring, i);
+    let [a, b, c] = around.map(Sample::lattice);
+    let is_outside = |d: &Sample| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0;
+    is_left(around) && ring.iter().all(is_outside)
+}
+
+/// A mesh of all samples of the surface, and where the star of each begins.
+pub(crate) struct Full {
+    pub(crate) mesh: Mesh,
+    /// By sample, a half-edge that starts from it, or [`NONE`].
+    spokes: Vec<u32>,
+}
+
+impl Full {
+    /// Every cell cut from its first sample to its last: Delaunay, as all four lie on one circle.
+    pub(crate) fn new(grid: &Grid<'_>) -> Self {
+        let cells = grid.samples().filter(|at| grid.holds_cell(at.col(), at.row()));
+        let halves = |at: Sample| {
+            let [col, row] = [at.col(), at.row()];
+            let [a, b] = [at, Sample::new(col + 1, row)];
+            let [c, d] = [Sample::new(col + 1, row + 1), Sample::new(col, row + 1)];
+            [[a, b, c], [a, c, d]]
+        };
+        let triangles: Vec<_> = cells.flat_map(halves).collect();
+        let mut full =
+            Self { mesh: Mesh::of_triangles(&triangles), spokes: vec![NONE; grid.len()] };
+        full.note(grid, &full.mesh.surface().collect::<Vec<_>>());
+        full
+    }
+
+    /// The star of a vertex.
+    pub(crate) fn star(&self, grid: &Grid<'_>, vertex: Sample) -> Star {
+        Star::of(&self.mesh, self.spokes[grid.index(vertex)])
+    }
+
+    /// Puts other triangles in the place of a star.
+    pub(crate) fn refill(&mut self, grid: &Grid<'_>, star: &Star, filling: &[[Sample; 3]]) {
+        let added = self.mesh.replace(&star.triangles, filling, &star.ring);
+        self.note(grid, &added);
+    }
+
+    fn note(&mut self, grid: &Grid<'_>, triangles: &[u32]) {
+        for half_edge in triangles.iter().flat_map(|&t| 4 * t..4 * t + 3) {
+            self.spokes[grid.index(self.mesh.origin(half_edge))] = half_edge;
+        }
+    }
+}
+
+/// True for vertices that may go: neither corners of the grid nor on the outline of a void.
+pub(crate) fn is_free(grid: &Grid<'_>, at: Sample) -> bool {
+    grid.role(at) == Role::Interior && !grid.is_corner(at)
+}

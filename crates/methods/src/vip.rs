@@ -1,0 +1,159 @@
+//! Very Important Points: samples that stand out among their eight neighbours are vertices of a Delaunay
+//! triangulation.
+//!
+//! Source: Chen & Guevara, "Systematic selection of very important points (VIP) from digital terrain model
+//! for constructing triangular irregular networks" (1987). How much a sample stands out is the mean of its
+//! distances from the four lines between opposite neighbours. They are taken vertically here, so that the unit
+//! of the heights does not matter; of a line with a void or beyond the grid nothing is taken.
+//!
+//! That is a high-pass filter: it sees pits, peaks and breaks of slope, and no large gentle form at all. So it
+//! bounds no error by itself: the error is measured. Given a largest error, the samples are
+//! taken in the order of significance, as many as a bisection finds to be enough: one of the numbers of
+//! vertices that keep the error while one fewer does not (it is not monotonic, so there may be a smaller one).
+//!
+//! Time O(n log n), and again for each of the log n meshes of a bisection. Memory: sixteen bytes a sample.
+
+use std::cmp::Reverse;
+
+use crate::grid::{Grid, Sample};
+use crate::mesh::Mesh;
+use crate::registry::{Method, Promise};
+use crate::result::Tin;
+use crate::surface::Role;
+use crate::task::{Goal, Size, Task};
+use terrane_base::error::Result;
+
+pub(crate) const VIP: Method = Method {
+    name: "vip",
+    about: "very important points: those that stand out among their neighbours",
+    source: "Chen & Guevara 1987",
+    time: "O(n log n) for a number of vertices, O(n log^2 n) for an error",
+    memory: "the grid, the mesh, and the order of its samples",
+    promise: Promise::Measured,
+    takes_triangulation: false,
+    takes_budget: true,
+    sample_bytes: 260,
+    run,
+};
+
+fn run(task: &Task<'_>) -> Result<Tin> {
+    let outline = Mesh::of_outline(&task.grid)?;
+    let size = Size::of(&outline, task.goal)?;
+    let order = by_significance(&task.grid);
+    let room = match task.goal {
+        Goal::MaxError(tolerance) => return enough(task, &outline, &order, tolerance),
+        Goal::MaxVertices(most) => (most - size.vertices) as usize,
+        Goal::MaxTriangles(most) => with_triangles(&task.grid, &order, most - size.triangles),
+    };
+    mesh(task, &outline, &order[..room.min(order.len())])
+}
+
+/// How many of the first samples make no more than so many triangles: two each, or one on a side of the grid.
+fn with_triangles(grid: &Grid<'_>, order: &[Sample], most: u64) -> usize {
+    let is_side = |at: u32, count: u32| at == 0 || at + 1 == count;
+    let grown = order.iter().scan(0, |sum, at| {
+        let on_side = is_side(at.col(), grid.width()) || is_side(at.row(), grid.height());
+        *sum += if on_side { 1 } else { 2 };
+        Some(*sum)
+    });
+    grown.take_while(|sum| *sum <= most).count()
+}
+
+/// Samples within the surface, the most significant first, among equals the lowest (row, column).
+fn by_significance(grid: &Grid<'_>) -> Vec<Sample> {
+    let is_open = |at: &Sample| grid.role(*at) == Role::Interior && !grid.is_corner(*at);
+    let mut all: Vec<(Significance, Sample)> =
+        grid.samples().filter(is_open).map(|at| (significance(grid, at), at)).collect();
+    all.sort_unstable_by_key(|&(significance, at)| (Reverse(significance), at));
+    all.into_iter().map(|(_, at)| at).collect()
+}
+
+/// A distance that is not negative, ordered by its bits.
+type Significance = u64;
+
+fn significance(grid: &Grid<'_>, at: Sample) -> Significance {
+    let [col, row] = at.lattice();
+    let height = |[dx, dy]: [i32; 2]| {
+        let (col, row) = (u32::try_from(col + dx).ok()?, u32::try_from(row + dy).ok()?);
+        let is_inside = col < grid.width() && row < grid.height();
+        is_inside.then(|| grid.sample(Sample::new(col, row))).filter(|z| !z.is_nan())
+    };
+    let distance = |[dx, dy]: [i32; 2]| {
+        let [before, after] = [height([-dx, -dy])?, height([dx, dy])?];
+        Some((grid.sample(at) - f64::midpoint(before, after)).abs())
+    };
+    let lines = [[1, 0], [0, 1], [1, 1], [1, -1]];
+    let distances: Vec<f64> = lines.into_iter().filter_map(distance).collect();
+    (distances.iter().sum::<f64>() / distances.len().max(1) as f64).to_bits()
+}
+
+/// Samples that are inserted before a pulse.
+const STRETCH: usize = 1 << 12;
+
+/// The mesh of some samples, inserted near each other.
+fn mesh(task: &Task<'_>, outline: &Mesh, chosen: &[Sample]) -> Result<Tin> {
+    let (mut mesh, mut chosen) = (outline.clone(), chosen.to_vec());
+    chosen.sort_unstable_by_key(|at| interleaved(at.col()) | interleaved(at.row()) << 1);
+    for stretch in chosen.chunks(STRETCH) {
+        (task.pulse)()?;
+        mesh.insert_all(&task.grid, stretch.iter().copied());
+    }
+    Ok(Tin::of_mesh(&task.grid, &mesh))
+}
+
+/// The bits of a number with zeros between them, so that two numbers make a place on a Z-shaped curve (Morton
+/// 1966).
+fn interleaved(number: u32) -> u64 {
+    (0..14).map(|bit| u64::from(number >> bit & 1) << (2 * bit)).sum()
+}
+
+/// A mesh of so many of the first samples that the error is kept, and with one fewer is not.
+fn enough(task: &Task<'_>, outline: &Mesh, order: &[Sample], tolerance: f64) -> Result<Tin> {
+    let of_first = |count: usize| mesh(task, outline, &order[..count]);
+    let keeps = |tin: &Tin| tin.max_error <= tolerance;
+    let coarsest = of_first(0)?;
+    if keeps(&coarsest) {
+        return Ok(coarsest);
+    }
+    let mut best = of_first(order.len())?;
+    let (mut fails, mut holds) = (0, order.len());
+    while holds - fails > 1 {
+        let middle = fails + (holds - fails) / 2;
+        let tin = of_first(middle)?;
+        match keeps(&tin) {
+            true => (holds, best) = (middle, tin),
+            false => fails = middle,
+        }
+    }
+    Ok(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_peak_comes_before_its_neighbours_and_they_before_the_plain() {
+        let mut heights = vec![0.0; 49];
+        heights[3 * 7 + 3] = 9.0;
+        let grid = Grid::new(7, 7, &heights, None).unwrap();
+        let order = by_significance(&grid);
+        assert_eq!(order.len(), 45);
+        assert_eq!(order[0], Sample::new(3, 3));
+        let near = |at: &Sample| at.col().abs_diff(3).max(at.row().abs_diff(3));
+        // Each neighbour has one line to the peak.
+        assert!(order[1..9].iter().all(|at| near(at) == 1));
+        assert_eq!(order[9], Sample::new(1, 0));
+        assert_eq!(f64::from_bits(significance(&grid, Sample::new(3, 3))), 9.0);
+        assert_eq!(f64::from_bits(significance(&grid, Sample::new(2, 3))), 4.5 / 4.0);
+    }
+
+    #[test]
+    fn one_vertex_fewer_breaks_the_error() {
+        let heights: Vec<f64> = (0..144).map(|i| f64::from(i * i % 31)).collect();
+        let grid = Grid::new(12, 12, &heights, None).unwrap();
+        let tin = run(&Task::new(grid, Goal::MaxError(6.0))).unwrap();
+        let fewer = Goal::MaxVertices(tin.vertices.len() as u64 - 1);
+        assert!(tin.max_error <= 6.0 && run(&Task::new(grid, fewer)).unwrap().max_error > 6.0);
+    }
+}

@@ -1,0 +1,111 @@
+//! The bound between samples: where an edge crosses the line between two samples too far off, one of the
+//! two becomes a vertex.
+//!
+//! In rounds. Each takes all crossings beyond the tolerance, the worst first, and inserts the nearer of
+//! their samples (the other, where that is a vertex or may not be one); what an insertion of the round has
+//! touched waits for the next. Then samples are brought within the tolerance again. That ends, because a
+//! line whose two samples are vertices is an edge, which nothing crosses.
+//!
+//! What a tile cannot mend is left to the patches of its seams: there the sample wanted lies on a rim, so
+//! the edge ends on that rim, and both triangles beside it are within reach of a patch.
+
+use super::crossing::{Crossing, Crossings};
+use super::mesh::{Mesh, NONE, State};
+use super::{Local, mesh::Tri};
+
+/// An edge that is too far off between samples.
+#[derive(Clone, Copy, Debug)]
+struct Over {
+    half_edge: u32,
+    crossing: Crossing,
+}
+
+/// Lists, kept between tiles.
+#[derive(Debug, Default)]
+pub(super) struct Rounds {
+    over: Vec<Over>,
+    fresh: Vec<u32>,
+    star: Vec<u32>,
+}
+
+/// Inserts samples until no edge inside the mesh that can be mended is beyond the tolerance. `fit` brings
+/// the samples of dirty triangles within the tolerance. Some ten rounds, each linear in the length of the
+/// edges it has not seen.
+pub(super) fn insert(
+    crossings: &Crossings<'_>,
+    mesh: &mut Mesh,
+    rounds: &mut Rounds,
+    mut fit: impl FnMut(&mut Mesh),
+) {
+    loop {
+        rounds.look(crossings, mesh);
+        let mut is_done = true;
+        for i in 0..rounds.over.len() {
+            is_done &= !rounds.mend(mesh, rounds.over[i]);
+        }
+        if is_done {
+            return;
+        }
+        fit(mesh);
+    }
+}
+
+impl Rounds {
+    /// Finds the edges that are too far off, the worst first, among those not seen since they came to be.
+    fn look(&mut self, crossings: &Crossings<'_>, mesh: &mut Mesh) {
+        self.over.clear();
+        self.fresh.clear();
+        self.fresh.extend(mesh.ids().filter(|&id| is_fresh(&mesh.tris[id as usize])));
+        for half_edge in self.fresh.iter().flat_map(|id| 4 * id..4 * id + 3) {
+            let twin = mesh.twin(half_edge);
+            if twin != NONE && (!is_fresh(&mesh.tris[(twin >> 2) as usize]) || twin < half_edge) {
+                continue;
+            }
+            if let Some(crossing) = crossings.worst(mesh.origin(half_edge), mesh.end(half_edge)) {
+                self.over.push(Over { half_edge, crossing });
+            }
+        }
+        self.fresh.iter().for_each(|&id| mesh.tris[id as usize].state = State::Kept);
+        for half_edge in self.over.iter().map(|over| over.half_edge) {
+            let sides = [half_edge, mesh.twin(half_edge)];
+            for side in sides.into_iter().filter(|&side| side != NONE) {
+                mesh.tris[(side >> 2) as usize].state = State::Passed(0);
+            }
+        }
+        let key = |over: &Over| over.crossing.error;
+        self.over
+            .sort_unstable_by(|a, b| key(b).total_cmp(&key(a)).then(a.half_edge.cmp(&b.half_edge)));
+    }
+
+    /// The samples beside which edges are still too far off.
+    pub(super) fn left(&mut self, crossings: &Crossings<'_>, mesh: &mut Mesh) -> Vec<Local> {
+        self.look(crossings, mesh);
+        self.over.iter().flat_map(|over| over.crossing.samples).collect()
+    }
+
+    /// Makes a vertex of one of the samples; false when this cannot be, or has to wait.
+    fn mend(&mut self, mesh: &mut Mesh, over: Over) -> bool {
+        let is_dirty = |id: u32| mesh.tris[id as usize].state == State::Dirty;
+        let twin = mesh.twin(over.half_edge);
+        if twin == NONE || is_dirty(over.half_edge >> 2) || is_dirty(twin >> 2) {
+            return false;
+        }
+        let [near, far] = over.crossing.samples;
+        for [from, to] in [[far, near], [near, far]] {
+            let Some(holder) = mesh.follow(over.half_edge, from, to) else { continue };
+            if mesh.tris[holder as usize].state == State::Dirty {
+                return false;
+            }
+            self.star.clear();
+            if mesh.insert(holder, to, &mut self.star) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// True when the edges of a triangle have yet to be looked at.
+fn is_fresh(tri: &Tri) -> bool {
+    matches!(tri.state, State::Passed(_))
+}

@@ -1,0 +1,48 @@
+//! What a mesh and a worker say of their memory.
+
+use terrane_base::bound::Bound;
+use terrane_tin::{Heights, Local, Scratch, Spec, TileInput, TileMesh, Triangle, triangulate_tile};
+
+#[test]
+fn a_mesh_holds_its_triangles_vertices_and_heights() {
+    let triangle = Triangle { corners: [Local::new(0, 0); 3], max_error: 0.0, square_sum: 0.0 };
+    let mesh = TileMesh {
+        triangles: vec![triangle; 7],
+        vertices: vec![Local::new(1, 2); 5],
+        heights: vec![0.5; 3],
+        ..TileMesh::default()
+    };
+    // Five numbers of four bytes, one of them, and one of eight.
+    assert_eq!(mesh.bytes(), 7 * 20 + 5 * 4 + 3 * 8);
+    assert_eq!(TileMesh::default().bytes(), 0);
+}
+
+#[test]
+fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
+    let side = 65_u32;
+    let noise = |i: u32| f32::from((i.wrapping_mul(i).wrapping_mul(0x9e37_79b9) >> 20) as u16);
+    let z: Vec<f32> = (0..side * side).map(noise).collect();
+    let heights = Heights { width: side, height: side, f32: &z, f64: None };
+    let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
+    let spacing = u32::MAX;
+    let input = TileInput { heights, apron_left, apron_right, apron_above, apron_below, spacing };
+    let tolerance = 0.0;
+    let spec = Spec {
+        tolerance,
+        bound: Bound::Samples,
+        strict: false,
+        drop: true,
+        single_precision: None,
+        measure: false,
+    };
+    let mesh = triangulate_tile(&input, &spec, &mut Scratch::default());
+    assert!(mesh.vertices.len() as u32 > side * side * 9 / 10);
+    let most = TileMesh::most_bytes(u64::from(side).pow(2));
+    let used = 20 * mesh.triangles.len() + 12 * mesh.vertices.len();
+    assert!(mesh.bytes() >= used as u64, "room that is not used is held");
+    assert!(used as u64 <= most && used as u64 > most * 9 / 10, "{used} of {most}");
+    assert_eq!(TileMesh::most_bytes(0), 0);
+    // Beside the result: the heights twice, a triangle of 32 bytes for each of the result, and lists.
+    let worker = Scratch::bytes(side - 1) as f64 / most as f64;
+    assert!((3.3..3.5).contains(&worker), "{worker}");
+}

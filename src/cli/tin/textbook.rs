@@ -1,0 +1,98 @@
+//! Which method makes a mesh of a grid: the engine's own, or one of the textbooks.
+
+use crate::bound::Bound;
+use crate::cli::shared::lists::ENGINE;
+use crate::cli::tin::args::Args;
+use crate::error::{Error, Result};
+use crate::jobs::tin::{Goal, Textbook, TinReport};
+use crate::methods::{METHODS, Method, Triangulation};
+
+/// What was chosen.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct Chosen {
+    /// How the mesh is made, by one of the methods below; all but the engine's own hold the whole grid in
+    /// memory [default: greedy]
+    #[arg(long, value_name = "NAME", value_parser = parse_method)]
+    pub(crate) method: Option<By>,
+    /// Which triangles vertices get, by methods that leave it open: delaunay, split3 (nothing is ever
+    /// flipped), data-dependent (flipped for the smaller sum of largest errors) [default: delaunay]
+    #[arg(long, value_name = "NAME", value_parser = clap::value_parser!(Triangulation))]
+    pub(crate) triangulation: Option<Triangulation>,
+}
+
+/// A method by name.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum By {
+    Engine,
+    Textbook(&'static Method),
+}
+
+fn parse_method(name: &str) -> std::result::Result<By, String> {
+    if name.eq_ignore_ascii_case(ENGINE) {
+        return Ok(By::Engine);
+    }
+    let found = METHODS.iter().find(|method| method.name.eq_ignore_ascii_case(name));
+    found.map(By::Textbook).ok_or_else(|| {
+        let names: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+        format!("unknown method \"{name}\"; known methods are {ENGINE}, {}", names.join(", "))
+    })
+}
+
+impl Chosen {
+    /// The method, if it is not the engine's own.
+    pub(crate) fn by(self) -> Option<Textbook> {
+        let triangulation = self.triangulation.unwrap_or_default();
+        match self.method {
+            Some(By::Textbook(method)) => Some(Textbook { method, triangulation }),
+            Some(By::Engine) | None => None,
+        }
+    }
+
+    /// Fails when an option was given that the method does not know.
+    pub(crate) fn check(self, args: &Args) -> Result<()> {
+        let Some(Textbook { method, .. }) = self.by() else {
+            return match self.triangulation {
+                Some(_) => Err(unknown("--triangulation", ENGINE)),
+                None => Ok(()),
+            };
+        };
+        let open = !method.takes_triangulation && self.triangulation.is_some();
+        let options = [
+            ("--triangulation", open),
+            ("--workdir", args.workdir.is_some()),
+            ("--split", args.split.tiles.is_some()),
+            ("--strict", args.method.strict),
+            ("--no-drop", args.method.no_drop),
+            ("--tile", args.method.tile.is_some()),
+            ("--bound surface", args.method.bound == Bound::Surface),
+        ];
+        if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
+            return Err(unknown(option, method.name));
+        }
+        match args.goal.goal()? {
+            Goal::MaxVertices(_) if !method.takes_budget => {
+                Err(unknown("--max-vertices", method.name))
+            }
+            Goal::MaxTriangles(_) if !method.takes_budget => {
+                Err(unknown("--max-triangles", method.name))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn unknown(option: &str, method: &str) -> Error {
+    let instead = match option {
+        "--triangulation" => "leave it out, or choose a method that leaves the triangulation open",
+        "--max-vertices" | "--max-triangles" => "pass --max-error instead",
+        _ => "leave it out, or leave out --method",
+    };
+    Error::usage(format!("the method {method} has no {option}")).remedy(instead)
+}
+
+/// The method of a report.
+pub(super) fn told(report: &TinReport) -> Option<String> {
+    let method = report.method.as_ref()?;
+    Some(report.triangulation.iter().fold(method.clone(), |text, name| format!("{text}, {name}")))
+}

@@ -1,0 +1,31 @@
+//! The program as its users meet it: every test starts it.
+
+#[path = "../common/cli_support.rs"]
+mod cli_support;
+#[path = "../common/data.rs"]
+mod data;
+#[allow(dead_code, unreachable_pub)]
+#[path = "../common/raster_support/tiff_builder.rs"]
+mod tiff_builder;
+
+mod bad_input;
+mod cloud;
+mod contour;
+mod crs_matrix;
+mod grid;
+mod help;
+mod info_features;
+mod jobs;
+mod line;
+mod line_hierarchy;
+mod manners;
+mod many;
+mod mosaic;
+mod pipes;
+mod plan_grid;
+mod plan_matrix;
+mod print;
+mod resume;
+mod synth;
+mod tin_limits;
+mod tin_methods;

@@ -1,0 +1,446 @@
+//! Every promise of a plan, for meshes and for grids alike, by the program itself: a table of kinds of
+//! plans x ways to do them x what may go wrong. Whatever happens, the bytes at the end are those of one
+//! run without a plan, or the failure names what is wrong and what to do.
+
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+use crate::cli_support::Place;
+use serde_json::Value;
+
+const TERRAIN: &str = "synth:rough,width=250,height=700,seed=5";
+const CLOUD: &str = "synth:cloud,size=520,density=0.2,seed=5";
+
+/// A kind of plan.
+struct Kind {
+    name: &'static str,
+    plan: &'static [&'static str],
+    /// One run without a plan, to `whole` with the ending.
+    single: &'static [&'static str],
+    ending: &'static str,
+    output: &'static str,
+}
+
+const KINDS: [Kind; 2] = [
+    Kind {
+        name: "tin",
+        plan: &["tin", TERRAIN, "--max-error", "4", "--tile", "64", "--strip-rows", "3"],
+        single: &["tin", TERRAIN, "whole.ply", "--max-error", "4", "--tile", "64"],
+        ending: "ply",
+        output: "mesh.ply",
+    },
+    Kind {
+        name: "grid",
+        plan: &["grid", CLOUD, "--tile", "256", "--cell", "1", "--stat", "tin:max_edge=8,mean"],
+        single: &["grid", CLOUD, "whole.tif", "--cell", "1", "--stat", "tin:max_edge=8,mean"],
+        ending: "tif",
+        output: "grid.tif",
+    },
+];
+
+/// A folder with a plan in `work`, and the bytes it has to end with.
+struct Work {
+    kind: &'static Kind,
+    place: Place,
+    expected: Vec<u8>,
+    /// All tasks but the last, in the plan's order.
+    tasks: Vec<String>,
+}
+
+impl Work {
+    fn new(kind: &'static Kind) -> Self {
+        let place = Place::new();
+        place.ok(&[kind.single, &["-q"]].concat());
+        let expected = std::fs::read(place.path(&format!("whole.{}", kind.ending))).unwrap();
+        place.ok(&[&["plan"], kind.plan, &["-o", "work", "-q"]].concat());
+        let mut work = Self { kind, place, expected, tasks: Vec::new() };
+        let status = work.status();
+        let ids = status["to_do"].as_array().unwrap().iter().map(|t| t["id"].as_str().unwrap());
+        work.tasks = ids.filter(|id| *id != "finish").map(str::to_owned).collect();
+        assert!(work.tasks.len() > 4, "{:?}", work.tasks);
+        work
+    }
+
+    fn status(&self) -> Value {
+        json(&self.place.ok(&["status", "work", "--json"]).out)
+    }
+
+    fn run(&self) -> Value {
+        json(&self.place.ok(&["run", "work", "--json"]).out)
+    }
+
+    /// Does what is left in one of several ways; returns the tasks told to have been damaged.
+    fn end(&self, way: &str) -> Vec<String> {
+        let told = |args: &[&str]| {
+            let report = json(&self.place.ok(&[args, &["--json"]].concat()).out);
+            let damaged = report["damaged"].as_array().unwrap().clone();
+            damaged.into_iter().map(|id| id.as_str().unwrap().to_owned()).collect::<Vec<_>>()
+        };
+        match way {
+            "run" => told(&["run", "work"]),
+            "finish" => told(&["finish", "work"]),
+            _ => {
+                let each = |task: &String| told(&["run", "work", "--task", task]);
+                let mut all: Vec<_> = self.tasks.iter().flat_map(each).collect();
+                all.extend(told(&["finish", "work"]));
+                all
+            }
+        }
+    }
+
+    fn output(&self) -> PathBuf {
+        self.place.path("work").join(self.kind.output)
+    }
+
+    fn check(&self, what: &str) {
+        let same = std::fs::read(self.output()).unwrap() == self.expected;
+        assert!(same, "{}, {what}: other bytes", self.kind.name);
+    }
+
+    fn objects(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(self.place.path("work/objects")).unwrap();
+        let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        paths
+    }
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+/// The task whose result a file is.
+fn task_of(path: &std::path::Path) -> String {
+    let name = path.file_name().unwrap().to_str().unwrap();
+    name.rsplit_once('-').unwrap().0.to_owned()
+}
+
+/// Flips of each kind of plan, and where the environment asks for more.
+fn flips() -> usize {
+    std::env::var("TERRANE_FLIPS").map_or(32, |text| text.parse().unwrap())
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_found_by_whoever_reads_it_and_made_good() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        work.run();
+        let (mut state, mut tried) = (9_u64, 0);
+        let objects = work.objects();
+        for path in &objects {
+            let sound = std::fs::read(path).unwrap();
+            for _ in 0..flips().div_ceil(objects.len()) {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(99);
+                let (at, bit) = ((state >> 20) as usize % sound.len(), (state >> 60) as u32 % 8);
+                let mut bytes = sound.clone();
+                bytes[at] ^= 1 << bit;
+                std::fs::write(path, &bytes).unwrap();
+                std::fs::remove_file(work.output()).unwrap();
+                let ways = ["finish", "run", "finish", "finish", "run", "finish", "tasks"];
+                let way = ways[tried % ways.len()];
+                let what = format!("{way}, {}, byte {at} bit {bit}", path.display());
+                let told = work.end(way);
+                work.check(&what);
+                // Rows of tiles that a seam has done again are not read at the end.
+                let is_unread = (kind.name, way) == ("tin", "finish") && told.is_empty();
+                let told = if is_unread { work.end("run") } else { told };
+                assert_eq!(told, [task_of(path)], "{what}");
+                assert!(std::fs::read(path).unwrap() == sound, "{what} is the same again");
+                tried += 1;
+            }
+        }
+        assert!(tried >= 30, "{}: {tried}", kind.name);
+    }
+}
+
+#[test]
+fn a_run_after_the_end_looks_at_every_byte() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        work.run();
+        let again = work.run();
+        assert_eq!(again["found"], work.tasks.len(), "{again}");
+        assert_eq!(again["found_bytes"], work.status()["object_bytes"], "{again}");
+        let path = work.objects().remove(0);
+        let sound = std::fs::read(&path).unwrap();
+        let mut bytes = sound.clone();
+        bytes[sound.len() / 2] ^= 4;
+        std::fs::write(&path, bytes).unwrap();
+        let report = work.run();
+        assert_eq!(report["damaged"], report["made"], "{report}");
+        assert_eq!(report["made"][0], task_of(&path), "{report}");
+        assert!(std::fs::read(&path).unwrap() == sound);
+        work.check("a run after the end");
+    }
+}
+
+#[test]
+fn truncated_emptied_and_lost_results_are_made_again() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        work.run();
+        for (number, path) in work.objects().into_iter().enumerate() {
+            let sound = std::fs::read(&path).unwrap();
+            let way = ["run", "finish", "tasks", "finish", "run"][number % 5];
+            let lost = number % 4 == 0;
+            match number % 4 {
+                0 => std::fs::remove_file(&path).unwrap(),
+                1 => std::fs::write(&path, &sound[..sound.len() / 2]).unwrap(),
+                2 => std::fs::write(&path, &sound[..sound.len() - 1]).unwrap(),
+                _ => std::fs::write(&path, b"").unwrap(),
+            }
+            let what = format!("{way} after harm to {}", path.display());
+            let left = work.status();
+            let ids: Vec<_> = left["to_do"].as_array().unwrap().iter().map(|t| &t["id"]).collect();
+            assert!(ids.contains(&&Value::from(task_of(&path))), "{what}: {left}");
+            std::fs::remove_file(work.output()).unwrap();
+            if lost && way == "finish" {
+                let words = [&*task_of(&path), "is not done", "--task"];
+                work.place.fails(&["finish", "work"], 69, &words);
+                work.end("run");
+            } else {
+                work.end(way);
+            }
+            work.check(&what);
+            assert!(std::fs::read(&path).unwrap() == sound, "{what} is the same again");
+        }
+        std::fs::remove_dir_all(work.place.path("work/objects")).unwrap();
+        std::fs::remove_file(work.output()).unwrap();
+        assert_eq!(work.run()["made"].as_array().unwrap().len(), work.tasks.len());
+        work.check("all lost");
+    }
+}
+
+/// Ends a process by the signal that cannot be caught.
+fn kill(mut child: Child, after: u64) {
+    std::thread::sleep(Duration::from_millis(after));
+    let _ended_before = child.kill();
+    child.wait().unwrap();
+}
+
+#[test]
+fn killed_at_any_moment_whatever_is_done_stays_done() {
+    for kind in &KINDS {
+        for way in ["run", "tasks"] {
+            let work = Work::new(kind);
+            let start = |args: &[&str]| {
+                let mut command = work.place.command(args);
+                command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
+            };
+            let mut done = 0;
+            for round in 0..5 {
+                match way {
+                    "run" => kill(start(&["run", "work", "-q"]), 13 * round + 5),
+                    _ => {
+                        let begin = |task| start(&["run", "work", "-q", "--task", task]);
+                        let children: Vec<_> = work.tasks.iter().map(|t| begin(t)).collect();
+                        children.into_iter().for_each(|child| kill(child, 3 * round));
+                    }
+                }
+                let status = work.status();
+                assert_eq!(status["damaged"].as_array().unwrap().len(), 0, "{status}");
+                let now = status["done"].as_u64().unwrap();
+                assert!(now >= done, "{}, {way}: {now} of {done}", kind.name);
+                done = now;
+            }
+            assert_eq!(work.end(way), [""; 0], "nothing was damaged");
+            work.check(way);
+        }
+    }
+}
+
+#[test]
+fn tasks_are_done_beside_a_run_and_a_second_run_is_not() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        // As a run holds it.
+        let lock = work.place.path("work/lock");
+        let lock = std::fs::File::options().create(true).append(true).open(lock).unwrap();
+        lock.lock().unwrap();
+        work.place.fails(&["run", "work"], 69, &["others are at work", "--task"]);
+        work.end("tasks");
+        work.check("beside a run");
+        lock.unlock().unwrap();
+        // As a task of an earlier version held it: a run does not wait for tasks either.
+        lock.lock_shared().unwrap();
+        drop(lock);
+        work.run();
+    }
+}
+
+#[test]
+fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        work.run();
+        let moved = work.place.path("moved");
+        std::fs::rename(work.place.path("work"), &moved).unwrap();
+        let output = moved.join(kind.output);
+        let status = || json(&work.place.ok(&["status", "moved", "--json"]).out);
+        let fault = || status()["output_fault"].as_str().unwrap_or_default().to_owned();
+        let is_right = || std::fs::read(&output).unwrap() == work.expected;
+
+        assert_eq!(status()["output"], output.to_str().unwrap(), "moved, and all there");
+        let report = json(&work.place.ok(&["run", "moved", "--json"]).out);
+        assert_eq!(report["made"].as_array().unwrap().len(), 0, "{report}");
+
+        let mut bytes = work.expected.clone();
+        *bytes.last_mut().unwrap() ^= 1;
+        std::fs::write(&output, &bytes).unwrap();
+        assert!(fault().contains("was altered since it was written: its bytes"), "{}", fault());
+        for verb in [&["run", "moved"][..], &["finish", "moved"]] {
+            work.place.fails(verb, 2, &["was altered", "its bytes are others", "--overwrite"]);
+        }
+        work.place.ok(&["run", "moved", "--overwrite", "-q"]);
+        assert!(is_right() && fault().is_empty(), "made anew when asked");
+
+        bytes.push(0);
+        std::fs::write(&output, &bytes).unwrap();
+        let words = format!("it had {} bytes and has {}", bytes.len() - 1, bytes.len());
+        work.place.fails(&["finish", "moved"], 2, &["was altered", &words]);
+        work.place.ok(&["finish", "moved", "--overwrite", "-q"]);
+        assert!(is_right());
+
+        std::fs::remove_file(&output).unwrap();
+        assert!(fault().ends_with("was written and is missing"), "{}", fault());
+        assert_eq!(status()["to_do"][0]["id"], "finish");
+        work.place.ok(&["run", "moved", "-q"]);
+        assert!(is_right() && fault().is_empty(), "made again");
+
+        let whole = format!("whole.{}", kind.ending);
+        work.place.fails(&["run", "moved", "-o", &whole], 2, &[&whole, "exists already"]);
+    }
+}
+
+#[test]
+fn a_mistyped_folder_makes_no_folder() {
+    for kind in &KINDS {
+        let place = Place::new();
+        for verb in [&["run", "tpyo"][..], &["status", "tpyo"], &["finish", "tpyo"]] {
+            place.fails(verb, 65, &["tpyo", "holds no plan"]);
+        }
+        place.fails(&["run", "tpyo", "--task", "finish"], 65, &["tpyo", "holds no plan"]);
+        let plan = [&["plan"], kind.plan, &["-o", "tpyo/work"]].concat();
+        place.fails(&plan, 73, &["tpyo/work", "make tpyo first"]);
+        let work = Work::new(kind);
+        let output = format!("tpyo/whole.{}", kind.ending);
+        for verb in [&["run", "work", "-o", &output][..], &["finish", "work", &output]] {
+            work.place.fails(verb, 73, &[&output, "first"]);
+        }
+        assert_eq!(work.status()["done"], 0, "told before the work");
+    }
+    let place = Place::new();
+    let tin = [KINDS[0].single, &["--workdir", "tpyo/work"]].concat();
+    place.fails(&tin, 73, &["tpyo/work", "make tpyo first"]);
+}
+
+#[test]
+fn too_little_memory_and_not_yet_have_codes_of_their_own() {
+    for kind in &KINDS {
+        let work = Work::new(kind);
+        let first = work.tasks[0].as_str();
+        let little = ["run", "work", "--task", first, "--memory", "1M"];
+        work.place.fails(&little, 75, &["MiB of memory are needed", "--memory"]);
+        work.place.fails(&["finish", "work"], 69, &[first, "is not done"]);
+        let least = work.status()["least_memory"].as_u64().unwrap();
+        let enough = least.div_ceil(1 << 20).to_string() + "M";
+        work.place.ok(&["run", "work", "--memory", &enough, "-q"]);
+        work.check("in the least memory told");
+    }
+}
+
+/// Bytes that were expected, by bytes that there are.
+fn ratios(place: &Place, output: &str) -> [f64; 2] {
+    let planned = json(&place.ok(&["status", "work", "--json"]).out);
+    place.ok(&["run", "work", "-q"]);
+    let done = json(&place.ok(&["status", "work", "--json"]).out);
+    let bytes = std::fs::metadata(place.path("work").join(output)).unwrap().len();
+    assert_eq!(done["disk_needed"], 0);
+    let ratio = |expected: &Value, bytes: f64| expected.as_f64().unwrap() / bytes;
+    [
+        ratio(&planned["disk_needed"], done["object_bytes"].as_f64().unwrap()),
+        ratio(&planned["output_bytes"], bytes as f64),
+    ]
+}
+
+#[test]
+fn the_disk_that_a_plan_expects_is_what_it_takes() {
+    let tin = |input: &str, error: &str, tile: &str, format: &str| {
+        let place = Place::new();
+        let how = ["--max-error", error, "--tile", tile, "--format", format, "-q"];
+        place.ok(&[&["plan", "tin", input, "-o", "work"], &how[..]].concat());
+        let ending = format.to_lowercase();
+        (format!("{input} {error} {tile} {format}"), ratios(&place, &format!("mesh.{ending}")))
+    };
+    let grid = |how: &[&str], output: &str| {
+        let place = Place::new();
+        let input = "synth:cloud,size=1100,density=0.7,seed=3";
+        place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "512", "-q"], how].concat());
+        (how.join(" "), ratios(&place, output))
+    };
+    for (what, found) in [
+        tin("synth:rough,size=2000", "2", "512", "PLY"),
+        tin("synth:rough,size=2000", "2", "512", "GLB"),
+        tin("synth:rough,size=1500", "30", "64", "STL"),
+        tin("synth:coast,size=2500", "4", "512", "PLY"),
+        tin("synth:smooth,size=3000", "2", "256", "OBJ"),
+        grid(&["--cell", "1", "--stat", "mean"], "grid.tif"),
+        grid(
+            &["--cell", "2", "--stat", "tin:max_edge=9,count", "--co", "COMPRESS=ZSTD"],
+            "grid.tif",
+        ),
+        grid(&["--cell", "1", "--stat", "max", "--format", "COG"], "grid.tif"),
+    ] {
+        println!("{what}: {found:.2?}");
+        assert!(found.iter().all(|ratio| (0.97..=1.5).contains(ratio)), "{what}: {found:.2?}");
+    }
+}
+
+#[test]
+fn what_a_large_job_takes_is_told_before_it_is_begun() {
+    let place = Place::new();
+    let input = "synth:rough,size=80000";
+    let info = place.ok(&["info", input]).out;
+    for part in ["tin time", "tin memory", "tin disk", "for the mesh"] {
+        assert!(info.contains(part), "{part} in\n{info}");
+    }
+    let plan = place.ok(&["plan", "tin", input, "-o", "work", "--max-error", "2"]).out;
+    let row = |name: &str| {
+        let line = plan.lines().find(|line| line.trim_start().starts_with(name));
+        line.unwrap_or_else(|| panic!("{name} in\n{plan}")).to_owned()
+    };
+    assert!(row("time").contains("about"), "{plan}");
+    assert!(row("memory").contains("at least"), "{plan}");
+    assert!(row("disk").contains("more, and about") && row("disk").contains("for the mesh"));
+    let status = json(&place.ok(&["status", "work", "--json"]).out);
+    let facts = json(&place.ok(&["info", input, "--json"]).out)["tin"].clone();
+    let [low, high] = [0, 1].map(|i| facts["seconds"][i].as_f64().unwrap());
+    let seconds = status["seconds"].as_f64().unwrap();
+    assert!((low..=high).contains(&seconds), "{low} {seconds} {high}");
+    assert!(status["disk_needed"].as_u64() > Some(1 << 30), "{status}");
+
+    let cloud = "synth:cloud,size=20000,density=2";
+    let how = ["--cell", "0.5", "--stat", "mean", "-o", "grid"];
+    let plan = place.ok(&[&["plan", "grid", cloud], &how[..]].concat()).out;
+    for part in ["time ", "memory ", "disk ", "for the grid"] {
+        assert!(plan.contains(part), "{part} in\n{plan}");
+    }
+}
+
+#[test]
+fn a_disk_with_too_little_room_is_refused_unless_told_otherwise() {
+    let place = Place::new();
+    let input = "synth:rough,size=1000001";
+    let how = ["--max-error", "0.01", "--format", "OBJ", "-q"];
+    place.ok(&[&["plan", "tin", input, "-o", "work"], &how[..]].concat());
+    place.fails(&["run", "work"], 73, &["of disk are needed", "--no-disk-check"]);
+    let mut command = place.command(&["run", "work", "--no-disk-check", "--progress", "json"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+    let begun = lines.map_while(Result::ok).any(|line| line.contains("triangulate"));
+    kill(child, 0);
+    assert!(begun, "it began");
+    let stray = ["tin", input, "a.ply", "--max-error", "1", "--no-disk-check"];
+    place.fails(&stray, 2, &["--no-disk-check", "--workdir"]);
+}

@@ -1,0 +1,11 @@
+//! Point clouds: read, filtered, made and written.
+
+#[path = "../common/cloud_support.rs"]
+mod cloud_support;
+#[path = "../common/data.rs"]
+mod data;
+
+mod filters;
+mod formats;
+mod synth;
+mod write;

@@ -1,0 +1,12 @@
+//! Lines, their topology and their proof, contours, and files of features.
+
+mod coverage;
+#[path = "../common/data.rs"]
+mod data;
+
+mod contours;
+mod faults;
+mod files;
+mod squares;
+mod topology;
+mod worlds;

@@ -1,0 +1,55 @@
+//! Every method, cut into arcs and untangled, before the independent checker.
+
+use crate::coverage::{Rings, world};
+use terrane_line::arcs::Arcs;
+use terrane_line::metric::Plane;
+use terrane_line::registry::Bounds;
+use terrane_line::topology::{Collapse, Kept, Options, Strategy, refining, untangle};
+use terrane_line::{METHODS, Method, Scratch, Xy};
+use terrane_proof::lines::{Distance, Lines, Question, Report, check};
+
+fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<'_>) -> Report {
+    let mut scratch = Scratch::default();
+    let arcs = Arcs::new(&rings.chains(), 0.0).unwrap();
+    let chains = arcs.chains();
+    let mut refine = refining(chains.points, |part, kept| {
+        (method.plane)(&Plane, part, tolerance, &mut scratch, kept);
+    });
+    let kept = Kept::simplified(&chains, &mut refine);
+    let fixed = [[0.5, 0.5], [1.3, 2.2], [2.0, 2.0]];
+    let outcome = untangle(&chains, &kept, &fixed, options, &mut refine).unwrap();
+    let parts = arcs.rebuild(&outcome.kept);
+    let space = |p: &Xy| [p[0], p[1], 0.0];
+    let before: Vec<[f64; 3]> = rings.points.iter().map(space).collect();
+    let after: Vec<[f64; 3]> =
+        parts.vertices.iter().map(|&v| space(&arcs.points[v as usize])).collect();
+    let is_bounded = method.bounds == Bounds::Distance;
+    let question = Question {
+        original: Lines { points: &before, starts: &rings.starts, closed: &rings.closed },
+        simplified: Lines { points: &after, starts: &parts.starts, closed: &rings.closed },
+        points: &fixed,
+        distance: Distance::Plane,
+        tolerance: is_bounded.then_some(tolerance * (1.0 + 1e-12)),
+    };
+    check(&question).unwrap()
+}
+
+#[test]
+fn every_method_comes_out_sound() {
+    for method in METHODS {
+        for seed in 0..6 {
+            let rings = world(seed);
+            let tolerance = [0.002, 0.02, 0.2][seed as usize % 3];
+            let strategies = [Strategy::Retroactive, Strategy::Proactive];
+            for (strategy, collapse) in
+                strategies.into_iter().flat_map(|s| [(s, Collapse::Minimal), (s, Collapse::Keep)])
+            {
+                let options = Options { strategy, collapse, ..Options::default() };
+                let report = simplified(method, &rings, tolerance, &options);
+                let name = format!("{} {seed} {strategy:?} {collapse:?}", method.name);
+                assert!(report.is_sound(), "{name}: {report:?}");
+                assert!(report.vertices[1] < report.vertices[0], "{name}");
+            }
+        }
+    }
+}

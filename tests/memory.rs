@@ -1,0 +1,267 @@
+//! `--memory` is kept, by every verb: what would take more is spilled, read anew, or refused with what is
+//! enough.
+//!
+//! What counts is the largest resident memory of the process, which the system tells when it ends. That
+//! is no less than what a control group would count of it, and takes no right to make one. It also counts
+//! what the process took that started it, so no other test is in this one.
+#![allow(unsafe_code)]
+
+#[path = "common/cli_support.rs"]
+mod cli_support;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use cli_support::Place;
+
+/// The most memory that a mesh of three quarters of all samples took with a budget, in MiB.
+fn peak_mib(place: &Place, threads: &str, budget: &str) -> f64 {
+    let output = format!("{threads}-{budget}.ply");
+    let args = [
+        "tin",
+        "synth:rough,width=2049,height=769",
+        &output,
+        "--max-error",
+        "0.02",
+        "--tile",
+        "128",
+    ];
+    let report =
+        place.ok(&[&args[..], &["--threads", threads, "--memory", budget, "--json"]].concat());
+    let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
+    report["peak_memory"].as_f64().unwrap() / f64::from(1 << 20)
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_budget_is_kept_that_the_mesh_would_break() {
+    let place = Place::new();
+    for (threads, budget) in [("1", 30.0), ("2", 36.0)] {
+        let free = peak_mib(&place, threads, "4G");
+        assert!(free > 1.2 * budget, "the job needs only {free} MiB and proves nothing");
+        let bound = peak_mib(&place, threads, &format!("{budget}M"));
+        assert!(bound <= budget, "{bound} MiB of {budget} with {threads} threads");
+    }
+    let same = same_bytes(&place.path("1-4G.ply"), &place.path("2-36M.ply"));
+    assert!(same, "the budget left a trace");
+}
+
+/// Whether two files hold the same, of which little is in memory at a time: see [`measured`].
+#[cfg(target_os = "linux")]
+fn same_bytes(first: &Path, second: &Path) -> bool {
+    let open = |path| BufReader::new(File::open(path).unwrap());
+    let (mut first, mut second) = (open(first), open(second));
+    loop {
+        let (left, right) = (first.fill_buf().unwrap(), second.fill_buf().unwrap());
+        let count = left.len().min(right.len());
+        if left[..count] != right[..count] {
+            return false;
+        }
+        if count == 0 {
+            return left.len() == right.len();
+        }
+        first.consume(count);
+        second.consume(count);
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_large_block_takes_little_beyond_the_budget() {
+    let place = Place::new();
+    let terrain = "synth:rough,width=2049,height=769";
+    let args = ["tin", terrain, "out", "--max-error", "0.02", "--tile", "128", "--split", "100"];
+    let report = place.ok(&[&args[..], &["--memory", "40M", "--json"]].concat());
+    let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
+    let [peak, vertices] = ["peak_memory", "vertices"].map(|key| report[key].as_f64().unwrap());
+    let own = (peak - vertices * 8.0) / f64::from(1 << 20);
+    assert!(own < 54.0, "{own} MiB without the ids of {vertices} vertices");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_folder_of_meshes_is_verified_without_holding_its_triangles() {
+    let place = Place::new();
+    let terrain = "synth:rough,width=2049,height=769";
+    let args = ["tin", terrain, "out", "--max-error", "0.02", "--tile", "128", "--split", "100"];
+    place.ok(&[&args[..], &["-q"]].concat());
+    let report = place.ok(&["verify", "out", terrain, "--memory", "32M", "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&report.out).unwrap();
+    let peak = report["peak_memory"].as_f64().unwrap() / f64::from(1 << 20);
+    // The vertices of a block (24 bytes each) come on top of the budget.
+    let vertices = report["vertices"].as_f64().unwrap() / 3.0 / 2.0 * 24.0 / f64::from(1 << 20);
+    assert!(peak < 32.0 + vertices + 16.0, "{peak} MiB with {vertices} MiB of vertices");
+}
+
+/// What the rows of the table work on, made by the program itself.
+struct Sizes {
+    /// Samples along a side of a terrain.
+    terrain: u32,
+    /// Metres along a side of clouds, one dense and one sparse.
+    cloud: [u32; 2],
+    /// Polygons of a coverage of 200 vertices each, and vertices of a walk.
+    coverage: u32,
+    walk: u32,
+}
+
+/// As large as jobs have to be for tests of memory to mean something; `TERRANE_MEMORY_TEST` makes them
+/// larger.
+fn sizes() -> Sizes {
+    match std::env::var_os("TERRANE_MEMORY_TEST").is_some() {
+        true => Sizes { terrain: 4097, cloud: [500, 1500], coverage: 8000, walk: 1_000_000 },
+        false => Sizes { terrain: 1025, cloud: [150, 400], coverage: 1000, walk: 150_000 },
+    }
+}
+
+fn make_inputs(place: &Place) {
+    let Sizes { terrain, cloud: [dense, sparse], coverage, walk } = sizes();
+    for (name, output) in [
+        (format!("rough,size={terrain}"), "dem.tif"),
+        (format!("cloud,size={dense},density=12"), "dense.laz"),
+        (format!("cloud,size={sparse},density=2"), "sparse.laz"),
+        (format!("coverage,vertices=200,features={coverage}"), "coverage.fgb"),
+        (format!("walk,vertices={walk}"), "walk.fgb"),
+    ] {
+        place.ok(&["synth", &name, output, "-q"]);
+    }
+    place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
+    place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
+    place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
+    place.ok(&["line", "walk.fgb", "walked.fgb", "--tolerance", "5", "-q"]);
+    place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
+}
+
+/// Every verb in every way of its own to hold memory, without what is the same in all of them.
+const JOBS: &[&str] = &[
+    "tin dem.tif o.ply --max-error 1 --tile 256",
+    "tin dem.tif o.ply --max-error 0 --tile 256",
+    "tin dem.tif o.ply --max-error 0.2 --tile 256 --bound surface",
+    "tin dem.tif o.stl --max-error 0 --tile 256",
+    "tin dem.tif o.glb --max-error 0.2 --tile 256",
+    "tin dem.tif o --max-error 1 --tile 256 --split 256",
+    "grid dense.laz o.tif --cell 1 --stat mean,max",
+    "grid dense.laz o.tif --cell 0.5 --stat p50",
+    "grid dense.laz o.tif --cell 1 --stat idw",
+    "grid dense.laz o.tif --cell 1 --stat tin",
+    "grid dense.laz o.tif --cell 1 --stat natural",
+    "grid sparse.laz o.tif --cell 4 --stat natural",
+    "grid dense.laz o.tif --cell 1 --dtm",
+    "grid dense.laz o.tif --cell 1 --chm",
+    "contour dem.tif -o o.fgb --interval 20 --tile 256",
+    "contour dem.tif -o o.geojson --interval 20 --tolerance 2 --tile 256",
+    "verify dem.ply dem.tif",
+    "verify dense.ply dense.laz",
+    "verify less.fgb coverage.fgb --tolerance 5 --topology",
+    "verify walked.fgb walk.fgb --tolerance 5",
+    "line coverage.fgb o.fgb --tolerance 5",
+    "line walk.fgb o.geojson --tolerance 5",
+    "line walk.fgb o.fgb --tolerance 5 --method imai-iri",
+    "line walk.fgb o.fgb --area 5 --method visvalingam",
+    "line coverage.fgb o.fgb --tolerance 5 --hierarchy h",
+    "line coverage.fgb o.fgb --keep-ratio 0.2",
+    "line coverage.fgb o.geojson --target-size 500K",
+    "line coverage.fgb o.fgb --tolerance 5 --topology",
+    "line coverage.fgb o.fgb --tolerance 0 --topology",
+    "line coverage.fgb o.fgb --tolerance 5 --topology --strategy proactive",
+    "line coverage.fgb o.fgb --tolerance 5 --topology --snap 0.001",
+    "line coverage.fgb o.fgb --keep-ratio 0.2 --topology",
+    "line coverage.fgb o.shp --target-size 1M --topology",
+    "line walk.fgb o.fgb --tolerance 5 --topology",
+    "line walk.fgb o.fgb --tolerance 0 --topology",
+    "convert dem.tif o.tif",
+    "convert dem.tif o.tif --format COG",
+    "convert dem.tif o.asc",
+    "view dem.tif -o o.png --width 400",
+    "view dem.ply -o o.png --width 400",
+    "info dem.tif --stats",
+    "info dense.laz --stats",
+    "info coverage.fgb --stats",
+    "synth rough,size=1025 o.tif",
+    "synth cloud,size=200 o.laz",
+    "run tin.plan",
+];
+
+/// Budgets of the table, in MiB.
+const BUDGETS: [u64; 4] = [24, 32, 64, 256];
+
+/// Runs a job with so much memory: its exit code, what it said, and the MiB that it took.
+///
+/// A new process shares the memory of the one that starts it until it is a program of its own, and the
+/// system counts that, too: the tests have to stay below the least budget themselves.
+#[cfg(target_os = "linux")]
+#[expect(
+    clippy::zombie_processes,
+    reason = "it is waited for with wait4, which tells what it used"
+)]
+fn measured(place: &Place, job: &str, mib: u64) -> (i32, String, f64) {
+    use std::io::Read;
+    let memory = format!("{mib}M");
+    let words: Vec<&str> = job.split(' ').chain(["--memory", &memory]).collect();
+    let mut command = place.command(&words);
+    command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut told = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+    let (mut status, pid) = (0, i32::try_from(child.id()).unwrap());
+    // SAFETY: all bytes of the structure may be 0.
+    let mut used: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the process is a child that nobody else waits for; both places outlive the call.
+    let waited = unsafe { libc::wait4(pid, &raw mut status, 0, &raw mut used) };
+    assert_eq!(waited, pid, "{job}");
+    let code = if libc::WIFEXITED(status) { libc::WEXITSTATUS(status) } else { -1 };
+    let own = terrane_jobs::peak_memory().unwrap() >> 20;
+    assert!(own < BUDGETS[0], "the tests take {own} MiB themselves and measure nothing");
+    (code, told, used.ru_maxrss as f64 / 1024.0)
+}
+
+/// The memory that an error tells to pass.
+fn advised(told: &str) -> Option<u64> {
+    let (_, rest) = told.split_once("--memory ")?;
+    rest.split_once('M')?.0.parse().ok()
+}
+
+/// A job as it is run again and again.
+fn repeated(job: &str) -> String {
+    match job.split(' ').next() {
+        Some("verify") => format!("{job} -q"),
+        Some("info") => job.to_owned(),
+        Some("run") => format!("{job} -q"),
+        _ => format!("{job} --overwrite -q"),
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn no_verb_takes_more_than_it_may() {
+    let place = Place::new();
+    make_inputs(&place);
+    let mut faults = Vec::new();
+    for job in JOBS {
+        let again = repeated(job);
+        let mut done = 0;
+        for mib in BUDGETS {
+            let (mut mib, (mut code, mut told, mut peak)) = (mib, measured(&place, &again, mib));
+            // Of one feature that is too large its own need is told, and what its neighbours take once
+            // that is met, as docs/src/guide/promises.md says; otherwise what is told to be enough is enough.
+            let steps =
+                if told.contains("a feature of") && job.contains("--topology") { 2 } else { 1 };
+            for _ in 0..steps {
+                if code != 75 {
+                    break;
+                }
+                let Some(enough) = advised(&told).filter(|enough| *enough > mib) else { break };
+                (mib, (code, told, peak)) = (enough, measured(&place, &again, enough));
+            }
+            if code != 0 {
+                faults.push(format!("{job}, {mib} MiB: exit code {code}, {told}"));
+            }
+            if peak > mib as f64 {
+                faults.push(format!("{job}: {peak:.1} MiB of {mib}"));
+            }
+            done += u64::from(code == 0);
+        }
+        assert!(done > 0, "{job} was never done: {faults:?}");
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}

@@ -1,0 +1,9 @@
+//! The proof of meshes: what is wrong is found, and nothing else is.
+
+#[path = "../common/cli_support.rs"]
+mod cli_support;
+mod support;
+
+mod faults;
+mod samples;
+mod twin;
