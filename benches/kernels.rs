@@ -35,6 +35,7 @@ fn spec(tolerance: f64, drop: bool) -> Spec {
         bound: Bound::Samples,
         strict: false,
         drop,
+        fit: false,
         single_precision: None,
         measure: false,
     }

@@ -105,6 +105,7 @@ fn jobs() -> Vec<String> {
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --no-drop"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --strict"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --bound surface"));
+        add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --fit"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64 --tolerance 4"));
     }
@@ -115,7 +116,7 @@ fn jobs() -> Vec<String> {
         add(format!("tin ../in/degrees.asc o.{mesh} --max-error 2"));
         add(format!("tin ../in/dense.laz o.{mesh} --max-error 0.3"));
     }
-    for how in ["--strict", "--no-drop", "--max-vertices 900", "-f STL"] {
+    for how in ["--strict", "--no-drop", "--fit", "--max-vertices 900", "-f STL"] {
         let goal = if how.starts_with("--max") { "" } else { "--max-error 1.5" };
         add(format!("tin ../in/rough.tif o.ply --tile 64 --bound surface {goal} {how}"));
     }
@@ -248,6 +249,7 @@ fn jobs() -> Vec<String> {
         "plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --bound surface then run w -o o.ply"
             .into(),
     );
+    add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit then run w -o o.ply".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

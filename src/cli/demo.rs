@@ -103,6 +103,7 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
         bound: Bound::Samples,
         strict: false,
         drop: true,
+        fit: false,
         tile: 512,
         measure: true,
         resources: resources.clone(),

@@ -27,5 +27,6 @@ mod plan_matrix;
 mod print;
 mod resume;
 mod synth;
+mod tin_fit;
 mod tin_limits;
 mod tin_methods;

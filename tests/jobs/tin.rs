@@ -16,6 +16,7 @@ use terrane_tin::Spec;
 struct Run {
     tolerance: f64,
     bound: Bound,
+    fit: bool,
     tile: u32,
     threads: usize,
     mesh_bytes: u64,
@@ -29,6 +30,7 @@ impl Default for Run {
         Self {
             tolerance: 2.0,
             bound: Bound::Samples,
+            fit: false,
             tile: 16,
             threads: 1,
             mesh_bytes: 1 << 30,
@@ -48,6 +50,7 @@ impl Run {
                 bound: self.bound,
                 strict: false,
                 drop: true,
+                fit: self.fit,
                 single_precision: None,
                 measure: true,
             },
@@ -60,7 +63,7 @@ impl Run {
             cancel: &self.cancel,
         };
         let outcome = run_on(grid, Box::new(self.sink.clone()), &settings)?;
-        let mesh = self.sink.take();
+        let mesh = Mesh { fitted: self.fit, ..self.sink.take() };
         assert!(mesh.finished);
         if self.bound == Bound::Surface {
             let most = largest_crossing(&mesh, grid);
@@ -96,12 +99,14 @@ fn grids_of_all_sizes_become_seamless_surfaces() {
         for surface in [hills, holes, flat_sea] {
             for (tolerance, bound) in [0.0, 2.0, 1e6].into_iter().flat_map(both_bounds) {
                 let grid = FunctionGrid::new(width, height, surface);
-                let run = Run { tolerance, bound, ..Run::default() };
-                let (mesh, outcome) = run.on(&grid).unwrap();
-                validate(&mesh, &grid, tolerance);
-                assert_eq!(outcome.vertices, mesh.vertices.len() as u64);
-                assert_eq!(outcome.triangles, mesh.triangles.len() as u64);
-                assert!(outcome.max_error <= tolerance * (1.0 + 1e-6));
+                for fit in [false, true] {
+                    let run = Run { tolerance, bound, fit, ..Run::default() };
+                    let (mesh, outcome) = run.on(&grid).unwrap();
+                    validate(&mesh, &grid, tolerance);
+                    assert_eq!(outcome.vertices, mesh.vertices.len() as u64);
+                    assert_eq!(outcome.triangles, mesh.triangles.len() as u64);
+                    assert!(outcome.max_error <= tolerance * (1.0 + 1e-6));
+                }
             }
         }
     }
@@ -125,8 +130,12 @@ fn full_size_tiles_meet_without_cracks() {
 
 #[test]
 fn bytes_do_not_depend_on_threads_memory_or_order() {
-    for (surface, bound) in [hills, holes, flat_sea].into_iter().zip(Bound::ALL.iter().cycle()) {
-        let usual = || Run { bound: *bound, ..Run::default() };
+    let kinds: [(fn(u32, u32) -> f64, Bound, bool); 2] =
+        [(hills, Bound::Samples, false), (holes, Bound::Surface, false)];
+    let fitted: [(fn(u32, u32) -> f64, Bound, bool); 2] =
+        [(flat_sea, Bound::Samples, true), (hills, Bound::Surface, true)];
+    for (surface, bound, fit) in kinds.into_iter().chain(fitted) {
+        let usual = || Run { bound, fit, ..Run::default() };
         let grid = FunctionGrid::new(131, 150, surface);
         let (mesh, alone) = usual().on(&grid).unwrap();
         for threads in [1, 2, 8] {
@@ -308,7 +317,9 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
                 move |col, row| f64::from(land(seed, col, row) as f32),
             );
         let bound = Bound::ALL[usize::from(draw(4) < 0.5)];
-        let (mesh, outcome) = match (Run { tolerance, bound, tile, ..Run::default() }).on(&grid) {
+        let fit = draw(5) < 0.4;
+        let run = Run { tolerance, bound, fit, tile, ..Run::default() };
+        let (mesh, outcome) = match run.on(&grid) {
             Ok(made) => made,
             // No land is valid.
             Err(error) if error.kind() == ErrorKind::BadInput => {
@@ -321,7 +332,7 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         let edges = non_delaunay_edges(&mesh, &grid);
         if edges > 0 {
             wrong.push(format!(
-                "{name} (seed {seed}): {edges} of {} vertices, tile {tile}, {width} x {height}, tolerance {tolerance}, {bound}", outcome.vertices
+                "{name} (seed {seed}): {edges} of {} vertices, tile {tile}, {width} x {height}, tolerance {tolerance}, {bound}, fit {fit}", outcome.vertices
             ));
         }
     }

@@ -27,6 +27,7 @@ fn job(input: &str, output: &Path, goal: Goal) -> TinJob {
         bound: Bound::Samples,
         strict: false,
         drop: true,
+        fit: false,
         tile: 64,
         measure: true,
         resources: Resources { threads: 2, memory: 256 << 20, temp_dir: None },

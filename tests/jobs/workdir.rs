@@ -34,6 +34,7 @@ fn tin(input: &str, output: &Path) -> TinJob {
         bound: Bound::Samples,
         strict: false,
         drop: true,
+        fit: false,
         tile: 64,
         measure: true,
         resources: resources(2),

@@ -32,6 +32,7 @@ const SCALE: &str = " scale ";
 /// What a tolerance begins with, here and in the comments of a mesh; and what that is promised of.
 const BOUND: &str = "max error ";
 const OF: &str = "bound ";
+const FITTED: &str = "fitted ";
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -64,15 +65,17 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, encoder)
 }
 
-/// The bound that comments state, without its unit: "1.5", or "1.5 bound surface".
+/// The bound that comments state, without its unit: "1.5", or "1.5 bound surface fitted heights".
 fn bound(comments: &[String]) -> Option<String> {
     let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
     let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
-    let of = comments.iter().find(|comment| comment.starts_with(OF));
-    Some(std::iter::once(tolerance).chain(of.map(String::as_str)).collect::<Vec<_>>().join(" "))
+    let more = [OF, FITTED].map(|key| comments.iter().find(|comment| comment.starts_with(key)));
+    let more = more.into_iter().flatten().map(String::as_str);
+    Some(std::iter::once(tolerance).chain(more).collect::<Vec<_>>().join(" "))
 }
 
-/// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none.
+/// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none; but
+/// that heights are fitted has to be stated.
 fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
     let numbers = |point: Point3| point.map(text::f64_text).join(" ");
     let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
@@ -83,6 +86,9 @@ fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[
     let stated = bound.map_or(String::new(), |bound| format!(" {BOUND}{bound}"));
     if text.len() + stated.len() <= TITLE_BYTES {
         text += &stated;
+    } else if stated.contains(FITTED) {
+        return Err(Error::usage("an STL header has no room to state that heights are fitted")
+            .remedy("write PLY, OBJ or GLB, or leave --fit out"));
     }
     let mut title = [b' '; TITLE_BYTES];
     title[..text.len()].copy_from_slice(text.as_bytes());
@@ -279,7 +285,7 @@ impl StlSource {
             let (_, value) = title.split_once(key).filter(|_| known.is_some())?;
             Some((key.trim_end().to_owned(), value.to_owned()))
         };
-        let bound = stated(BOUND).into_iter().chain(stated(OF));
+        let bound = stated(BOUND).into_iter().chain(stated(OF)).chain(stated(FITTED));
         let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
         let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
@@ -402,6 +408,10 @@ mod tests {
         assert_eq!(bound(&["source a.tif".to_owned()]), None);
         let of_surface = [&comments[..], &["bound surface".to_owned()]].concat();
         assert_eq!(bound(&of_surface).as_deref(), Some("1.5 bound surface"));
+        let fitted = [&of_surface[..], &["fitted heights".to_owned()]].concat();
+        let fitted = bound(&fitted);
+        assert_eq!(fitted.as_deref(), Some("1.5 bound surface fitted heights"));
+        assert!(title(full, None, fitted.as_deref()).is_err());
     }
 
     #[test]

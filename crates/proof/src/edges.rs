@@ -61,7 +61,8 @@ impl Use {
 }
 
 impl Part<'_> {
-    /// True when a vertex at an owned position is a sample with its height, as the format holds it.
+    /// True when a vertex at an owned position is a valid sample, with its height as the format holds it unless
+    /// heights are fitted.
     fn is_sample(&self, at: Position, z: f64) -> bool {
         let apron = self.domain.apron();
         let inside = |fixed: i64, first: u32, count: u32| {
@@ -72,7 +73,11 @@ impl Part<'_> {
         let row = inside(at.row, apron.row, apron.height);
         let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
         let height = place.and_then(|place| self.heights.get(place));
-        at.is_sample() && height.is_some_and(|&height| self.precision.is(z, height))
+        let is_right = |&height: &f64| match self.is_fitted {
+            true => !height.is_nan(),
+            false => self.precision.is(z, height),
+        };
+        at.is_sample() && height.is_some_and(is_right)
     }
 }
 

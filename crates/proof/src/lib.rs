@@ -48,6 +48,8 @@ pub struct Part<'a> {
     pub vertices: Option<&'a [Position]>,
     /// How the mesh stores heights.
     pub precision: Precision,
+    /// Vertices may have other heights than their samples.
+    pub is_fitted: bool,
     /// Largest allowed vertical distance; `None` to measure only.
     pub tolerance: Option<f64>,
     /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,

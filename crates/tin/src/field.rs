@@ -1,6 +1,7 @@
 //! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
 
 use super::{Heights, Local};
+use std::cell::Cell;
 use terrane_base::geom::Rounding;
 
 /// Decimated copies: strides 1, 2, 4, ..., 2^(LEVELS - 1).
@@ -29,6 +30,9 @@ pub(super) struct Field {
     values: Vec<f32>,
     starts: [usize; LEVELS],
     exact: Vec<f64>,
+    /// Heights of vertices by their samples, where those are free; else empty. In cells, because they move
+    /// while samples are judged by them.
+    free: Vec<Cell<f64>>,
     /// Vertices are rounded to f32 relative to this height.
     rounding: Option<Rounding>,
     /// Samples that scans leave out on the left, right, above and below (1 where the rim is fixed).
@@ -48,6 +52,7 @@ impl Field {
         self.rounding = rounding;
         self.values.clear();
         self.exact.clear();
+        self.free.clear();
         for r in row..row + height {
             let start = r as usize * heights.width as usize + col as usize;
             let range = start..start + width as usize;
@@ -116,8 +121,9 @@ impl Field {
         self.height
     }
 
+    /// Where a sample is, counted row by row.
     #[inline(always)]
-    fn index(&self, p: Local) -> usize {
+    pub(super) fn index(&self, p: Local) -> usize {
         p.row() as usize * self.width as usize + p.col() as usize
     }
 
@@ -143,8 +149,33 @@ impl Field {
     /// The height a vertex at this sample has in the output.
     #[inline(always)]
     pub(super) fn vertex(&self, p: Local) -> f64 {
-        let height = self.sample(p);
+        match self.free.is_empty() {
+            true => self.stored(self.sample(p)),
+            false => self.free[self.index(p)].get(),
+        }
+    }
+
+    /// A height as the output holds it.
+    fn stored(&self, height: f64) -> f64 {
         self.rounding.map_or(height, |rounding| rounding.apply(height))
+    }
+
+    /// From here on vertices may have other heights than their samples.
+    pub(super) fn free_heights(&mut self) {
+        let samples = self.width as usize * self.height as usize;
+        let mut free = std::mem::take(&mut self.free);
+        free.extend((0..samples).map(|index| Cell::new(self.stored(self.at(index)))));
+        self.free = free;
+    }
+
+    /// True when vertices may have other heights than their samples.
+    pub(super) fn is_free(&self) -> bool {
+        !self.free.is_empty()
+    }
+
+    /// Gives a vertex another height, as near as the output can hold. Heights must be free.
+    pub(super) fn move_vertex(&self, p: Local, height: f64) {
+        self.free[self.index(p)].set(self.stored(height));
     }
 
     /// The heights of three vertices.
@@ -153,10 +184,10 @@ impl Field {
         [self.vertex(a), self.vertex(b), self.vertex(c)]
     }
 
-    /// Bytes this holds for a tile of `cells` x `cells`, with exact heights.
-    pub(super) fn bytes(cells: u32) -> u64 {
+    /// Bytes this holds for a tile of `cells` x `cells`, with exact heights, and free ones too.
+    pub(super) fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
-        samples * 4 * 4 / 3 + samples * 8
+        samples * 4 * 4 / 3 + samples * if is_free { 16 } else { 8 }
     }
 }
 
@@ -193,7 +224,7 @@ mod tests {
             let mut field = Field::default();
             field.load(&heights, [0, 0, side, side], [1; 4], None);
             let held = 4 * field.values.len() + 8 * field.exact.len();
-            let told = Field::bytes(cells);
+            let told = Field::bytes(cells, false);
             // Odd sides leave a little more in the copies.
             let share = told as f64 / held as f64;
             assert!((0.97..1.01).contains(&share), "{cells}: {told} for {held}");

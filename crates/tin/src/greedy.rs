@@ -11,6 +11,7 @@
 //! batch is slower: sorting costs more than the cache gives back (37 against 26.6 ns).
 
 use super::Local;
+use super::adjust;
 use super::crossing::Crossings;
 use super::exact;
 use super::field::{Field, LEVELS};
@@ -135,7 +136,7 @@ fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
             for i in 0..lists.batch.len() {
                 let id = lists.batch[i];
                 if let Some(at) = lists.due(judge, mesh, id, bucket) {
-                    lists.insert(mesh, id, at, bucket);
+                    lists.insert(judge, mesh, id, at, bucket);
                 }
             }
         }
@@ -216,9 +217,13 @@ impl WorkLists {
     }
 
     /// Inserts a sample; the new triangles wait in `bucket`.
-    fn insert(&mut self, mesh: &mut Mesh, id: u32, at: Local, bucket: usize) {
+    fn insert(&mut self, judge: &Judge<'_>, mesh: &mut Mesh, id: u32, at: Local, bucket: usize) {
         self.star.clear();
+        let corners = mesh.tris[id as usize].corners;
         if mesh.insert(id, at, &mut self.star) {
+            if judge.field.is_free() {
+                adjust::put_in(judge, corners, at);
+            }
             self.buckets[bucket].extend_from_slice(&self.star);
         } else {
             mesh.tris[id as usize].state = State::Passed(0);

@@ -1,8 +1,9 @@
 //! Grid to TIN: greedy insertion on one tile, and the seam patches that join tiles. Pure.
 //!
 //! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
-//! algorithm III, with adaptive-stride scans. A vertex is always a sample.
+//! algorithm III, with adaptive-stride scans. A vertex is always a sample, or at most moved up or down from one.
 
+mod adjust;
 mod between;
 mod crossing;
 mod drop;
@@ -84,6 +85,8 @@ pub struct Spec {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
+    /// Vertices may lie up to the tolerance above or below their samples, where that takes fewer of them.
+    pub fit: bool,
     /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where
     /// it stores f64.
     pub single_precision: Option<Rounding>,
@@ -160,6 +163,8 @@ pub struct PatchInput<'a> {
     /// Heights of the rectangle: all triangles lie in it, and one more sample on each side where
     /// the grid goes on (a void there ends the surface).
     pub heights: Heights<'a>,
+    /// Heights of vertices of the triangles where they are free; the others have those of their samples.
+    pub vertices: &'a [(Local, f64)],
     /// The triangles to mend, in any order; they should hold every triangle with a corner on the
     /// seam.
     pub triangles: &'a [Triangle],

@@ -174,6 +174,15 @@ impl Mesh {
         self.tris.iter_mut().for_each(|tri| tri.source = 0);
     }
 
+    /// All samples are to be judged again: heights or the tolerance have changed.
+    pub(super) fn judge_again(&mut self) {
+        for tri in
+            self.tris.iter_mut().filter(|tri| !matches!(tri.state, State::Free | State::Outside))
+        {
+            tri.state = State::Dirty;
+        }
+    }
+
     /// Makes `a` and `b` (either may be [`NONE`]) twins.
     #[inline(always)]
     pub(super) fn link(&mut self, a: u32, b: u32) {

@@ -8,6 +8,7 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
+use super::adjust;
 use super::between;
 use super::crossing::Crossings;
 use super::field::Field;
@@ -28,10 +29,14 @@ use terrane_base::bound::Bound;
 pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
     let (width, height) = (input.heights.width, input.heights.height);
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
+    if spec.fit {
+        scratch.field.free_heights();
+        input.vertices.iter().for_each(|&(at, height)| scratch.field.move_vertex(at, height));
+    }
     let mut sorted = input.triangles.to_vec();
     sort_by_position(&mut sorted);
     build(&mut scratch.mesh, &sorted);
-    let Scratch { field, mesh, lists, rounds, drop, used, scan } = scratch;
+    let Scratch { field, mesh, lists, rounds, drop, adjust, used, scan } = scratch;
     mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
     let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
@@ -45,8 +50,13 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         drop.limit_circles(input.spacing);
         drop_seam(&judge, mesh, input, drop);
     }
+    let border = Border { field, input };
+    adjust.reset(field);
+    if spec.fit {
+        even_out(&judge, mesh, &border, adjust, drop);
+    }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
-    PatchMesh { left, ..finish(mesh, &Border { field, input }, &sorted, spec, used) }
+    PatchMesh { left, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
 }
 
 impl PatchInput<'_> {
@@ -102,6 +112,15 @@ impl Border<'_> {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
         let nothing_beyond = tri.twins[edge as usize] == NONE && !self.is_frozen(tri, edge);
         nothing_beyond || owns_by_direction(from, to)
+    }
+
+    /// The corners of the triangles beside frozen edges.
+    fn frozen(&self, mesh: &Mesh) -> Vec<Local> {
+        let tris = mesh.ids().map(|id| &mesh.tris[id as usize]);
+        let is_frozen = |tri: &&Tri| {
+            (0..3).any(|edge| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge))
+        };
+        tris.filter(is_frozen).flat_map(|tri| tri.corners).collect()
     }
 
     /// True when the surface goes on beyond an edge without a twin: it is neither on the grid's border
@@ -172,20 +191,43 @@ fn drop_seam(
     }
 }
 
+/// Moves and drops vertices on the seam and near it, as far as the border of the patch stays as it is.
+fn even_out(
+    judge: &Judge<'_>,
+    mesh: &mut Mesh,
+    border: &Border<'_>,
+    adjust: &mut adjust::Scratch,
+    drop: &mut drop::Scratch,
+) {
+    let is_on_seam = |tri: &Tri| tri.corners.iter().any(|&p| border.input.is_on_seam(p));
+    adjust.look_at(judge.field, mesh, is_on_seam);
+    adjust.look_at_changes(judge.field, mesh);
+    for _ in 0..adjust::ROUNDS {
+        if !adjust.sweep(judge, mesh, judge.tolerance) {
+            return;
+        }
+        let frozen = border.frozen(mesh);
+        drop.settle(judge.field, &frozen);
+        drop::drop_redundant(judge, mesh, drop);
+        adjust.look_at_changes(judge.field, mesh);
+    }
+}
+
 /// The patch's triangles; those that were never touched keep their measures.
 fn finish(
     mesh: &Mesh,
     border: &Border<'_>,
     sorted: &[Triangle],
     spec: &Spec,
-    used: &mut BitSet,
+    (adjust, used): (&adjust::Scratch, &mut BitSet),
 ) -> PatchMesh {
     let field = border.field;
     let mut patch = PatchMesh::default();
     for id in mesh.ids() {
         let tri = &mesh.tris[id as usize];
         patch.border.extend(border.beside(tri));
-        if let Some(&kept) = sorted.get(tri.source as usize) {
+        let kept = sorted.get(tri.source as usize);
+        if let Some(&kept) = kept.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
             patch.triangles.push(kept);
             continue;
         }
@@ -220,7 +262,15 @@ mod tests {
     fn input(grid_ends: [bool; 4]) -> PatchInput<'static> {
         let heights = Heights { width: 6, height: 5, f32: &[], f64: None };
         let (seam_col, seam_row) = (Some(4), None);
-        PatchInput { heights, triangles: &[], seam_col, seam_row, grid_ends, spacing: u32::MAX }
+        PatchInput {
+            heights,
+            vertices: &[],
+            triangles: &[],
+            seam_col,
+            seam_row,
+            grid_ends,
+            spacing: u32::MAX,
+        }
     }
 
     /// The cell a step of half a unit to the right of the middle of an edge, if the patch has it.

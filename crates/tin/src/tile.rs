@@ -14,6 +14,7 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test jobs every_edge`).
 
+use super::adjust;
 use super::between::{self, Rounds};
 use super::crossing::Crossings;
 use super::field::Field;
@@ -34,6 +35,7 @@ pub struct Scratch {
     pub(super) lists: WorkLists,
     pub(super) rounds: Rounds,
     pub(super) drop: drop::Scratch,
+    pub(super) adjust: adjust::Scratch,
     pub(super) used: BitSet,
     pub(super) scan: Scan,
 }
@@ -46,6 +48,7 @@ impl Default for Scratch {
             lists: WorkLists::default(),
             rounds: Rounds::default(),
             drop: drop::Scratch::default(),
+            adjust: adjust::Scratch::default(),
             used: BitSet::default(),
             scan: scan::fastest(),
         }
@@ -53,11 +56,11 @@ impl Default for Scratch {
 }
 
 impl Scratch {
-    /// Most bytes a worker needs for a tile of `cells` x `cells`, every sample kept: the heights,
+    /// Most bytes a worker needs for a tile of `cells` x `cells`, every sample kept, heights free or not: the heights,
     /// 2 triangles a sample of 32 bytes, the work lists, and the result.
-    pub fn bytes(cells: u32) -> u64 {
+    pub fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
-        Field::bytes(cells) + samples * (2 * 32 + 48 + 2 * 20 + 12)
+        Field::bytes(cells, is_free) + samples * (2 * 32 + 48 + 2 * 20 + 12)
     }
 }
 
@@ -82,8 +85,50 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         mark_outside(&mut scratch.mesh, &surface);
     }
     scratch.drop.limit_circles(input.spacing);
+    if spec.fit {
+        loosen(scratch, spec, &fixed);
+    }
     refine(scratch, spec, &fixed);
+    if spec.fit {
+        even_out(scratch, spec, &fixed);
+    }
     finish(scratch, spec, &surface, ends)
+}
+
+/// Brings the tolerance down in stages, vertices moved to where errors are least.
+fn loosen(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
+    scratch.field.free_heights();
+    let Scratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
+    adjust.reset(field);
+    for looser in adjust::STAGES {
+        let judge = Judge::of_samples(field, *scan, looser * spec.tolerance);
+        mesh.forget_changes();
+        fit(&judge, mesh, lists, false);
+        drop.settle(field, fixed);
+        drop::drop_redundant(&judge, mesh, drop);
+        adjust.look_at_changes(field, mesh);
+        adjust.sweep(&judge, mesh, spec.tolerance);
+        mesh.judge_again();
+    }
+}
+
+/// Moves and drops vertices while that goes on, within the tolerance.
+fn even_out(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
+    let Scratch { field, mesh, drop, adjust, scan, .. } = scratch;
+    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
+    if spec.bound == Bound::Surface {
+        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+    }
+    adjust.look_at(field, mesh, |_| true);
+    for _ in 0..adjust::ROUNDS {
+        adjust.look_at_changes(field, mesh);
+        mesh.forget_changes();
+        if !adjust.sweep(&judge, mesh, spec.tolerance) {
+            return;
+        }
+        drop.settle(field, fixed);
+        drop::drop_redundant(&judge, mesh, drop);
+    }
 }
 
 /// Inserts and drops vertices until the mesh is within the tolerance and none is redundant. Between samples

@@ -32,6 +32,7 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
         bound: Bound::Samples,
         strict: false,
         drop: true,
+        fit: false,
         single_precision: None,
         measure: false,
     };
@@ -43,6 +44,6 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     assert!(used as u64 <= most && used as u64 > most * 9 / 10, "{used} of {most}");
     assert_eq!(TileMesh::most_bytes(0), 0);
     // Beside the result: the heights twice, a triangle of 32 bytes for each of the result, and lists.
-    let worker = Scratch::bytes(side - 1) as f64 / most as f64;
+    let worker = Scratch::bytes(side - 1, false) as f64 / most as f64;
     assert!((3.3..3.5).contains(&worker), "{worker}");
 }

@@ -150,6 +150,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         bound: args.method.bound,
         strict: args.method.strict,
         drop: !args.method.no_drop,
+        fit: args.method.fit,
         tile: args.method.tile(),
         measure: true,
         resources: Resources::default(),

@@ -75,6 +75,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--bound surface", args.method.bound == Bound::Surface),
         ("--strict", args.method.strict),
         ("--no-drop", args.method.no_drop),
+        ("--fit", args.method.fit),
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),

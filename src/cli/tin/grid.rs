@@ -101,6 +101,7 @@ fn job(args: &Args) -> Result<TinJob> {
         bound: args.method.bound,
         strict: args.method.strict,
         drop: !args.method.no_drop,
+        fit: args.method.fit,
         tile: args.method.tile(),
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),

@@ -64,6 +64,7 @@ impl Chosen {
             ("--split", args.split.tiles.is_some()),
             ("--strict", args.method.strict),
             ("--no-drop", args.method.no_drop),
+            ("--fit", args.method.fit),
             ("--tile", args.method.tile.is_some()),
             ("--bound surface", args.method.bound == Bound::Surface),
         ];

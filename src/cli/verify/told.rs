@@ -89,6 +89,9 @@ fn angles(smallest: Option<f64>) -> String {
 pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
     let (source, off) = (O::POINTS, r.of.off_vertices().count);
     let told = match (text::count(off), r.made_by_terrane) {
+        _ if off == 0 && r.of.is_fitted() => {
+            format!("all lie at {source} of the {of}, heights fitted")
+        }
         _ if off == 0 => format!("all are {source} of the {of}"),
         (off, true) => format!("{off} off the {source}"),
         (off, false) => {

@@ -74,6 +74,8 @@ pub(crate) fn hills(col: u32, row: u32) -> f64 {
 /// What a sink was given, and how.
 #[derive(Default, Clone, PartialEq, Debug)]
 pub(crate) struct Mesh {
+    /// Vertices may lie above or below their samples.
+    pub(crate) fitted: bool,
     pub vertices: Vec<Point3>,
     pub triangles: Vec<[u64; 3]>,
     pub corners: Vec<[Point3; 3]>,
@@ -150,7 +152,8 @@ pub(crate) fn validate(mesh: &Mesh, grid: &FunctionGrid, tolerance: f64) {
     let cell = 2.0 * grid.info.transform.determinant().abs();
     assert_eq!(area, cell * valid_cells(grid) as f64, "the areas do not add up");
     mesh.triangles.iter().for_each(|ids| {
-        check_errors(ids.map(|id| places[id as usize]), grid, tolerance);
+        let corner = |id: u64| (places[id as usize], mesh.vertices[id as usize][2]);
+        check_errors(ids.map(corner), grid, tolerance);
     });
 }
 
@@ -158,7 +161,8 @@ fn lattice_places(mesh: &Mesh, grid: &FunctionGrid) -> Vec<[i64; 2]> {
     let place = |p: &Point3| {
         let [col, row] = grid.info.transform.invert(p[0], p[1]);
         assert_eq!((col.fract(), row.fract()), (0.0, 0.0));
-        assert_eq!((grid.height_at)(col as u32, row as u32), p[2], "a vertex is no sample");
+        let is_sample = (grid.height_at)(col as u32, row as u32) == p[2];
+        assert!(is_sample || mesh.fitted, "a vertex is no sample");
         [col as i64, row as i64]
     };
     mesh.vertices.iter().map(place).collect()
@@ -203,13 +207,13 @@ fn is_outline(grid: &FunctionGrid, a: [i64; 2], b: [i64; 2]) -> bool {
     a[1] == b[1] && (empty(a[1]) || empty(a[1] - 1))
 }
 
-fn check_errors(corners: [[i64; 2]; 3], grid: &FunctionGrid, tolerance: f64) {
+fn check_errors(corners: [([i64; 2], f64); 3], grid: &FunctionGrid, tolerance: f64) {
     let cross = |a: [i64; 2], b: [i64; 2], c: [i64; 2]| {
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     };
+    let (heights, corners) = (corners.map(|(_, z)| z), corners.map(|(at, _)| at));
     let [a, b, c] = corners;
     let area = cross(a, b, c);
-    let heights = corners.map(|[col, row]| (grid.height_at)(col as u32, row as u32));
     let range = |axis: usize| {
         let all = corners.map(|p| p[axis]);
         all.into_iter().min().unwrap()..=all.into_iter().max().unwrap()
@@ -233,11 +237,12 @@ fn check_errors(corners: [[i64; 2]; 3], grid: &FunctionGrid, tolerance: f64) {
 pub(crate) fn largest_crossing(mesh: &Mesh, grid: &FunctionGrid) -> f64 {
     let places = lattice_places(mesh, grid);
     let edges = mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-    let ends = edges.map(|edge| edge.map(|id| places[id as usize]));
+    let corner = |id: u64| (places[id as usize], mesh.vertices[id as usize][2]);
+    let ends = edges.map(|edge| edge.map(corner));
     ends.fold(0.0, |most, ends| most.max(largest_of_edge(ends, grid)))
 }
 
-fn largest_of_edge([a, b]: [[i64; 2]; 2], grid: &FunctionGrid) -> f64 {
+fn largest_of_edge([(a, from), (b, to)]: [([i64; 2], f64); 2], grid: &FunctionGrid) -> f64 {
     let height = |at: [i64; 2]| (grid.height_at)(at[0] as u32, at[1] as u32);
     let mut most = 0.0_f64;
     for axis in [0, 1] {
@@ -250,7 +255,7 @@ fn largest_of_edge([a, b]: [[i64; 2]; 2], grid: &FunctionGrid) -> f64 {
             let sample = |along: f64| height([[line, along as i64], [along as i64, line]][axis]);
             let rest = along - along.floor();
             let ground = sample(along.floor()) * (1.0 - rest) + sample(along.ceil()) * rest;
-            most = most.max((height(a) * (1.0 - part) + height(b) * part - ground).abs());
+            most = most.max((from * (1.0 - part) + to * part - ground).abs());
         }
     }
     most

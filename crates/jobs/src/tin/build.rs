@@ -25,6 +25,8 @@ pub struct BuildJob<'a> {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
+    /// Let vertices lie above or below their samples.
+    pub fit: bool,
     /// Cells along a tile's side.
     pub tile: u32,
     /// What the job may use, beside what the source and the sink hold.
@@ -56,7 +58,7 @@ pub fn build(
     job.goal.check()?;
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
-    let worker = worker_bytes(layout.side(), job.goal.keeps_all());
+    let worker = worker_bytes(layout.side(), job.goal.keeps_all(), job.fit);
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
     build_within(source, sink, job, shares, progress, cancel)
 }
@@ -74,7 +76,8 @@ pub fn build_files(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let (source, shares) = open_tiled(input, options, job.tile, job.goal, job.resources)?;
+    let (source, shares) =
+        open_tiled(input, options, job.tile, (job.goal, job.fit), job.resources)?;
     let built = build_within(&*source, sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
@@ -96,6 +99,7 @@ fn build_within(
             bound: job.bound,
             strict: job.strict,
             drop: job.drop,
+            fit: job.fit,
             single_precision: None,
             measure: true,
         },

@@ -138,35 +138,58 @@ impl Container {
         }
     }
 
-    /// Adds the tile's own vertices before those its neighbours have added so far.
+    /// Lists the vertices in `rect` and their heights, relative to it; of one that is listed twice the last is
+    /// right.
+    pub(super) fn heights_in(
+        &self,
+        rect: Rect,
+        tile: TileId,
+        layout: &Layout,
+        out: &mut Vec<(Local, f64)>,
+    ) {
+        let origin = layout.origin(tile);
+        let (inside, shift) = (Frame::new(rect, origin), Shift::new(origin, (rect.col, rect.row)));
+        let all = self.vertices.iter().zip(&self.heights);
+        out.extend(
+            all.filter(|&(&at, _)| inside.contains(at)).map(|(&at, &z)| (shift.apply(at), z)),
+        );
+    }
+
+    /// Adds the tile's own vertices before those its neighbours have added so far, which are not listed twice.
     fn insert_sorted(&mut self, piece: Piece<'_>, owned: Frame) {
         let own = || {
             let all = piece.vertices.iter().zip(piece.heights);
             all.filter(|&(&at, _)| owned.contains(at))
         };
-        self.vertices.splice(0..0, own().map(|(&at, _)| at));
+        let loose = self.vertices.drain(..).zip(self.heights.drain(..));
+        let is_new = |(at, _): &(Local, f64)| piece.vertices.binary_search(at).is_err();
+        let loose: Vec<_> = loose.filter(is_new).collect();
         self.sorted = own().count();
-        self.heights.splice(0..0, own().map(|(_, &height)| height));
+        self.vertices.extend(own().map(|(&at, _)| at).chain(loose.iter().map(|&(at, _)| at)));
+        self.heights.extend(own().map(|(_, &z)| z).chain(loose.iter().map(|&(_, z)| z)));
     }
 
-    /// Appends the vertices that are not among the tile's own.
+    /// Appends the vertices that are not among the tile's own; those that are may have moved.
     fn insert_loose(&mut self, piece: Piece<'_>, owned: Frame, shift: Shift) {
         for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
             if !owned.contains(at) {
                 continue;
             }
             let at = shift.apply(at);
-            if self.vertices[..self.sorted].binary_search(&at).is_err() {
-                self.vertices.push(at);
-                self.heights.push(height);
+            match self.vertices[..self.sorted].binary_search(&at) {
+                Ok(place) => self.heights[place] = height,
+                Err(_) => {
+                    self.vertices.push(at);
+                    self.heights.push(height);
+                }
             }
         }
     }
 
-    /// Sorts the vertices and leaves only those that `used` accepts, once each.
+    /// Sorts the vertices and leaves only those that `used` accepts, once each, at their last height.
     pub(super) fn settle(&mut self, used: impl Fn(Local) -> bool) {
         let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
-        let mut kept: Vec<(Local, f64)> = all.filter(|&(at, _)| used(at)).collect();
+        let mut kept: Vec<(Local, f64)> = all.rev().filter(|&(at, _)| used(at)).collect();
         kept.sort_by_key(|&(at, _)| at);
         kept.dedup_by_key(|&mut (at, _)| at);
         self.vertices = kept.iter().map(|&(at, _)| at).collect();

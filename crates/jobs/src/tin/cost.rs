@@ -48,7 +48,7 @@ pub struct Cost {
 pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
     let layout = Layout::new(source.info().width, source.info().height, TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
-    let worker = worker_bytes(layout.side(), false);
+    let worker = worker_bytes(layout.side(), false, false);
     let least_memory = memory::least(worker, source.block_bytes());
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;

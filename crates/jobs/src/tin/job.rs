@@ -81,6 +81,9 @@ pub struct TinJob {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
+    /// Let vertices lie above or below their samples.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fit: bool,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Measure maximum error and RMSE for the report.

@@ -94,7 +94,7 @@ impl Opened {
 
 /// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
 fn open(job: &TinJob) -> Result<memory::Opened> {
-    open_tiled(&job.input, &options(job), job.tile, job.goal, &job.resources)
+    open_tiled(&job.input, &options(job), job.tile, (job.goal, job.fit), &job.resources)
 }
 
 /// How to open the input of `job`.
@@ -112,10 +112,10 @@ pub(super) fn open_tiled(
     input: &Inputs,
     options: &OpenOptions,
     tile: u32,
-    goal: Goal,
+    (goal, fit): (Goal, bool),
     resources: &Resources,
 ) -> Result<memory::Opened> {
-    let worker = |tile| worker_bytes(tile, goal.keeps_all());
+    let worker = |tile| worker_bytes(tile, goal.keeps_all(), fit);
     let open = |tile| memory::open(input, options, resources, worker(tile));
     let tile = checked_tile(tile)?;
     open(tile).or_else(|error| {
@@ -275,6 +275,7 @@ impl Maker<'_> {
             bound: self.job.bound,
             strict: self.job.strict,
             drop: self.job.drop,
+            fit: self.job.fit,
             single_precision: self.opened.rounding(),
             measure: self.job.measure,
         }
@@ -328,6 +329,7 @@ impl Maker<'_> {
             triangulation: None,
             tolerance,
             bound: job.bound,
+            fit: job.fit,
             max_error: measured(outcome.max_error),
             rmse: measured((outcome.square_sum / surface).sqrt()),
             samples: layout.samples(),
@@ -375,7 +377,8 @@ pub(super) fn header(info: &GridInfo, input: &str, spec: &Spec, height: f64) -> 
 fn comments(input: &str, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("max error {}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
-    [format!("source {input}"), error].into_iter().chain(bound).collect()
+    let fitted = spec.fit.then(|| "fitted heights".to_owned());
+    [format!("source {input}"), error].into_iter().chain(bound).chain(fitted).collect()
 }
 
 /// World bounding box of the samples; z is not known.

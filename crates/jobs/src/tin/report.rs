@@ -40,6 +40,9 @@ pub struct TinReport {
     pub tolerance: f64,
     /// Of what it is promised.
     pub bound: Bound,
+    /// True when vertices may lie above or below their samples.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fit: bool,
     /// Largest error of any sample, when measured.
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.

@@ -332,6 +332,7 @@ mod tests {
                 bound: Bound::Samples,
                 strict: false,
                 drop: true,
+                fit: false,
                 single_precision: None,
                 measure: false,
             },

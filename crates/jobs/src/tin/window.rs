@@ -134,6 +134,7 @@ mod tests {
             bound: Bound::Samples,
             strict: false,
             drop: true,
+            fit: false,
             measure: false,
         };
         assert!(window.check_rounding(&spec(0.02, true)).is_ok());

@@ -25,8 +25,8 @@ use terrane_files::fault::{self, Point};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, Heights, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
-    mend_patch, triangulate_tile,
+    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh,
+    Triangle, mend_patch, triangulate_tile,
 };
 
 /// The two pure functions the pipeline is built around; tests plant faults here.
@@ -78,6 +78,8 @@ pub(super) struct Worker<'a> {
     window: Window,
     scratch: Scratch,
     triangles: Vec<Triangle>,
+    /// Heights of their corners, where those are free.
+    vertices: Vec<(Local, f64)>,
     marks: Marks,
     lookup: Lookup,
     clock: Clock,
@@ -91,6 +93,7 @@ impl<'a> Worker<'a> {
             window: Window::default(),
             scratch: Scratch::default(),
             triangles: Vec::new(),
+            vertices: Vec::new(),
             marks: Marks::default(),
             lookup: Lookup::default(),
             clock: Clock::default(),
@@ -176,6 +179,7 @@ impl<'a> Worker<'a> {
             self.extract(&zone)?;
             let Some(rect) = rect_around(&self.triangles, zone.limits(), &layout) else { continue };
             self.read(rect)?;
+            self.look_up_heights(rect)?;
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             let frontier = self.frontier(&patch, rect, &zone)?;
             let is_widest = reach == layout.widest_reach();
@@ -211,6 +215,20 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
+    /// Brings the heights of all vertices in `rect`, where they are free.
+    fn look_up_heights(&mut self, rect: Rect) -> Result<()> {
+        self.vertices.clear();
+        if !self.job.settings.spec.fit {
+            return Ok(());
+        }
+        let layout = &self.job.layout;
+        for tile in layout.owners(rect) {
+            let out = &mut self.vertices;
+            self.job.store.with(tile, |kept| kept.heights_in(rect, tile, layout, out))?;
+        }
+        Ok(())
+    }
+
     /// Mends the triangles in `rect`, whose heights have been read.
     fn mend_rect(&mut self, seam: Seam, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
         let started = Instant::now();
@@ -220,6 +238,7 @@ impl<'a> Worker<'a> {
         let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
         let input = PatchInput {
             heights: self.window.heights(),
+            vertices: &self.vertices,
             triangles: &triangles,
             seam_col,
             seam_row,
@@ -396,12 +415,12 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
 
 /// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
 /// what it is made in, and so is what is written of it; others are far smaller.
-pub(super) fn worker_bytes(cells: u32, keeps_all: bool) -> u64 {
+pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
     let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
     let mesh = if keeps_all { whole } else { 0 };
-    mesh + tin::Scratch::bytes(cells + 2)
+    mesh + tin::Scratch::bytes(cells + 2, fit)
         + Window::bytes(samples)
         + Marks::bytes(cells)
         + 4 * Ranks::bytes(cells)

@@ -62,6 +62,11 @@ pub trait Original: Clone + Default + PartialEq + Serialize {
     fn promises(&self) -> Vec<(FaultReport<Self::Place>, &'static str)>;
     /// Vertices that the original does not have.
     fn off_vertices(&self) -> FaultReport<Self::Place>;
+
+    /// True when vertices may lie above or below the original.
+    fn is_fitted(&self) -> bool {
+        false
+    }
     /// What is wrong where the mesh has this area, and another than it should.
     fn wrong_area(&self, area: f64) -> String;
 }

@@ -129,6 +129,7 @@ fn stated<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
 
 const TOLERANCE: &str = "max error";
 const BOUND: &str = "bound";
+const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.
 const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
@@ -207,6 +208,8 @@ struct Context<'a> {
     grid: &'a dyn GridSource,
     tolerance: Option<f64>,
     bound: Bound,
+    /// The mesh states that its heights are fitted.
+    is_fitted: bool,
     snapper: Snapper,
     precision: Precision,
     /// See [`terrane_proof::Part::orientation`].
@@ -227,6 +230,7 @@ impl<'a> Context<'a> {
             grid,
             tolerance,
             bound,
+            is_fitted: stated(info, FITTED) == Some("heights"),
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
                 true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },

@@ -174,6 +174,7 @@ impl Checker<'_> {
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             precision: self.context.precision,
+            is_fitted: self.context.is_fitted,
             tolerance: self.context.tolerance,
             orientation: self.context.orientation,
         };

@@ -58,8 +58,10 @@ pub struct OfGrid {
     pub void_cells: FaultReport<Place>,
     /// Triangles that reach beyond the grid.
     pub outside_triangles: FaultReport<Place>,
-    /// Positions of triangle corners that are no sample, or not at the height their sample has in
-    /// the precision of the format. A failure only where `made_by_terrane`: the error bound of
+    /// True when the mesh states that its heights are fitted: vertices may lie above or below samples.
+    pub fitted: bool,
+    /// Positions of triangle corners that are no sample, or, unless heights are fitted, not at the height
+    /// their sample has in the precision of the format. A failure only where `made_by_terrane`: the error bound of
     /// other meshes may hold all the same.
     pub off_sample_vertices: FaultReport<Place>,
     /// What the tolerance is of: samples alone, or lines between neighbouring samples, too.
@@ -105,6 +107,10 @@ impl Original for OfGrid {
         self.off_sample_vertices
     }
 
+    fn is_fitted(&self) -> bool {
+        self.fitted
+    }
+
     fn wrong_area(&self, area: f64) -> String {
         format!("the mesh has an area of {area} cells, the surface {}", self.surface_cells)
     }
@@ -136,6 +142,7 @@ pub(super) fn report(
         uncovered_cells: fault(&tally.uncovered_cells),
         void_cells: fault(&tally.void_cells),
         outside_triangles: fault(&tally.outside),
+        fitted: context.is_fitted,
         off_sample_vertices: fault(&tally.off_samples),
         bound: context.bound,
         surface_error: tally.worst_of_surface().map(|spot| spot.error),

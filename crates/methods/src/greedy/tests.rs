@@ -125,6 +125,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         bound: terrane_base::bound::Bound::Samples,
         strict: true,
         drop: false,
+        fit: false,
         single_precision: None,
         measure: false,
     };

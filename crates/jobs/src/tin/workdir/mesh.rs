@@ -99,7 +99,8 @@ impl Mesh {
     /// What the work takes, from the size of the whole mesh.
     pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
         let strips = self.strips()?;
-        let thread_memory = worker_bytes(strips.layout().side(), self.method.job.goal.keeps_all());
+        let job = &self.method.job;
+        let thread_memory = worker_bytes(strips.layout().side(), job.goal.keeps_all(), job.fit);
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
         let samples = self.samples();

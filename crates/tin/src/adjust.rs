@@ -1,0 +1,329 @@
+//! Free heights: a vertex may lie above or below its sample, where the largest error around it is least.
+//!
+//! With its neighbours held, each sample of a vertex's star is off by a linear function of the vertex's
+//! height. So the height with the least largest error is the solution of a linear program in one variable:
+//! where the upper envelope of the errors that grow meets that of the errors that shrink. Vertex by vertex
+//! errors even out, and the drop pass finds vertices that nothing needs any more.
+//!
+//! A mesh begins with a looser tolerance that comes down in stages, each greedy insertion, the drop pass and
+//! sweeps over the vertices. What is inserted is put a part of the tolerance towards the mesh: to go through
+//! a summit is to be off on all its sides.
+//!
+//! Measured, vertices kept against samples' heights (SRTM N44E005 at 30 and 100 m, fractal, smooth), whole
+//! grids: sweeps and drops after the mesh is done, 91, 91, 81 and 92 %; from 1.25 times the tolerance in
+//! five stages, 79, 82, 67 and 80 %; and put in lower, 78, 78, 60 and 84 %. To solve for the height of every
+//! vertex that is inserted, 89, 88, 66 and 85 %: its neighbours are yet to come.
+
+use super::Local;
+use super::field::Field;
+use super::greedy::Judge;
+use super::mesh::{Mesh, NONE, State, Tri, prev};
+use super::scan::Facet;
+use terrane_base::bits::BitSet;
+
+/// What the tolerance is multiplied with in the stages before it is reached.
+pub(super) const STAGES: [f64; 5] = [1.25, 1.195, 1.143, 1.093, 1.046];
+/// Sweeps and drops once it is.
+pub(super) const ROUNDS: usize = 4;
+/// How far below a summit, and above a hollow, a vertex is put in, in tolerances.
+const PUT_IN: f64 = 0.3;
+/// Stars with more triangles than this are left as they are.
+const MAX_DEGREE: usize = 24;
+/// Meetings of the two envelopes that are tried.
+const STEPS: usize = 12;
+/// A move has to bring the largest error of its star down by this share of it.
+const GAIN: f32 = 1.0 / 64.0;
+/// The two envelopes have met when they differ by no more than this share.
+const EVEN: f32 = 1.0 / 1024.0;
+/// More than the rounding of an error in `f32`, relative.
+const DOUBT: f32 = 1e-5;
+
+/// Gives a sample that becomes a vertex its height, a little towards the triangle that held it.
+pub(super) fn put_in(judge: &Judge<'_>, corners: [Local; 3], at: Local) {
+    let Judge { field, tolerance, .. } = *judge;
+    if at.col() == 0
+        || at.row() == 0
+        || at.col() + 1 == field.width()
+        || at.row() + 1 == field.height()
+    {
+        return field.move_vertex(at, field.sample(at));
+    }
+    let facet = Facet::new(corners, field.vertices(corners));
+    let plane = facet.base + facet.gx * f64::from(at.col()) + facet.gy * f64::from(at.row());
+    let sample = field.sample(at);
+    field.move_vertex(at, sample + (plane - sample).signum() * PUT_IN * tolerance);
+    if (field.vertex(at) - sample).abs() > 0.5 * tolerance {
+        field.move_vertex(at, sample);
+    }
+}
+
+/// Buffers of the sweeps.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// Vertices whose star has changed since they were last looked at.
+    due: BitSet,
+    /// Vertices that have moved.
+    moved: BitSet,
+    /// How far the mesh is above each sample of the star, and
+    offsets: Vec<f32>,
+    /// how much each shares in a move of the vertex, from 0 to 1.
+    shares: Vec<f32>,
+    /// Half-edges that start from the vertex.
+    star: Vec<u32>,
+}
+
+/// The largest offsets of a star, after a move of its vertex.
+#[derive(Clone, Copy)]
+struct Envelope {
+    /// Above the samples, and below them.
+    most: [f32; 2],
+    step: f32,
+}
+
+impl Envelope {
+    fn largest(self) -> f32 {
+        self.most[0].max(self.most[1])
+    }
+}
+
+impl Scratch {
+    /// Starts over: no vertex is due, none has moved.
+    pub(super) fn reset(&mut self, field: &Field) {
+        let samples = field.width() as usize * field.height() as usize;
+        self.due.reset(samples);
+        self.moved.reset(samples);
+    }
+
+    /// The corners of triangles that have changed are due.
+    pub(super) fn look_at_changes(&mut self, field: &Field, mesh: &Mesh) {
+        self.look_at(field, mesh, |tri| tri.source == NONE);
+    }
+
+    /// The corners of those triangles are due.
+    pub(super) fn look_at(&mut self, field: &Field, mesh: &Mesh, is_due: impl Fn(&Tri) -> bool) {
+        for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| is_due(tri)) {
+            self.look_at_corners(field, tri);
+        }
+    }
+
+    fn look_at_corners(&mut self, field: &Field, tri: &Tri) {
+        for at in tri.corners.map(|p| field.index(p)) {
+            self.due.insert(at);
+        }
+    }
+
+    /// True when a corner of a triangle has moved.
+    pub(super) fn has_moved(&self, field: &Field, tri: &Tri) -> bool {
+        tri.corners.iter().any(|&p| self.moved.contains(field.index(p)))
+    }
+
+    /// Looks at each vertex that is due, in the order of the triangles; the neighbours of one that moves are
+    /// due again. True when one moved. No vertex goes further than `tolerance` from its sample. Where the
+    /// judge's is that tolerance, too, all errors stay within it; where it is larger, they only shrink. Time
+    /// linear in the samples of the stars.
+    pub(super) fn sweep(&mut self, judge: &Judge<'_>, mesh: &Mesh, tolerance: f64) -> bool {
+        let mut any = false;
+        for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+            let at = judge.field.index(mesh.origin(half_edge));
+            let is_open = |tri: &Tri| matches!(tri.state, State::Free | State::Outside);
+            if !self.due.contains(at) || is_open(&mesh.tris[(half_edge >> 2) as usize]) {
+                continue;
+            }
+            self.due.remove(at);
+            if self.adjust(judge, mesh, half_edge, tolerance) {
+                for i in 0..self.star.len() {
+                    self.look_at_corners(judge.field, &mesh.tris[(self.star[i] >> 2) as usize]);
+                }
+                self.due.remove(at);
+                self.moved.insert(at);
+                any = true;
+            }
+        }
+        any
+    }
+
+    /// Moves the vertex from which `half_edge` starts to where the largest error of its star is least, if
+    /// that is worth it. True when it moved.
+    fn adjust(&mut self, judge: &Judge<'_>, mesh: &Mesh, half_edge: u32, tolerance: f64) -> bool {
+        if !self.gather(mesh, half_edge) {
+            return false;
+        }
+        let field = judge.field;
+        self.list(field, mesh);
+        let Some(best) = self.best_move() else { return false };
+        let vertex = mesh.origin(half_edge);
+        let (sample, before) = (field.sample(vertex), field.vertex(vertex));
+        let wanted = before + f64::from(best);
+        field.move_vertex(vertex, wanted.clamp(sample - tolerance, sample + tolerance));
+        let step = (field.vertex(vertex) - before) as f32;
+        let is_near = (field.vertex(vertex) - sample).abs() <= tolerance;
+        let stays = is_near && self.keeps(judge, mesh, step, judge.tolerance <= tolerance);
+        if !stays {
+            field.move_vertex(vertex, before);
+        }
+        stays
+    }
+
+    /// True when a move that was made is of use, and finally keeps the tolerance.
+    fn keeps(&self, judge: &Judge<'_>, mesh: &Mesh, step: f32, is_final: bool) -> bool {
+        let largest = self.envelope(step).largest();
+        if largest >= self.envelope(0.0).largest() {
+            return false;
+        }
+        if !is_final {
+            return true;
+        }
+        let is_clear = f64::from(largest * (1.0 + DOUBT)) < judge.tolerance;
+        let corners = |half_edge: u32| mesh.tris[(half_edge >> 2) as usize].corners;
+        let samples = || self.star.iter().all(|&at| judge.candidate(corners(at), 0).is_none());
+        let spoke = |&at: &u32| [mesh.origin(at), mesh.end(at)];
+        let edges = || {
+            judge.crossings.is_none_or(|crossings| {
+                self.star.iter().map(spoke).all(|[a, b]| crossings.worst(a, b).is_none())
+            })
+        };
+        (is_clear || samples()) && edges()
+    }
+
+    /// Collects the star of a vertex counter-clockwise. False when it is not closed, or too large.
+    fn gather(&mut self, mesh: &Mesh, half_edge: u32) -> bool {
+        self.star.clear();
+        let mut at = half_edge;
+        loop {
+            let tri = &mesh.tris[(at >> 2) as usize];
+            self.star.push(at);
+            at = tri.twins[prev(at & 3) as usize];
+            if at == half_edge {
+                return true;
+            }
+            if at == NONE || tri.state == State::Outside || self.star.len() == MAX_DEGREE {
+                return false;
+            }
+        }
+    }
+
+    /// Lists the samples of the star.
+    fn list(&mut self, field: &Field, mesh: &Mesh) {
+        self.offsets.clear();
+        self.shares.clear();
+        for i in 0..self.star.len() {
+            let half_edge = self.star[i];
+            let corners = mesh.tris[(half_edge >> 2) as usize].corners;
+            self.list_triangle(field, corners, half_edge & 3);
+        }
+    }
+
+    /// Lists the samples of a triangle of which `corner` is to be moved, those on its edges too.
+    fn list_triangle(&mut self, field: &Field, corners: [Local; 3], corner: u32) {
+        let level = field.level(0);
+        let facet = Facet::new(corners, field.vertices(corners));
+        let mut unit = [0.0; 3];
+        unit[corner as usize] = 1.0;
+        let share = Facet::new(corners, unit);
+        let edges = facet.edges();
+        let [first, last] = facet.row_range(&level);
+        for row in first..=last {
+            let [low, high] = edges.columns(&level, row);
+            if low > high {
+                continue;
+            }
+            let [plane, part] = [&facet, &share].map(|of| of.base + of.gy * f64::from(row));
+            let heights =
+                &level.heights[row as usize * level.pitch..][low as usize..=high as usize];
+            let cols = (low..=high).map(f64::from);
+            self.offsets.extend(
+                cols.clone()
+                    .zip(heights)
+                    .map(|(col, &height)| (plane + facet.gx * col - f64::from(height)) as f32),
+            );
+            self.shares.extend(cols.map(|col| (part + share.gx * col).max(0.0) as f32));
+        }
+    }
+
+    fn envelope(&self, step: f32) -> Envelope {
+        const LANES: usize = 16;
+        let mut most = [[f32::NEG_INFINITY; LANES]; 2];
+        let (offsets, shares) = (self.offsets.chunks(LANES), self.shares.chunks(LANES));
+        for (offsets, shares) in offsets.zip(shares) {
+            for ((lane, &offset), &share) in offsets.iter().enumerate().zip(shares) {
+                let error = offset + step * share;
+                most[0][lane] = most[0][lane].max(error);
+                most[1][lane] = most[1][lane].max(-error);
+            }
+        }
+        let most = most.map(|lanes| lanes.into_iter().fold(f32::NEG_INFINITY, f32::max));
+        Envelope { most, step }
+    }
+
+    /// The sample that is furthest off after a move, above (0) or below (1).
+    fn extreme(&self, envelope: Envelope, side: usize) -> usize {
+        let sign = [1.0, -1.0][side];
+        let is_most = |(&offset, &share): (&f32, &f32)| {
+            sign * (offset + envelope.step * share) == envelope.most[side]
+        };
+        self.offsets.iter().zip(&self.shares).position(is_most).unwrap_or(0)
+    }
+
+    /// The move that leaves the least largest error, if it is worth it: from meeting to meeting of the two
+    /// lines that are furthest out, halving what is left where that leads away.
+    fn best_move(&self) -> Option<f32> {
+        let first = self.envelope(0.0);
+        let (mut at, mut best) = (first, first);
+        let mut between = [f32::NEG_INFINITY, f32::INFINITY];
+        for _ in 0..STEPS {
+            let is_high = at.most[0] > at.most[1];
+            between[usize::from(is_high)] = at.step;
+            let step = self.meeting(at).filter(|step| between[0] < *step && *step < between[1]);
+            let step = step.unwrap_or(f32::midpoint(between[0], between[1]));
+            if !step.is_finite() {
+                break;
+            }
+            at = self.envelope(step);
+            if at.largest() < best.largest() {
+                best = at;
+            }
+            if (at.most[0] - at.most[1]).abs() <= EVEN * at.largest() {
+                break;
+            }
+        }
+        (best.largest() < first.largest() * (1.0 - GAIN)).then_some(best.step)
+    }
+
+    /// Where the line furthest above meets that furthest below.
+    fn meeting(&self, envelope: Envelope) -> Option<f32> {
+        let [top, bottom] = [0, 1].map(|side| self.extreme(envelope, side));
+        let shares = self.shares.get(top)? + self.shares.get(bottom)?;
+        Some(-(self.offsets[top] + self.offsets[bottom]) / shares)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The best move of all that make two errors meet, or one vanish, is found up to the gain that
+        /// counts.
+        #[test]
+        fn no_move_is_better_than_the_best(
+            errors in prop::collection::vec((-100..100_i32, 1..=16_i32), 1..40)
+        ) {
+            let scratch = Scratch {
+                offsets: errors.iter().map(|&(error, _)| error as f32).collect(),
+                shares: errors.iter().map(|&(_, share)| share as f32 / 16.0).collect(),
+                ..Scratch::default()
+            };
+            let all = || scratch.offsets.iter().zip(&scratch.shares);
+            let largest =
+                |step: f32| all().map(|(z, share)| (z + step * share).abs()).fold(0.0, f32::max);
+            let meetings = all().flat_map(|(z, share)| {
+                all().map(move |(other, part)| -(z + other) / (share + part))
+            });
+            let least = meetings.map(largest).fold(largest(0.0), f32::min);
+            let found = scratch.best_move().map_or(largest(0.0), largest);
+            prop_assert!(found >= least * (1.0 - 1e-5));
+            prop_assert!(found <= least * (1.0 + 2.0 * GAIN) + 1e-4, "{found} for {least}");
+        }
+    }
+}
