@@ -7,7 +7,7 @@ const GRIDS: [&str; 4] = [
     "synth:rough,width=200,height=170,seed=5",
     "synth:smooth,width=220,height=150,seed=5",
     "synth:salt,width=150,height=170,seed=5",
-    "synth:coast,width=190,height=170,seed=5",
+    "synth:coast,width=190,height=170,seed=3",
 ];
 
 fn told(place: &Place, args: &[&str]) -> Value {
@@ -21,7 +21,8 @@ fn fitted_meshes_are_smaller_and_proved_as_written() {
     for (grid, bound) in GRIDS.iter().zip(["samples", "surface", "samples", "surface"]) {
         for format in terrane_mesh::FORMATS {
             let mesh = format!("o.{}", format.extensions[0]);
-            let make = ["tin", grid, &mesh, "--max-error", "4", "--tile", "64", "--bound", bound];
+            let error = if grid.contains("smooth") { "0.3" } else { "4" };
+            let make = ["tin", grid, &mesh, "--max-error", error, "--tile", "64", "--bound", bound];
             let make = [&make[..], &["--overwrite", "--verify"]].concat();
             let fitted = told(&place, &[&make[..], &["--fit"]].concat());
             assert_eq!((&fitted["fit"], &fitted["verify"]["passed"]), (&true.into(), &true.into()));
@@ -31,7 +32,7 @@ fn fitted_meshes_are_smaller_and_proved_as_written() {
             let [rmse, proved] = [&fitted["rmse"], &fitted["verify"]["rmse"]].map(Value::as_f64);
             assert!((rmse.unwrap() / proved.unwrap() - 1.0).abs() < 1e-4, "{rmse:?} {proved:?}");
             let usual = told(&place, &make);
-            assert_eq!(usual["verify"]["fitted"], false);
+            assert!(usual["verify"]["fitted"].is_null() && usual["fit"].is_null());
             let [less, more] = [&fitted, &usual].map(|made| made["vertices"].as_u64().unwrap());
             assert!(less < more, "{grid} as {mesh}: {less} of {more}");
         }

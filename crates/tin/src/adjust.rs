@@ -191,13 +191,13 @@ impl Scratch {
         let mut at = half_edge;
         loop {
             let tri = &mesh.tris[(at >> 2) as usize];
+            if tri.state == State::Outside || self.star.len() == MAX_DEGREE {
+                return false;
+            }
             self.star.push(at);
             at = tri.twins[prev(at & 3) as usize];
-            if at == half_edge {
-                return true;
-            }
-            if at == NONE || tri.state == State::Outside || self.star.len() == MAX_DEGREE {
-                return false;
+            if at == half_edge || at == NONE {
+                return at == half_edge;
             }
         }
     }

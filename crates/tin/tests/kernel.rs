@@ -370,6 +370,14 @@ proptest! {
         }
         for (at, z) in placed {
             let sample = grid.at(at.col(), at.row()).unwrap() as f64;
+            let cells = [at.col().wrapping_sub(1), at.col()].map(|col| {
+                [at.row().wrapping_sub(1), at.row()].map(|row| {
+                    col < width - 1 && row < height - 1 && grid.is_cell(col, row)
+                })
+            });
+            if cells.as_flattened().contains(&false) {
+                prop_assert_eq!(z, sample, "on the outline");
+            }
             prop_assert!((z - sample).abs() <= spec.tolerance, "a vertex is {} off", z - sample);
         }
     }

@@ -59,6 +59,7 @@ pub struct OfGrid {
     /// Triangles that reach beyond the grid.
     pub outside_triangles: FaultReport<Place>,
     /// True when the mesh states that its heights are fitted: vertices may lie above or below samples.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fitted: bool,
     /// Positions of triangle corners that are no sample, or, unless heights are fitted, not at the height
     /// their sample has in the precision of the format. A failure only where `made_by_terrane`: the error bound of
