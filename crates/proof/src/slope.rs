@@ -17,8 +17,8 @@ pub type Turn = [[f64; 2]; 2];
 /// A slope: by how much heights change along two directions.
 pub type Slope = [f64; 2];
 
-/// Bytes [`look`] takes for a sample: slope and worst angle.
-const BYTES_PER_SAMPLE: u64 = 24;
+/// Bytes [`look`] takes for a sample: its height, slope and worst angle.
+const BYTES_PER_SAMPLE: u64 = 32;
 
 /// Everything found in the parts looked at so far; the same in any order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,9 +55,11 @@ impl Slopes {
 /// From a sample to the middle of its cell.
 const MIDDLE: i64 = Position::CELL / 2;
 
-/// Bytes [`look`] needs beside what its part holds, for a domain of so many samples.
-pub fn bytes_needed(samples: u64) -> u64 {
-    samples.saturating_mul(BYTES_PER_SAMPLE)
+/// Bytes [`look`] needs for a domain of `samples` samples touched by `triangles` triangles; heights and
+/// triangles included.
+pub fn bytes_needed(samples: u64, triangles: u64) -> u64 {
+    let triangles = triangles.saturating_mul(size_of::<Triangle>() as u64);
+    samples.saturating_mul(BYTES_PER_SAMPLE).saturating_add(triangles)
 }
 
 /// The slope of a cell by its samples (left and right above, left and right below); `None` where one is
