@@ -122,7 +122,7 @@ fn degrees(d: &DegreeReport) -> String {
 fn angles(a: &AngleReport) -> String {
     let [min, one, five, half] =
         [a.min, a.percentile_1, a.percentile_5, a.median].map(text::height);
-    let below = a.below.iter().map(|b| format!("{} {}", text::number(b.angle), percent(b.share)));
+    let below = a.below.iter().map(|b| format!("{}: {}", text::number(b.angle), percent(b.share)));
     let below: Vec<String> = below.collect();
     format!(
         "the smallest of a triangle: {min} degrees, 1 % up to {one}, 5 % up to {five}, half up to {half}; \
