@@ -237,6 +237,7 @@ fn jobs() -> Vec<String> {
     ] {
         add(format!("info ../in/{input} --json"));
     }
+    add("info ../in/mesh.ply --quality --grid ../in/rough.tif --json".into());
     for proof in [
         "mesh.ply ../in/rough.tif",
         "cloud.ply ../in/dense.laz --class 2",

@@ -175,6 +175,7 @@ const JOBS: &[&str] = &[
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",
     "info dem.tif --stats",
+    "info dem.ply --quality --grid dem.tif",
     "info dense.laz --stats",
     "info coverage.fgb --stats",
     "synth rough,size=1025 o.tif",

@@ -15,6 +15,7 @@ mod crs_matrix;
 mod grid;
 mod help;
 mod info_features;
+mod info_quality;
 mod jobs;
 mod line;
 mod line_hierarchy;

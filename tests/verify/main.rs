@@ -5,5 +5,6 @@ mod cli_support;
 mod support;
 
 mod faults;
+mod quality;
 mod samples;
 mod twin;

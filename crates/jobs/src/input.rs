@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rect};
+use terrane_base::geom::{self, Point3, Rect};
 use terrane_files::path_of;
-use terrane_mesh::{self as mesh, MeshSource};
+use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
 
 /// What a file turned out to hold.
@@ -270,6 +270,20 @@ pub(super) fn vertex_count(mesh: &dyn MeshSource) -> u64 {
     if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) }
 }
 
+/// True when x and y of a mesh are longitudes and latitudes.
+pub(crate) fn is_geographic(info: &MeshInfo) -> bool {
+    // Only degrees are stored in a unit of their own along each axis.
+    let [x, y, _] = info.scale;
+    x != y || info.crs.as_deref().is_some_and(names_geographic)
+}
+
+/// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
+fn names_geographic(label: &str) -> bool {
+    let digits = label.split("EPSG:").nth(1).unwrap_or_default();
+    let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
+    code.parse().ok().and_then(geom::is_geographic).unwrap_or(false)
+}
+
 fn grow(bounds: &mut [Point3; 2], vertex: &Point3) {
     for axis in 0..3 {
         bounds[0][axis] = bounds[0][axis].min(vertex[axis]);
@@ -314,5 +328,12 @@ mod tests {
         assert!((whole.std_dev.unwrap() - parts.std_dev.unwrap()).abs() < 1e-12);
         let none = Moments::of(&[f64::NAN]).stats();
         assert_eq!((none.valid, none.mean), (0, None));
+    }
+
+    #[test]
+    fn latitude_and_longitude_are_told_by_code() {
+        assert!(names_geographic("EPSG:4326 (WGS 84)"));
+        assert!(!names_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
+        assert!(!names_geographic("unknown") && !names_geographic("EPSG:99999999999"));
     }
 }

@@ -261,11 +261,16 @@ fn degree(latitude: f64) -> Result<[f64; 2]> {
         return Err(Error::usage(format!("degrees at latitude {latitude} are no lengths"))
             .remedy("pass --keep-degrees, or reproject the data"));
     }
+    Ok(degree_metres(latitude))
+}
+
+/// The same at any latitude, on the ellipsoid (WGS 84); 0 for longitudes at a pole.
+pub(crate) fn degree_metres(latitude: f64) -> [f64; 2] {
     let (sine, cosine) = latitude.to_radians().sin_cos();
     let bulge = 1.0 - ECCENTRICITY_SQUARED * sine * sine;
     let across = AXIS / bulge.sqrt() * cosine;
     let along = AXIS * (1.0 - ECCENTRICITY_SQUARED) / (bulge * bulge.sqrt());
-    Ok([across, along].map(f64::to_radians))
+    [across, along].map(f64::to_radians)
 }
 
 /// To seven digits: enough for any model, and few enough for the header of an STL.

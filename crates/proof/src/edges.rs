@@ -48,7 +48,7 @@ impl Use {
     }
 
     /// The smaller and the larger vertex number.
-    fn numbers(self) -> [u32; 2] {
+    pub(crate) fn numbers(self) -> [u32; 2] {
         [(self.ends >> 32) as u32, self.ends as u32]
     }
 

@@ -1,5 +1,5 @@
-//! Independent proof of a mesh's promises: error bound, coverage, topology. Pure; shares no code
-//! with `tin`.
+//! Independent proof of a mesh's promises: error bound, coverage, topology; and its [`quality`], which is
+//! measured and not judged. Pure; shares no code with `tin`.
 //!
 //! Everything is decided one [`Domain`] (a rectangle of samples) at a time, from the triangles
 //! that touch it and the heights of it and of one sample around it. Each sample, cell, vertex,
@@ -15,7 +15,9 @@ mod edges;
 mod exact;
 mod expansion;
 pub mod lines;
+pub mod quality;
 mod sections;
+pub mod slope;
 mod snap;
 mod sum;
 mod surface;

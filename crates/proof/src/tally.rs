@@ -38,7 +38,7 @@ pub struct Spot {
 
 impl Spot {
     /// The larger error; of equal ones the first in row order.
-    fn worse(self, other: Self) -> Self {
+    pub(crate) fn worse(self, other: Self) -> Self {
         let later = other.at > self.at;
         if other.error < self.error || other.error == self.error && later { self } else { other }
     }

@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
-use crate::cli::info::details;
+use crate::cli::info::{details, quality};
 use crate::cli::shared::text;
 use crate::geom::Point3;
-use crate::mesh::MeshInfo;
+use crate::jobs::verify::QualityReport;
+use crate::mesh::MeshSource;
 
 /// What is known of a mesh.
 #[derive(Serialize)]
@@ -23,10 +24,16 @@ pub(crate) struct Facts {
     /// Smallest and largest coordinates; absent without vertices.
     bounds: Option<[Point3; 2]>,
     details: serde_json::Map<String, serde_json::Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<QualityReport>,
 }
 
+/// A mesh by its name, and its smallest and largest coordinates.
+pub(crate) type Opened<'a> = (&'a str, &'a dyn MeshSource, Option<[Point3; 2]>);
+
 impl Facts {
-    pub(crate) fn new(file: &str, info: &MeshInfo, bounds: Option<[Point3; 2]>) -> Self {
+    pub(crate) fn new((file, mesh, bounds): Opened<'_>, quality: Option<QualityReport>) -> Self {
+        let info = mesh.info();
         Self {
             file: file.to_owned(),
             format: info.format,
@@ -39,6 +46,7 @@ impl Facts {
             scale: info.scale,
             bounds,
             details: details::of(&info.details),
+            quality,
         }
     }
 
@@ -59,6 +67,7 @@ impl Facts {
         }
         let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
         rows.extend(details::rows(&self.details));
+        rows.extend(self.quality.iter().flat_map(quality::rows));
         rows
     }
 }

@@ -5,6 +5,7 @@ mod details;
 mod features;
 mod grid;
 mod mesh;
+mod quality;
 
 use std::path::Path;
 
@@ -41,6 +42,8 @@ pub(crate) struct Args {
     /// The object of TopoJSON files to tell about [default: their first]
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
+    #[command(flatten)]
+    quality: quality::Asked,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -160,10 +163,12 @@ fn describe(
     cancel: &Cancel,
 ) -> Result<Facts> {
     if files.iter().any(|file| is_cloud(file)) {
+        args.quality.refuse(files, "a point cloud")?;
         args.refuse_layer(files)?;
         return describe_cloud(files, args, progress, cancel);
     }
     if files.iter().any(|file| features::are_features(file)) {
+        args.quality.refuse(files, "a file of features")?;
         return describe_features(files, args, progress, cancel);
     }
     args.refuse_layer(files)?;
@@ -204,9 +209,11 @@ fn describe_surface(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Facts> {
-    args.grid.check_all(files)?;
     files.iter().try_for_each(|file| args.cloud.refuse(file))?;
-    files.iter().try_for_each(|file| args.machine.check(file))?;
+    args.quality.check(&args.grid, files)?;
+    if !args.quality.quality {
+        files.iter().try_for_each(|file| args.machine.check(file))?;
+    }
     if args.stats {
         files.iter().try_for_each(|file| args::only_grids("--stats", file))?;
     }
@@ -214,6 +221,7 @@ fn describe_surface(
     let resources: Resources = args.machine.resources();
     match input::open(files, &args.grid.open_options(&resources))? {
         Surface::Grid(grid) => {
+            args.quality.refuse(files, "a grid")?;
             let measure = || input::grid_stats(grid.as_ref(), &resources, progress, cancel);
             let stats = args.stats.then(measure).transpose()?;
             let plan = cost(grid.as_ref(), &resources);
@@ -221,7 +229,9 @@ fn describe_surface(
         }
         Surface::Mesh(mesh) => {
             let bounds = input::mesh_bounds(mesh.as_ref(), progress, cancel)?;
-            Ok(Facts::Mesh(Box::new(mesh::Facts::new(file, mesh.info(), bounds))))
+            let mesh = (file.as_str(), mesh.as_ref(), bounds);
+            let quality = args.quality.measure(mesh, &args.grid, &resources, (progress, cancel))?;
+            Ok(Facts::Mesh(Box::new(mesh::Facts::new(mesh, quality))))
         }
     }
 }

@@ -8,8 +8,10 @@ mod cloud;
 mod found;
 mod lines;
 mod parts;
+mod quality;
 mod report;
 mod spread;
+mod squares;
 mod vertices;
 
 use std::path::{Path, PathBuf};
@@ -30,6 +32,10 @@ use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
 pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
+pub use quality::{
+    Against, AngleReport, AspectReport, Below, DegreeReport, Measured, QualityReport, SlopeReport,
+    quality,
+};
 pub use report::{OfGrid, Place, VerifyReport};
 
 /// Least memory a verification can work in, and least for each thread.

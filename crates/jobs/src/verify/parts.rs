@@ -24,7 +24,7 @@ const SHARES: u64 = 4;
 
 /// Divides the grid so that a domain of average density takes half of a thread's memory. On a grid
 /// stored in strips domains are as wide as the grid if they can, so that strips are decoded once.
-pub(super) fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layout {
+fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layout {
     let grid = [info.width, info.height];
     let samples = u64::from(info.width) * u64::from(info.height);
     let unit = u64::from(Domain::UNIT);
@@ -63,60 +63,89 @@ const INDEX_BYTES: u64 = 128;
 
 /// Spreads the mesh over the domains of the grid.
 pub(super) fn fill(context: &Context<'_>) -> Result<Spread> {
+    Spread::fill(&context.work, &context.snapper, divided(context)?)
+}
+
+/// The domains of the grid, whose index fits into the memory.
+pub(super) fn divided(context: &Context<'_>) -> Result<Layout> {
     let (work, grid) = (&context.work, context.grid.info());
     let layout = layout(grid, work.mesh.info().triangles, work.share, work.threads);
     check_index(&layout, context)?;
-    Spread::fill(work, &context.snapper, layout)
+    Ok(layout)
 }
 
 /// Checks every domain.
 pub(super) fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
-    let all = Mutex::new(Tally::default());
+    let judge = |part: &Part<'_>, tally: &mut Tally| {
+        let open = proof::check(part, tally);
+        open.into_iter().try_for_each(|open| follow(context, &spread.layout, open, tally))
+    };
+    each(context, spread, proof::bytes_needed, judge, Tally::merge)
+}
+
+/// Bytes that take samples, triangles and vertices.
+type Need = fn(u64, u64, u64) -> u64;
+
+/// What `judge` finds in all domains, each read with its triangles; `merge` adds up what two threads
+/// found. What `judge` takes, `need` tells.
+pub(super) fn each<T: Default + Send>(
+    context: &Context<'_>,
+    spread: &Spread,
+    need: Need,
+    judge: impl Fn(&Part<'_>, &mut T) -> Result<()> + Sync,
+    merge: impl Fn(&mut T, &T) + Sync,
+) -> Result<T> {
+    let all = Mutex::new(T::default());
     let (work, info) = (&context.work, context.grid.info());
     work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
-    let checker = Checker { context, spread, crowded: Mutex::new(()) };
+    let checker = Checker { context, spread, need, judge, crowded: Mutex::new(()) };
     let rows = Rows::new(&spread.layout);
-    let judge = |tally: &mut Tally, index| {
+    let judge = |found: &mut T, index| {
         let domain = spread.layout.domain(index);
-        checker.check(domain, index as usize, tally)?;
+        checker.check(domain, index as usize, found)?;
         rows.done(&spread.layout, index, context);
         work.progress.advance(domain.rect.len() as u64);
         Ok(())
     };
-    let finish = |tally: Tally| {
-        lock(&all).merge(&tally);
+    let finish = |found: T| {
+        merge(&mut lock(&all), &found);
         Ok(())
     };
     let (threads, units) = (work.threads, spread.layout.len());
-    workers::run(threads, units, &work.cancel, Tally::default, judge, finish)?;
+    workers::run(threads, units, &work.cancel, T::default, judge, finish)?;
     work.progress.end();
-    let tally = lock(&all).clone();
-    Ok(tally)
+    let found = std::mem::take(&mut *lock(&all));
+    Ok(found)
 }
 
 /// Checks domains, splitting those too crowded for a thread's memory.
-struct Checker<'a> {
+struct Checker<'a, J> {
     context: &'a Context<'a>,
     spread: &'a Spread,
+    need: Need,
+    judge: J,
     /// Held while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
 
-impl Checker<'_> {
-    fn check(&self, domain: Domain, bucket: usize, tally: &mut Tally) -> Result<()> {
+impl<J> Checker<'_, J> {
+    fn check<T>(&self, domain: Domain, bucket: usize, found: &mut T) -> Result<()>
+    where
+        J: Fn(&Part<'_>, &mut T) -> Result<()>,
+    {
         let (triangles, positions) = self.count(domain, bucket)?;
-        let need = proof::bytes_needed(domain.apron().len() as u64, triangles, positions);
+        let need = (self.need)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
-            return self.check_whole(domain, bucket, [triangles, positions], tally);
+            return self.check_whole(domain, bucket, [triangles, positions], found);
         }
         match domain.halves() {
-            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, tally)),
+            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
             None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
                 Err(too_crowded(domain, triangles, need))
             }
             None => {
                 let _alone = lock(&self.crowded);
-                self.check_whole(domain, bucket, [triangles, positions], tally)
+                self.check_whole(domain, bucket, [triangles, positions], found)
             }
         }
     }
@@ -156,13 +185,16 @@ impl Checker<'_> {
         })
     }
 
-    fn check_whole(
+    fn check_whole<T>(
         &self,
         domain: Domain,
         bucket: usize,
         [triangles, positions]: [u64; 2],
-        tally: &mut Tally,
-    ) -> Result<()> {
+        found: &mut T,
+    ) -> Result<()>
+    where
+        J: Fn(&Part<'_>, &mut T) -> Result<()>,
+    {
         let mut all = Vec::with_capacity(triangles as usize);
         self.each_triangle(domain, bucket, |triangle| all.push(*triangle))?;
         let mut vertices = Vec::with_capacity(positions as usize);
@@ -170,7 +202,7 @@ impl Checker<'_> {
         vertices.sort_unstable();
         let part = Part {
             domain,
-            heights: &self.read(domain.apron())?,
+            heights: &read(self.context, domain.apron())?,
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             precision: self.context.precision,
@@ -178,36 +210,34 @@ impl Checker<'_> {
             tolerance: self.context.tolerance,
             orientation: self.context.orientation,
         };
-        let open = proof::check(&part, tally);
-        open.into_iter().try_for_each(|open| self.follow(open, tally))
+        (self.judge)(&part, found)
     }
+}
 
-    fn read(&self, rect: Rect) -> Result<Vec<f64>> {
-        let mut heights = vec![0.0; rect.len()];
-        self.context.grid.read_f64(rect, &mut heights)?;
-        Ok(heights)
-    }
+fn read(context: &Context<'_>, rect: Rect) -> Result<Vec<f64>> {
+    let mut heights = vec![0.0; rect.len()];
+    context.grid.read_f64(rect, &mut heights)?;
+    Ok(heights)
+}
 
-    /// Follows an open edge beyond its domain.
-    fn follow(&self, mut open: Open, tally: &mut Tally) -> Result<()> {
-        let grid = self.spread.layout.grid;
-        loop {
-            let window = open.rest.window(grid);
-            let surface = Surface::new(grid, window, &self.read(window)?);
-            match surface.follow(open.rest) {
-                Followed::On => return Ok(()),
-                Followed::Off => {
-                    tally.crack(&open);
-                    return Ok(());
-                }
-                Followed::Rest(rest) => open.rest = rest,
+/// Follows an open edge beyond its domain.
+fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Tally) -> Result<()> {
+    loop {
+        let window = open.rest.window(layout.grid);
+        let surface = Surface::new(layout.grid, window, &read(context, window)?);
+        match surface.follow(open.rest) {
+            Followed::On => return Ok(()),
+            Followed::Off => {
+                tally.crack(&open);
+                return Ok(());
             }
+            Followed::Rest(rest) => open.rest = rest,
         }
     }
 }
 
 /// Triangles of a part are numbered with their corners in `u32`.
-const MOST_TRIANGLES: u64 = 1 << 30;
+pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
 
 fn too_crowded(domain: Domain, triangles: u64, need: u64) -> Error {
     let Rect { col, row, width, height } = domain.rect;

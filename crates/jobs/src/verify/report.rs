@@ -165,7 +165,7 @@ pub(super) fn report(
     MeshReport::new(of, &found, place)
 }
 
-fn place(map: &Affine, at: Position) -> Place {
+pub(super) fn place(map: &Affine, at: Position) -> Place {
     let (column, row) = (at.cols(), at.rows());
     let [x, y] = map.apply(column, row);
     Place { column, row, x, y }

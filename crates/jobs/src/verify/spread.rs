@@ -14,6 +14,28 @@ use terrane_proof::{Layout, Position, Snap, Triangle};
 /// Triangles a worker takes at a time.
 const BATCH: u64 = 2048;
 
+/// Which domains get a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reach {
+    /// Those that it may touch.
+    Touched,
+    /// Those that own a corner of it.
+    Corners,
+}
+
+impl Reach {
+    fn domains(self, layout: &Layout, triangle: &Triangle, out: &mut Vec<u64>) {
+        match self {
+            Self::Touched => layout.touched(triangle, |domain| out.push(domain)),
+            Self::Corners => {
+                out.extend(triangle.positions().map(|at| layout.owner(at)));
+                out.sort_unstable();
+                out.dedup();
+            }
+        }
+    }
+}
+
 /// Everything the mesh has, by the domains it touches.
 pub(super) struct Spread {
     pub(super) layout: Layout,
@@ -38,9 +60,21 @@ impl Spread {
         work.progress.begin("vertices", info.vertices);
         spread.counts = spread.fill_positions(work, snapper)?;
         work.progress.end();
-        work.progress.begin("triangles", info.triangles);
-        spread.broken = spread.fill_triangles(work, snapper)?;
-        work.progress.end();
+        spread.broken = spread.fill_triangles(work, snapper, Reach::Touched)?;
+        Ok(spread)
+    }
+
+    /// Reads the triangles of the mesh once, and nothing else of it.
+    pub(super) fn of_triangles(
+        work: &Work<'_>,
+        snapper: &impl Snap,
+        layout: Layout,
+        reach: Reach,
+    ) -> Result<Self> {
+        let triangles = work.buckets(layout, work.memory / 4);
+        let counts = VertexCounts::default();
+        let mut spread = Self { layout, triangles, positions: None, counts, broken: 0 };
+        spread.broken = spread.fill_triangles(work, snapper, reach)?;
         Ok(spread)
     }
 
@@ -69,11 +103,13 @@ impl Spread {
         Ok(*lock(&all))
     }
 
-    fn fill_triangles<S: Snap>(&self, work: &Work<'_>, snapper: &S) -> Result<u64> {
+    fn fill_triangles<S: Snap>(&self, work: &Work<'_>, snapper: &S, reach: Reach) -> Result<u64> {
+        work.progress.begin("triangles", work.mesh.info().triangles);
         let broken = AtomicU64::new(0);
         let units = work.mesh.info().triangles.div_ceil(BATCH);
         let start = || Filler {
             layout: self.layout,
+            reach,
             cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
             writer: self.triangles.writer(),
             ids: Vec::new(),
@@ -87,6 +123,7 @@ impl Spread {
         };
         workers::run(work.threads, units, &work.cancel, start, batch, finish)?;
         self.triangles.settle()?;
+        work.progress.end();
         Ok(broken.into_inner())
     }
 
@@ -99,6 +136,7 @@ impl Spread {
 /// One thread's part in spreading triangles over domains.
 struct Filler<'a, S> {
     layout: Layout,
+    reach: Reach,
     cache: VertexCache<'a, S>,
     writer: Writer<'a, Triangle>,
     ids: Vec<[u64; 3]>,
@@ -134,7 +172,7 @@ impl<S: Snap> Filler<'_, S> {
         };
         let triangle = Triangle { corners: [a, b, c] };
         self.touched.clear();
-        self.layout.touched(&triangle, |domain| self.touched.push(domain));
+        self.reach.domains(&self.layout, &triangle, &mut self.touched);
         self.touched.iter().try_for_each(|&domain| self.writer.push(domain as usize, triangle))
     }
 }

@@ -1,10 +1,10 @@
 //! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
 
-use crate::input::{mesh_bounds, vertex_count};
+use crate::input::{is_geographic, mesh_bounds, vertex_count};
 use crate::view::{Drawn, FINENESS, ViewJob, frame};
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Point3, is_geographic};
+use terrane_base::geom::Point3;
 use terrane_mesh::MeshSource;
 use terrane_render::{Coverage, Field, Frame, fill_triangle};
 
@@ -26,9 +26,7 @@ pub(super) fn draw(
 ) -> Result<Drawn> {
     let bounds = mesh_bounds(mesh, progress, cancel)?;
     let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
-    // Only degrees are stored in a unit of their own along each axis.
-    let [x, y, _] = mesh.info().scale;
-    let geographic = x != y || mesh.info().crs.as_deref().is_some_and(names_geographic);
+    let geographic = is_geographic(mesh.info());
     let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
     let mut canvas = Canvas::new(frame, job.edges);
     let triangles = mesh.info().triangles;
@@ -46,13 +44,6 @@ pub(super) fn draw(
     }
     progress.end();
     Ok(Drawn { frame, field: canvas.field, edges: canvas.edges })
-}
-
-/// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
-fn names_geographic(label: &str) -> bool {
-    let digits = label.split("EPSG:").nth(1).unwrap_or_default();
-    let code: String = digits.chars().take_while(char::is_ascii_digit).collect();
-    code.parse().ok().and_then(is_geographic).unwrap_or(false)
 }
 
 struct Canvas {
@@ -185,12 +176,5 @@ mod tests {
             }
         }
         assert!(gather.load(&mesh, &[[0, 1, 1 << 40]]).is_err());
-    }
-
-    #[test]
-    fn latitude_and_longitude_are_told_by_code() {
-        assert!(names_geographic("EPSG:4326 (WGS 84)"));
-        assert!(!names_geographic("EPSG:32611 (WGS 84 / UTM zone 11N)"));
-        assert!(!names_geographic("unknown") && !names_geographic("EPSG:99999999999"));
     }
 }

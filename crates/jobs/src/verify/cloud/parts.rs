@@ -8,27 +8,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
 use super::points::{SpreadPoints, position};
+use crate::verify::parts::MOST_TRIANGLES;
 use crate::verify::spread::Spread;
+use crate::verify::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_files::{Buckets, lock};
 use terrane_proof::cloud::{self, Hull, Part};
 use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
-
-/// Points or triangles that a domain should hold: with what is known of them they should stay near
-/// the processor.
-const CROWD: u64 = 1 << 15;
-/// Most domains.
-const MOST: u64 = 1 << 16;
-/// Domains for each thread, at least.
-const SHARES: u64 = 4;
-/// Bytes of index for a run of records.
-const RUN_BYTES: u64 = 16;
-/// How often a domain that is too crowded is halved at a time.
-const HALVINGS: u32 = 4;
-/// Triangles of a part are numbered with their corners in `u32`.
-const MOST_TRIANGLES: u64 = 1 << 30;
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
 pub(super) fn layout(context: &Context<'_>) -> Result<Layout> {
@@ -53,21 +41,6 @@ fn wanted(context: &Context<'_>) -> u64 {
     let flushes = points / (work.share / 2 / 40).max(1) + 1;
     let indexed = work.share / 8 / RUN_BYTES / flushes;
     wanted.min(indexed).clamp(1, MOST)
-}
-
-/// About `wanted` squares, but no more than [`MOST`].
-fn divide(grid: [u32; 2], wanted: u64) -> Layout {
-    let area = u64::from(grid[0]) * u64::from(grid[1]);
-    let mut side = (area / wanted).isqrt();
-    loop {
-        let size =
-            side.next_multiple_of(u64::from(Domain::UNIT)).clamp(u64::from(Domain::UNIT), 1 << 30);
-        let layout = Layout { grid, size: [size as u32; 2] };
-        if layout.len() <= MOST {
-            return layout;
-        }
-        side = size + size.div_ceil(8);
-    }
 }
 
 /// Checks every domain. Returns the bytes that were spread again, too.
@@ -160,11 +133,12 @@ impl Checker<'_> {
         pieces: &[Domain],
         tally: &mut Tally,
     ) -> Result<()> {
-        let points = self
-            .respread(piles.points, number, pieces, |piece, &point| piece.owns(position(point)))?;
-        let triangles = self.respread(piles.triangles, number, pieces, Domain::may_touch)?;
+        let work = &self.context.work;
+        let is_there = |piece: &Domain, &point: &Point| piece.owns(position(point));
+        let points = respread(work, piles.points, number, pieces, is_there)?;
+        let triangles = respread(work, piles.triangles, number, pieces, Domain::may_touch)?;
         let positions = piles.positions.map(|positions| {
-            self.respread(positions, number, pieces, |piece, &at: &Position| piece.owns(at))
+            respread(work, positions, number, pieces, |piece, &at: &Position| piece.owns(at))
         });
         let positions = positions.transpose()?;
         let positions = positions.as_ref();
@@ -172,28 +146,6 @@ impl Checker<'_> {
         let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
         self.spilled.fetch_add(bytes, Ordering::Relaxed);
         (0..).zip(pieces).try_for_each(|(number, &piece)| self.check(&again, number, piece, tally))
-    }
-
-    /// The records of a domain by piece.
-    fn respread<T: bytemuck::Pod>(
-        &self,
-        pile: &Buckets<T>,
-        number: usize,
-        pieces: &[Domain],
-        belongs: impl Fn(&Domain, &T) -> bool,
-    ) -> Result<Buckets<T>> {
-        let work = &self.context.work;
-        let again = Buckets::new(&work.folder, pieces.len(), work.share / 4);
-        let mut writer = again.writer();
-        pile.try_read(number, |records| {
-            records.iter().try_for_each(|record| {
-                let mut all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
-                all.try_for_each(|(piece, _)| writer.push(piece, *record))
-            })
-        })?;
-        writer.finish()?;
-        again.settle()?;
-        Ok(again)
     }
 
     fn check_whole(
@@ -228,53 +180,5 @@ impl Checker<'_> {
         Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
             .at(format!("x {x}, y {y}"))
             .remedy("raise --memory")
-    }
-}
-
-/// All records of a domain.
-fn load<T: bytemuck::Pod>(pile: &Buckets<T>, number: usize) -> Result<Vec<T>> {
-    let mut all = Vec::with_capacity(pile.len(number) as usize);
-    pile.read(number, |records| all.extend_from_slice(records))?;
-    Ok(all)
-}
-
-/// A domain halved several times, as far as that goes.
-fn pieces(domain: Domain) -> Vec<Domain> {
-    let halve = |pieces: Vec<Domain>| -> Vec<Domain> {
-        pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()
-    };
-    (0..HALVINGS).fold(vec![domain], |pieces, _| halve(pieces))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn any_extent_is_divided_into_about_as_many_domains_as_wanted() {
-        for (grid, wanted) in [
-            ([1 << 30, 1 << 30], 1000),
-            ([1 << 30, 1], 1 << 16),
-            ([1, 1], 1),
-            ([7, 5], 1 << 16),
-            ([40_000, 300], 500),
-        ] {
-            let layout = divide(grid, wanted);
-            assert!(layout.len() <= MOST, "{layout:?}");
-            let fits = layout.size[0] == Domain::UNIT || layout.len() >= wanted / 2;
-            assert!(fits || layout.size[0] > 1 << 10, "{layout:?}");
-            let last = layout.domain(layout.len() - 1);
-            assert_eq!([last.rect.end_col(), last.rect.end_row()], grid);
-        }
-    }
-
-    #[test]
-    fn pieces_tile_their_domain() {
-        let domain = Domain { grid: [500, 300], rect: Rect::new(0, 0, 500, 300) };
-        let all = pieces(domain);
-        assert_eq!(all.len(), 16);
-        assert_eq!(all.iter().map(|d| d.rect.len()).sum::<usize>(), 150_000);
-        let unit = Domain { grid: [500, 300], rect: Rect::new(32, 32, 32, 32) };
-        assert_eq!(pieces(unit), [unit]);
     }
 }

@@ -1,0 +1,169 @@
+//! What slopes of a grid are on the ground: its axes, and its units.
+
+use crate::placing::degree_metres;
+use crate::tin::vertical_unit;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Rect};
+use terrane_proof::slope::Turn;
+use terrane_raster::GridInfo;
+
+/// How a slope by column and row lies on the ground.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ground {
+    map: Affine,
+    across: Across,
+    /// Metres of a unit of heights.
+    rise: f64,
+    notes: Vec<String>,
+}
+
+/// Metres of a unit of x and y.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Across {
+    Everywhere(f64),
+    /// As long as a degree is at its latitude.
+    Degrees,
+}
+
+impl Ground {
+    /// Of a grid with a map that has an inverse.
+    ///
+    /// # Errors
+    /// Heights in a unit whose length is not known, latitudes beyond the poles.
+    pub(super) fn of(info: &GridInfo) -> Result<Self> {
+        let mut notes = Vec::new();
+        let across = across(&info.crs, &mut notes);
+        let rise = rise(&info.crs, across, &mut notes)?;
+        let map = info.transform;
+        if across == Across::Degrees {
+            check_latitudes(&map, info.bounds())?;
+        }
+        Ok(Self { map, across, rise, notes })
+    }
+
+    /// What was taken for granted.
+    pub(super) fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
+    /// Of the cell whose sample at the left above is this: both slopes in units of height by column and
+    /// row to those by metre east and north.
+    pub(super) fn turn(&self, col: u32, row: u32) -> Turn {
+        let Affine { a, b, d, e, .. } = self.map;
+        let [east, north] = match self.across {
+            Across::Everywhere(metres) => [metres; 2],
+            Across::Degrees => {
+                degree_metres(self.map.apply(f64::from(col) + 0.5, f64::from(row) + 0.5)[1])
+            }
+        };
+        let whole = self.rise / self.map.determinant();
+        let (east, north) = (whole / east, whole / north);
+        [[e * east, -d * east], [-b * north, a * north]]
+    }
+}
+
+fn across(crs: &Crs, notes: &mut Vec<String>) -> Across {
+    match crs.horizontal_metres() {
+        _ if crs.horizontal_unit() == "degree" => Across::Degrees,
+        Some(metres) => Across::Everywhere(metres),
+        None => {
+            notes.push("the unit of x and y is not known, and taken for metres".to_owned());
+            Across::Everywhere(1.0)
+        }
+    }
+}
+
+fn rise(crs: &Crs, across: Across, notes: &mut Vec<String>) -> Result<f64> {
+    match (crs.vertical_metres(), vertical_unit(crs), across) {
+        (Some(metres), ..) => Ok(metres),
+        (None, Some(unit), _) => {
+            Err(Error::unsupported(format!("heights in {unit:?} are no lengths known here"))
+                .remedy("leave --grid out, or name a grid with heights in metres or feet"))
+        }
+        (None, None, Across::Everywhere(metres)) => {
+            notes
+                .push("the unit of the heights is not known, and taken for that of x and y".into());
+            Ok(metres)
+        }
+        (None, None, Across::Degrees) => {
+            notes.push("the unit of the heights is not known, and taken for metres".to_owned());
+            Ok(1.0)
+        }
+    }
+}
+
+/// Fails where the middle of a cell lies beyond a pole. The map is affine: its corners tell.
+fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()> {
+    let middle = |side: u32| [0.5, (f64::from(side) - 1.5).max(0.5)];
+    let [columns, rows] = [width, height].map(middle);
+    let corners = columns.into_iter().flat_map(|col| rows.map(|row| map.apply(col, row)));
+    let beyond = corners.map(|[_, latitude]| latitude).find(|latitude| latitude.abs() >= 90.0);
+    beyond.map_or(Ok(()), |latitude| {
+        Err(Error::bad_input(format!("degrees at latitude {latitude} are no lengths"))
+            .remedy("leave --grid out, or correct the grid's reference system"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+    use terrane_proof::slope::turned;
+    use terrane_raster::SampleType;
+
+    fn info(transform: Affine, crs: Crs) -> GridInfo {
+        GridInfo { transform, crs, ..GridInfo::plain("test", 10, 10, SampleType::F64) }
+    }
+
+    /// A tilted plane by column and row, so steep by x and y of the grid.
+    fn by_lattice(map: &Affine, [by_x, by_y]: [f64; 2]) -> [f64; 2] {
+        [by_x * map.a + by_y * map.d, by_x * map.b + by_y * map.e]
+    }
+
+    fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
+        (0..2).all(|i| (a[i] - b[i]).abs() < 1e-9 * (1.0 + b[i].abs()))
+    }
+
+    #[test]
+    fn any_axes_and_units_are_turned_to_metres() {
+        let map = Affine { x0: 5.0, a: 3.0, b: 1.0, y0: 6.0, d: 0.5, e: -2.0 };
+        let lattice = by_lattice(&map, [0.2, -0.7]);
+        let plain = Ground::of(&info(map, Crs::default())).unwrap();
+        assert!(is_near(turned(plain.turn(3, 4), lattice), [0.2, -0.7]));
+        assert_eq!(plain.notes().len(), 2);
+        let unit = |epsg, unit: &str| Crs {
+            epsg: Some(epsg),
+            vertical_unit: Some(unit.to_owned()),
+            ..Crs::default()
+        };
+        let feet_on_metres = Ground::of(&info(map, unit(32_631, "foot"))).unwrap();
+        let [x, y] = turned(feet_on_metres.turn(3, 4), lattice);
+        assert!(
+            is_near([x / 0.3048, y / 0.3048], [0.2, -0.7]) && feet_on_metres.notes().is_empty()
+        );
+        let metres_on_feet = Ground::of(&info(map, unit(2263, "metre"))).unwrap();
+        let [x, y] = turned(metres_on_feet.turn(3, 4), lattice);
+        let foot = 1200.0 / 3937.0;
+        assert!(is_near([x * foot, y * foot], [0.2, -0.7]));
+        let odd = Ground::of(&info(map, unit(32_631, "sazhen"))).unwrap_err();
+        assert!(
+            odd.kind() == ErrorKind::Unsupported && odd.to_string().contains("sazhen"),
+            "{odd}"
+        );
+    }
+
+    #[test]
+    fn degrees_are_as_long_as_at_the_middle_of_the_cell() {
+        let degrees = Crs { geographic: Some(true), ..Crs::default() };
+        let map = Affine { x0: 7.0, a: 0.5, b: 0.0, y0: 60.25, d: 0.0, e: -0.5 };
+        let ground = Ground::of(&info(map, degrees.clone())).unwrap();
+        let [x, y] = turned(ground.turn(2, 0), by_lattice(&map, [1.0, 1.0]));
+        // Metres of a degree at 60 degrees north (WGS 84).
+        assert!((1.0 / x - 55_800.0).abs() < 1.0 && (1.0 / y - 111_412.0).abs() < 1.0, "{x} {y}");
+        assert!(ground.turn(2, 9)[0][0] < ground.turn(2, 0)[0][0]);
+        let pole = Affine { y0: 90.25, ..map };
+        assert!(Ground::of(&info(pole, degrees.clone())).is_err());
+        let up_to_it = Affine { y0: 90.0, ..map };
+        assert!(Ground::of(&info(up_to_it, degrees)).is_ok());
+    }
+}

@@ -1,0 +1,28 @@
+//! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
+
+use super::ground::Ground;
+use super::report::SlopeReport;
+use crate::verify::parts;
+use crate::verify::report::place;
+use crate::verify::spread::{Reach, Spread};
+use crate::verify::{Context, Work};
+use terrane_base::bound::Bound;
+use terrane_base::error::Result;
+use terrane_proof::slope::{self, Slopes};
+use terrane_raster::GridSource;
+
+/// Holds all triangles against the grid.
+pub(super) fn look(work: Work<'_>, grid: &dyn GridSource, ground: &Ground) -> Result<SlopeReport> {
+    let context = Context::new(work, grid, None, Bound::default())?;
+    let layout = parts::divided(&context)?;
+    let spread = Spread::of_triangles(&context.work, &context.snapper, layout, Reach::Touched)?;
+    let turn = |col, row| ground.turn(col, row);
+    let judge = |part: &terrane_proof::Part<'_>, slopes: &mut Slopes| {
+        slope::look(part, &turn, slopes);
+        Ok(())
+    };
+    let need = |samples, triangles, _| slope::bytes_needed(samples, triangles);
+    let found = parts::each(&context, &spread, need, judge, Slopes::merge)?;
+    let map = grid.info().transform;
+    Ok(SlopeReport::new(&found, ground.notes(), |at| place(&map, at)))
+}

@@ -1,0 +1,104 @@
+//! Squares of a plane that has no blocks of its own, and records spread over pieces of one that is too
+//! crowded.
+
+use super::Work;
+use terrane_base::error::Result;
+use terrane_files::Buckets;
+use terrane_proof::{Domain, Layout};
+
+/// Points or triangles that a domain should hold: with what is known of them they should stay near
+/// the processor.
+pub(super) const CROWD: u64 = 1 << 15;
+/// Most domains.
+pub(super) const MOST: u64 = 1 << 16;
+/// Domains for each thread, at least.
+pub(super) const SHARES: u64 = 4;
+/// Bytes of index for a run of records.
+pub(super) const RUN_BYTES: u64 = 16;
+/// How often a domain that is too crowded is halved at a time.
+const HALVINGS: u32 = 4;
+
+/// About `wanted` squares, but no more than [`MOST`].
+pub(super) fn divide(grid: [u32; 2], wanted: u64) -> Layout {
+    let area = u64::from(grid[0]) * u64::from(grid[1]);
+    let mut side = (area / wanted).isqrt();
+    loop {
+        let size =
+            side.next_multiple_of(u64::from(Domain::UNIT)).clamp(u64::from(Domain::UNIT), 1 << 30);
+        let layout = Layout { grid, size: [size as u32; 2] };
+        if layout.len() <= MOST {
+            return layout;
+        }
+        side = size + size.div_ceil(8);
+    }
+}
+
+/// The records of a domain by piece.
+pub(super) fn respread<T: bytemuck::Pod>(
+    work: &Work<'_>,
+    pile: &Buckets<T>,
+    number: usize,
+    pieces: &[Domain],
+    belongs: impl Fn(&Domain, &T) -> bool,
+) -> Result<Buckets<T>> {
+    let again = Buckets::new(&work.folder, pieces.len(), work.share / 4);
+    let mut writer = again.writer();
+    pile.try_read(number, |records| {
+        records.iter().try_for_each(|record| {
+            let mut all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
+            all.try_for_each(|(piece, _)| writer.push(piece, *record))
+        })
+    })?;
+    writer.finish()?;
+    again.settle()?;
+    Ok(again)
+}
+
+/// All records of a domain.
+pub(super) fn load<T: bytemuck::Pod>(pile: &Buckets<T>, number: usize) -> Result<Vec<T>> {
+    let mut all = Vec::with_capacity(pile.len(number) as usize);
+    pile.read(number, |records| all.extend_from_slice(records))?;
+    Ok(all)
+}
+
+/// A domain halved several times, as far as that goes.
+pub(super) fn pieces(domain: Domain) -> Vec<Domain> {
+    let halve = |pieces: Vec<Domain>| -> Vec<Domain> {
+        pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()
+    };
+    (0..HALVINGS).fold(vec![domain], |pieces, _| halve(pieces))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Rect;
+
+    #[test]
+    fn any_extent_is_divided_into_about_as_many_domains_as_wanted() {
+        for (grid, wanted) in [
+            ([1 << 30, 1 << 30], 1000),
+            ([1 << 30, 1], 1 << 16),
+            ([1, 1], 1),
+            ([7, 5], 1 << 16),
+            ([40_000, 300], 500),
+        ] {
+            let layout = divide(grid, wanted);
+            assert!(layout.len() <= MOST, "{layout:?}");
+            let fits = layout.size[0] == Domain::UNIT || layout.len() >= wanted / 2;
+            assert!(fits || layout.size[0] > 1 << 10, "{layout:?}");
+            let last = layout.domain(layout.len() - 1);
+            assert_eq!([last.rect.end_col(), last.rect.end_row()], grid);
+        }
+    }
+
+    #[test]
+    fn pieces_tile_their_domain() {
+        let domain = Domain { grid: [500, 300], rect: Rect::new(0, 0, 500, 300) };
+        let all = pieces(domain);
+        assert_eq!(all.len(), 16);
+        assert_eq!(all.iter().map(|d| d.rect.len()).sum::<usize>(), 150_000);
+        let unit = Domain { grid: [500, 300], rect: Rect::new(32, 32, 32, 32) };
+        assert_eq!(pieces(unit), [unit]);
+    }
+}

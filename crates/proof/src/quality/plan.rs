@@ -1,0 +1,154 @@
+//! World coordinates of stored vertices to whole steps, without a grid to hold them against.
+//!
+//! A step is 2^-58 of the power of two above the furthest coordinate: every coordinate of more than a
+//! 32nd of that is a whole number of steps, and the smaller ones lose less than the storage of the others
+//! did. So whatever is asked about positions can be decided in whole numbers.
+
+use crate::snap::STEPS;
+use crate::{Position, Snap, Snapped, Vertex};
+use terrane_base::geom::Point3;
+
+/// Bits of the steps to the furthest coordinate.
+const BITS: i32 = 58;
+/// Coordinates below 2 to this are all 0.
+const LEAST_EXPONENT: i32 = -900;
+
+/// Maps stored vertices to a lattice that covers the mesh, columns along x and rows along y.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// World units of a step: a power of two.
+    step: f64,
+    /// Steps to the lowest x and y, and
+    low: [i64; 2],
+    /// from there to the highest.
+    size: [i64; 2],
+    rounding: [f64; 2],
+}
+
+impl Plan {
+    /// For a mesh within `bounds`, and vertices stored relative to `origin`, in f32 when
+    /// `single_precision`.
+    pub fn new(bounds: [Point3; 2], origin: Point3, single_precision: bool) -> Self {
+        let far = |axis: usize, from: f64| {
+            bounds.iter().map(|corner| (corner[axis] - from).abs()).fold(0.0, f64::max)
+        };
+        let step = 2f64.powi(exponent(far(0, 0.0).max(far(1, 0.0))) - BITS);
+        let [low, high] = bounds.map(|[x, y, _]| [x, y].map(|world| whole(world, step)));
+        let rounding = [0, 1].map(|axis| {
+            let stored = f64::from(f32::EPSILON) / 2.0 * far(axis, origin[axis]);
+            let single = if single_precision { stored } else { 0.0 };
+            STEPS * (f64::EPSILON / 2.0 * far(axis, 0.0) + single) / step
+        });
+        let size = [0, 1].map(|axis| high[axis] - low[axis]);
+        Self { step, low, size, rounding }
+    }
+
+    /// Columns and rows of the lattice.
+    pub fn grid(&self) -> [u32; 2] {
+        // Below 2^29.
+        self.size.map(|steps| (steps >> Position::FRACTION) as u32 + 1)
+    }
+
+    /// World units of a cell.
+    pub fn cell(&self) -> f64 {
+        self.step * Position::CELL as f64
+    }
+
+    /// How far a position may be from where it was meant to be, in steps (column, row): as far as the
+    /// rounding of its computation and storage explains.
+    pub fn rounding(&self) -> [f64; 2] {
+        self.rounding
+    }
+
+    /// World position of a place on the lattice.
+    pub fn world(&self, at: Position) -> [f64; 2] {
+        [(at.col, 0), (at.row, 1)].map(|(steps, axis)| (steps + self.low[axis]) as f64 * self.step)
+    }
+}
+
+impl Snap for Plan {
+    fn snap(&self, [x, y, z]: Point3) -> Snapped {
+        if !(x.is_finite() && y.is_finite() && z.is_finite()) {
+            return Snapped::Unusable;
+        }
+        let [col, row] = [(x, 0), (y, 1)].map(|(v, axis)| whole(v, self.step) - self.low[axis]);
+        let is_inside = |steps: i64, axis: usize| (0..=self.size[axis]).contains(&steps);
+        match is_inside(col, 0) && is_inside(row, 1) {
+            true => Snapped::Free(Vertex { at: Position { row, col }, z }),
+            false => Snapped::Unusable,
+        }
+    }
+}
+
+/// The nearest whole number of steps; beyond them, the last.
+fn whole(world: f64, step: f64) -> i64 {
+    let most = (1i64 << BITS) as f64;
+    (world / step).round().clamp(-most, most) as i64
+}
+
+/// The exponent of the least power of two above `value`, which is not negative.
+fn exponent(value: f64) -> i32 {
+    // At most 2047.
+    let biased = (value.to_bits() >> 52) as i32;
+    (biased - 1022).max(LEAST_EXPONENT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn place(plan: &Plan, [x, y]: [f64; 2]) -> Position {
+        plan.snap([x, y, 0.0]).vertex().unwrap().at
+    }
+
+    #[test]
+    fn exponents_are_those_of_the_next_power_of_two() {
+        for (value, expected) in [(1.0, 1), (0.75, 0), (3.0, 2), (4.0, 3), (f64::MAX, 1024)] {
+            assert_eq!(exponent(value), expected, "{value}");
+        }
+        assert_eq!(exponent(0.0), LEAST_EXPONENT);
+        assert_eq!(exponent(5e-324), LEAST_EXPONENT);
+    }
+
+    #[test]
+    fn extreme_bounds_have_a_lattice() {
+        for most in [0.0, 5e-324, 1e-300, 1.0, 1e300, f64::MAX] {
+            let plan = Plan::new([[-most, -most, 0.0], [most, most, 0.0]], [0.0; 3], false);
+            assert!(plan.grid().iter().all(|&side| side <= (1 << 29) + 1), "{most}: {plan:?}");
+            assert_eq!(place(&plan, [-most, -most]), Position { row: 0, col: 0 });
+            assert!(plan.cell() > 0.0 && plan.cell().is_finite());
+        }
+        let plan = Plan::new([[0.0; 3], [1.0, 2.0, 0.0]], [0.0; 3], false);
+        for bad in
+            [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY], [1.1, 0.0, 0.0], [0.0, -1e9, 0.0]]
+        {
+            assert_eq!(plan.snap(bad), Snapped::Unusable);
+        }
+    }
+
+    #[test]
+    fn floats_are_off_by_more_than_doubles() {
+        let bounds = [[500_000.0, 4e6, 0.0], [510_000.0, 4.01e6, 0.0]];
+        let plan = |single| Plan::new(bounds, [505_000.0, 4.005e6, 0.0], single);
+        let metres =
+            |plan: Plan| plan.rounding().map(|steps| steps * plan.cell() / Position::CELL as f64);
+        assert!(metres(plan(false)).iter().all(|&m| (1e-10..1e-8).contains(&m)));
+        assert!(metres(plan(true)).iter().all(|&m| (1e-3..1e-2).contains(&m)));
+    }
+
+    proptest! {
+        /// Where the numbers of a system in metres are, none of them is moved.
+        #[test]
+        fn differences_are_exact(x in prop::array::uniform2(4e5..6e5), y in prop::array::uniform2(5e6..5.2e6)) {
+            let bounds = [[3e5, 5e6, 0.0], [7e5, 5.5e6, 0.0]];
+            let plan = Plan::new(bounds, [0.0; 3], false);
+            let [p, q] = [0, 1].map(|i| place(&plan, [x[i], y[i]]));
+            let step = plan.cell() / Position::CELL as f64;
+            prop_assert_eq!(plan.world(p), [x[0], y[0]]);
+            // The difference of floats of one size is exact.
+            prop_assert_eq!((p.col - q.col) as f64 * step, x[0] - x[1]);
+            prop_assert_eq!((p.row - q.row) as f64 * step, y[0] - y[1]);
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! `terrane info --quality`: what a mesh is worth as a triangulation.
+
+use std::path::Path;
+
+use clap::Args;
+
+use crate::cli::info::mesh::Opened;
+use crate::cli::shared::{args, names, text};
+use crate::error::{Error, Result};
+use crate::files::path_of;
+use crate::jobs::input::is_mesh;
+use crate::jobs::verify::{
+    self, Against, AngleReport, AspectReport, DegreeReport, Measured, Place, QualityReport,
+    SlopeReport,
+};
+use crate::jobs::{Cancel, Progress, Resources};
+use crate::raster::{self, GridSource, Inputs};
+
+/// What of meshes is measured.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Asked {
+    /// Read all triangles of a mesh: angles, aspect ratios, degrees, lengths of edges, share of edges that
+    /// are locally Delaunay. Out of core, within --memory
+    #[arg(long)]
+    pub(crate) quality: bool,
+    /// With --quality: how far triangles are from the slopes of this grid, read with --band and --nodata; a
+    /// synthetic terrain by name, a folder, a list or a pattern in quotes will do
+    #[arg(long = "grid", value_name = "DEM", requires = "quality", value_parser = names::any())]
+    against: Option<String>,
+}
+
+impl Asked {
+    /// Fails when the quality was asked for, because `files` are `what`.
+    pub(crate) fn refuse(&self, files: &[String], what: &str) -> Result<()> {
+        if !self.quality {
+            return Ok(());
+        }
+        Err(Error::usage(format!("--quality is for meshes, and this is {what}"))
+            .in_file(Path::new(&Inputs::from(files.to_vec()).to_string()))
+            .remedy("leave --quality out"))
+    }
+
+    /// Fails when options for the reading of grids were given, and there is none.
+    pub(crate) fn check(&self, grid: &args::Grid, files: &[String]) -> Result<()> {
+        match &self.against {
+            Some(against) => grid.check(against),
+            None => grid.check_all(files),
+        }
+    }
+
+    /// The quality of a mesh, where it was asked for.
+    pub(crate) fn measure(
+        &self,
+        (file, mesh, bounds): Opened<'_>,
+        grid: &args::Grid,
+        resources: &Resources,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<Option<QualityReport>> {
+        if !self.quality {
+            return Ok(None);
+        }
+        let measured = Measured { file: &path_of(file), mesh, bounds };
+        let quality = |against| verify::quality(measured, against, resources, progress, cancel);
+        let Some(name) = &self.against else { return quality(None).map(Some) };
+        let opened = open(name, grid, resources)?;
+        quality(Some(Against { name: &path_of(name), grid: &*opened })).map(Some)
+    }
+}
+
+fn open(name: &str, grid: &args::Grid, resources: &Resources) -> Result<Box<dyn GridSource>> {
+    if is_mesh(name)? {
+        return Err(Error::bad_input("is a mesh, not a grid")
+            .in_file(&path_of(name))
+            .remedy("name the grid that the mesh was made from"));
+    }
+    raster::open_all(&[name.to_owned()], &grid.open_options(resources))
+}
+
+/// What was measured, for people.
+pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {
+    let mut rows = vec![
+        ("edges", edges(quality)),
+        ("Delaunay", delaunay(quality)),
+        ("degrees", degrees(&quality.degrees)),
+        ("angles", angles(&quality.smallest_angles)),
+        ("largest angle", format!("{} degrees", text::height(quality.largest_angle))),
+        ("aspect ratios", aspects(&quality.aspect_ratios)),
+    ];
+    rows.extend(quality.smallest_angles_in_space.iter().map(|a| ("angles in space", angles(a))));
+    rows.extend(odd(quality).map(|odd| ("odd", odd)));
+    if let Some(slope) = &quality.slope {
+        rows.push(("slopes", slopes(slope)));
+        rows.extend(slope.notes.iter().map(|note| ("note", note.clone())));
+    }
+    rows.into_iter().map(|(what, told)| (what.to_owned(), told)).collect()
+}
+
+fn edges(q: &QualityReport) -> String {
+    let [all, inside, border] = [q.edges, q.interior_edges, q.border_edges].map(text::count);
+    let [least, most] = [q.shortest_edge, q.longest_edge].map(text::height);
+    let sum = text::number(q.edge_length_sum);
+    format!(
+        "{all}, {inside} inside and {border} at the border; {least} to {most} long, in all {sum}"
+    )
+}
+
+fn delaunay(q: &QualityReport) -> String {
+    let Some(share) = q.delaunay_share else { return "no edges inside".to_owned() };
+    let [cocircular, not] =
+        [q.cocircular_edges, q.interior_edges - q.delaunay_edges].map(text::count);
+    let share = percent(share);
+    format!(
+        "{share} of the edges inside, {cocircular} of them with four corners on a circle; {not} are not"
+    )
+}
+
+fn degrees(d: &DegreeReport) -> String {
+    let [least, most] = [d.min, d.max].map(|n| n.map_or("-".to_owned(), text::count));
+    format!("{least} to {most} edges at a vertex, {} in the mean", text::height(d.mean))
+}
+
+fn angles(a: &AngleReport) -> String {
+    let [min, one, five, half] =
+        [a.min, a.percentile_1, a.percentile_5, a.median].map(text::height);
+    let below = a.below.iter().map(|b| format!("{}: {}", text::number(b.angle), percent(b.share)));
+    let below: Vec<String> = below.collect();
+    format!(
+        "the smallest of a triangle: {min} degrees, 1 % up to {one}, 5 % up to {five}, half up to {half}; \
+         below {}",
+        below.join(", ")
+    )
+}
+
+fn aspects(a: &AspectReport) -> String {
+    format!("{} in the mean, {} at the most", text::height(a.mean), text::height(a.max))
+}
+
+/// What a surface does not have.
+fn odd(q: &QualityReport) -> Option<String> {
+    let counts = [
+        (q.broken_triangles, "triangles with an unusable vertex"),
+        (q.empty_triangles, "triangles without area"),
+        (q.inverted_triangles, "triangles clockwise"),
+        (q.folded_edges, "edges with both triangles on one side"),
+        (q.non_manifold_edges, "non-manifold edges"),
+    ];
+    let told = counts.into_iter().filter(|(count, _)| *count > 0);
+    let told: Vec<String> = told.map(|(n, what)| format!("{} {what}", text::count(n))).collect();
+    (!told.is_empty()).then(|| told.join(", "))
+}
+
+fn slopes(s: &SlopeReport) -> String {
+    let place = s.max_at.map_or(String::new(), |Place { column, row, x, y }| {
+        format!(" at column {column}, row {row} (x {x}, y {y})")
+    });
+    let [rms, max] = [s.rms, s.max].map(text::height);
+    let missing = match s.uncovered_cells {
+        0 => String::new(),
+        n => format!("; {} more are not covered", text::count(n)),
+    };
+    let cells = text::count(s.cells);
+    format!(
+        "{rms} degrees off (root mean square of {cells} cells), {max} at the most{place}{missing}"
+    )
+}
+
+/// To a hundredth, but never all of what is not all, or none of what is some.
+fn percent(share: f64) -> String {
+    let hundredths = (share * 10_000.0).round();
+    match hundredths {
+        _ if share == 1.0 => "100 %".to_owned(),
+        10_000.0 => "over 99.99 %".to_owned(),
+        0.0 if share > 0.0 => "under 0.01 %".to_owned(),
+        _ => format!("{} %", text::number(hundredths / 100.0)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_is_never_rounded_to_all_or_nothing() {
+        let known = [
+            (0.0, "0 %"),
+            (1e-9, "under 0.01 %"),
+            (0.012_34, "1.23 %"),
+            (0.999_999, "over 99.99 %"),
+            (1.0, "100 %"),
+        ];
+        known.into_iter().for_each(|(share, told)| assert_eq!(percent(share), told));
+    }
+}
