@@ -169,3 +169,51 @@ fn too_many_in_one_place_are_told() {
     assert!(Census::default().add(&[[f64::NAN, 0.0]]).is_err());
     assert!(Census::default().add(&[[0.0, 1e141]]).is_err());
 }
+
+/// What is below a border belongs to the square there, what is on it to the next.
+#[test]
+fn squares_are_half_open() {
+    let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
+    let squares = divided(&corners, 1).unwrap();
+    let of = |p: Xy| squares.of(p, &mut Place::default());
+    let [low, east, north, high] = corners.map(of);
+    assert_eq!(of([0.0, 0.0]), high);
+    assert_eq!(of([-f64::MIN_POSITIVE, 0.0]), north);
+    assert_eq!(of([0.0, -f64::MIN_POSITIVE]), east);
+    assert_eq!(of([-f64::MIN_POSITIVE, -f64::MIN_POSITIVE]), low);
+    assert_eq!([of([1e9, 0.0]), of([0.0, -1e9])], [None; 2]);
+    let around = |p: Xy, reach: f64| {
+        let mut found = vec![9];
+        squares.around(p, reach, &mut found);
+        found
+    };
+    let all = [low, east, north, high].map(Option::unwrap);
+    assert_eq!(around([3.0, 5.0], 2.0), all[3..]);
+    assert_eq!(around([3.0, 5.0], 3.5), [all[2], all[3]]);
+    assert_eq!(around([5.0, 3.0], 3.5), [all[1], all[3]]);
+    assert_eq!(around([3.0, 5.0], 6.0), all);
+    assert_eq!(around([-3.0, 5.0], 3.0), [all[2], all[3]]);
+    assert_eq!(around([-3.0, 5.0], 2.9), [all[2]]);
+    assert_eq!(around([-5.0, -3.0], 3.0), [all[0], all[2]]);
+    assert_eq!(around([-5.0, -3.0], 9.0), all);
+    assert_eq!(around([1e6, 0.0], 9.0), []);
+}
+
+proptest! {
+    /// The square found last leaves no trace, and what is near is found.
+    #[test]
+    fn a_place_is_a_short_cut_only(points in positions(), most in 2u64..40, reach in 0.0..30.0) {
+        let squares = divided(&points, most.max(crowd(&points))).unwrap();
+        let of = all_of(&points, &squares);
+        let mut found = Vec::new();
+        for (p, square) in points.iter().zip(&of) {
+            prop_assert_eq!(squares.of(*p, &mut Place::default()), Some(*square));
+        }
+        let p = points[0];
+        squares.around(p, reach, &mut found);
+        for (q, square) in points.iter().zip(&of).filter(|_| squares.count() > 1) {
+            let is_near = (0..2).all(|axis| (p[axis] - q[axis]).abs() <= reach);
+            prop_assert!(!is_near || found.contains(square), "{:?}", q);
+        }
+    }
+}

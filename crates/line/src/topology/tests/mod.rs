@@ -4,6 +4,8 @@ mod twin;
 mod worlds;
 
 use super::*;
+use std::cmp::Ordering;
+use terrane_base::geom::plane::area_sign;
 use worlds::{Dice, World};
 
 /// Plain Ramer-Douglas-Peucker: appends what lies strictly between two vertices.
@@ -172,6 +174,69 @@ fn policies_of_collapse() {
     assert_eq!(with(Collapse::Minimal).collapsed, 1);
     assert_eq!(with(Collapse::Keep).kept.vertices.len(), 7);
     assert_eq!(with(Collapse::Drop).kept.vertices.len(), 0);
+}
+
+/// Asks for nothing more, and only where there is something between.
+fn keep_nothing(_: usize, from: u32, to: u32, _: &mut Vec<u32>) {
+    assert!(to - from > 1, "nothing lies between {from} and {to}");
+}
+
+/// Of all triangles with the two vertices known the largest of the ring's sign; and what became of rings
+/// is counted.
+#[test]
+fn a_minimal_ring_has_the_largest_triangle() {
+    for seed in 0..500 {
+        let mut dice = Dice::new(seed);
+        let ring: Vec<[i64; 2]> =
+            (0..4 + dice.below(6)).map(|_| [dice.below(20), dice.below(20)]).collect();
+        let ring = [&ring[..], &ring[..1]].concat();
+        let last = ring.len() as u32 - 1;
+        let far = 1 + dice.below(i64::from(last) - 1) as u32;
+        let world = World::new(vec![ring], vec![]);
+        let chains = world.chains();
+        let kept = Kept { vertices: vec![0, far, last], starts: vec![0, 3] };
+        let sign = area_sign(world.points.iter().copied());
+        let (made, mended) = rings::mend(&chains, &kept, &Options::default(), &mut keep_nothing);
+        assert_eq!((mended.collapsed, mended.flat), (1, u64::from(sign == Ordering::Equal)));
+        let twice = |v: u32| {
+            let mut corners = [0, far, v];
+            corners.sort_unstable();
+            let [a, b, c] = corners.map(|v| world.cells[v as usize]);
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        let way = if sign == Ordering::Less { -1 } else { 1 };
+        let inner = (1..last).filter(|v| *v != far);
+        let best = inner.map(|v| twice(v) * way).max().unwrap_or(0);
+        if sign == Ordering::Equal {
+            assert_eq!(made.vertices, (0..=last).collect::<Vec<_>>(), "seed {seed}: flat");
+        } else if best > 0 && last > 3 {
+            let [0, a, b, _] = made.vertices[..] else { panic!("seed {seed}: {made:?}") };
+            let apex = if a == far { b } else { a };
+            assert!([a, b].contains(&far), "seed {seed}");
+            assert_eq!(twice(apex) * way, best, "seed {seed}");
+        } else {
+            let area = area_sign(made.vertices.iter().map(|v| world.points[*v as usize]));
+            assert_eq!(area, sign, "seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_asked_of_neighbours() {
+    for seed in 0..300 {
+        let mut dice = Dice::new(seed);
+        let world = worlds::lattice(&mut dice);
+        let chains = world.chains();
+        let kept = Kept::simplified(&chains, &mut |_, _, _, _| {});
+        for options in ways() {
+            let outcome = untangle(&chains, &kept, &world.fixed, &options, &mut keep_nothing);
+            let name = format!("{options:?}, seed {seed}");
+            let kept = outcome.expect("good arguments").kept;
+            let crossings = twin::crossings(&world, &kept);
+            assert!(crossings.iter().flatten().all(|s| s[1] - s[0] == 1), "{name}");
+            twin::areas(&world, &kept, &name);
+        }
+    }
 }
 
 #[test]
