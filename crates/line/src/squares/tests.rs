@@ -200,6 +200,8 @@ fn squares_are_half_open() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
     /// The square found last leaves no trace, and what is near is found.
     #[test]
     fn a_place_is_a_short_cut_only(points in positions(), most in 2u64..40, reach in 0.0..30.0) {
@@ -216,4 +218,40 @@ proptest! {
             prop_assert!(!is_near || found.contains(square), "{:?}", q);
         }
     }
+}
+
+/// Cells that are a whole grid apart are two: when the grid grows, and when it need not.
+#[test]
+fn cells_at_both_ends_of_a_grid_are_two() {
+    for far in [1023.0, 1024.0, 1025.0, 4096.0] {
+        for way in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
+            let end = way.map(|c| c * far);
+            let points = [&[[0.5, 0.5]; 3][..], &[end; 2], &[way.map(|c| c * 8.0); 2]].concat();
+            for most in 3..5 {
+                let squares = divided(&points, most).unwrap();
+                let of = all_of(&points, &squares);
+                for square in 0..squares.count() {
+                    let own = of.iter().filter(|own| **own as usize == square).count() as u64;
+                    assert!(own <= most, "{far} {way:?}");
+                    assert_eq!(squares.vertices(square), own, "{far} {way:?}");
+                }
+            }
+        }
+    }
+}
+
+/// One by one, far and farther: the grid grows with all that was counted before.
+#[test]
+fn counts_survive_growth() {
+    let points: Vec<Xy> =
+        (0..40).map(|i| [f64::from(1 << (i % 20)) + 0.25, f64::from(i)]).collect();
+    let (mut all, mut one) = (Census::default(), Census::default());
+    all.add(&points).unwrap();
+    points.iter().for_each(|p| one.add(&[*p]).unwrap());
+    assert_eq!((all.total(), one.total()), (40, 40));
+    let [all, one] = [all, one].map(|census| Squares::new(&census, 2).unwrap());
+    assert_eq!(all.count(), one.count());
+    let vertices = |squares: &Squares| (0..squares.count()).map(|s| squares.vertices(s)).collect();
+    let (all, one): (Vec<u64>, Vec<u64>) = (vertices(&all), vertices(&one));
+    assert_eq!(all, one);
 }

@@ -59,3 +59,16 @@ fn long_straight_segments_are_found_whole() {
         assert!(kept.len() <= 4, "{count}: {kept:?}");
     }
 }
+
+/// The farthest vertex is near enough to all ends, but another one is not: of many ends only the first
+/// holds, however many are tried before it.
+#[test]
+fn of_many_ends_only_the_first_holds() {
+    for count in 1..60 {
+        let mut line = vec![[0.0, 0.0], [10.0, 0.95], [10.2, -0.9]];
+        line.extend((0..count).map(|i| [9.6 - 1e-3 * f64::from(i), 0.0]));
+        let kept = run(cone, &Plane, &line, 1.0);
+        assert_eq!(kept[..2], [0, 1], "{count}");
+        assert_holds(&Plane, &line, 1.0, &kept);
+    }
+}

@@ -215,6 +215,7 @@ fn a_minimal_ring_has_the_largest_triangle() {
             assert!([a, b].contains(&far), "seed {seed}");
             assert_eq!(twice(apex) * way, best, "seed {seed}");
         } else {
+            assert!(made.vertices.is_sorted_by(|a, b| a < b), "seed {seed}: {made:?}");
             let area = area_sign(made.vertices.iter().map(|v| world.points[*v as usize]));
             assert_eq!(area, sign, "seed {seed}");
         }
