@@ -182,13 +182,40 @@ fn squares_are_half_open() {
     assert_eq!(of([0.0, -f64::MIN_POSITIVE]), east);
     assert_eq!(of([-f64::MIN_POSITIVE, -f64::MIN_POSITIVE]), low);
     assert_eq!([of([1e9, 0.0]), of([0.0, -1e9])], [None; 2]);
+    // The square found before is of no matter.
+    for (from, to) in
+        [(low, [0.0, -5.0]), (low, [-5.0, 0.0]), (high, [-0.1, 5.0]), (high, [5.0, -0.1])]
+    {
+        let mut place = Place::default();
+        let start = corners[[low, east, north, high].iter().position(|s| *s == from).unwrap()];
+        assert_eq!(squares.of(start, &mut place), from);
+        assert_eq!(squares.of(to, &mut place), of(to));
+        assert_ne!(of(to), from);
+    }
+    let meeting = |a: Xy, b: Xy| {
+        let mut found = Vec::new();
+        squares.meeting([a, b], &mut found);
+        found
+    };
+    // A segment that ends on a border meets what is beyond it.
+    let all = [low, east, north, high].map(Option::unwrap);
+    for (a, b, want) in [
+        ([-5.0, 9.0], [0.0, 9.0], [all[2], all[3]]),
+        ([5.0, 9.0], [0.0, 9.0], [all[2], all[3]]),
+        ([9.0, -5.0], [9.0, 0.0], [all[1], all[3]]),
+        ([9.0, 5.0], [9.0, 0.0], [all[1], all[3]]),
+    ] {
+        assert_eq!([meeting(a, b), meeting(b, a)], [want, want]);
+    }
+    assert_eq!(meeting([5.0, 9.0], [0.1, 9.0]), [all[3]]);
     let around = |p: Xy, reach: f64| {
         let mut found = vec![9];
         squares.around(p, reach, &mut found);
         found
     };
-    let all = [low, east, north, high].map(Option::unwrap);
     assert_eq!(around([3.0, 5.0], 2.0), all[3..]);
+    // What lies below a border does not reach it.
+    assert_eq!([around([3.0, 5.0], 3.0), around([5.0, 3.0], 3.0)], [[all[3]], [all[3]]]);
     assert_eq!(around([3.0, 5.0], 3.5), [all[2], all[3]]);
     assert_eq!(around([5.0, 3.0], 3.5), [all[1], all[3]]);
     assert_eq!(around([3.0, 5.0], 6.0), all);

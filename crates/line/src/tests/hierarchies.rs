@@ -115,3 +115,19 @@ fn counts_take_the_farthest_first() {
         assert_eq!(kept, inner);
     }
 }
+
+/// As it is stored: other code must be able to read it.
+#[test]
+fn bytes_are_a_header_and_squares() {
+    let hierarchy = Hierarchy::new(&Plane, &[[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]]);
+    let bytes = hierarchy.to_bytes();
+    let words: Vec<u64> =
+        bytes.chunks(8).map(|word| u64::from_le_bytes(word.try_into().unwrap())).collect();
+    let mut sum = 0xCBF2_9CE4_8422_2325_u64;
+    for word in [words[0], words[1], words[3]] {
+        sum = (sum ^ word).wrapping_mul(0x0000_0100_0000_01B3);
+        sum = (sum >> 32) ^ sum;
+    }
+    assert_eq!(bytes[..8], *b"TRNLINH2");
+    assert_eq!(words[1..], [3, sum, 4.0_f64.to_bits()]);
+}

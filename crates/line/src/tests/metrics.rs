@@ -135,3 +135,32 @@ fn a_segment_knows_its_sides() {
     assert_eq!(segment.most_over(&Plane::region(&[2.0, 3.0])), 0.0);
     assert_eq!(segment.rounding(&around), 7.0 * (1.0 + 10.0) * 8.0 * f64::EPSILON);
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Distances by the nearest place, not by the formula of the metric.
+    #[test]
+    fn distances_are_those_to_the_nearest_place(v in prop::array::uniform9(-5_i32..5)) {
+        let at = |i: usize| [0, 1, 2].map(|k| f64::from(v[3 * i + k]));
+        let [p, a, b] = [at(0), at(1), at(2)];
+        let nearest = |axes: usize| {
+            let dot = |u: [f64; 3], w: [f64; 3]| (0..axes).map(|i| u[i] * w[i]).sum::<f64>();
+            let minus = |u: [f64; 3], w: [f64; 3]| [0, 1, 2].map(|i| u[i] - w[i]);
+            let (q, d) = (minus(p, a), minus(b, a));
+            let length = dot(d, d);
+            let part = if length > 0.0 { (dot(q, d) / length).clamp(0.0, 1.0) } else { 0.0 };
+            let off = minus(q, d.map(|v| v * part));
+            dot(off, off)
+        };
+        let flat = |p: [f64; 3]| [p[0], p[1]];
+        let near = |p: f64, q: f64| (p - q).abs() <= 1e-9 * (1.0 + q);
+        prop_assert!(near(Space.distance2(&p, &a, &b), nearest(3)));
+        prop_assert!(near(Plane.distance2(&flat(p), &flat(a), &flat(b)), nearest(2)));
+        if a[0] != b[0] {
+            let height = a[1] + (b[1] - a[1]) * (p[0] - a[0]) / (b[0] - a[0]);
+            let square = (p[1] - height) * (p[1] - height);
+            prop_assert!(near(Vertical.distance2(&flat(p), &flat(a), &flat(b)), square));
+        }
+    }
+}

@@ -251,6 +251,11 @@ fn bad_arguments_are_turned_away() {
     };
     assert!(!fails(vec![0, 2], vec![0, 2], &[]));
     assert!(fails(vec![0, 1], vec![0, 2], &[]));
+    assert!(fails(vec![1, 2], vec![0, 2], &[]));
+    assert!(fails(vec![0, 0, 2], vec![0, 3], &[]));
+    assert!(fails(vec![0, 2], vec![0, 1], &[]));
+    assert!(fails(vec![0, 2], vec![0, 0, 2], &[]));
+    assert!(fails(vec![0, 2], vec![0, 2], &[[0.0, f64::NAN]]));
     assert!(fails(vec![0, 2, 1], vec![0, 3], &[]));
     assert!(fails(vec![0, 2], vec![0, 3], &[]));
     assert!(fails(vec![0, 2], vec![0, 2], &[[f64::INFINITY, 0.0]]));
