@@ -46,7 +46,7 @@ proptest! {
     }
 }
 
-/// Of a walk that goes far, few regions have to be looked at, and of a spike in a plain next to none.
+/// One spike in a plain: few regions have to be looked at to find it.
 #[test]
 fn trees_pass_over_what_is_near() {
     let mut line: Vec<Xy> = (0..40_000).map(|i| [f64::from(i), f64::from(i % 7)]).collect();

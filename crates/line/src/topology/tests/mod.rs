@@ -171,7 +171,7 @@ fn policies_of_collapse() {
         solve(&world, 1000.0, options)
     };
     assert_eq!(with(Collapse::Minimal).kept.vertices.len(), 4);
-    assert_eq!(with(Collapse::Minimal).collapsed, 1);
+    assert_eq!((with(Collapse::Minimal).collapsed, with(Collapse::Minimal).rounds), (1, 1));
     assert_eq!(with(Collapse::Keep).kept.vertices.len(), 7);
     assert_eq!(with(Collapse::Drop).kept.vertices.len(), 0);
 }
@@ -205,15 +205,17 @@ fn a_minimal_ring_has_the_largest_triangle() {
             (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         };
         let way = if sign == Ordering::Less { -1 } else { 1 };
-        let inner = (1..last).filter(|v| *v != far);
-        let best = inner.map(|v| twice(v) * way).max().unwrap_or(0);
+        let mut inner = (1..last).filter(|v| *v != far);
+        let best = inner.clone().map(|v| twice(v) * way).max().unwrap_or(0);
+        // The first of several.
+        let first = inner.find(|v| twice(*v) * way == best);
         if sign == Ordering::Equal {
             assert_eq!(made.vertices, (0..=last).collect::<Vec<_>>(), "seed {seed}: flat");
         } else if best > 0 && last > 3 {
             let [0, a, b, _] = made.vertices[..] else { panic!("seed {seed}: {made:?}") };
             let apex = if a == far { b } else { a };
             assert!([a, b].contains(&far), "seed {seed}");
-            assert_eq!(twice(apex) * way, best, "seed {seed}");
+            assert_eq!(Some(apex), first, "seed {seed}");
         } else {
             assert!(made.vertices.is_sorted_by(|a, b| a < b), "seed {seed}: {made:?}");
             let area = area_sign(made.vertices.iter().map(|v| world.points[*v as usize]));
