@@ -38,6 +38,7 @@ proptest! {
         if line.iter().flatten().all(|v| v.fract() == 0.0) {
             SameAsGreedy.check(&Plane, line, 0.0);
             SameAsGreedy.check(&Space, &in_space(line), 0.0);
+            SameAsGreedy.check(&Vertical, &profile(line), 0.0);
         }
     }
 }

@@ -214,3 +214,15 @@ fn tolerances_below_rounding_end_at_the_first_vertex_outside() {
     assert_eq!(slopes.step(&[1.0, 1.0]), Step::Ends);
     assert_eq!(slopes.step(&[2.0, 2.0 + 6e-13]), Step::Stops);
 }
+
+/// However slopes are rounded, vertices on one line end segments.
+#[test]
+fn slopes_of_one_line_are_one() {
+    for (x, y) in [(3.0, 1.0), (7.0, -3.0), (0.1, 0.7), (11.0, 1e6)] {
+        let mut wedge = SlopeWedge::new(&[0.0, 0.0], 0.0);
+        for k in 1..300 {
+            assert_eq!(wedge.step(&[x * f64::from(k), y * f64::from(k)]), Step::Ends, "{k}");
+        }
+        assert_eq!(wedge.step(&[x * 300.0, y * 301.0]), Step::Stops);
+    }
+}

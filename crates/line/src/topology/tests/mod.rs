@@ -162,6 +162,39 @@ fn what_is_dropped_first_is_not_in_the_way_later() {
     assert_eq!(kept.vertices, [0, 2, 3, 5]);
 }
 
+/// One by one, a chain has to leave room for what the next one loses.
+#[test]
+fn what_is_dropped_later_is_in_the_way_first() {
+    let one = vec![[0, 0], [50, 10], [100, 0]];
+    let other = vec![[0, -5], [50, 5], [100, -5]];
+    let world = World::new(vec![one, other], vec![]);
+    let with = |strategy| {
+        let outcome = solve(&world, 20.0, Options { strategy, ..Options::default() });
+        (outcome.kept.vertices, outcome.refined)
+    };
+    assert_eq!(with(Strategy::Retroactive), (vec![0, 2, 3, 5], 0));
+    assert_eq!(with(Strategy::Proactive), (vec![0, 1, 2, 3, 5], 1));
+}
+
+/// What is split of a ring is the piece that is wrong, and no other.
+#[test]
+fn a_ring_that_has_not_turned_over_is_left() {
+    let ring = vec![[0, 0], [400, 90], [800, 0], [800, -600], [400, -690], [0, -600], [0, 0]];
+    let outcome = solve(&World::new(vec![ring], vec![[400, 80]]), 100.0, Options::default());
+    assert_eq!(outcome.kept.vertices, [0, 1, 2, 3, 5, 6]);
+    assert_eq!((outcome.refined, outcome.rounds), (1, 2));
+}
+
+#[test]
+fn a_triangle_has_not_collapsed() {
+    let ring = vec![[0, 0], [40, 1], [80, 0], [40, 90], [0, 0]];
+    for collapse in [Collapse::Minimal, Collapse::Drop, Collapse::Keep] {
+        let options = Options { collapse, ..Options::default() };
+        let outcome = solve(&World::new(vec![ring.clone()], vec![]), 9.0, options);
+        assert_eq!((outcome.kept.vertices, outcome.collapsed), (vec![0, 2, 3, 4], 0));
+    }
+}
+
 #[test]
 fn policies_of_collapse() {
     let ring = vec![[0, 0], [40, 0], [50, 20], [40, 40], [0, 40], [-10, 20], [0, 0]];
