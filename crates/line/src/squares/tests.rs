@@ -270,15 +270,21 @@ fn cells_at_both_ends_of_a_grid_are_two() {
 /// One by one, far and farther: the grid grows with all that was counted before.
 #[test]
 fn counts_survive_growth() {
-    let mut points = vec![[0.25, 0.0]];
-    points.extend((0..39).map(|i| [f64::from(1 << (i % 20)) + 0.25, f64::from(i)]));
-    let (mut all, mut one) = (Census::default(), Census::default());
-    all.add(&points).unwrap();
-    points.iter().for_each(|p| one.add(&[*p]).unwrap());
-    assert_eq!((all.total(), one.total()), (40, 40));
-    let [all, one] = [all, one].map(|census| Squares::new(&census, 2).unwrap());
-    assert_eq!(all.count(), one.count());
-    let vertices = |squares: &Squares| (0..squares.count()).map(|s| squares.vertices(s)).collect();
-    let (all, one): (Vec<u64>, Vec<u64>) = (vertices(&all), vertices(&one));
-    assert_eq!(all, one);
+    let mut wide = vec![[0.25, 0.0]];
+    wide.extend((0..39).map(|i| [f64::from(1 << (i % 20)) + 0.25, f64::from(i)]));
+    let high: Vec<Xy> = wide.iter().map(|p| [p[1], p[0]]).collect();
+    for points in [wide, high] {
+        let (mut all, mut one) = (Census::default(), Census::default());
+        all.add(&points).unwrap();
+        points.iter().for_each(|p| one.add(&[*p]).unwrap());
+        assert_eq!((all.total(), one.total()), (40, 40));
+        for most in [2, 10, 39] {
+            let of = |census: &Census| -> Vec<u64> {
+                let squares = Squares::new(census, most).unwrap();
+                (0..squares.count()).map(|square| squares.vertices(square)).collect()
+            };
+            assert_eq!(of(&all), of(&one));
+            assert!(most < 39 || of(&all).iter().sum::<u64>() == 40);
+        }
+    }
 }

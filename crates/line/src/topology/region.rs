@@ -217,7 +217,7 @@ mod tests {
             chain in proptest::collection::vec((0i32..9, 0i32..9), 2..60),
             v in (0i32..9, 0i32..9),
         ) {
-            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1 - 4)];
+            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1 - 4) / 16.0];
             let chain: Vec<Xy> = chain.into_iter().map(at).collect();
             let bounds = Bounds::of(&chain);
             prop_assume!(bounds.holds(at(v)));

@@ -221,7 +221,7 @@ fn a_minimal_ring_has_the_largest_triangle() {
     for seed in 0..500 {
         let mut dice = Dice::new(seed);
         let ring: Vec<[i64; 2]> =
-            (0..4 + dice.below(6)).map(|_| [dice.below(20), dice.below(20)]).collect();
+            (0..4 + dice.below(6)).map(|_| [dice.below(7), dice.below(7)]).collect();
         let ring = [&ring[..], &ring[..1]].concat();
         let last = ring.len() as u32 - 1;
         let far = 1 + dice.below(i64::from(last) - 1) as u32;
