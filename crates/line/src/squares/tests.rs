@@ -288,3 +288,12 @@ fn counts_survive_growth() {
         }
     }
 }
+
+/// No more squares than the vertices ask for.
+#[test]
+fn squares_begin_with_those_that_hold_all() {
+    for (a, b) in [([0.5, 0.5], [1023.5, 0.5]), ([0.5, 0.5], [0.5, 1023.5])] {
+        assert_eq!(divided(&[a, b], 1).unwrap().count(), 2);
+    }
+    assert_eq!(divided(&[[0.5, 0.5], [1023.5, 1023.5]], 1).unwrap().count(), 4);
+}

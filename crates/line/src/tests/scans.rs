@@ -57,6 +57,8 @@ fn trees_pass_over_what_is_near() {
         let mut farthest = Farthest { index: from, reach: 0.0 };
         let looks = tree.farthest::<Xy, Plane>(&segment, &line, from, to, &mut farthest);
         assert_eq!(farthest.index, 23_456);
+        // None: all vertices were looked at.
+        assert!(looks > 0);
         looks
     };
     assert!(looks(1, 39_999) < 60, "{}", looks(1, 39_999));
