@@ -142,7 +142,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
 
     /// Visits layer after layer until `last` is visited.
     fn reach(&mut self, last: usize, layer: &mut Vec<u32>) {
-        while !self.is_visited(last) && !self.found.is_empty() {
+        while !self.found.is_empty() {
             std::mem::swap(layer, self.found);
             self.found.clear();
             // The farthest first: they leave the least to the others.

@@ -515,3 +515,48 @@ fn unit(value: f64) -> i32 {
         _ => (fraction | 1 << 52).trailing_zeros() as i32 + exponent as i32 - 1075,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_those_of_the_last_bit() {
+        let units = [0.0, -0.0, 1.0, -0.75, 6.0, 1e3, f64::MIN_POSITIVE, 5e-324, 3e-323].map(unit);
+        assert_eq!(units, [i32::MAX, i32::MAX, 0, -2, 1, 3, -1022, -1074, -1073]);
+        assert_eq!(unit(0.1), -55);
+        assert_eq!(coarsest([[0.0, 6.0], [0.5, 8.0]].iter()), -1);
+        assert_eq!(coarsest([[0.0, 6.0], [4.0, 8.0]].iter()), 1);
+        assert_eq!(coarsest([].iter()), i32::MAX);
+    }
+
+    /// Around a hull both ways, every corner once; those of a segment and of one position, too.
+    #[test]
+    fn corners_follow_one_another() {
+        let round: Vec<Xy> = (0..32).map(|i| (f64::from(i) * 0.7).sin_cos().into()).collect();
+        let flat: Vec<Xy> = (0..32).map(|i| [f64::from(i), 0.0]).collect();
+        for (points, count) in [(round, 32), (flat, 2)] {
+            let hulls = Hulls::new(&points);
+            let (level, hull) = (&hulls.levels[0], &hulls.levels[0].hulls[0]);
+            assert_eq!((hull.lower, hull.end), (0, count + 2));
+            let corner = |place: usize| level.chains[place];
+            for next in [Hull::after, Hull::before] {
+                let mut at = hull.lower;
+                let mut seen = Vec::new();
+                for _ in 0..count + 2 {
+                    seen.push(corner(at));
+                    at = next(hull, at);
+                }
+                assert_eq!(at, hull.lower);
+                seen.dedup();
+                if seen.first() == seen.last() {
+                    seen.pop();
+                }
+                let turns = seen.len();
+                seen.sort_unstable();
+                seen.dedup();
+                assert_eq!((turns, seen.len()), (count, count));
+            }
+        }
+    }
+}

@@ -117,7 +117,7 @@ impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
         }
         let segment = self.metric.segment(&self.points[start], &self.points[end]);
         let mut looks = 0;
-        let found = beyond::<V, M>(&segment, start + 1, tolerance2, |farthest| {
+        let found = beyond::<V, M>(&segment, tolerance2, |farthest| {
             looks = self.tree.farthest::<V, M>(&segment, self.points, start + 1, end, farthest);
         });
         self.count(looks, end - start);
@@ -149,7 +149,7 @@ impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
     ) -> Option<(usize, f64)> {
         let (hulls, line) = (self.hulls.as_ref()?, M::in_plane(self.points)?);
         let segment = Plane.segment(&line[start], &line[end]);
-        beyond::<Xy, Plane>(&segment, start + 1, tolerance2, |farthest| {
+        beyond::<Xy, Plane>(&segment, tolerance2, |farthest| {
             let vertices = start + 1..end;
             self.looks += hulls.farthest(&segment, line, vertices, &mut self.open, farthest);
         })

@@ -113,7 +113,7 @@ pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
     to: usize,
     tolerance2: f64,
 ) -> Option<(usize, f64)> {
-    beyond::<V, M>(segment, from, tolerance2, |farthest| {
+    beyond::<V, M>(segment, tolerance2, |farthest| {
         tree.farthest::<V, M>(segment, points, from, to, farthest);
     })
 }
@@ -122,12 +122,11 @@ pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
 #[inline(always)]
 pub(super) fn beyond<V: Copy, M: Metric<V>>(
     segment: &M::Segment,
-    from: usize,
     tolerance2: f64,
     find: impl FnOnce(&mut Farthest),
 ) -> Option<(usize, f64)> {
     let within = M::within(segment, tolerance2);
-    let mut farthest = Farthest { index: from, reach: within };
+    let mut farthest = Farthest { index: 0, reach: within };
     find(&mut farthest);
     if farthest.reach <= within {
         return None;

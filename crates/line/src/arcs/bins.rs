@@ -130,3 +130,53 @@ fn shape(wide: Xy, count: usize, side: f64) -> ([usize; 2], Xy) {
     });
     (size, scale)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn cells_are_about_as_wide_as_high() {
+        assert_eq!(shape([100.0, 25.0], 64, 0.0), ([16, 4], [0.16, 0.16]));
+        assert_eq!(shape([25.0, 100.0], 64, 0.0), ([4, 16], [0.16, 0.16]));
+        assert_eq!(shape([100.0, 100.0], 10_000, 20.0), ([5, 5], [0.05, 0.05]));
+        assert_eq!(shape([1000.0, 1e-9], 8, 0.0).0, [8, 1]);
+        assert_eq!(shape([8.0, 0.0], 4, 0.0), ([4, 1], [0.5, 0.0]));
+        assert_eq!(shape([0.0, 8.0], 4, 0.0), ([1, 4], [0.0, 0.5]));
+        assert_eq!(shape([0.0, 0.0], 4, 0.0), ([1, 1], [0.0, 0.0]));
+        assert_eq!(shape([8.0, 8.0], 0, 0.0).0, [1, 1]);
+        assert_eq!(shape([8.0, 8.0], 64, 9.0).0, [1, 1]);
+    }
+
+    proptest! {
+        #[test]
+        fn bins_find_what_searches_find(
+            cells in proptest::collection::vec((0i32..30, 0i32..9), 0..150),
+            reach in 0.5f64..6.0,
+        ) {
+            let points: Vec<Xy> = cells.iter().map(|(x, y)| [f64::from(*x), f64::from(*y)]).collect();
+            let bins = Bins::new(&points, reach);
+            let near = |p: Xy, q: Xy| p != q && (p[0] - q[0]).hypot(p[1] - q[1]) <= reach;
+            let close: Vec<u32> = (0..points.len() as u32)
+                .filter(|v| points.iter().any(|q| near(points[*v as usize], *q)))
+                .collect();
+            prop_assert_eq!(bins.close(&points, reach), close);
+            let mut all = bins.order.clone();
+            all.sort_unstable();
+            prop_assert_eq!(all, (0..points.len() as u32).collect::<Vec<_>>());
+            let first = |p: &Xy| points.iter().position(|q| q == p).unwrap() as u32;
+            let lowest: Vec<u32> = points.iter().map(first).collect();
+            prop_assert_eq!(Bins::new(&points, 0.0).same(&points), lowest);
+        }
+    }
+
+    #[test]
+    fn cells_have_about_as_many_each() {
+        let points: Vec<Xy> = (0..4096).map(|i| [f64::from(i % 64), f64::from(i / 64)]).collect();
+        let bins = Bins::new(&points, 0.0);
+        assert_eq!(bins.size, [32, 32]);
+        let most = bins.starts.windows(2).map(|pair| pair[1] - pair[0]).max();
+        assert!(most.is_some_and(|most| most <= 9), "{most:?}");
+    }
+}

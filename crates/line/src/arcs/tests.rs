@@ -443,3 +443,14 @@ fn bad_snap_distances_are_turned_away() {
     }
     assert!(Arcs::new(&Flat::new(&[]).chains(), 0.0).is_ok());
 }
+
+#[test]
+fn a_free_arc_begins_where_it_is_told() {
+    let ring: Vec<Cell> = vec![[5, 5], [9, 5], [9, 9], [5, 9], [5, 5]];
+    let mut arcs = Arcs::new(&Flat::new(&[vec![[0, 0], [1, 1]], ring]).chains(), 0.0).unwrap();
+    arcs.open_at(1, 2);
+    assert_eq!(arcs.free, [false, true]);
+    assert_eq!(arcs.sources, [0, 1, 4, 5, 2, 3, 4]);
+    let cells: Vec<Cell> = arcs.points.iter().map(cell).collect();
+    assert_eq!(cells, [[0, 0], [1, 1], [9, 9], [5, 9], [5, 5], [9, 5], [9, 9]]);
+}

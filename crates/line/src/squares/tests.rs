@@ -169,3 +169,131 @@ fn too_many_in_one_place_are_told() {
     assert!(Census::default().add(&[[f64::NAN, 0.0]]).is_err());
     assert!(Census::default().add(&[[0.0, 1e141]]).is_err());
 }
+
+/// What is below a border belongs to the square there, what is on it to the next.
+#[test]
+fn squares_are_half_open() {
+    let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
+    let squares = divided(&corners, 1).unwrap();
+    let of = |p: Xy| squares.of(p, &mut Place::default());
+    let [low, east, north, high] = corners.map(of);
+    assert_eq!(of([0.0, 0.0]), high);
+    assert_eq!(of([-f64::MIN_POSITIVE, 0.0]), north);
+    assert_eq!(of([0.0, -f64::MIN_POSITIVE]), east);
+    assert_eq!(of([-f64::MIN_POSITIVE, -f64::MIN_POSITIVE]), low);
+    assert_eq!([of([1e9, 0.0]), of([0.0, -1e9])], [None; 2]);
+    // The square found before is of no matter.
+    for (from, to) in
+        [(low, [0.0, -5.0]), (low, [-5.0, 0.0]), (high, [-0.1, 5.0]), (high, [5.0, -0.1])]
+    {
+        let mut place = Place::default();
+        let start = corners[[low, east, north, high].iter().position(|s| *s == from).unwrap()];
+        assert_eq!(squares.of(start, &mut place), from);
+        assert_eq!(squares.of(to, &mut place), of(to));
+        assert_ne!(of(to), from);
+    }
+    let meeting = |a: Xy, b: Xy| {
+        let mut found = Vec::new();
+        squares.meeting([a, b], &mut found);
+        found
+    };
+    // A segment that ends on a border meets what is beyond it.
+    let all = [low, east, north, high].map(Option::unwrap);
+    for (a, b, want) in [
+        ([-5.0, 9.0], [0.0, 9.0], [all[2], all[3]]),
+        ([5.0, 9.0], [0.0, 9.0], [all[2], all[3]]),
+        ([9.0, -5.0], [9.0, 0.0], [all[1], all[3]]),
+        ([9.0, 5.0], [9.0, 0.0], [all[1], all[3]]),
+    ] {
+        assert_eq!([meeting(a, b), meeting(b, a)], [want, want]);
+    }
+    assert_eq!(meeting([5.0, 9.0], [0.1, 9.0]), [all[3]]);
+    let around = |p: Xy, reach: f64| {
+        let mut found = vec![9];
+        squares.around(p, reach, &mut found);
+        found
+    };
+    assert_eq!(around([3.0, 5.0], 2.0), all[3..]);
+    // What lies below a border does not reach it.
+    assert_eq!([around([3.0, 5.0], 3.0), around([5.0, 3.0], 3.0)], [[all[3]], [all[3]]]);
+    assert_eq!(around([3.0, 5.0], 3.5), [all[2], all[3]]);
+    assert_eq!(around([5.0, 3.0], 3.5), [all[1], all[3]]);
+    assert_eq!(around([3.0, 5.0], 6.0), all);
+    assert_eq!(around([-3.0, 5.0], 3.0), [all[2], all[3]]);
+    assert_eq!(around([-3.0, 5.0], 2.9), [all[2]]);
+    assert_eq!(around([-5.0, -3.0], 3.0), [all[0], all[2]]);
+    assert_eq!(around([-5.0, -3.0], 9.0), all);
+    assert_eq!(around([1e6, 0.0], 9.0), []);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// The square found last leaves no trace, and what is near is found.
+    #[test]
+    fn a_place_is_a_short_cut_only(points in positions(), most in 2u64..40, reach in 0.0..30.0) {
+        let squares = divided(&points, most.max(crowd(&points))).unwrap();
+        let of = all_of(&points, &squares);
+        let mut found = Vec::new();
+        for (p, square) in points.iter().zip(&of) {
+            prop_assert_eq!(squares.of(*p, &mut Place::default()), Some(*square));
+        }
+        let p = points[0];
+        squares.around(p, reach, &mut found);
+        for (q, square) in points.iter().zip(&of).filter(|_| squares.count() > 1) {
+            let is_near = (0..2).all(|axis| (p[axis] - q[axis]).abs() <= reach);
+            prop_assert!(!is_near || found.contains(square), "{:?}", q);
+        }
+    }
+}
+
+/// Cells that are a whole grid apart are two: when the grid grows, and when it need not.
+#[test]
+fn cells_at_both_ends_of_a_grid_are_two() {
+    for far in [1023.0, 1024.0, 1025.0, 4096.0] {
+        for way in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
+            let end = way.map(|c| c * far);
+            let points = [&[[0.5, 0.5]; 3][..], &[end; 2], &[way.map(|c| c * 8.0); 2]].concat();
+            for most in 3..5 {
+                let squares = divided(&points, most).unwrap();
+                let of = all_of(&points, &squares);
+                for square in 0..squares.count() {
+                    let own = of.iter().filter(|own| **own as usize == square).count() as u64;
+                    assert!(own <= most, "{far} {way:?}");
+                    assert_eq!(squares.vertices(square), own, "{far} {way:?}");
+                }
+            }
+        }
+    }
+}
+
+/// One by one, far and farther: the grid grows with all that was counted before.
+#[test]
+fn counts_survive_growth() {
+    let mut wide = vec![[0.25, 0.0]];
+    wide.extend((0..39).map(|i| [f64::from(1 << (i % 20)) + 0.25, f64::from(i)]));
+    let high: Vec<Xy> = wide.iter().map(|p| [p[1], p[0]]).collect();
+    for points in [wide, high] {
+        let (mut all, mut one) = (Census::default(), Census::default());
+        all.add(&points).unwrap();
+        points.iter().for_each(|p| one.add(&[*p]).unwrap());
+        assert_eq!((all.total(), one.total()), (40, 40));
+        for most in [2, 10, 39] {
+            let of = |census: &Census| -> Vec<u64> {
+                let squares = Squares::new(census, most).unwrap();
+                (0..squares.count()).map(|square| squares.vertices(square)).collect()
+            };
+            assert_eq!(of(&all), of(&one));
+            assert!(most < 39 || of(&all).iter().sum::<u64>() == 40);
+        }
+    }
+}
+
+/// No more squares than the vertices ask for.
+#[test]
+fn squares_begin_with_those_that_hold_all() {
+    for (a, b) in [([0.5, 0.5], [1023.5, 0.5]), ([0.5, 0.5], [0.5, 1023.5])] {
+        assert_eq!(divided(&[a, b], 1).unwrap().count(), 2);
+    }
+    assert_eq!(divided(&[[0.5, 0.5], [1023.5, 1023.5]], 1).unwrap().count(), 4);
+}

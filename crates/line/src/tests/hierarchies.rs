@@ -74,3 +74,60 @@ fn bytes_cut_short_are_turned_away() {
     assert!((0..bytes.len()).all(|end| Hierarchy::from_bytes(&bytes[..end]).is_err()));
     assert!(Hierarchy::from_bytes(&[bytes, vec![0]].concat()).is_err());
 }
+
+#[test]
+fn lines_of_few_vertices_keep_their_ends_once() {
+    for count in 0..4_u32 {
+        let line: Vec<Xy> = (0..count).map(|i| [f64::from(i), f64::from(i % 2)]).collect();
+        let hierarchy = Hierarchy::new(&Plane, &line);
+        assert_eq!(hierarchy.count(), count as usize);
+        let (mut filtered, mut counted) = (Vec::new(), Vec::new());
+        hierarchy.filter(0.0, &mut filtered);
+        hierarchy.keep_count(9, &mut counted);
+        let all: Vec<u32> = (0..count).collect();
+        assert_eq!((filtered, hierarchy.kept(0.0)), (all.clone(), count as usize));
+        assert_eq!(counted, all);
+        assert_eq!(hierarchy.squares().len(), count.saturating_sub(2) as usize);
+        assert_eq!(hierarchy.tolerance_for(count as usize), 0.0);
+    }
+}
+
+/// Distances fall, a tolerance is the smallest that does, and of equals the first are kept.
+#[test]
+fn counts_take_the_farthest_first() {
+    let teeth: Vec<Xy> = (0..9).map(|i| [f64::from(i), f64::from(i % 2) * 3.0]).collect();
+    let teeth: Vec<Xy> = teeth.iter().map(|p| [p[0] * 100.0, p[1]]).collect();
+    let hierarchy = Hierarchy::new(&Plane, &teeth);
+    let distances: Vec<f64> = hierarchy.distances().collect();
+    assert!(distances.is_sorted_by(|a, b| a >= b) && distances.iter().all(|d| *d > 0.0));
+    for count in 2..=distances.len() + 3 {
+        let tolerance = hierarchy.tolerance_for(count);
+        assert!(hierarchy.kept(tolerance) <= count);
+        assert!(tolerance == 0.0 || hierarchy.kept(tolerance.next_down().next_down()) > count);
+        let mut kept = Vec::new();
+        hierarchy.keep_count(count, &mut kept);
+        let order = |i: &u32| hierarchy.squares()[*i as usize - 1];
+        let mut inner: Vec<u32> = (1..8).filter(|i| order(i) > 0.0).collect();
+        inner.sort_by(|a, b| order(b).total_cmp(&order(a)).then(a.cmp(b)));
+        inner.truncate(count - 2);
+        inner.extend([0, 8]);
+        inner.sort_unstable();
+        assert_eq!(kept, inner);
+    }
+}
+
+/// As it is stored: other code must be able to read it.
+#[test]
+fn bytes_are_a_header_and_squares() {
+    let hierarchy = Hierarchy::new(&Plane, &[[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]]);
+    let bytes = hierarchy.to_bytes();
+    let words: Vec<u64> =
+        bytes.chunks(8).map(|word| u64::from_le_bytes(word.try_into().unwrap())).collect();
+    let mut sum = 0xCBF2_9CE4_8422_2325_u64;
+    for word in [words[0], words[1], words[3]] {
+        sum = (sum ^ word).wrapping_mul(0x0000_0100_0000_01B3);
+        sum = (sum >> 32) ^ sum;
+    }
+    assert_eq!(bytes[..8], *b"TRNLINH2");
+    assert_eq!(words[1..], [3, sum, 4.0_f64.to_bits()]);
+}

@@ -106,3 +106,16 @@ fn hulls_take_over_from_boxes_without_a_trace() {
         }
     }
 }
+
+/// Hulls are for the plane: where boxes do not tell in another metric, there is nothing else.
+#[test]
+fn other_metrics_stay_with_boxes() {
+    struct SameAsPlain;
+    impl Check for SameAsPlain {
+        fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+            assert_eq!(run(rdp, metric, points, tolerance), plain_rdp(metric, points, tolerance));
+        }
+    }
+    SameAsPlain.everywhere(&zigzag(3000, [4.0, 3.0], 0.0), 0.5);
+    SameAsPlain.everywhere(&zigzag(3000, [0.6, 0.8], 1e-3), 0.5);
+}

@@ -1,11 +1,15 @@
 //! Tests of the methods against slow obvious twins.
 
+mod cones;
 mod hierarchies;
 mod hulls;
 mod looks;
 mod methods;
+mod metrics;
 mod rings;
+mod scans;
 mod triangles;
+mod wedges;
 
 use proptest::prelude::*;
 

@@ -128,3 +128,46 @@ fn triangles_on_rings() {
     assert_eq!(fate(0.0), (Fate::Kept, 30));
     assert_eq!(fate(1e-3).0, Fate::Kept);
 }
+
+#[test]
+fn a_triangle_is_kept_and_less_is_none() {
+    let ring = closed(vec![[0.0, 0.0], [4.0, 1.0], [1.0, 3.0]]);
+    for name in ["rdp", "cone", "imai-iri"] {
+        assert_eq!(kept_of(name, &ring, 0.5), (Fate::Kept, vec![0, 1, 2]), "{name}");
+        assert_eq!(kept_of(name, &ring[1..], 0.5), (Fate::Collapsed, vec![0, 1]), "{name}");
+        assert_eq!(kept_of(name, &ring[..1], 0.5), (Fate::Collapsed, vec![]), "{name}");
+    }
+    let dissolved = |ring: &[Xy], area: f64| {
+        let mut kept = vec![9];
+        (visvalingam(&Plane, ring, area, Weight::Plain, &mut kept), kept)
+    };
+    // Its area is 5.5.
+    assert_eq!(dissolved(&ring, 5.4), (Fate::Kept, vec![9, 0, 1, 2]));
+    assert_eq!(dissolved(&ring, 5.5), (Fate::Collapsed, vec![9, 0, 1, 2]));
+    assert_eq!(dissolved(&ring[1..], 0.0), (Fate::Collapsed, vec![9, 0, 1]));
+    assert_eq!(dissolved(&ring[2..], 0.0), (Fate::Collapsed, vec![9, 0]));
+    assert_eq!(dissolved(&[], 0.0), (Fate::Collapsed, vec![9]));
+}
+
+/// The start, the vertex farthest from it, the one farthest from both, and what lies beyond the tolerance
+/// of these three.
+#[test]
+fn a_collapsed_ring_is_given_by_its_widest_corners() {
+    let long = vec![[0.0, 0.0], [5.0, -0.5], [10.0, 0.0], [7.0, 2.0], [3.0, 1.0]];
+    for turn in 0..5 {
+        let mut ring = long.clone();
+        ring.rotate_left(turn);
+        let back = |i: u32| (i + turn as u32) % 5;
+        let (fate, kept) = kept_of("rdp", &closed(ring), 9.0);
+        let mut kept: Vec<u32> = kept.into_iter().map(back).collect();
+        kept.sort_unstable();
+        assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 2, 3]));
+    }
+    // The other side is wider.
+    let (fate, kept) = kept_of(
+        "rdp",
+        &closed(vec![[0.0, 0.0], [5.0, -2.5], [10.0, 0.0], [7.0, 2.0], [3.0, 1.0]]),
+        9.0,
+    );
+    assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
+}

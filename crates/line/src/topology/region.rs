@@ -161,13 +161,63 @@ mod tests {
         assert_eq!(farthest(&[[0.0, 0.0], [1.0, 0.0], [9.0, 0.0], [0.0, 0.0]]), 2);
     }
 
+    /// How far a vertex is from the segment of a chain's ends.
+    fn off(chain: &[Xy], i: usize) -> f64 {
+        let (a, b, p) = (chain[0], chain[chain.len() - 1], chain[i]);
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let along = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / length;
+        let across = ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])) / length;
+        match length > 0.0 {
+            true => across.hypot(along - along.clamp(0.0, length)),
+            false => (p[0] - a[0]).hypot(p[1] - a[1]),
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// Neither the direction of a chain nor which axis is which makes a difference, and no vertex of
+        /// a chain had a side.
+        #[test]
+        fn a_region_is_the_same_however_it_is_turned(
+            chain in proptest::collection::vec((0i32..5, 0i32..5), 2..9),
+            v in (0i32..5, 0i32..5),
+        ) {
+            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1)];
+            let chain: Vec<Xy> = chain.into_iter().map(at).collect();
+            let back: Vec<Xy> = chain.iter().rev().copied().collect();
+            let turned: Vec<Xy> = chain.iter().map(|p| [p[1], -p[0]]).collect();
+            let mirrored: Vec<Xy> = chain.iter().map(|p| [-p[0], p[1]]).collect();
+            let [x, y] = at(v);
+            let held = holds(&chain, [x, y]);
+            prop_assert_eq!(holds(&back, [x, y]), held);
+            prop_assert_eq!(holds(&turned, [y, -x]), held);
+            prop_assert_eq!(holds(&mirrored, [-x, y]), held);
+            prop_assert!(!chain.iter().any(|p| holds(&chain, *p)));
+        }
+
+        #[test]
+        fn no_vertex_is_farther_than_the_farthest(
+            chain in proptest::collection::vec((0i32..9, 0i32..9), 3..12),
+        ) {
+            let chain: Vec<Xy> =
+                chain.into_iter().map(|p| [f64::from(p.0), f64::from(p.1)]).collect();
+            let last = chain.len() - 1;
+            let found = farthest(&chain);
+            prop_assert!(0 < found && found < last);
+            let most = (1..last).map(|i| off(&chain, i)).fold(0.0, f64::max);
+            prop_assert!((off(&chain, found) - most).abs() < 1e-9);
+            prop_assert!(most > 1e-9 || found == last / 2);
+        }
+    }
+
     proptest! {
         #[test]
         fn bands_say_the_same(
             chain in proptest::collection::vec((0i32..9, 0i32..9), 2..60),
             v in (0i32..9, 0i32..9),
         ) {
-            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1)];
+            let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1 - 4) / 16.0];
             let chain: Vec<Xy> = chain.into_iter().map(at).collect();
             let bounds = Bounds::of(&chain);
             prop_assume!(bounds.holds(at(v)));

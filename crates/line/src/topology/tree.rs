@@ -197,6 +197,56 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_curve_covers_the_box() {
+        let all = Bounds { low: [-3.0, 10.0], high: [1.0, 18.0] };
+        let corner = |x: u32, y: u32| hilbert(x * 65_535, y * 65_535);
+        assert_eq!(curve(&all, all.low), corner(0, 0));
+        assert_eq!(curve(&all, [1.0, 10.0]), corner(1, 0));
+        assert_eq!(curve(&all, [-3.0, 18.0]), corner(0, 1));
+        assert_eq!(curve(&all, all.high), corner(1, 1));
+        assert_eq!(curve(&all, all.centre()), hilbert(32_767, 32_767));
+    }
+
+    /// Groups are of what lies near each other: few of them meet a small box.
+    #[test]
+    fn few_groups_meet_a_small_box() {
+        let unit = |i: u32| {
+            let low = [f64::from(i * 7 % 64), f64::from(i * 7 / 64 % 64)];
+            (i, Bounds { low, high: low })
+        };
+        let tree = Tree::new(&(0..4096).map(unit).collect::<Vec<_>>());
+        let (mut found, mut most) = (Vec::new(), 0);
+        for at in 0..tree.ids.len() {
+            tree.groups_meeting(tree.bounds(at), 0, &mut found);
+            assert!(found.iter().any(|&group| tree.group(group).contains(&at)));
+            most = most.max(found.len());
+        }
+        assert!(most <= 2, "{most}");
+    }
+
+    #[test]
+    fn boxes_are_closed() {
+        let own = Bounds { low: [1.0, 2.0], high: [4.0, 6.0] };
+        for (p, is_in) in [
+            ([1.0, 2.0], true),
+            ([4.0, 6.0], true),
+            ([2.0, 3.0], true),
+            ([0.9, 3.0], false),
+            ([4.1, 3.0], false),
+            ([2.0, 1.9], false),
+            ([2.0, 6.1], false),
+        ] {
+            let point = Bounds { low: p, high: p };
+            assert_eq!(own.holds(p), is_in, "{p:?}");
+            assert_eq!((own.meets(&point), point.meets(&own)), (is_in, is_in), "{p:?}");
+        }
+        let (mut all, around) = (own, Bounds { low: [0.0, 2.0], high: [4.0, 8.0] });
+        all.add(Bounds { low: [0.0, 7.0], high: [2.0, 8.0] });
+        assert_eq!((all, all.centre()), (around, [2.0, 5.0]));
+        assert_eq!(Bounds::of(&[[4.0, 2.0], [0.0, 8.0]]), around);
+    }
+
     fn boxes() -> impl Strategy<Value = Vec<(u32, Bounds)>> {
         let one = (-50i32..50, -50i32..50, 0i32..9, 0i32..9).prop_map(|(x, y, w, h)| Bounds {
             low: [x, y].map(f64::from),

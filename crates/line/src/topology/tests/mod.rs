@@ -4,6 +4,8 @@ mod twin;
 mod worlds;
 
 use super::*;
+use std::cmp::Ordering;
+use terrane_base::geom::plane::area_sign;
 use worlds::{Dice, World};
 
 /// Plain Ramer-Douglas-Peucker: appends what lies strictly between two vertices.
@@ -160,6 +162,39 @@ fn what_is_dropped_first_is_not_in_the_way_later() {
     assert_eq!(kept.vertices, [0, 2, 3, 5]);
 }
 
+/// One by one, a chain has to leave room for what the next one loses.
+#[test]
+fn what_is_dropped_later_is_in_the_way_first() {
+    let one = vec![[0, 0], [50, 10], [100, 0]];
+    let other = vec![[0, -5], [50, 5], [100, -5]];
+    let world = World::new(vec![one, other], vec![]);
+    let with = |strategy| {
+        let outcome = solve(&world, 20.0, Options { strategy, ..Options::default() });
+        (outcome.kept.vertices, outcome.refined)
+    };
+    assert_eq!(with(Strategy::Retroactive), (vec![0, 2, 3, 5], 0));
+    assert_eq!(with(Strategy::Proactive), (vec![0, 1, 2, 3, 5], 1));
+}
+
+/// What is split of a ring is the piece that is wrong, and no other.
+#[test]
+fn a_ring_that_has_not_turned_over_is_left() {
+    let ring = vec![[0, 0], [400, 90], [800, 0], [800, -600], [400, -690], [0, -600], [0, 0]];
+    let outcome = solve(&World::new(vec![ring], vec![[400, 80]]), 100.0, Options::default());
+    assert_eq!(outcome.kept.vertices, [0, 1, 2, 3, 5, 6]);
+    assert_eq!((outcome.refined, outcome.rounds), (1, 2));
+}
+
+#[test]
+fn a_triangle_has_not_collapsed() {
+    let ring = vec![[0, 0], [40, 1], [80, 0], [40, 90], [0, 0]];
+    for collapse in [Collapse::Minimal, Collapse::Drop, Collapse::Keep] {
+        let options = Options { collapse, ..Options::default() };
+        let outcome = solve(&World::new(vec![ring.clone()], vec![]), 9.0, options);
+        assert_eq!((outcome.kept.vertices, outcome.collapsed), (vec![0, 2, 3, 4], 0));
+    }
+}
+
 #[test]
 fn policies_of_collapse() {
     let ring = vec![[0, 0], [40, 0], [50, 20], [40, 40], [0, 40], [-10, 20], [0, 0]];
@@ -169,9 +204,75 @@ fn policies_of_collapse() {
         solve(&world, 1000.0, options)
     };
     assert_eq!(with(Collapse::Minimal).kept.vertices.len(), 4);
-    assert_eq!(with(Collapse::Minimal).collapsed, 1);
+    assert_eq!((with(Collapse::Minimal).collapsed, with(Collapse::Minimal).rounds), (1, 1));
     assert_eq!(with(Collapse::Keep).kept.vertices.len(), 7);
     assert_eq!(with(Collapse::Drop).kept.vertices.len(), 0);
+}
+
+/// Asks for nothing more, and only where there is something between.
+fn keep_nothing(_: usize, from: u32, to: u32, _: &mut Vec<u32>) {
+    assert!(to - from > 1, "nothing lies between {from} and {to}");
+}
+
+/// Of all triangles with the two vertices known the largest of the ring's sign; and what became of rings
+/// is counted.
+#[test]
+fn a_minimal_ring_has_the_largest_triangle() {
+    for seed in 0..500 {
+        let mut dice = Dice::new(seed);
+        let ring: Vec<[i64; 2]> =
+            (0..4 + dice.below(6)).map(|_| [dice.below(7), dice.below(7)]).collect();
+        let ring = [&ring[..], &ring[..1]].concat();
+        let last = ring.len() as u32 - 1;
+        let far = 1 + dice.below(i64::from(last) - 1) as u32;
+        let world = World::new(vec![ring], vec![]);
+        let chains = world.chains();
+        let kept = Kept { vertices: vec![0, far, last], starts: vec![0, 3] };
+        let sign = area_sign(world.points.iter().copied());
+        let (made, mended) = rings::mend(&chains, &kept, &Options::default(), &mut keep_nothing);
+        assert_eq!((mended.collapsed, mended.flat), (1, u64::from(sign == Ordering::Equal)));
+        let twice = |v: u32| {
+            let mut corners = [0, far, v];
+            corners.sort_unstable();
+            let [a, b, c] = corners.map(|v| world.cells[v as usize]);
+            (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        };
+        let way = if sign == Ordering::Less { -1 } else { 1 };
+        let mut inner = (1..last).filter(|v| *v != far);
+        let best = inner.clone().map(|v| twice(v) * way).max().unwrap_or(0);
+        // The first of several.
+        let first = inner.find(|v| twice(*v) * way == best);
+        if sign == Ordering::Equal {
+            assert_eq!(made.vertices, (0..=last).collect::<Vec<_>>(), "seed {seed}: flat");
+        } else if best > 0 && last > 3 {
+            let [0, a, b, _] = made.vertices[..] else { panic!("seed {seed}: {made:?}") };
+            let apex = if a == far { b } else { a };
+            assert!([a, b].contains(&far), "seed {seed}");
+            assert_eq!(Some(apex), first, "seed {seed}");
+        } else {
+            assert!(made.vertices.is_sorted_by(|a, b| a < b), "seed {seed}: {made:?}");
+            let area = area_sign(made.vertices.iter().map(|v| world.points[*v as usize]));
+            assert_eq!(area, sign, "seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_asked_of_neighbours() {
+    for seed in 0..300 {
+        let mut dice = Dice::new(seed);
+        let world = worlds::lattice(&mut dice);
+        let chains = world.chains();
+        let kept = Kept::simplified(&chains, &mut |_, _, _, _| {});
+        for options in ways() {
+            let outcome = untangle(&chains, &kept, &world.fixed, &options, &mut keep_nothing);
+            let name = format!("{options:?}, seed {seed}");
+            let kept = outcome.expect("good arguments").kept;
+            let crossings = twin::crossings(&world, &kept);
+            assert!(crossings.iter().flatten().all(|s| s[1] - s[0] == 1), "{name}");
+            twin::areas(&world, &kept, &name);
+        }
+    }
 }
 
 #[test]
@@ -185,6 +286,11 @@ fn bad_arguments_are_turned_away() {
     };
     assert!(!fails(vec![0, 2], vec![0, 2], &[]));
     assert!(fails(vec![0, 1], vec![0, 2], &[]));
+    assert!(fails(vec![1, 2], vec![0, 2], &[]));
+    assert!(fails(vec![0, 0, 2], vec![0, 3], &[]));
+    assert!(fails(vec![0, 2], vec![0, 1], &[]));
+    assert!(fails(vec![0, 2], vec![0, 0, 2], &[]));
+    assert!(fails(vec![0, 2], vec![0, 2], &[[0.0, f64::NAN]]));
     assert!(fails(vec![0, 2, 1], vec![0, 3], &[]));
     assert!(fails(vec![0, 2], vec![0, 3], &[]));
     assert!(fails(vec![0, 2], vec![0, 2], &[[f64::INFINITY, 0.0]]));

@@ -1,0 +1,85 @@
+//! The cone against the greedy rule.
+
+use super::*;
+use crate::cone::cone;
+
+/// From each anchor to the last vertex that a segment may go to, by trying all.
+fn greedy<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
+    let holds = |from: usize, to: usize| {
+        let square = |i: usize| metric.distance2(&points[i], &points[from], &points[to]);
+        (from + 1..to).all(|i| square(i) <= tolerance * tolerance)
+    };
+    let mut kept: Vec<u32> = (0..points.len() as u32).take(1).collect();
+    while let Some(&anchor) = kept.last().filter(|last| **last as usize + 1 < points.len()) {
+        let from = anchor as usize;
+        let ends = (from + 1..points.len()).rev().find(|to| holds(from, *to));
+        kept.extend(ends.map(|to| to as u32));
+    }
+    kept
+}
+
+struct SameAsGreedy;
+
+impl Check for SameAsGreedy {
+    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+        assert_eq!(run(cone, metric, points, tolerance), greedy(metric, points, tolerance));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// So short that all vertices at which a segment may end are tried.
+    #[test]
+    fn short_segments_go_as_far_as_any(line in short_line(), tolerance in tolerance()) {
+        let line = &line[..line.len().min(10)];
+        // Below that, what rounding does to a wedge is not what it does to a distance.
+        SameAsGreedy.everywhere(line, tolerance.max(1e-3));
+        if line.iter().flatten().all(|v| v.fract() == 0.0) {
+            SameAsGreedy.check(&Plane, line, 0.0);
+            SameAsGreedy.check(&Space, &in_space(line), 0.0);
+            SameAsGreedy.check(&Vertical, &profile(line), 0.0);
+        }
+    }
+}
+
+/// Up and down again, so many vertices each way, no more than 0.25 beside the way.
+fn roof(count: u32) -> Vec<Xy> {
+    let vertex = |i: u32| {
+        let off = f64::from(i % 3) * 0.1;
+        let (x, height) = (f64::from(i), if i <= count { i } else { 2 * count - i });
+        [x + off, f64::from(height) + off]
+    };
+    (0..=2 * count).map(vertex).collect()
+}
+
+#[test]
+fn long_straight_segments_are_found_whole() {
+    for count in [300, 3000, 30_000] {
+        let kept = run(cone, &Plane, &roof(count), 0.5);
+        assert!(kept.len() <= 4, "{count}: {kept:?}");
+    }
+}
+
+/// The farthest vertex is near enough to all ends, but another one is not: of many ends only the first
+/// holds, however many are tried before it.
+#[test]
+fn of_many_ends_only_the_first_holds() {
+    for count in 1..60 {
+        let mut line = vec![[0.0, 0.0], [10.0, 0.95], [10.2, -0.6]];
+        line.extend((0..count).map(|i| [9.6 - 1e-3 * f64::from(i), 0.0]));
+        let kept = run(cone, &Plane, &line, 1.0);
+        assert_eq!(kept[..2], [0, 1], "{count}");
+        assert_holds(&Plane, &line, 1.0, &kept);
+    }
+}
+
+/// No direction is ever turned away here, and hardly a segment holds: looking to the end each time would
+/// take minutes.
+#[test]
+fn running_back_and_forth_takes_no_long_looks() {
+    let count = 300_000;
+    let x = |i: u32| f64::from(count - i) * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let line: Vec<Xy> = (0..count).map(|i| [x(i), 0.0]).collect();
+    assert!(run(cone, &Plane, &line, 1.0).len() > line.len() - 10);
+}
