@@ -117,6 +117,7 @@ impl Seam {
             Heights { width: 2 * REACH + 1, height: CELLS + 1, f32: &self.heights, f64: None };
         let triangles = &self.triangles;
         PatchInput {
+            vertices: &[],
             heights,
             triangles,
             seam_col: Some(REACH),

@@ -71,7 +71,7 @@ impl<'a> Judge<'a> {
     /// More than the rounding error of an `f32` scan: some ten roundings of 2^-24 relative to the
     /// largest height involved.
     #[inline]
-    fn hair(&self, z: [f64; 3]) -> f64 {
+    pub(super) fn hair(&self, z: [f64; 3]) -> f64 {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
         let largest = z.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
         (largest + self.tolerance) * ROUNDING
