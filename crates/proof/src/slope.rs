@@ -246,7 +246,17 @@ mod tests {
 
     fn part<'a>(domain: Domain, heights: &'a [f64], triangles: &'a [Triangle]) -> Part<'a> {
         let (precision, vertices) = (Precision::Double, None);
-        Part { domain, heights, triangles, vertices, precision, tolerance: None, orientation: 1 }
+        let (tolerance, is_fitted) = (None, false);
+        Part {
+            domain,
+            heights,
+            triangles,
+            vertices,
+            precision,
+            is_fitted,
+            tolerance,
+            orientation: 1,
+        }
     }
 
     /// Every cell with every triangle.
