@@ -269,6 +269,7 @@ fn members_of_reports_are_told_of() {
         "contour dem.tif -o contours.fgb -i 50",
         "convert dem.tif copy.asc",
         "view dem.tif -o view.png --width 50",
+        "demo --methods",
         "info dem.tif --stats",
         "info c.laz --stats",
         "info mesh.ply",

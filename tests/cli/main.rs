@@ -12,6 +12,7 @@ mod bad_input;
 mod cloud;
 mod contour;
 mod crs_matrix;
+mod demo_methods;
 mod grid;
 mod help;
 mod info_features;

@@ -10,6 +10,9 @@
 
 mod grid;
 mod mesh;
+mod sheet;
+
+pub use sheet::{Panel, SheetJob, run_sheet};
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -93,14 +96,7 @@ const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
     let started = Instant::now();
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let options = OpenOptions {
-        band: job.band,
-        nodata: job.nodata,
-        cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
-        threads: job.resources.threads,
-        temp_dir: job.resources.temp_dir.clone(),
-    };
-    let drawn = match input::open(job.input.names(), &options)? {
+    let drawn = match input::open(job.input.names(), &options(job))? {
         Surface::Grid(_) if job.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
@@ -110,6 +106,16 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     };
     let report = paint(job, &drawn, progress, cancel)?;
     Ok(ViewReport { run: Figures::since(started, &job.resources), ..report })
+}
+
+fn options(job: &ViewJob) -> OpenOptions {
+    OpenOptions {
+        band: job.band,
+        nodata: job.nodata,
+        cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
+        threads: job.resources.threads,
+        temp_dir: job.resources.temp_dir.clone(),
+    }
 }
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
@@ -171,14 +177,12 @@ fn paint(
     cancel: &Cancel,
 ) -> Result<ViewReport> {
     let frame = &drawn.frame;
-    let ground = frame.finer(FINENESS).ground_pixel();
-    let natural = || natural_exaggeration(&drawn.field, ground);
-    let exaggeration = job.exaggeration.unwrap_or_else(natural);
-    let light = Light::new(job.azimuth, job.altitude);
-    let style = Style { light, exaggeration, ground, fineness: FINENESS as usize };
+    let style = style(job, drawn);
     let painter = Painter::new(&drawn.field, drawn.edges.as_ref(), style);
     let mut file = AtomicFile::create(&job.output, job.overwrite)?;
-    write_png(&mut file, &painter, &job.resources, progress, cancel)?;
+    let size = [painter.width(), painter.height()];
+    let fill = |row, line: &mut [u8]| painter.row(row, line);
+    write_png(&mut file, size, fill, &job.resources, progress, cancel)?;
     let (low, high) = extremes(&drawn.field);
     Ok(ViewReport {
         input: job.input.to_string(),
@@ -186,12 +190,21 @@ fn paint(
         width: frame.width,
         height: frame.height,
         bounds: frame.bounds,
-        exaggeration,
+        exaggeration: style.exaggeration,
         lowest: low.is_finite().then_some(low),
         highest: high.is_finite().then_some(high),
         output_bytes: file.commit()?,
         run: Figures::default(),
     })
+}
+
+/// How `drawn` is lit.
+fn style(job: &ViewJob, drawn: &Drawn) -> Style {
+    let ground = drawn.frame.finer(FINENESS).ground_pixel();
+    let natural = || natural_exaggeration(&drawn.field, ground);
+    let exaggeration = job.exaggeration.unwrap_or_else(natural);
+    let light = Light::new(job.azimuth, job.altitude);
+    Style { light, exaggeration, ground, fineness: FINENESS as usize }
 }
 
 fn extremes(field: &Field) -> (f32, f32) {
@@ -202,9 +215,12 @@ fn extremes(field: &Field) -> (f32, f32) {
 /// Rows painted together.
 const BAND: usize = 64;
 
+/// Writes a picture of `width` x `height` pixels, whose rows `fill` makes from their numbers: RGBA, any row on
+/// its own.
 fn write_png(
     file: &mut AtomicFile,
-    painter: &Painter<'_>,
+    [width, height]: [usize; 2],
+    fill: impl Fn(usize, &mut [u8]) + Sync,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -215,7 +231,6 @@ fn write_png(
         png::EncodingError::IoError(e) => failed(e),
         other => Error::new(ErrorKind::Internal, other.to_string()).in_file(&path),
     };
-    let (width, height) = (painter.width(), painter.height());
     let mut out = BufWriter::new(file);
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgba);
@@ -231,7 +246,7 @@ fn write_png(
         let band = &mut band[..rows * width * 4];
         workers.install(|| {
             let lines = band.par_chunks_mut(width * 4).enumerate();
-            lines.for_each(|(row, line)| painter.row(first + row, line));
+            lines.for_each(|(row, line)| fill(first + row, line));
         });
         stream.write_all(band).map_err(failed)?;
         progress.advance(rows as u64);

@@ -8,13 +8,15 @@
 //! two lesser directions, cool in the shade and warm in the sun; ridges lifted a little against the
 //! smoothed ground. The vertical exaggeration follows from the slopes of the picture unless it is given.
 //! Edges are strokes that combine by maximum, so their order leaves no trace; short ones are fainter.
-//! Longitudes are shortened by the cosine of the latitude.
+//! Longitudes are shortened by the cosine of the latitude. [`write_text`] has letters for what stands under
+//! pictures.
 
 mod coverage;
 mod field;
 mod frame;
 mod light;
 mod paint;
+mod text;
 mod tint;
 mod triangle;
 
@@ -23,5 +25,6 @@ pub use field::{Field, average_rows};
 pub use frame::{Frame, MAX_PICTURE_SIDE};
 pub use light::{Light, natural_exaggeration};
 pub use paint::{Painter, Style};
+pub use text::{text_size, write_text};
 pub use tint::Tint;
 pub use triangle::fill_triangle;

@@ -1,4 +1,7 @@
-//! `terrane demo`: the main job from end to end on a terrain made here, to see that all works.
+//! `terrane demo`: the main job from end to end on a terrain made here, to see that all works; or several
+//! methods beside each other.
+
+mod methods;
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +24,10 @@ pub(super) struct Args {
     /// Folder for the results; its files of an earlier demo are replaced
     #[arg(long, value_name = "DIR", default_value = "terrane-demo")]
     dir: PathBuf,
+    /// Compare methods instead: a small terrain by six of them at the same largest error, side by side in one
+    /// picture, in the folder "methods" of that folder
+    #[arg(long)]
+    methods: bool,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
@@ -55,7 +62,10 @@ impl Verb for Args {
     const NAME: &'static str = "demo";
 
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
-        run(self, call.cancel)
+        match self.methods {
+            true => methods::run(self, call.cancel),
+            false => run(self, call.cancel),
+        }
     }
 }
 
@@ -65,11 +75,11 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let progress = args.show.progress();
     let progress = progress.as_ref();
-    convert::run(&terrain(&files, &resources), progress, cancel)?;
-    let job = mesh(&files, &resources)?;
+    convert::run(&terrain(TERRAIN, &files.grid, &resources), progress, cancel)?;
+    let job = mesh(&files.grid, &files.mesh, &resources)?;
     let made = jobs::tin::run(&job, progress, cancel)?;
     let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
-    jobs::view::run(&picture(&files, &resources), progress, cancel)?;
+    jobs::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
     let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[] };
     report::write(&files.report, true, &report)?;
     if args.show.json {
@@ -80,20 +90,16 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     Ok(verify::outcome(&checked.verdict))
 }
 
-fn terrain(files: &Files, resources: &Resources) -> ConvertJob {
-    ConvertJob {
-        overwrite: true,
-        resources: resources.clone(),
-        ..ConvertJob::new(TERRAIN, &files.grid)
-    }
+fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
+    ConvertJob { overwrite: true, resources: resources.clone(), ..ConvertJob::new(rule, grid) }
 }
 
-fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
+fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
     Ok(TinJob {
-        input: name_of(&files.grid)?.into(),
+        input: name_of(grid)?.into(),
         band: 1,
         nodata: None,
-        output: files.mesh.clone(),
+        output: mesh.to_owned(),
         format: None,
         overwrite: true,
         split: None,
@@ -110,12 +116,12 @@ fn mesh(files: &Files, resources: &Resources) -> Result<TinJob> {
     })
 }
 
-fn picture(files: &Files, resources: &Resources) -> ViewJob {
+fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
     ViewJob {
-        input: files.mesh.to_string_lossy().into_owned().into(),
+        input: mesh.to_string_lossy().into_owned().into(),
         band: 1,
         nodata: None,
-        output: files.picture.clone(),
+        output: picture.to_owned(),
         overwrite: true,
         width: 1600,
         edges: true,
@@ -134,11 +140,13 @@ fn name_of(path: &Path) -> Result<String> {
     })
 }
 
+/// A file's name and size.
+fn size(path: &Path) -> Result<String> {
+    let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
+    Ok(format!("{}, {}", path.display(), text::bytes(found.len())))
+}
+
 fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<String> {
-    let size = |path: &Path| {
-        let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
-        Ok::<_, Error>(format!("{}, {}", path.display(), text::bytes(found.len())))
-    };
     let verdict = if checked.verdict.passed { "proved" } else { "NOT kept" };
     let unit = &made.vertical_unit;
     let rows = [

@@ -1,0 +1,192 @@
+//! `terrane demo --methods`: a small terrain by several methods at the same largest error, each mesh proved,
+//! all in one picture.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::{Args, mesh, name_of, picture, size, terrain};
+use crate::atomic;
+use crate::cli::shared::{Outcome, report, say, text};
+use crate::cli::tin;
+use crate::error::{Error, Result};
+use crate::jobs::convert;
+use crate::jobs::tin::{Goal, Textbook, TinJob};
+use crate::jobs::verify::Verdict;
+use crate::jobs::view::{Panel, SheetJob, ViewJob, run_sheet};
+use crate::jobs::{self, Cancel, Progress, Resources};
+use crate::methods::{METHODS, Triangulation};
+
+/// Small enough for methods that hold all of it, and for edges to be told apart; and how far a sample may be
+/// from the meshes, in metres.
+const TERRAIN: &str = "synth:rough,size=129,seed=7";
+const TOLERANCE: f64 = 2.0;
+
+/// A way to make a mesh: the engine's own, or a method by its name; `fit` as with `tin --fit`.
+struct Way {
+    label: &'static str,
+    file: &'static str,
+    method: Option<&'static str>,
+    fit: bool,
+}
+
+const fn textbook(name: &'static str, file: &'static str) -> Way {
+    Way { label: name, file, method: Some(name), fit: false }
+}
+
+/// What is compared, in the order of the picture.
+const WAYS: [Way; 6] = [
+    Way { label: "greedy", file: "greedy.ply", method: None, fit: false },
+    Way { label: "greedy --fit", file: "greedy-fit.ply", method: None, fit: true },
+    textbook("collapse", "collapse.ply"),
+    textbook("kdtree", "kdtree.ply"),
+    textbook("rtin", "rtin.ply"),
+    textbook("vip", "vip.ply"),
+];
+/// Panels beside each other, and pixels across one.
+const COLUMNS: usize = 3;
+const PANEL: u32 = 480;
+
+/// What is told of a mesh.
+#[derive(Serialize)]
+struct Row {
+    method: &'static str,
+    mesh: String,
+    vertices: u64,
+    triangles: u64,
+    /// As measured by the proof.
+    max_error: Option<f64>,
+    rmse: Option<f64>,
+    /// What it took to make, without the proof.
+    wall_seconds: f64,
+    #[serde(flatten)]
+    verdict: Verdict,
+    #[serde(skip)]
+    vertical_unit: String,
+}
+
+#[derive(Serialize)]
+struct Comparison {
+    terrain: String,
+    width: u32,
+    height: u32,
+    tolerance: f64,
+    vertical_unit: String,
+    picture: String,
+    methods: Vec<Row>,
+}
+
+pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let folder = args.dir.join("methods");
+    atomic::create_folders(&folder)?;
+    let [grid, drawn, told] =
+        ["terrain.tif", "methods.png", "report.json"].map(|name| folder.join(name));
+    let (resources, progress) = (args.machine.resources(), args.show.progress());
+    let progress = progress.as_ref();
+    let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
+    let made = |way: &Way| {
+        let job = mesh(&grid, &folder.join(way.file), &resources)?;
+        let job = TinJob { goal: Goal::MaxError(TOLERANCE), fit: way.fit, ..job };
+        row(way, &job, progress, cancel)
+    };
+    let methods = WAYS.iter().map(made).collect::<Result<Vec<Row>>>()?;
+    run_sheet(&sheet(&methods, &drawn, &resources), progress, cancel)?;
+    let comparison = Comparison {
+        terrain: name_of(&grid)?,
+        width: copied.width,
+        height: copied.height,
+        tolerance: TOLERANCE,
+        vertical_unit: methods[0].vertical_unit.clone(),
+        picture: name_of(&drawn)?,
+        methods,
+    };
+    report::write(&told, true, &comparison)?;
+    if args.show.json {
+        say::json(&comparison)?;
+    } else if !args.show.quiet {
+        say::result(&summary(&comparison, [&grid, &drawn, &told])?)?;
+    }
+    let verdicts = || comparison.methods.iter().map(|row| &row.verdict);
+    Ok(Outcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
+}
+
+/// Makes and proves a mesh.
+fn row(way: &Way, job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Row> {
+    let made = match way.method {
+        None => jobs::tin::run(job, progress, cancel)?,
+        Some(name) => jobs::tin::run_by(job, &by_name(name)?, progress, cancel)?,
+    };
+    let checked = jobs::verify::run(&tin::proof(job, &made), progress, cancel)?;
+    Ok(Row {
+        method: way.label,
+        mesh: made.output,
+        vertices: made.vertices,
+        triangles: made.triangles,
+        max_error: checked.max_error,
+        rmse: checked.rmse,
+        wall_seconds: made.run.wall_seconds,
+        verdict: checked.verdict,
+        vertical_unit: made.vertical_unit,
+    })
+}
+
+fn by_name(name: &str) -> Result<Textbook> {
+    let found = METHODS.iter().find(|method| method.name == name);
+    let method = found.ok_or_else(|| Error::usage(format!("no method {name}")).remedy("report it"));
+    Ok(Textbook { method: method?, triangulation: Triangulation::default() })
+}
+
+fn sheet(rows: &[Row], output: &Path, resources: &Resources) -> SheetJob {
+    let panel = |row: &Row| Panel {
+        mesh: row.mesh.clone(),
+        lines: vec![
+            row.method.to_owned(),
+            format!("{} vertices, error {}", text::count(row.vertices), error(row)),
+        ],
+    };
+    let each = ViewJob { width: PANEL, ..picture(Path::new(""), output, resources) };
+    SheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
+}
+
+fn error(row: &Row) -> String {
+    row.max_error.map_or("-".to_owned(), text::bound)
+}
+
+fn summary(told: &Comparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
+    let Comparison { tolerance, vertical_unit: unit, methods, .. } = told;
+    let all_proved = methods.iter().all(|row| row.verdict.passed);
+    let verdict = if all_proved { "proved of every mesh" } else { "NOT kept by every mesh" };
+    let samples = u64::from(told.width) * u64::from(told.height);
+    let files = text::table(&[
+        ("terrain", format!("{}, {} samples", size(grid)?, text::count(samples))),
+        ("picture", size(drawn)?),
+        ("report", size(report)?),
+        ("bound", format!("{} {unit} at the most, {verdict}", text::number(*tolerance))),
+    ]);
+    let heading = ["method", "vertices", "of samples", "triangles", "largest error", "time"];
+    let cells = |row: &Row| {
+        [
+            row.method.to_owned(),
+            text::count(row.vertices),
+            text::percent(row.vertices as f64 / samples as f64),
+            text::count(row.triangles),
+            error(row),
+            text::seconds(row.wall_seconds),
+        ]
+    };
+    let rows: Vec<_> =
+        [heading.map(str::to_owned)].into_iter().chain(methods.iter().map(cells)).collect();
+    Ok(format!("{files}\n{}", columns(&rows)))
+}
+
+/// Lines of cells below each other, the first to the left and the others to the right.
+fn columns<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |col: usize| rows.iter().map(|row| row[col].chars().count()).max().unwrap_or(0);
+    let widths: [usize; N] = std::array::from_fn(width);
+    let line = |row: &[String; N]| {
+        let first = format!("  {:w$}", row[0], w = widths[0]);
+        let cell = |col: usize| format!("  {:>w$}", row[col], w = widths[col]);
+        first + &(1..N).map(cell).collect::<String>() + "\n"
+    };
+    rows.iter().map(line).collect()
+}
