@@ -14,6 +14,7 @@ use std::path::Path;
 
 use super::{Work, check_grid};
 use crate::input::is_geographic;
+use crate::memory::beside_program;
 use crate::{Cancel, Progress, Resources};
 use ground::Ground;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -68,6 +69,9 @@ pub fn quality(
         ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
     });
     let against = against.transpose()?;
+    // Beside a mesh's squares a grid is open, whose blocks are decoded.
+    let room = resources.memory - beside_program(resources.memory) / 4;
+    let resources = &Resources { memory: room, ..resources.clone() };
     let work = || Work::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();
     let has_space = !is_geographic(info);
