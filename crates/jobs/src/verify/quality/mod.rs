@@ -12,7 +12,7 @@ mod slopes;
 
 use std::path::Path;
 
-use super::{Work, check_grid};
+use super::{LEAST_MEMORY, Work, check_grid};
 use crate::input::is_geographic;
 use crate::memory::beside_program;
 use crate::{Cancel, Progress, Resources};
@@ -70,7 +70,8 @@ pub fn quality(
     });
     let against = against.transpose()?;
     // Beside a mesh's squares a grid is open, whose blocks are decoded.
-    let room = resources.memory - beside_program(resources.memory) / 4;
+    let memory = resources.memory;
+    let room = (memory - beside_program(memory) / 4).max(memory.min(LEAST_MEMORY));
     let resources = &Resources { memory: room, ..resources.clone() };
     let work = || Work::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();
