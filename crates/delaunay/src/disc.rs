@@ -183,6 +183,11 @@ mod tests {
         (1u32..29).prop_flat_map(|bits| [-(1i32 << bits)..1 << bits, -(1i32 << bits)..1 << bits])
     }
 
+    /// A triangle, counter-clockwise, and another site.
+    fn four<S: Strategy<Value = Site>>(site: fn() -> S) -> impl Strategy<Value = [Site; 4]> {
+        prop::array::uniform4(site()).prop_filter_map("no triangle", turned)
+    }
+
     fn turned([a, b, c, d]: [Site; 4]) -> Option<[Site; 4]> {
         let area = orient(a, b, c);
         let [b, c] = if area > 0 { [b, c] } else { [c, b] };
@@ -192,16 +197,14 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
         #[test]
-        fn answers_as_the_exact_predicate(sites in prop::array::uniform4(site())) {
-            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+        fn answers_as_the_exact_predicate([a, b, c, d] in four(site)) {
             let disc = Disc::around([a, b, c]);
             prop_assert_eq!(disc.holds(d), in_circle(a, b, c, d));
             prop_assert!(!disc.holds(a) && !disc.holds(b) && !disc.holds(c));
         }
 
         #[test]
-        fn positions_are_inside_as_sites_are(sites in prop::array::uniform4(site())) {
-            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+        fn positions_are_inside_as_sites_are([a, b, c, d] in four(site)) {
             let (disc, q) = (Disc::around([a, b, c]), Position::of(d));
             prop_assert_eq!(disc.holds_exactly(q), determinant(a, b, c, d) > 0);
             prop_assert_eq!(disc.holds_position(q), determinant(a, b, c, d) > 0);
@@ -209,9 +212,13 @@ mod tests {
 
         /// A position is a site of a plane 256 times as large.
         #[test]
-        fn positions_between_sites_are_inside_exactly(sites in prop::array::uniform4(site())) {
-            let [a, b, c, _] = sites.map(|p| p.map(|v| v >> 9));
-            let Some([a, b, c, d]) = turned([a, b, c, sites[3]]) else { return Ok(()) };
+        fn positions_between_sites_are_inside_exactly(
+            sites in prop::array::uniform4(site()).prop_filter_map("no triangle", |[a, b, c, d]| {
+                let [a, b, c] = [a, b, c].map(|p| p.map(|v| v >> 9));
+                turned([a, b, c, d])
+            })
+        ) {
+            let [a, b, c, d] = sites;
             let q = Position { x: d[0].into(), y: d[1].into() };
             let [large_a, large_b, large_c] = [a, b, c].map(|p| p.map(|v| v * 256));
             let expected = determinant(large_a, large_b, large_c, d) > 0;
@@ -220,8 +227,7 @@ mod tests {
         }
 
         #[test]
-        fn spans_miss_nothing(sites in prop::array::uniform4(site())) {
-            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+        fn spans_miss_nothing([a, b, c, d] in four(site)) {
             let disc = Disc::around([a, b, c]);
             for p in [a, b, c, d].into_iter().filter(|&p| p != d || disc.holds(p)) {
                 for axis in [0, 1] {
@@ -236,8 +242,7 @@ mod tests {
 
         /// What is searched beyond the disc costs time, and what is called for in vain costs reading.
         #[test]
-        fn spans_and_boxes_are_those_of_the_circle(sites in prop::array::uniform4(small()), high in 0..300i32) {
-            let Some([a, b, c, d]) = turned(sites) else { return Ok(()) };
+        fn spans_and_boxes_are_those_of_the_circle([a, b, c, d] in four(small), high in 0..300i32) {
             let disc = Disc::around([a, b, c]);
             let (centre, radius) = circle([a, b, c]);
             let near = 2.0 + 1e-9 * radius;
