@@ -12,7 +12,7 @@ use super::Local;
 use super::exact::within;
 use super::field::Field;
 use super::greedy::Judge;
-use super::mesh::{Mesh, NONE, State, Tri, next, prev};
+use super::mesh::{Mesh, NONE, State, Tri, next};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
@@ -132,23 +132,16 @@ impl Scratch {
     /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
     /// start and the half-edge beyond. False when the star is not closed or too large.
     fn gather(&mut self, mesh: &Mesh, half_edge: u32) -> bool {
-        self.star.clear();
-        self.ring.clear();
-        let mut at = half_edge;
-        loop {
-            let (id, i) = (at >> 2, at & 3);
-            let tri = &mesh.tris[id as usize];
-            self.star.push(id);
-            self.ring.push((tri.corners[next(i) as usize], tri.twins[next(i) as usize]));
-            at = tri.twins[prev(i) as usize];
-            if at == half_edge {
-                return self.star.len() >= 3;
-            }
-            let is_open = at == NONE || tri.state == State::Outside;
-            if is_open || self.star.len() == MAX_DEGREE {
-                return false;
-            }
+        if !mesh.star(half_edge, MAX_DEGREE, &mut self.star) {
+            return false;
         }
+        self.ring.clear();
+        for at in &mut self.star {
+            let (tri, i) = (&mesh.tris[(*at >> 2) as usize], next(*at & 3));
+            self.ring.push((tri.corners[i as usize], tri.twins[i as usize]));
+            *at >>= 2;
+        }
+        self.star.len() >= 3
     }
 
     /// Cuts Delaunay ears off the ring until it is filled (Devillers 1999, without the priority

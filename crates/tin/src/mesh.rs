@@ -183,6 +183,24 @@ impl Mesh {
         }
     }
 
+    /// The half-edges that start where `half_edge` does, counter-clockwise from it. False when they do not go
+    /// all around, inside the surface, or are more than `most`: then some are missing.
+    pub(super) fn star(&self, half_edge: u32, most: usize, star: &mut Vec<u32>) -> bool {
+        star.clear();
+        let mut at = half_edge;
+        loop {
+            let tri = &self.tris[(at >> 2) as usize];
+            if tri.state == State::Outside || star.len() == most {
+                return false;
+            }
+            star.push(at);
+            at = tri.twins[prev(at & 3) as usize];
+            if at == half_edge || at == NONE {
+                return at == half_edge;
+            }
+        }
+    }
+
     /// Makes `a` and `b` (either may be [`NONE`]) twins.
     #[inline(always)]
     pub(super) fn link(&mut self, a: u32, b: u32) {

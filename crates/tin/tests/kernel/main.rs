@@ -516,8 +516,12 @@ fn the_bound_holds_for_double_precision_heights() {
     let heights = Heights { width, height, f32: &rounded, f64: Some(&z) };
     let feet = Rounding { origin: 5e5, scale: 0.3048 };
     let about = [0.0, 5e5].map(Rounding::about);
-    for single_precision in [None, Some(about[0]), Some(about[1]), Some(feet)] {
-        let spec = Spec { single_precision, ..spec(0.25) };
+    // The f32 heights are off by 0.0156 at most: little less than the smaller tolerance.
+    let kinds = [None, Some(about[0]), Some(about[1]), Some(feet)].into_iter().flat_map(|stored| {
+        [(0.25, false), (0.25, true), (0.02, true), (0.016, true)].map(|kind| (stored, kind))
+    });
+    for (single_precision, (tolerance, fit)) in kinds {
+        let spec = Spec { single_precision, fit, ..spec(tolerance) };
         let none = TileInput {
             heights,
             apron_left: 0,
@@ -534,7 +538,7 @@ fn the_bound_holds_for_double_precision_heights() {
         if let Some(rounding) = single_precision {
             assert!(mesh.heights.iter().all(|&z| rounding.apply(z) == z), "written and read back");
         }
-        assert!(mesh.vertices.len() < z.len() * 9 / 10);
+        assert!(tolerance < 0.25 || mesh.vertices.len() < z.len() * 9 / 10);
         for triangle in &mesh.triangles {
             let p = triangle.corners.map(lattice);
             let area = orient(p[0], p[1], p[2]) as f64;
@@ -545,7 +549,7 @@ fn the_bound_holds_for_double_precision_heights() {
                 if w.iter().all(|&w| w >= 0) {
                     let plane: f64 = (0..3).map(|i| w[i] as f64 / area * corners[i]).sum();
                     let error = (plane - z[(row * 90 + col) as usize]).abs();
-                    assert!(error <= 0.25 + 1e-9, "{error} at {q:?}");
+                    assert!(error <= tolerance + 1e-9, "{error} at {q:?}, {spec:?}");
                 }
             }
         }
