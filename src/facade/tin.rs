@@ -10,8 +10,7 @@ use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_files::lock;
-use terrane_jobs::placing::Placing;
-use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TILE_CELLS, TinJob, TinReport};
+use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TinJob, TinReport, USUAL_TILE};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use terrane_raster::{self as raster, ArraySample, OpenOptions};
 
@@ -226,7 +225,7 @@ impl<S> TinBuilder<S> {
     }
 
     /// Let vertices lie above or below their samples, up to the tolerance, where that takes fewer of them: a
-    /// fifth to a third fewer, and five to ten times as long. The bound is kept all the same.
+    /// tenth to a third fewer, mostly a fifth, in some five times the time. The bound is kept all the same.
     pub fn fit(mut self, fit: bool) -> Self {
         self.fit = fit;
         self
@@ -264,10 +263,6 @@ impl<S> TinBuilder<S> {
         Ok(kept.into_tin(built))
     }
 }
-
-/// Cells along the side of a tile, unless told otherwise.
-const USUAL_TILE: u32 = 512;
-const _: () = assert!(*TILE_CELLS.start() <= USUAL_TILE && USUAL_TILE <= *TILE_CELLS.end());
 
 impl TinBuilder<ArrayGrid<'_>> {
     /// Where samples lie, and in which reference system.
@@ -356,23 +351,18 @@ impl TinBuilder<&Grid> {
 
     fn job(&self, output: PathBuf) -> Result<TinJob> {
         Ok(TinJob {
-            input: self.source.inputs.clone(),
             band: self.source.band_number(),
             nodata: self.source.nodata_given(),
-            output,
             format: self.format.clone(),
             overwrite: self.run.overwrite,
             split: self.split,
-            solid_base: None,
-            placing: Placing::default(),
-            goal: self.goal()?,
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
             tile: self.tile,
-            measure: true,
             resources: self.run.resources()?,
+            ..TinJob::new(self.source.inputs.clone(), output, self.goal()?)
         })
     }
 }

@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
-use terrane_base::bound::Bound;
-use terrane_jobs::placing::Placing;
 use terrane_jobs::tin::{Goal, TinJob, TinReport, run};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_mesh as mesh;
@@ -14,23 +12,9 @@ const TERRAIN: &str = "synth:rough,size=300,seed=7";
 
 fn job(input: &str, output: &Path, goal: Goal) -> TinJob {
     TinJob {
-        input: input.into(),
-        band: 1,
-        nodata: None,
-        output: output.to_path_buf(),
-        format: None,
-        overwrite: false,
-        split: None,
-        solid_base: None,
-        placing: Placing::default(),
-        goal,
-        bound: Bound::Samples,
-        strict: false,
-        drop: true,
-        fit: false,
         tile: 64,
-        measure: true,
         resources: Resources { threads: 2, memory: 256 << 20, temp_dir: None },
+        ..TinJob::new(input, output, goal)
     }
 }
 

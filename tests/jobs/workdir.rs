@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::ErrorKind;
 use terrane_base::Result;
-use terrane_base::bound::Bound;
-use terrane_jobs::placing::Placing;
 use terrane_jobs::plan::DiskCheck;
 use terrane_jobs::tin::{
     Form, Goal, PlanJob, RunJob, RunReport, StatusReport, TinJob, plan_work, run, run_in, run_plan,
@@ -20,25 +18,8 @@ fn resources(threads: usize) -> Resources {
 }
 
 fn tin(input: &str, output: &Path) -> TinJob {
-    TinJob {
-        input: input.into(),
-        band: 1,
-        nodata: None,
-        output: output.to_path_buf(),
-        format: None,
-        overwrite: false,
-        split: None,
-        solid_base: None,
-        placing: Placing::default(),
-        goal: Goal::MaxError(8.0),
-        bound: Bound::Samples,
-        strict: false,
-        drop: true,
-        fit: false,
-        tile: 64,
-        measure: true,
-        resources: resources(2),
-    }
+    let job = TinJob::new(input, output, Goal::MaxError(8.0));
+    TinJob { tile: 64, resources: resources(2), ..job }
 }
 
 fn plan(folder: &Path, input: &str, strip_rows: u32) -> Result<StatusReport> {

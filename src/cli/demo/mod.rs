@@ -6,13 +6,11 @@ mod methods;
 use std::path::{Path, PathBuf};
 
 use crate::atomic;
-use crate::bound::Bound;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::placing::Placing;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
 use crate::jobs::verify::VerifyReport;
 use crate::jobs::view::ViewJob;
@@ -95,25 +93,8 @@ fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
 }
 
 fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
-    Ok(TinJob {
-        input: name_of(grid)?.into(),
-        band: 1,
-        nodata: None,
-        output: mesh.to_owned(),
-        format: None,
-        overwrite: true,
-        split: None,
-        solid_base: None,
-        placing: Placing::default(),
-        goal: Goal::MaxError(TOLERANCE),
-        bound: Bound::Samples,
-        strict: false,
-        drop: true,
-        fit: false,
-        tile: 512,
-        measure: true,
-        resources: resources.clone(),
-    })
+    let job = TinJob::new(name_of(grid)?, mesh, Goal::MaxError(TOLERANCE));
+    Ok(TinJob { overwrite: true, resources: resources.clone(), ..job })
 }
 
 fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {

@@ -13,7 +13,6 @@ use crate::cli::shared::{Outcome, args, many, names, parse};
 use crate::cli::{grid, tin};
 use crate::error::Result;
 use crate::jobs::grid::plan::{PlanGridJob, plan_grid};
-use crate::jobs::placing::Placing;
 use crate::jobs::sift::Sifted;
 use crate::jobs::tin::{Goal, PlanJob, TinJob, plan_work};
 use crate::jobs::{Cancel, Resources};
@@ -137,23 +136,15 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
     args.grid.check_all(&args.input)?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {
-        input: args.input.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
-        output: args.folder.join("mesh"),
         format: Some(format.name.to_owned()),
-        overwrite: false,
-        split: None,
-        solid_base: None,
-        placing: Placing::default(),
-        goal: Goal::MaxError(args.max_error),
         bound: args.method.bound,
         strict: args.method.strict,
         drop: !args.method.no_drop,
         fit: args.method.fit,
         tile: args.method.tile(),
-        measure: true,
-        resources: Resources::default(),
+        ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
     };
     let folder = args.folder.clone();
     Ok(PlanJob { job: tin, folder, cut: args.strip_rows, skipped: Vec::new() })

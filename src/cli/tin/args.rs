@@ -8,7 +8,7 @@ use crate::cli::shared::{args, check, many, names, parse, points};
 use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
 use crate::jobs::placing::Placing;
-use crate::jobs::tin::{Goal, TILE_CELLS};
+use crate::jobs::tin::{Goal, TILE_CELLS, USUAL_TILE};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -127,8 +127,8 @@ pub(crate) struct Method {
     /// Keep vertices that turned out to be redundant (faster, more vertices)
     #[arg(long)]
     pub(crate) no_drop: bool,
-    /// Let vertices lie above or below their samples, where that takes fewer of them (a fifth to a third
-    /// fewer; five to ten times slower). The error is kept all the same
+    /// Let vertices lie above or below their samples, where that takes fewer of them (a tenth to a third
+    /// fewer, mostly a fifth; some five times slower). The error is kept all the same
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
     /// Cells along the side of a tile, 16 to 8192 [default: 512]
@@ -142,9 +142,6 @@ impl Method {
         self.tile.unwrap_or(USUAL_TILE)
     }
 }
-
-/// Cells along the side of a tile, unless told otherwise.
-const USUAL_TILE: u32 = 512;
 
 fn tile_cells() -> clap::builder::RangedI64ValueParser<u32> {
     let (least, most) = TILE_CELLS.into_inner();

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::layout::Layout;
+use super::layout::{Layout, USUAL_TILE};
 use super::worker::worker_bytes;
 use crate::Resources;
 use crate::memory;
@@ -17,8 +17,6 @@ const KEPT: [f64; 2] = [0.002, 0.05];
 const RATES: [f64; 2] = [8.0, 100.0];
 /// Bytes of a vertex in a file of the usual format, PLY, with its two triangles.
 const FILE_BYTES: f64 = 50.0;
-/// Cells along a tile's side, unless another size is asked for.
-const TILE: u32 = 512;
 /// Rows of tiles in flight at any time.
 const ROWS_IN_FLIGHT: u64 = 3;
 
@@ -46,13 +44,13 @@ pub struct Cost {
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
 pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
-    let layout = Layout::new(source.info().width, source.info().height, TILE).ok()?;
+    let layout = Layout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
     let worker = worker_bytes(layout.side(), false, false);
     let least_memory = memory::least(worker, source.block_bytes());
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;
-    let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(TILE));
+    let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(USUAL_TILE));
     Some(Cost {
         least_memory,
         memory: resources.memory,

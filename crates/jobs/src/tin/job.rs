@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::layout::USUAL_TILE;
 use crate::Resources;
 use crate::placing::Placing;
 use crate::plan::as_text;
@@ -92,4 +93,29 @@ pub struct TinJob {
     /// What the job may use.
     #[serde(skip)]
     pub resources: Resources,
+}
+
+impl TinJob {
+    /// The job with everything else at its default, errors measured.
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
+        Self {
+            input: input.into(),
+            band: 1,
+            nodata: None,
+            output: output.into(),
+            format: None,
+            overwrite: false,
+            split: None,
+            solid_base: None,
+            placing: Placing::default(),
+            goal,
+            bound: Bound::default(),
+            strict: false,
+            drop: true,
+            fit: false,
+            tile: USUAL_TILE,
+            measure: true,
+            resources: Resources::default(),
+        }
+    }
 }

@@ -12,6 +12,10 @@ use terrane_base::geom::Rect;
 pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
 const _: () = assert!(*TILE_CELLS.end() * 3 / 2 < 1 << 14);
 
+/// Cells along a tile's side, unless told otherwise.
+pub const USUAL_TILE: u32 = 512;
+const _: () = assert!(*TILE_CELLS.start() <= USUAL_TILE && USUAL_TILE <= *TILE_CELLS.end());
+
 /// First reach of a seam patch, in cells on each side of the seam; it doubles while the kernel asks
 /// for more. Changes rarely go further than the triangles that touch the rim, and a narrow patch
 /// keeps the re-read samples to a few per cent.

@@ -28,7 +28,7 @@ mod zone;
 pub use build::{BuildJob, Built, build, build_files};
 pub use cost::{Cost, cost};
 pub use job::{Goal, TinJob};
-pub use layout::TILE_CELLS;
+pub use layout::{TILE_CELLS, USUAL_TILE};
 pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
