@@ -28,6 +28,11 @@ pub(crate) fn beside_program(memory: u64) -> u64 {
     memory.saturating_sub(PROGRAM).max(memory.min(LEAST_BESIDE))
 }
 
+/// Bytes for decoded blocks of a grid that is read beside other work of a job with `memory`.
+pub fn cache_beside(memory: u64) -> usize {
+    usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
+}
+
 /// A divided budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {

@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use crate::input::{self, Surface};
+use crate::memory::cache_beside;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
@@ -112,7 +113,7 @@ fn options(job: &ViewJob) -> OpenOptions {
     OpenOptions {
         band: job.band,
         nodata: job.nodata,
-        cache_bytes: usize::try_from(job.resources.memory / 4).unwrap_or(usize::MAX),
+        cache_bytes: cache_beside(job.resources.memory),
         threads: job.resources.threads,
         temp_dir: job.resources.temp_dir.clone(),
     }

@@ -9,6 +9,7 @@ use crate::cli::shared::{parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
 use crate::jobs::input::{is_mesh, is_synthetic};
+use crate::jobs::memory::cache_beside;
 use crate::jobs::plan::DiskCheck;
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
@@ -32,7 +33,7 @@ impl Grid {
 
     /// Options for opening the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
-        let cache_bytes = usize::try_from(resources.memory / 4).unwrap_or(usize::MAX);
+        let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
         OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, threads, temp_dir }
     }

@@ -20,7 +20,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use crate::figures::Figures;
-use crate::memory::beside_program;
+use crate::memory::{beside_program, cache_beside};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -64,8 +64,7 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let cache = beside_program(job.resources.memory) / 4;
-    let cache_bytes = usize::try_from(cache).unwrap_or(usize::MAX);
+    let cache_bytes = cache_beside(job.resources.memory);
     let Resources { threads, ref temp_dir, .. } = job.resources;
     let temp_dir = temp_dir.clone();
     let options =
