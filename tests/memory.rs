@@ -125,6 +125,9 @@ fn make_inputs(place: &Place) {
     ] {
         place.ok(&["synth", &name, output, "-q"]);
     }
+    // Far more bytes than the least budget.
+    place.ok(&["synth", "rough,size=2817", "large.tif", "-q"]);
+    place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
@@ -153,6 +156,7 @@ const JOBS: &[&str] = &[
     "contour dem.tif -o o.fgb --interval 20 --tile 256",
     "contour dem.tif -o o.geojson --interval 20 --tolerance 2 --tile 256",
     "verify dem.ply dem.tif",
+    "verify large.ply large.tif",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",
@@ -174,10 +178,15 @@ const JOBS: &[&str] = &[
     "convert dem.tif o.tif",
     "convert dem.tif o.tif --format COG",
     "convert dem.tif o.asc",
+    "convert large.tif o.tif --type float64",
+    "contour large.tif -o o.fgb --interval 100",
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",
+    "view large.tif -o o.png --width 400",
     "info dem.tif --stats",
+    "info large.tif --stats",
     "info dem.ply --quality --grid dem.tif",
+    "info large.ply --quality --grid large.tif",
     "info dense.laz --stats",
     "info coverage.fgb --stats",
     "synth rough,size=1025 o.tif",

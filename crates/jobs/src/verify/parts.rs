@@ -2,7 +2,6 @@
 //! other.
 
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
 use super::spread::Spread;
@@ -99,11 +98,9 @@ pub(super) fn each<T: Default + Send>(
     let (work, info) = (&context.work, context.grid.info());
     work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
     let checker = Checker { context, spread, need, judge, crowded: Mutex::new(()) };
-    let rows = Rows::new(&spread.layout);
     let judge = |found: &mut T, index| {
         let domain = spread.layout.domain(index);
         checker.check(domain, index as usize, found)?;
-        rows.done(&spread.layout, index, context);
         work.progress.advance(domain.rect.len() as u64);
         Ok(())
     };
@@ -214,9 +211,14 @@ impl<J> Checker<'_, J> {
     }
 }
 
+/// Reads an apron, or another window, and lets it go: all of it where it was read straight from the file,
+/// else what no other apron shares, as blocks are not to be decoded again.
 fn read(context: &Context<'_>, rect: Rect) -> Result<Vec<f64>> {
     let mut heights = vec![0.0; rect.len()];
     context.grid.read_f64(rect, &mut heights)?;
+    let shared = if context.grid.block_bytes() == 0 { 0 } else { 2 };
+    let [width, height] = [rect.width, rect.height].map(|side| side.saturating_sub(2 * shared));
+    context.grid.release(Rect::new(rect.col + shared, rect.row + shared, width, height));
     Ok(heights)
 }
 
@@ -245,24 +247,4 @@ fn too_crowded(domain: Domain, triangles: u64, need: u64) -> Error {
     Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
         .at(format!("column {col}, row {row}"))
         .remedy("raise --memory")
-}
-
-/// Tells the grid when a row of domains is done.
-struct Rows {
-    left: Vec<AtomicU64>,
-}
-
-impl Rows {
-    fn new(layout: &Layout) -> Self {
-        let [across, down] = layout.counts();
-        Self { left: (0..down).map(|_| AtomicU64::new(u64::from(across))).collect() }
-    }
-
-    fn done(&self, layout: &Layout, index: u64, context: &Context<'_>) {
-        let down = (index / u64::from(layout.counts()[0])) as usize;
-        if self.left[down].fetch_sub(1, Ordering::Relaxed) == 1 {
-            let Rect { row, height, .. } = layout.domain(index).rect;
-            context.grid.release(Rect::new(0, row, layout.grid[0], height));
-        }
-    }
 }

@@ -242,14 +242,12 @@ impl Store {
 impl GridSource for Store {
     reads_alike!();
 
-    /// Lets the pages of the tiles that lie wholly inside `rect` go.
+    /// Lets the pages of all tiles that `rect` touches go: whoever reads by other pieces than tiles would
+    /// have all of them in the end, and a page that is read again is in the system's cache.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
         for (across, down) in self.tiles(rect) {
-            let tile = self.layout.tile_rect(across, down);
-            if tile.intersect(&rect) == tile {
-                self.map.release(self.tile_bytes(across, down));
-            }
+            self.map.release(self.tile_bytes(across, down));
         }
     }
 }

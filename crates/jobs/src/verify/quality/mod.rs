@@ -12,8 +12,9 @@ mod slopes;
 
 use std::path::Path;
 
-use super::{Work, check_grid};
+use super::{LEAST_MEMORY, Work, check_grid};
 use crate::input::is_geographic;
+use crate::memory::cache_beside;
 use crate::{Cancel, Progress, Resources};
 use ground::Ground;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -68,6 +69,10 @@ pub fn quality(
         ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
     });
     let against = against.transpose()?;
+    // Beside a mesh's squares a grid is open, whose blocks are decoded.
+    let memory = resources.memory;
+    let room = (memory - cache_beside(memory) as u64).max(memory.min(LEAST_MEMORY));
+    let resources = &Resources { memory: room, ..resources.clone() };
     let work = || Work::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();
     let has_space = !is_geographic(info);
