@@ -73,7 +73,7 @@ enum Source {
 }
 
 /// Heights that a grid can be asked for.
-trait Sample: Height {
+pub(crate) trait Sample: Height {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
     fn is_void(self) -> bool;
 }
