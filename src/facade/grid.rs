@@ -89,7 +89,8 @@ impl Grid {
     /// # fn main() -> terrane::Result<()> {
     /// # let folder = tempfile::tempdir().unwrap();
     /// let areas = folder.path().join("areas.wkt");
-    /// std::fs::write(&areas, "POLYGON ((10 -10, 90 -10, 50 -90, 10 -10))").unwrap();
+    /// std::fs::write(&areas, "POLYGON ((500100 4749900, 500900 4749900, 500500 4749100))").unwrap();
+    /// std::fs::write(areas.with_extension("prj"), "EPSG:32631").unwrap();
     /// let dem = terrane::open("synth:rough,size=129,seed=7")?.clip(&areas)?;
     /// let corner = dem.heights(terrane::Rect::new(0, 0, 1, 1))?;
     /// assert!(corner[0].is_nan());

@@ -97,7 +97,7 @@ fn clipping_gives_the_bytes_of_a_grid_that_is_void_there() {
     let clip = ["--clip", "areas.geojson"];
     place.ok(&["convert", TERRAIN, "all.tif", "-f", "GTiff"]);
     place.ok(&[&["convert", TERRAIN, "masked.tif", "-f", "GTiff"][..], &clip].concat());
-    for more in [&[][..], &["--fit"], &["--strict", "--no-drop"], &["--max-triangles", "700"]] {
+    for more in [&[][..], &["--fit"], &["--strict", "--no-drop"], &["--max-triangles", "2500"]] {
         let goal = if more.contains(&"--max-triangles") { &MAKE[2..] } else { &MAKE[..] };
         let tin = |grid, mesh| [&["tin", grid, mesh, "--overwrite"][..], goal, more].concat();
         place.ok(&tin("masked.tif", "by_hand.ply"));
@@ -177,7 +177,7 @@ fn work_that_was_begun_with_other_polygons_is_not_gone_on_with() {
     let plan = ["plan", "tin", TERRAIN, "-o", "work", "--strip-rows", "2", "-q"];
     let clip = ["--clip", "areas.geojson"];
     place.ok(&[&plan[..], &MAKE, &clip].concat());
-    let other = areas().replace("501000", "501010");
+    let other = areas().replace("501700", "501710");
     assert_ne!(other, areas());
     place.write("areas.geojson", other);
     place.fails(&["run", "work"], 65, &["areas.geojson", "is not the file the plan was made from"]);
@@ -217,25 +217,44 @@ fn what_cannot_be_clipped_to_is_refused() {
         collection(&[format!(r#"{{"type":"Polygon","coordinates":[{between}]}}"#)]),
     );
     tin("between.geojson", 65, &["no sample of the grid lies in a polygon of this file"]);
+    let thin = ring(&[[1.0, 1.0], [9.0, 1.0], [9.0, 1.5]]);
+    let thin = collection(&[format!(r#"{{"type":"Polygon","coordinates":[{thin}]}}"#)]);
+    place.write("thin.geojson", thin);
+    let args = [&["tin", TERRAIN, "a.ply", "--clip", "thin.geojson"][..], &MAKE].concat();
+    place.fails(&args, 65, &["no cell with four valid samples", "clip it to larger polygons"]);
     place.write("wgs.geojson", collection(&[square]).replace("EPSG::32631", "EPSG::4326"));
     tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "bring both into one system"]);
     place.write("areas.wkt", "POLYGON ((500000 4750000, 500900 4750000, 500900 4749000))");
     tin("areas.wkt", 65, &["unknown", "EPSG:32631", "name it in the file"]);
     place.write("none.geojson", collection(&[]));
     tin("none.geojson", 65, &["has no polygon"]);
-    tin("lost.geojson", 65, &["cannot read"]);
+    tin("lost.geojson", 65, &["no such file", "check the name"]);
     let mut many = "POLYGON ((".to_owned();
     for i in 0..400_000 {
         write!(many, "{} {},", 500_000 + i % 997, 4_749_000 + i % 991).unwrap();
     }
     place.write("many.wkt", many + "500000 4749000))").write("many.prj", "EPSG:32631");
     let with = |memory| {
-        [&["tin", TERRAIN, "many.ply", "--clip", "many.wkt", "--memory", memory][..], &MAKE].concat()
+        [&["tin", TERRAIN, "many.ply", "--clip", "many.wkt", "--memory", memory][..], &MAKE]
+            .concat()
     };
     place.fails(&with("22M"), 75, &["many.wkt", "400001 vertices take 16 MiB", "--memory 128M"]);
     place.ok(&with("128M"));
     place.fails(
-        &[&["tin", TERRAIN, "areas.geojson", "--clip", "areas.geojson", "--overwrite", "-f", "PLY"][..], &MAKE].concat(),
+        &[
+            &[
+                "tin",
+                TERRAIN,
+                "areas.geojson",
+                "--clip",
+                "areas.geojson",
+                "--overwrite",
+                "-f",
+                "PLY",
+            ][..],
+            &MAKE,
+        ]
+        .concat(),
         2,
         &["output is the input itself"],
     );
@@ -244,5 +263,9 @@ fn what_cannot_be_clipped_to_is_refused() {
     place.fails(&cloud, 2, &["--clip is for grids"]);
     place.ok(&[&["tin", TERRAIN, "m.ply"][..], &MAKE].concat());
     place.fails(&["info", "m.ply", "--clip", "areas.geojson"], 2, &["--clip is for grid files"]);
-    place.fails(&["view", "m.ply", "-o", "m.png", "--clip", "areas.geojson"], 2, &["--clip is for"]);
+    place.fails(
+        &["view", "m.ply", "-o", "m.png", "--clip", "areas.geojson"],
+        2,
+        &["--clip is for"],
+    );
 }

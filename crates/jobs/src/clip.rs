@@ -17,6 +17,10 @@ use terrane_vector::{self as vector, Feature, OpenOptions};
 pub fn read(name: Option<&str>, resources: &Resources) -> Result<Option<Arc<Clip>>> {
     let Some(name) = name else { return Ok(None) };
     let path = &*path_of(name);
+    if vector::synthetic(path).is_none() && !path.exists() {
+        let error = Error::bad_input("no such file").in_file(path);
+        return Err(error.remedy("check the name, or name a file of polygons"));
+    }
     let mut source = vector::open(path, &OpenOptions::default())?;
     let (mut rings, mut edges) = (ClipRings::default(), 0);
     while let Some(feature) = source.next()? {

@@ -36,7 +36,7 @@ pub(crate) fn clipped(
     let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     check_crs(clip, &info.crs)?;
-    info.details.push(("clip".to_owned(), clip.path.display().to_string()));
+    info.details.push((Clip::DETAIL.to_owned(), clip.path.display().to_string()));
     let grid = Clipped { info, inner, clip: clip.clone() };
     match grid.holds_any(grid.info.bounds()) {
         true => Ok(Box::new(grid)),
