@@ -235,7 +235,7 @@ fn what_cannot_be_clipped_to_is_refused() {
     }
     place.write("many.wkt", many + "500000 4749000))").write("many.prj", "EPSG:32631");
     let with = |memory| {
-        [&["tin", TERRAIN, "many.ply", "--clip", "many.wkt", "--memory", memory][..], &MAKE]
+        [&["tin", TERRAIN, "of_many.ply", "--clip", "many.wkt", "--memory", memory][..], &MAKE]
             .concat()
     };
     place.fails(&with("22M"), 75, &["many.wkt", "400001 vertices take 16 MiB", "--memory 128M"]);
