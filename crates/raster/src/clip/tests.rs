@@ -93,14 +93,18 @@ const MAPS: [Affine; 6] = [
 
 const SIDE: u32 = 9;
 
-/// Positions on samples, between them on lines of the lattice, and anywhere, beyond the grid, too.
+/// Positions on samples, between them on lines of the lattice, and anywhere, beyond the grid, too; some so
+/// far away that floats do not tell columns apart where their edges cross a row.
 fn position() -> impl Strategy<Value = [f64; 2]> {
     let halves = || (-2i32..2 * SIDE as i32 + 2).prop_map(|half| f64::from(half) / 2.0);
     let whole = || (-1i32..=SIDE as i32).prop_map(f64::from);
+    let far = || prop::sample::select(vec![-1e20, -3e17, 7e18, 2e19]);
     prop_oneof![
-        4 => [whole(), whole()],
-        2 => [halves(), halves()],
-        1 => [-1.0..f64::from(SIDE), -1.0..f64::from(SIDE)],
+        1 => (far(), halves()).prop_map(|(col, row)| [col, row]),
+        1 => [far(), far()],
+        8 => [whole(), whole()],
+        4 => [halves(), halves()],
+        2 => [-1.0..f64::from(SIDE), -1.0..f64::from(SIDE)],
     ]
 }
 
@@ -184,8 +188,6 @@ fn a_window_is_done_with_the_edges_at_its_height() {
         ControlFlow::<()>::Continue(())
     });
     assert_eq!(rows, 16);
-    let jumps = std::iter::successors(clip.reaching(0, -40_000.0), |_| None).count();
-    assert_eq!(jumps, 1);
 }
 
 fn refusal(features: &Features, crs: [Crs; 2], cache_bytes: usize) -> (ErrorKind, String) {
