@@ -86,6 +86,8 @@ fn make_inputs(place: &Place) {
     place.write("in/degrees.asc", degrees());
     place.write("in/degrees.prj", "EPSG:4326");
     place.write("in/mixed.geojson", MIXED);
+    let areas = "POLYGON ((7 46, 7.235 46.02, 7.205 46.175, 7 46), (7.1 46.06, 7.15 46.06, 7.15 46.1, 7.1 46.06))";
+    place.write("in/areas.wkt", areas).write("in/areas.prj", "EPSG:4326");
     for job in INPUTS {
         run(job, &place.path("in")).unwrap();
     }
@@ -251,6 +253,7 @@ fn jobs() -> Vec<String> {
             .into(),
     );
     add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit then run w -o o.ply".into());
+    add("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 --clip ../in/areas.wkt".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

@@ -153,13 +153,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<ContourJob> {
     args.grid.check_all(&args.input)?;
     let Output { format, attribute, with_z, report, overwrite } = args.out.clone();
-    let files = raster::files(&args.input)?;
+    let files = args.grid.read_with(raster::files(&args.input)?);
     check::not_among(&files, &[&args.output])?;
     check::new_file(&args.output, overwrite)?;
     check::report(report.as_deref(), &files, &[&args.output], overwrite)?;
     let job = ContourJob {
         band: args.grid.band(),
         nodata: args.grid.nodata,
+        clip: args.grid.clip.clone(),
         format,
         overwrite,
         tolerance: args.simple.tolerance,

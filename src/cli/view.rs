@@ -84,6 +84,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         input: args.input.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
+        clip: args.grid.clip.clone(),
         output: args.output.clone(),
         overwrite: args.overwrite,
         width: args.width,

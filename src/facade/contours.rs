@@ -73,6 +73,7 @@ impl<'a> ContourBuilder<'a> {
         let job = ContourJob {
             band: self.grid.band_number(),
             nodata: self.grid.nodata_given(),
+            clip: self.grid.clip_name(),
             format: self.format,
             overwrite: self.run.overwrite,
             tolerance: self.tolerance.map(|value| Length { value, unit: None }),

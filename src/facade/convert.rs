@@ -82,6 +82,7 @@ impl<'a> ConvertBuilder<'a> {
             creation: self.creation,
             band: self.grid.band_number(),
             nodata: self.grid.nodata_given(),
+            clip: self.grid.clip_name(),
             bbox: self.bounds,
             sample_type: self.sample_type,
             round: self.round,

@@ -1,6 +1,7 @@
 //! Grids of heights in files.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::contours::ContourBuilder;
 use super::convert::ConvertBuilder;
@@ -8,8 +9,9 @@ use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
-use terrane_jobs::memory;
-use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_files::name_of;
+use terrane_jobs::{Resources, clip, memory};
+use terrane_raster::{self as raster, Clip, GridInfo, GridSource, Inputs, OpenOptions};
 
 /// A grid of heights, in one file or many: what [`open`] opens.
 ///
@@ -18,6 +20,7 @@ use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 pub struct Grid {
     pub(super) inputs: Inputs,
     options: OpenOptions,
+    clip: Option<String>,
     source: Box<dyn GridSource>,
 }
 
@@ -42,11 +45,11 @@ pub struct Grid {
 /// # }
 /// ```
 pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
-    Grid::open(input.into(), OpenOptions::default())
+    Grid::open(input.into(), OpenOptions::default(), None)
 }
 
 impl Grid {
-    fn open(inputs: Inputs, options: OpenOptions) -> Result<Self> {
+    fn open(inputs: Inputs, options: OpenOptions, clip: Option<String>) -> Result<Self> {
         let source = match raster::open_all(inputs.names(), &options) {
             // A block of it is larger than what is held unless told otherwise.
             Err(error) if error.kind() == ErrorKind::Resource => {
@@ -56,7 +59,7 @@ impl Grid {
             }
             opened => opened?,
         };
-        Ok(Self { inputs, options, source })
+        Ok(Self { inputs, options, clip, source })
     }
 
     /// The same files, another band of them, counted from 1.
@@ -64,7 +67,7 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        Self::open(self.inputs, OpenOptions { band, ..self.options })
+        Self::open(self.inputs, OpenOptions { band, ..self.options }, self.clip)
     }
 
     /// The same, with this stored value for voids instead of the files' own.
@@ -72,7 +75,32 @@ impl Grid {
     /// # Errors
     /// As [`open`].
     pub fn nodata(self, value: f64) -> Result<Self> {
-        Self::open(self.inputs, OpenOptions { nodata: Some(value), ..self.options })
+        Self::open(self.inputs, OpenOptions { nodata: Some(value), ..self.options }, self.clip)
+    }
+
+    /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
+    /// Those on a border stay, and rings within a polygon are holes.
+    ///
+    /// # Errors
+    /// A file that cannot be read, of another reference system, with anything else than polygons, or whose
+    /// polygons hold no sample.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// let areas = folder.path().join("areas.wkt");
+    /// std::fs::write(&areas, "POLYGON ((500100 4749900, 500900 4749900, 500500 4749100))").unwrap();
+    /// std::fs::write(areas.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?.clip(&areas)?;
+    /// let corner = dem.heights(terrane::Rect::new(0, 0, 1, 1))?;
+    /// assert!(corner[0].is_nan());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
+        let name = name_of(polygons.as_ref().to_path_buf())?;
+        let clip = clip::read(Some(&name), &Resources::default())?;
+        Self::open(self.inputs, OpenOptions { clip, ..self.options }, Some(name))
     }
 
     /// Size, place, reference system and storage.
@@ -111,6 +139,14 @@ impl Grid {
     /// The proof of a mesh in a file against this grid.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Grid> {
         VerifyBuilder::of(self, mesh.as_ref())
+    }
+
+    pub(super) fn clip_given(&self) -> Option<Arc<Clip>> {
+        self.options.clip.clone()
+    }
+
+    pub(super) fn clip_name(&self) -> Option<String> {
+        self.clip.clone()
     }
 
     pub(super) fn band_number(&self) -> u32 {

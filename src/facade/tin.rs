@@ -311,6 +311,7 @@ impl TinBuilder<&Grid> {
         let options = OpenOptions {
             band: self.source.band_number(),
             nodata: self.source.nodata_given(),
+            clip: self.source.clip_given(),
             temp_dir: temp_dir.clone(),
             ..OpenOptions::default()
         };
@@ -353,6 +354,7 @@ impl TinBuilder<&Grid> {
         Ok(TinJob {
             band: self.source.band_number(),
             nodata: self.source.nodata_given(),
+            clip: self.source.clip_name(),
             format: self.format.clone(),
             overwrite: self.run.overwrite,
             split: self.split,

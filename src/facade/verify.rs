@@ -65,6 +65,7 @@ impl VerifyBuilder<'_, Grid> {
             raster: self.against.inputs.clone(),
             band: self.against.band_number(),
             nodata: self.against.nodata_given(),
+            clip: self.against.clip_name(),
             tolerance: self.tolerance,
             bound: self.bound,
             resources: self.run.resources()?,

@@ -29,6 +29,7 @@ mod plan_matrix;
 mod print;
 mod resume;
 mod synth;
+mod tin_clip;
 mod tin_fit;
 mod tin_limits;
 mod tin_methods;

@@ -69,6 +69,41 @@ fn a_mesh_in_memory_is_written_and_proved() {
 }
 
 #[test]
+fn a_clipped_grid_is_clipped_whatever_is_made_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let corners = "500100 4749900, 502700 4749700, 502000 4747200, 500400 4747600, 500100 4749900";
+    std::fs::write(path("areas.wkt"), format!("POLYGON (({corners}))")).unwrap();
+    std::fs::write(path("areas.prj"), "EPSG:32631").unwrap();
+    let (whole, grid) = (terrane::open(NAME).unwrap(), terrane::open(NAME).unwrap());
+    let grid = grid.clip(path("areas.wkt")).unwrap();
+    let clipped = grid.heights(grid.info().bounds()).unwrap();
+    let voids = clipped.iter().filter(|height| height.is_nan()).count();
+    assert!(clipped[0].is_nan() && voids > 30_000 && voids < 60_000, "{voids}");
+    let report = grid.tin().max_error(2.0).tile(64).write(path("mesh.ply")).unwrap();
+    assert_eq!(report.valid_samples as usize, clipped.len() - voids);
+    assert!(grid.verify(path("mesh.ply")).run().unwrap().verdict.passed);
+    let without = whole.verify(path("mesh.ply")).run().unwrap().verdict;
+    assert!(without.failures.concat().contains("clipped to areas.wkt"), "{:?}", without.failures);
+    let tin = grid.tin().max_error(2.0).tile(64).build().unwrap();
+    assert_eq!(tin.vertices(), stored(&path("mesh.ply")).0);
+    let array = Tin::from_array(&clipped, 300, 300).unwrap();
+    let array = array.place(grid.info().transform, grid.info().crs.clone());
+    assert_eq!(array.max_error(2.0).tile(64).build().unwrap().vertices(), tin.vertices());
+    let plan = grid.tin().max_error(2.0).tile(64).plan(path("work"), 2).unwrap();
+    plan.run().output(path("planned.ply")).run().unwrap();
+    let bytes = |name: &str| std::fs::read(path(name)).unwrap();
+    assert!(bytes("planned.ply") == bytes("mesh.ply"));
+    grid.convert().write(path("masked.tif")).unwrap();
+    let masked = terrane::open(path("masked.tif")).unwrap();
+    masked.contours().every(20.0).write(path("by_hand.geojson")).unwrap();
+    grid.contours().every(20.0).write(path("clipped.geojson")).unwrap();
+    assert!(bytes("clipped.geojson") == bytes("by_hand.geojson"));
+    let other = terrane::open(NAME).unwrap().clip(path("mesh.ply"));
+    assert_eq!(other.err().map(|e| e.kind()), Some(ErrorKind::BadInput));
+}
+
+#[test]
 fn heights_that_a_format_does_not_hold_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let heights: Vec<f64> = (0..64).map(|i| f64::from(i * i % 13) / 10.0).collect();

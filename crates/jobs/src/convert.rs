@@ -17,6 +17,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::clip;
 use crate::figures::Figures;
 use crate::{Cancel, Progress, Resources};
 use bbox::{part, window};
@@ -40,6 +41,8 @@ pub struct ConvertJob {
     pub band: u32,
     /// Replaces the file's nodata value.
     pub nodata: Option<f64>,
+    /// The name of a file with the polygons that the grid is clipped to.
+    pub clip: Option<String>,
     /// Keep only the cells that (x min, y min, x max, y max) overlaps, in world coordinates: the box
     /// is widened to whole cells, a cell being the square around a sample.
     pub bbox: Option<[f64; 4]>,
@@ -65,6 +68,7 @@ impl ConvertJob {
             creation: Vec::new(),
             band: 1,
             nodata: None,
+            clip: None,
             bbox: None,
             sample_type: None,
             out_nodata: None,
@@ -120,8 +124,9 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
     let temp_dir = job.resources.temp_dir.clone();
+    let clip = clip::read(job.clip.as_deref(), &job.resources)?;
     let options =
-        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir, clip };
     let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }

@@ -1,5 +1,6 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
+pub mod clip;
 pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod contour;

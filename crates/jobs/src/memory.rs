@@ -124,7 +124,13 @@ fn enough(
 ) -> Option<Error> {
     let block = look_at(input, options).ok()?.block_bytes();
     let least = least(worker, block);
-    (block <= MOST_CACHE && least > resources.memory).then(|| too_little(resources.memory, least))
+    let is_enough = block <= MOST_CACHE && least > resources.memory;
+    let error = is_enough.then(|| too_little(resources.memory, least))?;
+    // Where polygons are among what takes it, they are named.
+    Some(match &options.clip {
+        Some(clip) => error.at("with its polygons").in_file(clip.path()),
+        None => error,
+    })
 }
 
 /// Opens a grid only to learn what it is: no block of it is ever held.

@@ -21,6 +21,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::clip;
 use crate::figures::Figures;
 use crate::input::{self, Surface};
 use crate::memory::cache_beside;
@@ -41,6 +42,8 @@ pub struct ViewJob {
     pub band: u32,
     /// Replaces a grid's nodata value.
     pub nodata: Option<f64>,
+    /// The name of a file with the polygons that a grid is clipped to.
+    pub clip: Option<String>,
     /// PNG file to write.
     pub output: PathBuf,
     /// Replace an existing picture.
@@ -97,7 +100,7 @@ const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
     let started = Instant::now();
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let drawn = match input::open(job.input.names(), &options(job))? {
+    let drawn = match input::open(job.input.names(), &options(job)?)? {
         Surface::Grid(_) if job.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave --edges out, or view a mesh made by `terrane tin`"));
@@ -109,14 +112,15 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     Ok(ViewReport { run: Figures::since(started, &job.resources), ..report })
 }
 
-fn options(job: &ViewJob) -> OpenOptions {
-    OpenOptions {
+fn options(job: &ViewJob) -> Result<OpenOptions> {
+    Ok(OpenOptions {
         band: job.band,
         nodata: job.nodata,
         cache_bytes: cache_beside(job.resources.memory),
         threads: job.resources.threads,
         temp_dir: job.resources.temp_dir.clone(),
-    }
+        clip: clip::read(job.clip.as_deref(), &job.resources)?,
+    })
 }
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.

@@ -32,6 +32,7 @@ macro_rules! reads_alike {
 mod array;
 mod asc;
 mod cache;
+mod clip;
 mod decimal;
 mod dted;
 mod geotiff;
@@ -61,10 +62,12 @@ use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 pub use array::{ArrayGrid, ArraySample};
+pub use clip::{Clip, ClipRings};
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
@@ -235,6 +238,9 @@ pub trait GridSource: Send + Sync {
 
     /// A hint that `rect` will not be read again soon: mapped pages or cached blocks may go.
     fn release(&self, _rect: Rect) {}
+
+    /// A hint that all of `rect` has been read: mapped pages may go, as they cost little to have again.
+    fn copied(&self, _rect: Rect) {}
 }
 
 /// How to open a grid.
@@ -250,13 +256,16 @@ pub struct OpenOptions {
     pub threads: usize,
     /// Folder for what has to be unpacked first; the system's when `None`.
     pub temp_dir: Option<PathBuf>,
+    /// What [`open_all`] clips the grid to: all samples outside are voids. Its bytes are taken off
+    /// `cache_bytes`.
+    pub clip: Option<Arc<Clip>>,
 }
 
 impl Default for OpenOptions {
     /// The first band, on all cores.
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads, temp_dir: None }
+        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads, temp_dir: None, clip: None }
     }
 }
 
@@ -317,11 +326,16 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 /// for ([`files`]) on the lattice of the first one, later ones on top wherever they are valid.
 ///
 /// # Errors
-/// Whatever [`open`] finds in a file, and two files that differ in what they must agree in.
+/// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to
+/// clip to that are in another reference system, hold no sample, or take all of the cache.
 pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    match inputs {
+    let open = |options: &OpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),
         _ => mosaic::open(inputs, options),
+    };
+    match &options.clip {
+        Some(clip) => clip::clipped(clip, options, open),
+        None => open(options),
     }
 }
 

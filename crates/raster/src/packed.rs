@@ -111,6 +111,10 @@ impl GridSource for Unpacked {
     fn release(&self, rect: Rect) {
         self.grid.release(rect);
     }
+
+    fn copied(&self, rect: Rect) {
+        self.grid.copied(rect);
+    }
 }
 
 fn is_packed(path: &Path) -> Result<bool> {

@@ -309,6 +309,10 @@ impl GridSource for Amended {
     fn release(&self, rect: Rect) {
         self.grid.release(rect);
     }
+
+    fn copied(&self, rect: Rect) {
+        self.grid.copied(rect);
+    }
 }
 
 #[cfg(test)]

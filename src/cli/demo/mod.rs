@@ -102,6 +102,7 @@ fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
         input: mesh.to_string_lossy().into_owned().into(),
         band: 1,
         nodata: None,
+        clip: None,
         output: picture.to_owned(),
         overwrite: true,
         width: 1600,

@@ -219,7 +219,7 @@ fn describe_surface(
     }
     let file = &told(files);
     let resources: Resources = args.machine.resources();
-    match input::open(files, &args.grid.open_options(&resources))? {
+    match input::open(files, &args.grid.clipped(&resources)?)? {
         Surface::Grid(grid) => {
             args.quality.refuse(files, "a grid")?;
             let measure = || input::grid_stats(grid.as_ref(), &resources, progress, cancel);

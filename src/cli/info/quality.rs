@@ -73,7 +73,7 @@ fn open(name: &str, grid: &args::Grid, resources: &Resources) -> Result<Box<dyn 
             .in_file(&path_of(name))
             .remedy("name the grid that the mesh was made from"));
     }
-    raster::open_all(&[name.to_owned()], &grid.open_options(resources))
+    raster::open_all(&[name.to_owned()], &grid.clipped(resources)?)
 }
 
 /// What was measured, for people.

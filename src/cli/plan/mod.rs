@@ -138,6 +138,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
     let tin = TinJob {
         band: args.grid.band(),
         nodata: args.grid.nodata,
+        clip: args.grid.clip.clone(),
         format: Some(format.name.to_owned()),
         bound: args.method.bound,
         strict: args.method.strict,

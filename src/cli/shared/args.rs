@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::shared::progress::{self, How};
-use crate::cli::shared::{parse, say};
+use crate::cli::shared::{names, parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
+use crate::jobs::clip;
 use crate::jobs::input::{is_mesh, is_synthetic};
 use crate::jobs::memory::cache_beside;
 use crate::jobs::plan::DiskCheck;
@@ -23,6 +24,10 @@ pub(crate) struct Grid {
     /// Stored value that means "no height", instead of the file's own
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
     pub(crate) nodata: Option<f64>,
+    /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken
+    /// for voids; those on a border stay, and rings within a polygon are holes
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) clip: Option<String>,
 }
 
 impl Grid {
@@ -31,11 +36,23 @@ impl Grid {
         self.band.unwrap_or(1)
     }
 
-    /// Options for opening the grid within `resources`.
+    /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
-        OpenOptions { band: self.band(), nodata: self.nodata, cache_bytes, threads, temp_dir }
+        let (band, nodata) = (self.band(), self.nodata);
+        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None }
+    }
+
+    /// The same with the polygons that the whole grid is clipped to.
+    pub(crate) fn clipped(&self, resources: &Resources) -> Result<OpenOptions> {
+        let clip = clip::read(self.clip.as_deref(), resources)?;
+        Ok(OpenOptions { clip, ..self.open_options(resources) })
+    }
+
+    /// All files that are read where `files` are those of the grid.
+    pub(crate) fn read_with(&self, files: Vec<String>) -> Vec<String> {
+        files.into_iter().chain(self.clip.clone()).collect()
     }
 
     /// As [`check`](Self::check), for each of `inputs`.
@@ -45,7 +62,12 @@ impl Grid {
 
     /// Fails when an option was given that cannot act on `input`: it is a mesh or made by rule.
     pub(crate) fn check(&self, input: &str) -> Result<()> {
-        self.given().map_or(Ok(()), |option| only_grid_files(option, input))
+        match self.given() {
+            // A synthetic terrain has samples, too.
+            Some(option @ "--clip") => only_grids(option, input),
+            Some(option) => only_grid_files(option, input),
+            None => Ok(()),
+        }
     }
 
     /// Fails when an option was given, because `input` is `what`, such as a point cloud.
@@ -55,7 +77,11 @@ impl Grid {
 
     /// The first of these options that was given.
     pub(crate) fn given(&self) -> Option<&'static str> {
-        let options = [("--band", self.band.is_some()), ("--nodata", self.nodata.is_some())];
+        let options = [
+            ("--band", self.band.is_some()),
+            ("--nodata", self.nodata.is_some()),
+            ("--clip", self.clip.is_some()),
+        ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 }

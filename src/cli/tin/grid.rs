@@ -61,7 +61,7 @@ fn job(args: &Args) -> Result<TinJob> {
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
     let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
-    let files = raster::files(&args.input)?;
+    let files = args.grid.read_with(raster::files(&args.input)?);
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -91,6 +91,7 @@ fn job(args: &Args) -> Result<TinJob> {
         input: args.input.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
+        clip: args.grid.clip.clone(),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -115,6 +116,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         raster: job.input.clone(),
         band: job.band,
         nodata: job.nodata,
+        clip: job.clip.clone(),
         tolerance: Some(made.tolerance),
         bound: None,
         resources: job.resources.clone(),

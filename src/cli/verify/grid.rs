@@ -22,13 +22,15 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let args = &Args { source: names, ..args.clone() };
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
-    let read = [raster::files(&args.source)?, vec![name_of(args.mesh.clone())?]].concat();
+    let mut read = args.grid.read_with(raster::files(&args.source)?);
+    read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.source.clone().into(),
         band: args.grid.band(),
         nodata: args.grid.nodata,
+        clip: args.grid.clip.clone(),
         tolerance: args.max_error,
         bound: args.bound,
         resources,

@@ -31,6 +31,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::clip;
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
 use crate::workers;
@@ -73,6 +74,8 @@ pub struct ContourJob {
     pub band: u32,
     /// Replaces the file's nodata value.
     pub nodata: Option<f64>,
+    /// The name of a file with the polygons that the grid is clipped to.
+    pub clip: Option<String>,
     /// File of features to write.
     pub output: PathBuf,
     /// Name of the format to write; by the output's ending when `None`.
@@ -108,6 +111,7 @@ impl ContourJob {
             input: input.into(),
             band: 1,
             nodata: None,
+            clip: None,
             output: output.into(),
             format: None,
             overwrite: false,
@@ -213,13 +217,14 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
         cache_bytes: usize::try_from(budget.cache).unwrap_or(usize::MAX),
         threads: budget.threads,
         temp_dir: job.resources.temp_dir.clone(),
+        clip: clip::read(job.clip.as_deref(), &job.resources)?,
     };
     let source = raster::open_all(job.input.names(), &options)?;
     let work = Work::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;
-    // Decoded blocks make room for lines.
-    drop(source);
+    // Decoded blocks and polygons make room for lines.
+    drop((source, options));
     work.write(pieces, sink, start, progress, cancel)
 }
 

@@ -1,8 +1,10 @@
 //! A grid that is open already into any sink: for meshes that stay in memory.
 
+use std::path::Path;
+
 use super::job::Goal;
 use super::layout::{Layout, checked_tile};
-use super::make::{header, in_input, open_tiled};
+use super::make::{Origin, header, in_input, open_tiled};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::worker::worker_bytes;
@@ -60,7 +62,7 @@ pub fn build(
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
     let worker = worker_bytes(layout.side(), job.goal.keeps_all(), job.fit);
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
-    build_within(source, sink, job, shares, progress, cancel)
+    build_within((source, None), sink, job, shares, progress, cancel)
 }
 
 /// As [`build`], of files, whose decoded blocks have their share of the memory.
@@ -78,12 +80,13 @@ pub fn build_files(
     job.goal.check()?;
     let (source, shares) =
         open_tiled(input, options, job.tile, (job.goal, job.fit), job.resources)?;
-    let built = build_within(&*source, sink, job, shares, progress, cancel);
+    let clip = options.clip.as_ref().map(|clip| clip.path());
+    let built = build_within((&*source, clip), sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
 
 fn build_within(
-    source: &dyn GridSource,
+    (source, clip): (&dyn GridSource, Option<&Path>),
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     shares: Shares,
@@ -114,5 +117,6 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    Ok(Built { tolerance, outcome, header: header(info, info.format, &settings.spec, 0.0) })
+    let from = Origin { input: info.format, clip };
+    Ok(Built { tolerance, outcome, header: header(info, from, &settings.spec, 0.0) })
 }

@@ -56,6 +56,9 @@ pub struct TinJob {
     /// Replaces the file's nodata value.
     #[serde(with = "as_text")]
     pub nodata: Option<f64>,
+    /// The name of a file with the polygons that the grid is clipped to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clip: Option<String>,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -102,6 +105,7 @@ impl TinJob {
             input: input.into(),
             band: 1,
             nodata: None,
+            clip: None,
             output: output.into(),
             format: None,
             overwrite: false,

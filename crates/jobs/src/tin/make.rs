@@ -12,6 +12,7 @@ use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
+use crate::clip;
 use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::memory::{self, Shares};
@@ -21,7 +22,7 @@ use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
-use terrane_files::folder_for;
+use terrane_files::{folder_for, path_of};
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
@@ -94,17 +95,18 @@ impl Opened {
 
 /// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
 fn open(job: &TinJob) -> Result<memory::Opened> {
-    open_tiled(&job.input, &options(job), job.tile, (job.goal, job.fit), &job.resources)
+    open_tiled(&job.input, &options(job)?, job.tile, (job.goal, job.fit), &job.resources)
 }
 
 /// How to open the input of `job`.
-pub(super) fn options(job: &TinJob) -> OpenOptions {
-    OpenOptions {
+pub(super) fn options(job: &TinJob) -> Result<OpenOptions> {
+    Ok(OpenOptions {
         band: job.band,
         nodata: job.nodata,
+        clip: clip::read(job.clip.as_deref(), &job.resources)?,
         temp_dir: job.resources.temp_dir.clone(),
         ..OpenOptions::default()
-    }
+    })
 }
 
 /// Opens `input` for workers on tiles of `tile` cells.
@@ -166,7 +168,9 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let mut header = header(info, &job.input.to_string(), &spec, height);
+        let clip = job.clip.as_deref().map(path_of);
+        let from = Origin { input: &job.input.to_string(), clip: clip.as_deref() };
+        let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
@@ -360,8 +364,14 @@ impl Maker<'_> {
     }
 }
 
+/// Where a mesh comes from: the names of its grid, and of polygons that this was clipped to.
+pub(super) struct Origin<'a> {
+    pub(super) input: &'a str,
+    pub(super) clip: Option<&'a Path>,
+}
+
 /// What a file of the mesh is told of it.
-pub(super) fn header(info: &GridInfo, input: &str, spec: &Spec, height: f64) -> MeshHeader {
+pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64) -> MeshHeader {
     let bounds = bounds(info);
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
     MeshHeader {
@@ -369,16 +379,20 @@ pub(super) fn header(info: &GridInfo, input: &str, spec: &Spec, height: f64) -> 
         origin: origin(bounds, height),
         scale: [1.0; 3],
         bounds,
-        comments: comments(input, spec, &unit),
+        comments: comments(from, spec, &unit),
     }
 }
 
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
-fn comments(input: &str, spec: &Spec, unit: &str) -> Vec<String> {
+fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("max error {}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
-    [format!("source {input}"), error].into_iter().chain(bound).chain(fitted).collect()
+    // Plans know the whole path, which is no part of the mesh.
+    let clip = from.clip.and_then(Path::file_name);
+    let clip = clip.map(|name| format!("clip {}", name.display()));
+    let source = format!("source {}", from.input);
+    [source, error].into_iter().chain(bound).chain(fitted).chain(clip).collect()
 }
 
 /// World bounding box of the samples; z is not known.

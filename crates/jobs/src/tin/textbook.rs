@@ -56,7 +56,7 @@ pub fn run_by(
 
 /// Opens the input where the memory holds all of it.
 fn open(job: &TinJob, method: &Method) -> Result<memory::Opened> {
-    let (options, resources) = (options(job), &job.resources);
+    let (options, resources) = (options(job)?, &job.resources);
     let source = memory::look_at(&job.input, &options)?;
     let (width, height) = (source.info().width, source.info().height);
     terrane_methods::check_sides(width, height)?;

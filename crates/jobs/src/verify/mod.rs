@@ -19,6 +19,7 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
+use crate::clip;
 use crate::figures::Figures;
 use crate::memory::{beside_program, cache_beside};
 use crate::{Cancel, Progress, Resources};
@@ -52,6 +53,8 @@ pub struct VerifyJob {
     pub band: u32,
     /// Replaces the raster's nodata value.
     pub nodata: Option<f64>,
+    /// The name of a file with the polygons that the raster is clipped to.
+    pub clip: Option<String>,
     /// Largest allowed vertical distance; what the mesh's comments say when `None`.
     pub tolerance: Option<f64>,
     /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
@@ -67,8 +70,9 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let cache_bytes = cache_beside(job.resources.memory);
     let Resources { threads, ref temp_dir, .. } = job.resources;
     let temp_dir = temp_dir.clone();
+    let clip = clip::read(job.clip.as_deref(), &job.resources)?;
     let options =
-        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir };
+        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir, clip };
     let grid = raster::open_all(job.raster.names(), &options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
@@ -84,6 +88,12 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         ErrorKind::BadInput => e.in_file(&job.mesh),
         _ => e,
     })?;
+    let mut report = report;
+    if let Some(clip) = stated_text(mesh.info(), CLIP).filter(|_| job.clip.is_none()) {
+        let told =
+            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
+        report.verdict.failures.extend((!report.verdict.passed).then_some(told));
+    }
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
@@ -125,15 +135,21 @@ fn stated_bound(info: &MeshInfo) -> Result<Bound> {
 
 /// The word after `key` in a mesh's comments.
 fn stated<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
+    stated_text(info, key).map(|rest| rest.split_whitespace().next().unwrap_or_default())
+}
+
+/// What comes after `key` in a mesh's comments.
+fn stated_text<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
     info.details.iter().find_map(|(own, value)| {
         let rest = if own == key { value } else { value.trim().strip_prefix(key)? };
         let is_whole_word = rest.is_empty() || own == key || rest.starts_with(char::is_whitespace);
-        is_whole_word.then(|| rest.split_whitespace().next().unwrap_or_default())
+        is_whole_word.then(|| rest.trim())
     })
 }
 
 const TOLERANCE: &str = "max error";
 const BOUND: &str = "bound";
+const CLIP: &str = "clip";
 const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.

@@ -211,14 +211,11 @@ impl<J> Checker<'_, J> {
     }
 }
 
-/// Reads an apron, or another window, and lets it go: all of it where it was read straight from the file,
-/// else what no other apron shares, as blocks are not to be decoded again.
+/// Reads an apron, or another window.
 fn read(context: &Context<'_>, rect: Rect) -> Result<Vec<f64>> {
     let mut heights = vec![0.0; rect.len()];
     context.grid.read_f64(rect, &mut heights)?;
-    let shared = if context.grid.block_bytes() == 0 { 0 } else { 2 };
-    let [width, height] = [rect.width, rect.height].map(|side| side.saturating_sub(2 * shared));
-    context.grid.release(Rect::new(rect.col + shared, rect.row + shared, width, height));
+    context.grid.copied(rect);
     Ok(heights)
 }
 

@@ -65,7 +65,7 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
 }
 
 fn drawn(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Drawn> {
-    match input::open(job.input.names(), &options(job))? {
+    match input::open(job.input.names(), &options(job)?)? {
         Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel),
         Surface::Grid(_) => Err(Error::usage(format!("{} is a grid, not a mesh", job.input))
             .remedy("make a mesh of it with `terrane tin`")),
@@ -161,6 +161,7 @@ mod tests {
             input: "".into(),
             band: 1,
             nodata: None,
+            clip: None,
             output: folder.join("all.png"),
             overwrite: false,
             width: 60,

@@ -73,7 +73,7 @@ enum Source {
 }
 
 /// Heights that a grid can be asked for.
-trait Sample: Height {
+pub(crate) trait Sample: Height {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
     fn is_void(self) -> bool;
 }
@@ -102,6 +102,20 @@ impl Mosaic {
     fn new(info: GridInfo, parts: Vec<Part>, family: Arc<Family>) -> Self {
         let index = Index::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
         Self { info, parts, index, family }
+    }
+
+    /// Tells all grids that are open what `rect` is of them.
+    fn tell(&self, rect: Rect, hint: impl Fn(&dyn GridSource, Rect)) {
+        for i in self.index.find(&rect) {
+            let part = &self.parts[i as usize];
+            let there = part.in_source(part.rect.intersect(&rect));
+            match &part.source {
+                Source::Nested { grid, .. } => hint(&**grid, there),
+                Source::File(file) => {
+                    self.family.pool.peek(file.key).into_iter().for_each(|g| hint(&*g, there));
+                }
+            }
+        }
     }
 
     fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
@@ -199,16 +213,11 @@ impl GridSource for Mosaic {
     }
 
     fn release(&self, rect: Rect) {
-        for i in self.index.find(&rect) {
-            let part = &self.parts[i as usize];
-            let there = part.in_source(part.rect.intersect(&rect));
-            match &part.source {
-                Source::Nested { grid, .. } => grid.release(there),
-                Source::File(file) => {
-                    self.family.pool.peek(file.key).into_iter().for_each(|g| g.release(there));
-                }
-            }
-        }
+        self.tell(rect, |grid, there| grid.release(there));
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.tell(rect, |grid, there| grid.copied(there));
     }
 }
 

@@ -242,9 +242,14 @@ impl Store {
 impl GridSource for Store {
     reads_alike!();
 
-    /// Lets the pages of all tiles that `rect` touches go: whoever reads by other pieces than tiles would
-    /// have all of them in the end, and a page that is read again is in the system's cache.
+    /// The same as [`copied`](Self::copied): a page that is read again is in the system's cache.
     fn release(&self, rect: Rect) {
+        self.copied(rect);
+    }
+
+    /// Lets the pages of all tiles that `rect` touches go: whoever reads by other pieces than tiles would
+    /// have all of them in the end.
+    fn copied(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
         for (across, down) in self.tiles(rect) {
             self.map.release(self.tile_bytes(across, down));

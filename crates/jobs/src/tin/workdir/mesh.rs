@@ -11,6 +11,7 @@ use super::object::{Facts, ObjectWriter, object_bytes};
 use super::shelf::Shelf;
 use super::tasks::{Strips, Task};
 use super::{Form, MeshRun, MeshStatus};
+use crate::clip;
 use crate::memory;
 use crate::plan::{
     self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, StatusReport, Survey, Work,
@@ -29,7 +30,7 @@ use terrane_base::geom::Affine;
 use terrane_base::limits;
 use terrane_files::{name_of, path_of};
 use terrane_mesh as mesh;
-use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, SYNTH_PREFIX};
+use terrane_raster::{self as raster, GridInfo, GridSource, SYNTH_PREFIX};
 use terrane_tin::{Local, Triangle};
 
 /// Share of the time that the writing of the mesh takes, about.
@@ -124,7 +125,7 @@ impl Mesh {
     fn check_source(plan: &Plan<Self>, source: &dyn GridSource) -> Result<()> {
         let Self { method, grid } = &plan.work;
         let known: HashSet<Cow<'_, Path>> = plan.files().collect();
-        let all = plan::with_companions(files(&method.job.input, source));
+        let all = plan::with_companions(files(&method.job, source));
         if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
             return Err(Error::bad_input(
                 "is read with the input, and was not when it was planned",
@@ -281,13 +282,14 @@ impl Grid {
     }
 }
 
-/// The files behind `input`.
-pub(super) fn files(input: &Inputs, source: &dyn GridSource) -> Vec<PathBuf> {
+/// The files that `job` reads: those behind its input, and polygons.
+pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
-    let all: Vec<String> = input.names().iter().cloned().chain(members).collect();
-    all.iter().filter(is_file).map(path).collect()
+    let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
+    let polygons = job.clip.as_deref().map_or_else(Vec::new, clip::files);
+    all.iter().filter(is_file).map(path).chain(polygons).collect()
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
 use super::report::{Clock, StageReport, TinReport};
+use crate::clip;
 use crate::plan::{self, DiskCheck, PLAN, Plan};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
@@ -102,7 +103,8 @@ fn plan_checked(
     if !matches!(job.job.goal, Goal::MaxError(_)) {
         return Err(budget());
     }
-    let tin = TinJob { input: job.job.input.resolve()?, ..job.job.clone() };
+    let clip = job.job.clip.as_deref().map(clip::absolute).transpose()?;
+    let tin = TinJob { input: job.job.input.resolve()?, clip, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
@@ -114,7 +116,7 @@ fn plan_checked(
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
-    let (files, needs) = (mesh::files(&tin.input, &*opened.source), mesh.needs(size, &opened)?);
+    let (files, needs) = (mesh::files(&tin, &*opened.source), mesh.needs(size, &opened)?);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
     status_of(&job.folder)
 }

@@ -1,0 +1,131 @@
+//! A grid in front of another: what lies outside the polygons is void.
+
+use std::ops::{ControlFlow, Range};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::Clip;
+use super::scan::Scan;
+use crate::mosaic::Sample;
+use crate::window::Window;
+use crate::{GridInfo, GridSource, OpenOptions};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Crs, Rect};
+
+/// A clipped grid.
+struct Clipped {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    clip: Arc<Clip>,
+}
+
+/// What `open` opens, clipped to `clip`, whose bytes are taken off those of the cache.
+///
+/// # Errors
+/// Those of `open`; polygons that leave no room for anything else, that are in another reference system,
+/// or hold no sample.
+pub(crate) fn clipped(
+    clip: &Arc<Clip>,
+    options: &OpenOptions,
+    open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
+) -> Result<Box<dyn GridSource>> {
+    let held = clip.held(options.threads);
+    let room =
+        (options.cache_bytes as u64).checked_sub(held).ok_or_else(|| too_large(clip, held))?;
+    let cache_bytes = usize::try_from(room).unwrap_or(usize::MAX);
+    let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
+    let mut info = inner.info().clone();
+    check_crs(clip, &info.crs)?;
+    info.details.push((Clip::DETAIL.to_owned(), clip.path.display().to_string()));
+    let grid = Clipped { info, inner, clip: clip.clone() };
+    match grid.holds_any(grid.info.bounds()) {
+        true => Ok(Box::new(grid)),
+        false => Err(Error::bad_input("no sample of the grid lies in a polygon of this file")
+            .in_file(&clip.path)
+            .remedy(
+                "choose polygons that overlap the grid (terrane info tells the bounds of both)",
+            )),
+    }
+}
+
+fn too_large(clip: &Clip, held: u64) -> Error {
+    let mib = held.div_ceil(1 << 20);
+    let message = format!("its polygons take {mib} MiB, more than is left for what is read");
+    // The least share of the memory that is for what is read is a quarter, beside the program.
+    Error::new(ErrorKind::Resource, message).in_file(&clip.path).remedy(format!(
+        "pass --memory {}M or more, or simplify them with terrane line",
+        4 * mib + 64
+    ))
+}
+
+fn check_crs(clip: &Clip, crs: &Crs) -> Result<()> {
+    if crs.agrees(&clip.crs) {
+        return Ok(());
+    }
+    let [own, others] = crs.told_apart(&clip.crs);
+    let remedy = match (crs.is_named(), clip.crs.is_named()) {
+        (true, true) => "bring both into one system",
+        (true, false) => "if it is that of the grid, name it in the file or in a .prj beside it",
+        _ => {
+            "name the system of the grid, or write the polygons as WKT or CSV, which need not name any"
+        }
+    };
+    let message =
+        format!("its coordinate reference system is {others}, and that of the grid is {own}");
+    Err(Error::bad_input(message).in_file(&clip.path).remedy(remedy))
+}
+
+impl Clipped {
+    fn scan(&self, rect: Rect) -> Scan<'_> {
+        Scan::new(&self.clip, self.info.transform, rect)
+    }
+
+    /// True when a sample of `rect` stays.
+    fn holds_any(&self, rect: Rect) -> bool {
+        let see = |_, inside: &[Range<u32>]| match inside {
+            [] => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        };
+        self.scan(rect).rows(see).is_break()
+    }
+
+    fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = Window::new(&self.info, rect, out)?;
+        if !self.holds_any(rect) {
+            (0..rect.height).for_each(|row| window.row(rect, row).fill(H::VOID));
+            return Ok(());
+        }
+        H::read(&*self.inner, rect, out)?;
+        let mut window = Window::new(&self.info, rect, out)?;
+        let _ = self.scan(rect).rows(|row, inside| {
+            let row = window.row(rect, row);
+            let starts = std::iter::once(0).chain(inside.iter().map(|range| range.end));
+            let ends = inside.iter().map(|range| range.start).chain([rect.width]);
+            for (start, end) in starts.zip(ends) {
+                row[start as usize..end as usize].fill(H::VOID);
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        Ok(())
+    }
+}
+
+impl GridSource for Clipped {
+    reads_alike!();
+
+    fn block_bytes(&self) -> u64 {
+        self.inner.block_bytes() + self.clip.held(1)
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.inner.release(rect);
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.inner.copied(rect);
+    }
+}
