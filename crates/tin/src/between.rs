@@ -109,3 +109,36 @@ impl Rounds {
 fn is_fresh(tri: &Tri) -> bool {
     matches!(tri.state, State::Passed(_))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sample (1, 1) is beside the diagonal of a rectangle of four by three cells.
+    #[test]
+    fn an_edge_waits_when_a_triangle_beside_it_has_changed() {
+        let (kept, dirty) = (State::Kept, State::Dirty);
+        for (half_edge, states, expected) in [
+            (2, [kept, kept], true),
+            (4, [kept, kept], true),
+            (2, [dirty, kept], false),
+            (2, [kept, dirty], false),
+            (2, [dirty, dirty], false),
+            // Nothing lies beyond the sides.
+            (0, [kept, kept], false),
+            (5, [kept, kept], false),
+        ] {
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(4, 3);
+            for (tri, state) in mesh.tris.iter_mut().zip(states) {
+                tri.state = state;
+            }
+            let samples = [1, 0].map(|row| Local::new(1, row));
+            let over = Over { half_edge, crossing: Crossing { error: 1.0, samples } };
+            let is_mended = Rounds::default().mend(&mut mesh, over);
+            assert_eq!(is_mended, expected, "{half_edge} {states:?}");
+            let is_vertex = mesh.tris.iter().any(|tri| tri.corners.contains(&samples[0]));
+            assert_eq!(is_vertex, expected, "{half_edge} {states:?}");
+        }
+    }
+}
