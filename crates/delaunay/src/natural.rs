@@ -433,6 +433,22 @@ mod tests {
         }
     }
 
+    /// A triangle of the points in a window may hold others, which are known as well.
+    #[test]
+    fn the_window_makes_no_difference() {
+        for (name, points) in oracle::awkward(1500) {
+            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let space = Loaded::whole(&bins);
+            let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
+            for q in positions(25, 400_000).into_iter().chain(positions(25, 20_000)) {
+                let here = Window { low: q.floor(), high: q.floor() };
+                let found = Natural::new(&space, &hull, &here).unwrap().height(q).unwrap().unwrap();
+                let expected = natural.height(q).unwrap().unwrap();
+                assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name} {q:?}");
+            }
+        }
+    }
+
     #[test]
     fn what_is_final_is_the_same_to_the_last_bit() {
         let mut asked = 0;

@@ -302,3 +302,35 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::Plane;
+
+    /// A segment costs as many looks as vertices it passes and the end, and the last look is not enough.
+    #[test]
+    fn segments_are_tested_while_there_are_looks() {
+        let points: Vec<_> = (0..12).map(|i| [f64::from(i), 0.0]).collect();
+        for (looks, left, expected) in [
+            (Some(100), Some(93), true),
+            (Some(8), Some(1), true),
+            (Some(7), Some(0), false),
+            (Some(3), Some(0), false),
+            (None, None, true),
+        ] {
+            let mut search = Search {
+                metric: &Plane,
+                points: &points,
+                tolerance: 1.0,
+                tolerance2: 1.0,
+                nodes: &mut [Node { parent: NONE, spoiler: 0, next: 0 }; 12],
+                found: &mut Vec::new(),
+                witness: Witness { cutters: [NONE; MOST_SIDES], killer: 0 },
+                looks,
+            };
+            assert_eq!(search.is_valid(3, 10), expected, "{looks:?}");
+            assert_eq!(search.looks, left, "{looks:?}");
+        }
+    }
+}

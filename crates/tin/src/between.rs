@@ -109,3 +109,68 @@ impl Rounds {
 fn is_fresh(tri: &Tri) -> bool {
     matches!(tri.state, State::Passed(_))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+    use crate::field::Field;
+
+    /// The sample (1, 1) is beside the diagonal of a rectangle of four by three cells.
+    #[test]
+    fn an_edge_waits_when_a_triangle_beside_it_has_changed() {
+        let (kept, dirty) = (State::Kept, State::Dirty);
+        for (half_edge, states, expected) in [
+            (2, [kept, kept], true),
+            (4, [kept, kept], true),
+            (2, [dirty, kept], false),
+            (2, [kept, dirty], false),
+            (2, [dirty, dirty], false),
+            // Nothing lies beyond the sides.
+            (0, [kept, kept], false),
+            (5, [kept, kept], false),
+        ] {
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(4, 3);
+            for (tri, state) in mesh.tris.iter_mut().zip(states) {
+                tri.state = state;
+            }
+            let samples = [1, 0].map(|row| Local::new(1, row));
+            let over = Over { half_edge, crossing: Crossing { error: 1.0, samples } };
+            let is_mended = Rounds::default().mend(&mut mesh, over);
+            assert_eq!(is_mended, expected, "{half_edge} {states:?}");
+            let is_vertex = mesh.tris.iter().any(|tri| tri.corners.contains(&samples[0]));
+            assert_eq!(is_vertex, expected, "{half_edge} {states:?}");
+        }
+    }
+
+    /// Row 1 is far above the diagonal of a rectangle, which was looked at with either triangle beside it.
+    #[test]
+    fn an_edge_is_looked_at_once_when_both_triangles_beside_it_are_fresh() {
+        let z = [[0.0_f32; 5], [9.0; 5], [0.0; 5], [0.0; 5]].concat();
+        let heights = Heights { width: 5, height: 4, f32: &z, f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, 5, 4], [0; 4], None);
+        let crossings = Crossings::new(&field, 1.0);
+        let (kept, fresh) = (State::Kept, State::Passed(0));
+        for (states, expected) in [
+            ([fresh, fresh], vec![2]),
+            ([fresh, kept], vec![]),
+            ([kept, fresh], vec![]),
+            ([kept, kept], vec![]),
+        ] {
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(4, 3);
+            for (tri, state) in mesh.tris.iter_mut().zip(states) {
+                tri.state = state;
+            }
+            let mut rounds = Rounds::default();
+            rounds.look(&crossings, &mut mesh);
+            let found: Vec<u32> = rounds.over.iter().map(|over| over.half_edge).collect();
+            assert_eq!(found, expected, "{states:?}");
+            // What is too far off is looked at again.
+            let again = if expected.is_empty() { [kept; 2] } else { [fresh; 2] };
+            assert_eq!([0, 1].map(|id| mesh.tris[id].state), again, "{states:?}");
+        }
+    }
+}

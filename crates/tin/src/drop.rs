@@ -219,7 +219,57 @@ impl Scratch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::NONE;
+    use crate::Heights;
+    use crate::greedy::{WorkLists, fit};
+    use crate::scan::available;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    const SIDE: u32 = 24;
+
+    /// The corners of all triangles around a vertex.
+    fn star(mesh: &Mesh, p: Local) -> BTreeSet<[Local; 3]> {
+        let around = mesh.ids().map(|id| mesh.tris[id as usize].corners);
+        around.filter(|corners| corners.contains(&p)).collect()
+    }
+
+    proptest! {
+        /// Its twin tries every vertex anew whose triangles are not those with which it failed before.
+        #[test]
+        fn a_vertex_is_tried_again_when_its_star_has_changed(
+            z in prop::collection::vec(0..24_u8, (SIDE * SIDE) as usize), tolerance in 6..16_u8,
+            fixed in prop::collection::vec((0..SIDE, 0..SIDE), 0..40)
+        ) {
+            let z: Vec<f32> = z.into_iter().map(f32::from).collect();
+            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            let fixed: Vec<_> = fixed.into_iter().map(|(col, row)| Local::new(col, row)).collect();
+            let judge = Judge::of_samples(&field, available()[0].1, tolerance.into());
+            let [mut mesh, mut twin] = [(); 2].map(|()| {
+                let mut mesh = Mesh::default();
+                mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+                fit(&judge, &mut mesh, &mut WorkLists::default(), false);
+                mesh
+            });
+            let mut scratch = Scratch::default();
+            scratch.limit_circles(2 * SIDE);
+            scratch.settle(&field, &fixed);
+            drop_redundant(&judge, &mut mesh, &mut scratch);
+            let mut failed = BTreeSet::new();
+            for half_edge in (0..twin.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+                let p = twin.origin(half_edge);
+                let is_free = twin.tris[(half_edge >> 2) as usize].state == State::Free;
+                if !is_free && !fixed.contains(&p) && failed.insert((p, star(&twin, p))) {
+                    scratch.try_drop(&judge, &mut twin, half_edge);
+                }
+            }
+            let corners = |mesh: &Mesh| -> Vec<_> {
+                mesh.ids().map(|id| (id, mesh.tris[id as usize].corners)).collect()
+            };
+            prop_assert_eq!(corners(&mesh), corners(&twin));
+        }
+    }
 
     /// The circle around a right triangle has the longest side for its diameter.
     #[test]

@@ -150,6 +150,9 @@ mod tests {
         assert!(!within(third, [0.0, 0.0, 3.0], 0.0, 1.0_f64.next_down()));
         assert!(within([1, 0, 0], [5.5; 3], 5.5, 0.0));
         assert!(!within([1, 0, 0], [5.5; 3], 5.5_f64.next_up(), 0.0));
+        // On the plane, but differences of such heights are rounded.
+        let z = [-31_144_411_135.999_504, 30_151_737_344.000_656, 1_985_347_593.999_422];
+        assert!(within([2, 2, 1], z, 2.000_345_230_102_539, 0.0));
     }
 
     /// A sample that is off by the tolerance and the last bit of it is found among all others.

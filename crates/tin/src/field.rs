@@ -215,6 +215,20 @@ mod tests {
     }
 
     #[test]
+    fn the_largest_height_is_that_of_a_sample_below_zero_or_above() {
+        for (z, expected) in [
+            ([0.0, 1.0, -7.0, 3.0, f32::NAN, 2.0], 7.0),
+            ([0.0, 1.0, -7.0, 8.5, f32::NAN, 2.0], 8.5),
+            ([f32::NAN; 6], 0.0),
+        ] {
+            let heights = Heights { width: 3, height: 2, f32: &z, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, 3, 2], [0; 4], None);
+            assert_eq!(field.largest(), expected, "{z:?}");
+        }
+    }
+
+    #[test]
     fn a_field_takes_the_bytes_it_tells() {
         for cells in [64, 101, 511] {
             let side = cells + 1;

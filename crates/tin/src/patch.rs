@@ -301,6 +301,20 @@ mod tests {
         assert_eq!(found, 16);
     }
 
+    /// Behind the last row of a field lie its copies, void as well.
+    #[test]
+    fn no_void_is_beyond_the_rectangle() {
+        let heights = Heights { width: 6, height: 5, f32: &[f32::NAN; 30], f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, 6, 5], [0; 4], None);
+        let border = Border { field: &field, input: &input([false; 4]) };
+        for (from, to) in all().flat_map(|from| all().map(move |to| (from, to))) {
+            let apart = from.col().abs_diff(to.col()) + from.row().abs_diff(to.row());
+            let expected = apart == 1 && cell_beyond(from, to).is_some();
+            assert_eq!(border.has_void_beyond(from, to), expected, "{from:?} {to:?}");
+        }
+    }
+
     #[test]
     fn an_edge_is_frozen_where_the_surface_goes_on() {
         let field = field();

@@ -199,3 +199,26 @@ impl Rim {
         worst.map(|(i, _)| i as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A third is no number of `f64`: the nearest one is less, and that of two thirds too.
+    #[test]
+    fn a_tolerance_is_exceeded_by_less_than_a_rounding() {
+        let rim = Rim { first: Local::new(0, 0), along_rows: false, count: 4, spacing: u32::MAX };
+        for (heights, tolerance, expected) in [
+            ([0.0, 0.0, 2.0 / 3.0, 1.0], 1.0 / 3.0, Some(1)),
+            ([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0], 0.0, Some(1)),
+            ([0.0, 0.0, 0.0, 1.0], 2.0 / 3.0, Some(2)),
+            ([0.0, 0.0, 0.0, 1.0], (2.0_f64 / 3.0).next_up(), None),
+            ([0.0, -1.0, 0.0, 3.0], 2.0, None),
+            ([0.0, -1.0, 0.0, 3.0], 2.0_f64.next_down(), Some(1)),
+        ] {
+            let height = |p: Local| heights[p.col() as usize];
+            let worst = rim.worst(0, 3, &height, &height, tolerance);
+            assert_eq!(worst, expected, "{heights:?} {tolerance}");
+        }
+    }
+}

@@ -379,6 +379,21 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
     }
 }
 
+/// Its vertices repeat each other, and a line has two ends.
+#[test]
+fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
+    for count in [1, 2, 5] {
+        let mut flat = Flat::new(&[vec![[3, 4]; count]]);
+        flat.closed = vec![false];
+        let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
+        let mut kept = Kept::new();
+        kept.vertices.push(0);
+        kept.close();
+        let expected = if count == 1 { vec![0] } else { vec![0, count as u32 - 1] };
+        assert_eq!(own(&flat, &arcs, &kept), [expected]);
+    }
+}
+
 #[test]
 fn minus_zero_is_zero() {
     let points = [[0.0, 1.0], [-0.0, 2.0], [3.0, -0.0], [3.0, 0.0], [0.0, 2.0]];

@@ -350,7 +350,10 @@ mod tests {
             let tolerance = f64::from(tolerance) + 0.25;
             let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
             let before = mesh.points().len();
-            let inserted = Fit::new(&mut mesh, &points, tolerance).run();
+            let mut fit = Fit::new(&mut mesh, &points, tolerance);
+            let is_open = fit.is_open();
+            let inserted = fit.run();
+            prop_assert_eq!(is_open, !inserted.is_empty());
             validate(&mesh);
             prop_assert_eq!(mesh.points().len(), before + inserted.len());
             prop_assert!(worst(&mesh, &points) <= tolerance * (1.0 + 1e-12));

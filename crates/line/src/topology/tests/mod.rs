@@ -302,3 +302,21 @@ fn empty_chains_and_points_for_chains() {
     let kept = solve(&world, 1.0, Options::default()).kept;
     assert_eq!((kept.vertices, kept.starts), (vec![0, 1, 2], vec![0, 0, 1, 3, 3]));
 }
+
+/// A method sees the part alone, and what it keeps between the ends is told by the whole line.
+#[test]
+fn a_method_refines_a_part_of_a_line() {
+    let vertices: Vec<_> = (0..20).map(|i| i * i).collect();
+    let mut seen = Vec::new();
+    let mut refine = refining(&vertices, |part: &[i32], kept: &mut Vec<u32>| {
+        seen.push(part.to_vec());
+        kept.extend((0..part.len() as u32).filter(|i| *i != 2));
+    });
+    let mut kept = vec![7];
+    for (from, to) in [(3, 8), (0, 1), (5, 9)] {
+        refine(0, from, to, &mut kept);
+    }
+    drop(refine);
+    assert_eq!(kept, [7, 4, 6, 7, 6, 8]);
+    assert_eq!(seen, [&vertices[3..=8], &vertices[0..=1], &vertices[5..=9]]);
+}
