@@ -104,6 +104,20 @@ fn whole(grid: &Grid, spec: &Spec) -> TileMesh {
     tile(grid, 0, grid.width - 1, spec)
 }
 
+/// Coarse scans of a flat land see one sample of many: each alone has to be found all the same.
+#[test]
+fn a_single_sample_is_found_wherever_it_is() {
+    let side = 130;
+    for i in 0..150 {
+        let [col, row] = [37, 61].map(|step| 1 + i * step % (side - 2));
+        let mut grid = Grid { width: side, height: side, z: vec![Some(0); (side * side) as usize] };
+        grid.z[(row * side + col) as usize] = Some(3);
+        let mesh = whole(&grid, &spec(2.0));
+        assert!(mesh.vertices.contains(&Local::new(col, row)), "column {col}, row {row}");
+        check_bound(&grid, &mesh.triangles, 2, 1);
+    }
+}
+
 fn lattice(p: Local) -> Lattice {
     [p.col() as i32, p.row() as i32]
 }
