@@ -1,6 +1,6 @@
 //! Grids clipped to polygons: samples inside a polygon or on its border stay, all others are voids.
 //!
-//! A sample is where [`Affine::apply`] puts it, in floats, and every decision about it is exact
+//! A sample is where `Affine::apply` puts it, in floats, and every decision about it is exact
 //! ([`plane`]). What lies within a feature is told by crossings (even-odd, so that rings within rings are
 //! holes), and features are united. Edges are kept by their lower ends, with the upper ends of blocks of
 //! them above one another, so that a window costs what the edges at its height cost.
