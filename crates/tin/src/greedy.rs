@@ -87,8 +87,9 @@ pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, str
     }
 }
 
-/// How many buckets later than its vertex a new triangle is scanned. Measured against none: a fifth to a third
-/// less time of the kernel at 5 % kept, a twentieth at 0.2 %, for up to 0.8 % more vertices.
+/// How many buckets later than its vertex a new triangle is scanned. Measured against none (rough 4097 x 4097,
+/// 0.3, 1.2 and 4.8 % kept, whole process): 7, 17 and 11 % less time, 0, 10 and 10 % less with the drop pass,
+/// for 0.4 % more vertices.
 const PATIENCE: usize = 2;
 /// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
 const BUCKETS: usize = 64;
