@@ -128,6 +128,10 @@ fn make_inputs(place: &Place) {
     // Far more bytes than the least budget.
     place.ok(&["synth", "rough,size=2817", "large.tif", "-q"]);
     place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
+    let corners = "501000 4730000, 520000 4730000, 520000 4749000, 501000 4749000, 501000 4730000";
+    place.write("square.wkt", format!("POLYGON (({corners}))"));
+    let clip = ["--clip", "square.wkt", "--max-error", "20", "-q"];
+    place.ok(&[&["tin", "large.tif", "part.ply"], &clip[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
@@ -157,6 +161,7 @@ const JOBS: &[&str] = &[
     "contour dem.tif -o o.geojson --interval 20 --tolerance 2 --tile 256",
     "verify dem.ply dem.tif",
     "verify large.ply large.tif",
+    "verify part.ply large.tif --clip square.wkt",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",

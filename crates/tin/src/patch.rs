@@ -335,6 +335,34 @@ mod tests {
         }
     }
 
+    /// Two triangles of a square in the corner on the right below.
+    #[test]
+    fn what_is_beside_a_frozen_edge_stays_and_shares_its_samples() {
+        let at = |(col, row): (u32, u32)| Local::new(col, row);
+        let triangle = |corners: [(u32, u32); 3]| Triangle {
+            corners: corners.map(at),
+            max_error: 0.0,
+            square_sum: 0.0,
+        };
+        let mut mesh = Mesh::default();
+        build(&mut mesh, &[[(5, 4), (4, 4), (5, 3)], [(4, 4), (4, 3), (5, 3)]].map(triangle));
+        let field = field();
+        for (is_end, expected, frozen) in [
+            (true, [[true; 3], [true, true, false]], 3),
+            (false, [[false, true, false], [true, true, false]], 4),
+        ] {
+            let input = input([false, is_end, false, is_end]);
+            let border = Border { field: &field, input: &input };
+            let owned = |id: usize| [0, 1, 2].map(|edge| border.is_owned(&mesh.tris[id], edge));
+            assert_eq!([owned(0), owned(1)], expected);
+            let mut found = border.frozen(&mesh);
+            found.sort_unstable();
+            found.dedup();
+            assert_eq!(found.len(), frozen);
+            assert!([(4, 3), (4, 4), (5, 3)].map(at).iter().all(|p| found.contains(p)));
+        }
+    }
+
     #[test]
     fn an_edge_on_the_seam_has_both_ends_there() {
         let (field, input) = (field(), input([false; 4]));
