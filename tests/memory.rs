@@ -129,7 +129,7 @@ fn make_inputs(place: &Place) {
     place.ok(&["synth", "rough,size=2817", "large.tif", "-q"]);
     place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
     let corners = "501000 4730000, 520000 4730000, 520000 4749000, 501000 4749000, 501000 4730000";
-    place.write("square.wkt", format!("POLYGON (({corners}))"));
+    place.write("square.wkt", format!("POLYGON (({corners}))")).write("square.prj", "EPSG:32631");
     let clip = ["--clip", "square.wkt", "--max-error", "20", "-q"];
     place.ok(&[&["tin", "large.tif", "part.ply"], &clip[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
