@@ -158,9 +158,7 @@ fn job(args: &Args) -> Result<ContourJob> {
     check::new_file(&args.output, overwrite)?;
     check::report(report.as_deref(), &files, &[&args.output], overwrite)?;
     let job = ContourJob {
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         format,
         overwrite,
         tolerance: args.simple.tolerance,

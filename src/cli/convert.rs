@@ -98,9 +98,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         bbox: args.bbox,
         sample_type: args.sample_type,
         out_nodata: args.out_nodata,
@@ -144,6 +142,6 @@ pub(super) fn check(job: &ConvertJob) -> Result<()> {
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     check::not_inputs(job.input.names(), &[&job.output])?;
-    check::not_among(job.clip.as_slice(), &[&job.output])?;
+    check::not_among(job.reading.clip.as_slice(), &[&job.output])?;
     check::new_file(&job.output, job.overwrite)
 }

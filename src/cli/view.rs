@@ -82,9 +82,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     view::check_width(args.width)?;
     let job = ViewJob {
         input: args.input.clone().into(),
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         output: args.output.clone(),
         overwrite: args.overwrite,
         width: args.width,

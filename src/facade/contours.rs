@@ -71,9 +71,7 @@ impl<'a> ContourBuilder<'a> {
     pub fn write(self, path: impl Into<PathBuf>) -> Result<ContourReport> {
         let none = || Error::usage("no heights of lines are given").remedy("say .every(...)");
         let job = ContourJob {
-            band: self.grid.band_number(),
-            nodata: self.grid.nodata_given(),
-            clip: self.grid.clip_name(),
+            reading: self.grid.reading.clone(),
             format: self.format,
             overwrite: self.run.overwrite,
             tolerance: self.tolerance.map(|value| Length { value, unit: None }),

@@ -80,9 +80,7 @@ impl<'a> ConvertBuilder<'a> {
         let job = ConvertJob {
             format: self.format,
             creation: self.creation,
-            band: self.grid.band_number(),
-            nodata: self.grid.nodata_given(),
-            clip: self.grid.clip_name(),
+            reading: self.grid.reading.clone(),
             bbox: self.bounds,
             sample_type: self.sample_type,
             round: self.round,

@@ -1,7 +1,6 @@
 //! Grids of heights in files.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use super::contours::ContourBuilder;
 use super::convert::ConvertBuilder;
@@ -10,8 +9,9 @@ use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_files::name_of;
-use terrane_jobs::{Resources, clip, memory};
-use terrane_raster::{self as raster, Clip, GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_jobs::reading::Reading;
+use terrane_jobs::{Resources, memory};
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 
 /// A grid of heights, in one file or many: what [`open`] opens.
 ///
@@ -19,8 +19,7 @@ use terrane_raster::{self as raster, Clip, GridInfo, GridSource, Inputs, OpenOpt
 /// (nodata, masked, NaN) are *voids*.
 pub struct Grid {
     pub(super) inputs: Inputs,
-    options: OpenOptions,
-    clip: Option<String>,
+    pub(super) reading: Reading,
     source: Box<dyn GridSource>,
 }
 
@@ -45,21 +44,23 @@ pub struct Grid {
 /// # }
 /// ```
 pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
-    Grid::open(input.into(), OpenOptions::default(), None)
+    Grid::open(input.into(), Reading::default())
 }
 
 impl Grid {
-    fn open(inputs: Inputs, options: OpenOptions, clip: Option<String>) -> Result<Self> {
+    fn open(inputs: Inputs, reading: Reading) -> Result<Self> {
+        let usual = OpenOptions::default().cache_bytes;
+        let options = reading.options(&Resources::default(), usual)?;
         let source = match raster::open_all(inputs.names(), &options) {
             // A block of it is larger than what is held unless told otherwise.
             Err(error) if error.kind() == ErrorKind::Resource => {
                 let block = memory::look_at(&inputs, &options)?.block_bytes();
                 let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);
-                raster::open_all(inputs.names(), &OpenOptions { cache_bytes, ..options.clone() })?
+                raster::open_all(inputs.names(), &OpenOptions { cache_bytes, ..options })?
             }
             opened => opened?,
         };
-        Ok(Self { inputs, options, clip, source })
+        Ok(Self { inputs, reading, source })
     }
 
     /// The same files, another band of them, counted from 1.
@@ -67,7 +68,7 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        Self::open(self.inputs, OpenOptions { band, ..self.options }, self.clip)
+        Self::open(self.inputs, Reading { band, ..self.reading })
     }
 
     /// The same, with this stored value for voids instead of the files' own.
@@ -75,7 +76,7 @@ impl Grid {
     /// # Errors
     /// As [`open`].
     pub fn nodata(self, value: f64) -> Result<Self> {
-        Self::open(self.inputs, OpenOptions { nodata: Some(value), ..self.options }, self.clip)
+        Self::open(self.inputs, Reading { nodata: Some(value), ..self.reading })
     }
 
     /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
@@ -98,9 +99,8 @@ impl Grid {
     /// # }
     /// ```
     pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
-        let name = name_of(polygons.as_ref().to_path_buf())?;
-        let clip = clip::read(Some(&name), &Resources::default())?;
-        Self::open(self.inputs, OpenOptions { clip, ..self.options }, Some(name))
+        let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
+        Self::open(self.inputs, Reading { clip, ..self.reading })
     }
 
     /// Size, place, reference system and storage.
@@ -139,21 +139,5 @@ impl Grid {
     /// The proof of a mesh in a file against this grid.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Grid> {
         VerifyBuilder::of(self, mesh.as_ref())
-    }
-
-    pub(super) fn clip_given(&self) -> Option<Arc<Clip>> {
-        self.options.clip.clone()
-    }
-
-    pub(super) fn clip_name(&self) -> Option<String> {
-        self.clip.clone()
-    }
-
-    pub(super) fn band_number(&self) -> u32 {
-        self.options.band
-    }
-
-    pub(super) fn nodata_given(&self) -> Option<f64> {
-        self.options.nodata
     }
 }

@@ -307,15 +307,10 @@ impl TinBuilder<&Grid> {
             return Err(Error::usage("a format and a split are of files")
                 .remedy("write the mesh, or leave them out"));
         }
-        let Run { progress, cancel, temp_dir, .. } = &self.run;
-        let options = OpenOptions {
-            band: self.source.band_number(),
-            nodata: self.source.nodata_given(),
-            clip: self.source.clip_given(),
-            temp_dir: temp_dir.clone(),
-            ..OpenOptions::default()
-        };
-        let input = &self.source.inputs;
+        let Run { progress, cancel, .. } = &self.run;
+        let Grid { inputs: input, reading, .. } = self.source;
+        let options =
+            reading.options(&self.run.resources()?, OpenOptions::default().cache_bytes)?;
         self.build_by(|sink, job| tin::build_files(input, &options, sink, job, &**progress, cancel))
     }
 
@@ -352,9 +347,7 @@ impl TinBuilder<&Grid> {
 
     fn job(&self, output: PathBuf) -> Result<TinJob> {
         Ok(TinJob {
-            band: self.source.band_number(),
-            nodata: self.source.nodata_given(),
-            clip: self.source.clip_name(),
+            reading: self.source.reading.clone(),
             format: self.format.clone(),
             overwrite: self.run.overwrite,
             split: self.split,

@@ -63,9 +63,7 @@ impl VerifyBuilder<'_, Grid> {
         let job = VerifyJob {
             mesh: self.file,
             raster: self.against.inputs.clone(),
-            band: self.against.band_number(),
-            nodata: self.against.nodata_given(),
-            clip: self.against.clip_name(),
+            reading: self.against.reading.clone(),
             tolerance: self.tolerance,
             bound: self.bound,
             resources: self.run.resources()?,

@@ -242,7 +242,7 @@ fn a_masked_grid_of_integers_needs_a_nodata_value_to_be_converted() {
     let mut job = ConvertJob::new(path.to_str().unwrap(), &store);
     let error = convert::run(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
     assert!(error.contains("--nodata"), "{error}");
-    job.nodata = Some(-9999.0);
+    job.reading.nodata = Some(-9999.0);
     convert::run(&job, &Silent, &Cancel::default()).unwrap();
     assert_masked(&store, 1, "converted");
 }

@@ -17,8 +17,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::clip;
 use crate::figures::Figures;
+use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
 use bbox::{part, window};
 use task::{Pieces, Summary, Task};
@@ -37,12 +37,8 @@ pub struct ConvertJob {
     pub format: Option<String>,
     /// Creation options of the format, as (key, value).
     pub creation: Vec<(String, String)>,
-    /// Band to read, from 1.
-    pub band: u32,
-    /// Replaces the file's nodata value.
-    pub nodata: Option<f64>,
-    /// The name of a file with the polygons that the grid is clipped to.
-    pub clip: Option<String>,
+    /// What is read of it.
+    pub reading: Reading,
     /// Keep only the cells that (x min, y min, x max, y max) overlaps, in world coordinates: the box
     /// is widened to whole cells, a cell being the square around a sample.
     pub bbox: Option<[f64; 4]>,
@@ -66,9 +62,7 @@ impl ConvertJob {
             output: output.into(),
             format: None,
             creation: Vec::new(),
-            band: 1,
-            nodata: None,
-            clip: None,
+            reading: Reading::default(),
             bbox: None,
             sample_type: None,
             out_nodata: None,
@@ -123,10 +117,8 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     format.check(&job.creation)?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format)?;
-    let temp_dir = job.resources.temp_dir.clone();
-    let clip = clip::read(job.clip.as_deref(), &job.resources)?;
-    let options =
-        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir, clip };
+    let options = job.reading.options(&job.resources, cache_bytes)?;
+    let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     copy(source.as_ref(), job, progress, cancel)
 }

@@ -1,6 +1,5 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
-pub mod clip;
 pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod contour;
@@ -19,6 +18,7 @@ pub mod memory;
 pub mod placing;
 pub mod plan;
 mod points;
+pub mod reading;
 pub mod sift;
 pub mod survey;
 pub mod tin;

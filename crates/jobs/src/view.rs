@@ -21,10 +21,10 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::clip;
 use crate::figures::Figures;
 use crate::input::{self, Surface};
 use crate::memory::cache_beside;
+use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
@@ -38,12 +38,8 @@ use terrane_render::{
 pub struct ViewJob {
     /// Grid files or a mesh, or a synthetic terrain by name.
     pub input: Inputs,
-    /// Band of a grid, from 1.
-    pub band: u32,
-    /// Replaces a grid's nodata value.
-    pub nodata: Option<f64>,
-    /// The name of a file with the polygons that a grid is clipped to.
-    pub clip: Option<String>,
+    /// What is read of it.
+    pub reading: Reading,
     /// PNG file to write.
     pub output: PathBuf,
     /// Replace an existing picture.
@@ -113,14 +109,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
 }
 
 fn options(job: &ViewJob) -> Result<OpenOptions> {
-    Ok(OpenOptions {
-        band: job.band,
-        nodata: job.nodata,
-        cache_bytes: cache_beside(job.resources.memory),
-        threads: job.resources.threads,
-        temp_dir: job.resources.temp_dir.clone(),
-        clip: clip::read(job.clip.as_deref(), &job.resources)?,
-    })
+    job.reading.options(&job.resources, cache_beside(job.resources.memory))
 }
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.

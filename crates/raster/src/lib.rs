@@ -3,6 +3,19 @@
 //! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
 //! written by terrane are memory-mapped.
 
+/// What of [`GridSource`] another grid behind a field is told in its place.
+macro_rules! hints_go_to {
+    ($inner:ident) => {
+        fn release(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.release(rect);
+        }
+
+        fn copied(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.copied(rect);
+        }
+    };
+}
+
 /// What of [`GridSource`] is the same for all that have an `info` and read heights of either width by one
 /// generic `read`.
 macro_rules! reads_alike {

@@ -108,13 +108,7 @@ impl GridSource for Unpacked {
         self.grid.block_bytes()
     }
 
-    fn release(&self, rect: Rect) {
-        self.grid.release(rect);
-    }
-
-    fn copied(&self, rect: Rect) {
-        self.grid.copied(rect);
-    }
+    hints_go_to!(grid);
 }
 
 fn is_packed(path: &Path) -> Result<bool> {

@@ -306,13 +306,7 @@ impl GridSource for Amended {
         self.grid.members()
     }
 
-    fn release(&self, rect: Rect) {
-        self.grid.release(rect);
-    }
-
-    fn copied(&self, rect: Rect) {
-        self.grid.copied(rect);
-    }
+    hints_go_to!(grid);
 }
 
 #[cfg(test)]

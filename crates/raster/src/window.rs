@@ -1,6 +1,7 @@
 //! The window a caller wants filled: checked once, then handed out row by row.
 
-use crate::GridInfo;
+use crate::sample::Height;
+use crate::{GridInfo, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -38,5 +39,31 @@ impl<'a, H> Window<'a, H> {
         let down = (part.row - self.rect.row + row) as usize;
         let start = down * self.rect.width as usize + (part.col - self.rect.col) as usize;
         &mut self.out[start..][..part.width as usize]
+    }
+}
+
+/// Heights that a grid can be asked for.
+pub(crate) trait Sample: Height {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
+    fn is_void(self) -> bool;
+}
+
+impl Sample for f32 {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f32]) -> Result<()> {
+        grid.read_f32(rect, out)
+    }
+
+    fn is_void(self) -> bool {
+        self.is_nan()
+    }
+}
+
+impl Sample for f64 {
+    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f64]) -> Result<()> {
+        grid.read_f64(rect, out)
+    }
+
+    fn is_void(self) -> bool {
+        self.is_nan()
     }
 }

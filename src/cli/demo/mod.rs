@@ -11,6 +11,7 @@ use crate::cli::shared::{Outcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use crate::error::{Error, Result};
 use crate::jobs::convert::{self, ConvertJob};
+use crate::jobs::reading::Reading;
 use crate::jobs::tin::{Goal, TinJob, TinReport};
 use crate::jobs::verify::VerifyReport;
 use crate::jobs::view::ViewJob;
@@ -100,9 +101,7 @@ fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
 fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
     ViewJob {
         input: mesh.to_string_lossy().into_owned().into(),
-        band: 1,
-        nodata: None,
-        clip: None,
+        reading: Reading::default(),
         output: picture.to_owned(),
         overwrite: true,
         width: 1600,

@@ -136,9 +136,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
     args.grid.check_all(&args.input)?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         format: Some(format.name.to_owned()),
         bound: args.method.bound,
         strict: args.method.strict,

@@ -8,10 +8,10 @@ use crate::cli::shared::progress::{self, How};
 use crate::cli::shared::{names, parse, say};
 use crate::error::{Error, Result};
 use crate::files::path_of;
-use crate::jobs::clip;
 use crate::jobs::input::{is_mesh, is_synthetic};
 use crate::jobs::memory::cache_beside;
 use crate::jobs::plan::DiskCheck;
+use crate::jobs::reading::Reading;
 use crate::jobs::{Progress, Resources};
 use crate::raster::OpenOptions;
 
@@ -31,23 +31,22 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// The band asked for.
-    pub(crate) fn band(&self) -> u32 {
-        self.band.unwrap_or(1)
+    /// What is asked to be read.
+    pub(crate) fn reading(&self) -> Reading {
+        Reading { band: self.band.unwrap_or(1), nodata: self.nodata, clip: self.clip.clone() }
     }
 
     /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
-        let (band, nodata) = (self.band(), self.nodata);
+        let Reading { band, nodata, .. } = self.reading();
         OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None }
     }
 
     /// The same with the polygons that the whole grid is clipped to.
     pub(crate) fn clipped(&self, resources: &Resources) -> Result<OpenOptions> {
-        let clip = clip::read(self.clip.as_deref(), resources)?;
-        Ok(OpenOptions { clip, ..self.open_options(resources) })
+        self.reading().options(resources, cache_beside(resources.memory))
     }
 
     /// All files that are read where `files` are those of the grid.

@@ -89,9 +89,7 @@ fn job(args: &Args) -> Result<TinJob> {
     }
     Ok(TinJob {
         input: args.input.clone().into(),
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -114,9 +112,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
     VerifyJob {
         mesh: job.output.clone(),
         raster: job.input.clone(),
-        band: job.band,
-        nodata: job.nodata,
-        clip: job.clip.clone(),
+        reading: job.reading.clone(),
         tolerance: Some(made.tolerance),
         bound: None,
         resources: job.resources.clone(),

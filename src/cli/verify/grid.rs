@@ -28,9 +28,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.source.clone().into(),
-        band: args.grid.band(),
-        nodata: args.grid.nodata,
-        clip: args.grid.clip.clone(),
+        reading: args.grid.reading(),
         tolerance: args.max_error,
         bound: args.bound,
         resources,

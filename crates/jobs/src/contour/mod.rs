@@ -31,9 +31,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::clip;
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
+use crate::reading::Reading;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
 use budget::Budget;
@@ -70,12 +70,8 @@ pub const USUAL_TILE: u32 = 1024;
 pub struct ContourJob {
     /// Grid files, or a synthetic terrain by name.
     pub input: Inputs,
-    /// Band to read, from 1.
-    pub band: u32,
-    /// Replaces the file's nodata value.
-    pub nodata: Option<f64>,
-    /// The name of a file with the polygons that the grid is clipped to.
-    pub clip: Option<String>,
+    /// What is read of it.
+    pub reading: Reading,
     /// File of features to write.
     pub output: PathBuf,
     /// Name of the format to write; by the output's ending when `None`.
@@ -109,9 +105,7 @@ impl ContourJob {
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, heights: Heights) -> Self {
         Self {
             input: input.into(),
-            band: 1,
-            nodata: None,
-            clip: None,
+            reading: Reading::default(),
             output: output.into(),
             format: None,
             overwrite: false,
@@ -211,14 +205,9 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     job.check()?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let budget = Budget::divide(job)?;
-    let options = OpenOptions {
-        band: job.band,
-        nodata: job.nodata,
-        cache_bytes: usize::try_from(budget.cache).unwrap_or(usize::MAX),
-        threads: budget.threads,
-        temp_dir: job.resources.temp_dir.clone(),
-        clip: clip::read(job.clip.as_deref(), &job.resources)?,
-    };
+    let cache_bytes = usize::try_from(budget.cache).unwrap_or(usize::MAX);
+    let options = job.reading.options(&job.resources, cache_bytes)?;
+    let options = OpenOptions { threads: budget.threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     let work = Work::new(job, source.info())?;
     let sink = work.sink()?;

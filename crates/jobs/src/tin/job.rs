@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::USUAL_TILE;
 use crate::Resources;
 use crate::placing::Placing;
-use crate::plan::as_text;
+use crate::reading::Reading;
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
@@ -51,14 +51,9 @@ impl Goal {
 pub struct TinJob {
     /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
     pub input: Inputs,
-    /// How to open it.
-    pub band: u32,
-    /// Replaces the file's nodata value.
-    #[serde(with = "as_text")]
-    pub nodata: Option<f64>,
-    /// The name of a file with the polygons that the grid is clipped to.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub clip: Option<String>,
+    /// What is read of it.
+    #[serde(flatten)]
+    pub reading: Reading,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -103,9 +98,7 @@ impl TinJob {
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
         Self {
             input: input.into(),
-            band: 1,
-            nodata: None,
-            clip: None,
+            reading: Reading::default(),
             output: output.into(),
             format: None,
             overwrite: false,

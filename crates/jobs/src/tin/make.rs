@@ -12,7 +12,6 @@ use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
-use crate::clip;
 use crate::figures::Figures;
 use crate::input::grid_stats;
 use crate::memory::{self, Shares};
@@ -100,13 +99,7 @@ fn open(job: &TinJob) -> Result<memory::Opened> {
 
 /// How to open the input of `job`.
 pub(super) fn options(job: &TinJob) -> Result<OpenOptions> {
-    Ok(OpenOptions {
-        band: job.band,
-        nodata: job.nodata,
-        clip: clip::read(job.clip.as_deref(), &job.resources)?,
-        temp_dir: job.resources.temp_dir.clone(),
-        ..OpenOptions::default()
-    })
+    job.reading.options(&job.resources, OpenOptions::default().cache_bytes)
 }
 
 /// Opens `input` for workers on tiles of `tile` cells.
@@ -168,7 +161,7 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let clip = job.clip.as_deref().map(path_of);
+        let clip = job.reading.clip.as_deref().map(path_of);
         let from = Origin { input: &job.input.to_string(), clip: clip.as_deref() };
         let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;

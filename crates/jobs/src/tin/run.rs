@@ -19,7 +19,7 @@ use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked};
 use terrane_mesh::MeshSink;
-use terrane_raster::{Clip, GridInfo, GridSource};
+use terrane_raster::GridSource;
 use terrane_tin::Spec;
 
 /// How to run the core of a job.
@@ -233,7 +233,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
     let tolerance = shared.settings.spec.tolerance;
     let Tally { valid, isolated, suspects } = unlocked(shared.tally);
     shared.queue.into_result()?;
-    check_surface(valid, totals, shared.source.info())?;
+    check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);
     Ok(Outcome {
         vertices: totals.vertices,
@@ -251,16 +251,14 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
 }
 
 /// Fails when there is nothing to write.
-fn check_surface(valid: u64, totals: Totals, info: &GridInfo) -> Result<()> {
-    let is_clipped = info.details.iter().any(|(name, _)| name == Clip::DETAIL);
-    let polygons = if is_clipped { ", or clip it to larger polygons" } else { "" };
+fn check_surface(valid: u64, totals: Totals) -> Result<()> {
     if valid == 0 {
         return Err(Error::bad_input("the grid has no valid sample")
-            .remedy(format!("check its nodata value, or choose another --band{polygons}")));
+            .remedy("check its nodata value, or choose another --band"));
     }
     if totals.triangles == 0 {
         return Err(Error::bad_input("the grid has no cell with four valid samples")
-            .remedy(format!("fill its voids, or check its nodata value{polygons}")));
+            .remedy("fill its voids, check its nodata value, or clip it to larger polygons"));
     }
     Ok(())
 }
@@ -274,7 +272,7 @@ mod tests {
     use terrane_base::bound::Bound;
     use terrane_base::geom::Rect;
     use terrane_mesh::MeshBatch;
-    use terrane_raster::SampleType;
+    use terrane_raster::{GridInfo, SampleType};
     use terrane_tin::{Local, Triangle, mend_patch};
     use terrane_tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
 

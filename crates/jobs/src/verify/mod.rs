@@ -19,16 +19,16 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
-use crate::clip;
 use crate::figures::Figures;
 use crate::memory::{beside_program, cache_beside};
+use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_proof::{Layout, Precision, Snapper};
-use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
+use terrane_raster::{self as raster, GridSource, Inputs};
 
 pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
 pub use found::{FaultReport, MeshReport, Original, Verdict};
@@ -49,12 +49,8 @@ pub struct VerifyJob {
     pub mesh: PathBuf,
     /// File names, or a synthetic terrain by name.
     pub raster: Inputs,
-    /// Band of the raster, from 1.
-    pub band: u32,
-    /// Replaces the raster's nodata value.
-    pub nodata: Option<f64>,
-    /// The name of a file with the polygons that the raster is clipped to.
-    pub clip: Option<String>,
+    /// What is read of it.
+    pub reading: Reading,
     /// Largest allowed vertical distance; what the mesh's comments say when `None`.
     pub tolerance: Option<f64>,
     /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
@@ -67,12 +63,7 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
-    let cache_bytes = cache_beside(job.resources.memory);
-    let Resources { threads, ref temp_dir, .. } = job.resources;
-    let temp_dir = temp_dir.clone();
-    let clip = clip::read(job.clip.as_deref(), &job.resources)?;
-    let options =
-        OpenOptions { band: job.band, nodata: job.nodata, cache_bytes, threads, temp_dir, clip };
+    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
     let tolerance = match job.tolerance {
         Some(tolerance) => Some(tolerance),
@@ -89,7 +80,7 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         _ => e,
     })?;
     let mut report = report;
-    if let Some(clip) = stated_text(mesh.info(), CLIP).filter(|_| job.clip.is_none()) {
+    if let Some(clip) = stated_text(mesh.info(), CLIP).filter(|_| job.reading.clip.is_none()) {
         let told =
             format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
         report.verdict.failures.extend((!report.verdict.passed).then_some(told));

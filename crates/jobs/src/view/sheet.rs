@@ -142,6 +142,7 @@ impl Sheet {
 mod tests {
     use super::*;
     use crate::Silent;
+    use crate::reading::Reading;
 
     /// Two triangles that make a square, `high` at a corner.
     fn square(high: f64) -> String {
@@ -159,9 +160,7 @@ mod tests {
         };
         let each = ViewJob {
             input: "".into(),
-            band: 1,
-            nodata: None,
-            clip: None,
+            reading: Reading::default(),
             output: folder.join("all.png"),
             overwrite: false,
             width: 60,

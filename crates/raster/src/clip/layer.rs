@@ -6,8 +6,7 @@ use std::sync::Arc;
 
 use super::Clip;
 use super::scan::Scan;
-use crate::mosaic::Sample;
-use crate::window::Window;
+use crate::window::{Sample, Window};
 use crate::{GridInfo, GridSource, OpenOptions};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -36,7 +35,7 @@ pub(crate) fn clipped(
     let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     check_crs(clip, &info.crs)?;
-    info.details.push((Clip::DETAIL.to_owned(), clip.path.display().to_string()));
+    info.details.push(("clip".to_owned(), clip.path.display().to_string()));
     let grid = Clipped { info, inner, clip: clip.clone() };
     match grid.holds_any(grid.info.bounds()) {
         true => Ok(Box::new(grid)),
@@ -121,11 +120,5 @@ impl GridSource for Clipped {
         self.inner.members()
     }
 
-    fn release(&self, rect: Rect) {
-        self.inner.release(rect);
-    }
-
-    fn copied(&self, rect: Rect) {
-        self.inner.copied(rect);
-    }
+    hints_go_to!(inner);
 }

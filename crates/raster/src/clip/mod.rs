@@ -110,9 +110,6 @@ const BLOCK: usize = 16;
 const AT_HAND: u64 = 48;
 
 impl Clip {
-    /// Of a clipped grid, the detail that has the name of the file.
-    pub const DETAIL: &str = "clip";
-
     /// The polygons of the file `path`, in the system `crs`. Takes O(n log n) time for n edges.
     pub fn new(rings: ClipRings, path: &Path, crs: Crs) -> Self {
         let mut edges = rings.edges;

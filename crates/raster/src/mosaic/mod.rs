@@ -27,8 +27,8 @@ pub(super) mod vrt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::sample::Height;
-use crate::{GridInfo, GridSource, Window};
+use crate::window::{Sample, Window};
+use crate::{GridInfo, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::path_of;
@@ -70,32 +70,6 @@ enum Source {
     File(File),
     /// A mosaic in the mosaic. It holds no file itself.
     Nested { grid: Grid, path: PathBuf },
-}
-
-/// Heights that a grid can be asked for.
-pub(crate) trait Sample: Height {
-    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
-    fn is_void(self) -> bool;
-}
-
-impl Sample for f32 {
-    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f32]) -> Result<()> {
-        grid.read_f32(rect, out)
-    }
-
-    fn is_void(self) -> bool {
-        self.is_nan()
-    }
-}
-
-impl Sample for f64 {
-    fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f64]) -> Result<()> {
-        grid.read_f64(rect, out)
-    }
-
-    fn is_void(self) -> bool {
-        self.is_nan()
-    }
 }
 
 impl Mosaic {

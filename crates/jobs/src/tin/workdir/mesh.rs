@@ -11,7 +11,6 @@ use super::object::{Facts, ObjectWriter, object_bytes};
 use super::shelf::Shelf;
 use super::tasks::{Strips, Task};
 use super::{Form, MeshRun, MeshStatus};
-use crate::clip;
 use crate::memory;
 use crate::plan::{
     self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, StatusReport, Survey, Work,
@@ -288,8 +287,7 @@ pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
     let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
-    let polygons = job.clip.as_deref().map_or_else(Vec::new, clip::files);
-    all.iter().filter(is_file).map(path).chain(polygons).collect()
+    all.iter().filter(is_file).map(path).chain(job.reading.files()).collect()
 }
 
 #[cfg(test)]
@@ -333,7 +331,7 @@ mod tests {
         assert_eq!(serde_json::to_value(&back).unwrap(), plan(9000));
         let (output, resources) = (PathBuf::new(), Resources::default());
         let order = Order { output, overwrite: false, form: Form::default(), resources };
-        assert!(back.work.job(order).nodata.is_some_and(f64::is_nan));
+        assert!(back.work.job(order).reading.nodata.is_some_and(f64::is_nan));
         for (name, other) in [("terrane", json!("0.0.0")), ("revision", json!(REVISION + 1))] {
             let mut plan = plan(9000);
             plan[name] = other;

@@ -16,7 +16,6 @@ use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
 use super::report::{Clock, StageReport, TinReport};
-use crate::clip;
 use crate::plan::{self, DiskCheck, PLAN, Plan};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
@@ -103,8 +102,8 @@ fn plan_checked(
     if !matches!(job.job.goal, Goal::MaxError(_)) {
         return Err(budget());
     }
-    let clip = job.job.clip.as_deref().map(clip::absolute).transpose()?;
-    let tin = TinJob { input: job.job.input.resolve()?, clip, ..job.job.clone() };
+    let reading = job.job.reading.absolute()?;
+    let tin = TinJob { input: job.job.input.resolve()?, reading, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;

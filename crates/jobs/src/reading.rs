@@ -1,27 +1,77 @@
-//! Polygons of a file that grids are clipped to.
+//! How a grid is read: its band, its voids, and the polygons it is clipped to.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::Resources;
+use crate::plan::as_text;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{name_of, path_of};
+use terrane_raster::OpenOptions;
 use terrane_raster::{Clip, ClipRings};
-use terrane_vector::{self as vector, Feature, OpenOptions};
+use terrane_vector::{self as vector, Feature};
 
-/// Reads all polygons of the file `name`, none where there is none; of TopoJSON those of its first object.
-///
-/// # Errors
-/// Whatever the reader of the format finds; a feature with anything else than polygons in it, by its number;
-/// a file without a ring; more edges than half of the memory holds.
-pub fn read(name: Option<&str>, resources: &Resources) -> Result<Option<Arc<Clip>>> {
-    let Some(name) = name else { return Ok(None) };
+/// What is read of the files of a grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// Band, from 1.
+    pub band: u32,
+    /// Replaces the files' nodata value.
+    #[serde(with = "as_text")]
+    pub nodata: Option<f64>,
+    /// The name of a file with the polygons that the grid is clipped to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clip: Option<String>,
+}
+
+impl Default for Reading {
+    /// The first band, with the files' own nodata value, all of it.
+    fn default() -> Self {
+        Self { band: 1, nodata: None, clip: None }
+    }
+}
+
+impl Reading {
+    /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons; of TopoJSON those of
+    /// its first object.
+    ///
+    /// # Errors
+    /// Whatever the reader of the polygons' format finds; a feature with anything else than polygons in it, by
+    /// its number; a file without a ring; more edges than half of the memory holds.
+    pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<OpenOptions> {
+        let clip = self.clip.as_deref().map(|name| polygons(name, resources)).transpose()?;
+        let Resources { threads, temp_dir, .. } = resources.clone();
+        Ok(OpenOptions {
+            band: self.band,
+            nodata: self.nodata,
+            cache_bytes,
+            threads,
+            temp_dir,
+            clip,
+        })
+    }
+
+    /// The same wherever the process works.
+    pub(crate) fn absolute(&self) -> Result<Self> {
+        let clip = self.clip.as_deref().map(absolute).transpose()?;
+        Ok(Self { clip, ..self.clone() })
+    }
+
+    /// The file of polygons, and what else is read of it.
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
+        self.clip.as_deref().map_or_else(Vec::new, files)
+    }
+}
+
+fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
     let path = &*path_of(name);
     if vector::synthetic(path).is_none() && !path.exists() {
         let error = Error::bad_input("no such file").in_file(path);
         return Err(error.remedy("check the name, or name a file of polygons"));
     }
-    let mut source = vector::open(path, &OpenOptions::default())?;
+    let mut source = vector::open(path, &vector::OpenOptions::default())?;
     let (mut rings, mut edges) = (ClipRings::default(), 0);
     while let Some(feature) = source.next()? {
         edges += feature.geometry.vertices() as u64;
@@ -38,7 +88,7 @@ pub fn read(name: Option<&str>, resources: &Resources) -> Result<Option<Arc<Clip
     if bytes(edges) > resources.memory / 2 {
         return Err(too_many(path, edges, resources));
     }
-    Ok(Some(Arc::new(Clip::new(rings, path, source.layer().crs.clone()))))
+    Ok(Arc::new(Clip::new(rings, path, source.layer().crs.clone())))
 }
 
 fn bytes(edges: u64) -> u64 {
@@ -68,8 +118,7 @@ fn too_many(path: &Path, edges: u64, resources: &Resources) -> Error {
     ))
 }
 
-/// The absolute name of a file of polygons.
-pub(crate) fn absolute(name: &str) -> Result<String> {
+fn absolute(name: &str) -> Result<String> {
     let path = path_of(name);
     if vector::synthetic(&path).is_some() {
         return Ok(name.to_owned());
@@ -77,8 +126,7 @@ pub(crate) fn absolute(name: &str) -> Result<String> {
     name_of(std::path::absolute(&path).map_err(|e| Error::read(&path, e))?)
 }
 
-/// The file of polygons, and what else is read of it.
-pub(crate) fn files(name: &str) -> Vec<PathBuf> {
+fn files(name: &str) -> Vec<PathBuf> {
     let path = path_of(name);
     if vector::synthetic(&path).is_some() {
         return Vec::new();
