@@ -52,6 +52,7 @@ fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut Scratch) -> Tile
         apron_above: 0,
         apron_below: 0,
         spacing: u32::MAX,
+        kept: &[],
     };
     triangulate_tile(&input, spec, scratch)
 }
@@ -124,6 +125,7 @@ impl Seam {
             seam_row: None,
             grid_ends: [false, false, true, true],
             spacing: u32::MAX,
+            kept: &[],
         }
     }
 }

@@ -254,14 +254,15 @@ fn members_of_reports_are_told_of() {
     let page = include_str!("../docs/src/guide/programs.md");
     let page = page.split("\n## Reports\n").nth(1).unwrap();
     let place = Place::new();
+    place.write("some.wkt", "POINT (500100 4749900)").write("some.prj", "EPSG:32631");
     let jobs = [
         "synth rough,size=65 dem.tif",
         "synth cloud,size=40,density=2 c.laz",
         "synth coverage,vertices=100,features=4 lines.geojson",
-        "tin dem.tif mesh.ply --max-error 20 --verify",
+        "tin dem.tif mesh.ply --max-error 20 --keep-points some.wkt --verify",
         "tin dem.tif mesh.glb --max-vertices 50",
         "tin c.laz ground.ply --max-error 1",
-        "verify mesh.ply dem.tif",
+        "verify mesh.ply dem.tif --keep-points some.wkt",
         "verify ground.ply c.laz",
         "line lines.geojson few.geojson --tolerance 5 --hierarchy h",
         "verify few.geojson lines.geojson --tolerance 5",

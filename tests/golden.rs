@@ -87,6 +87,9 @@ fn make_inputs(place: &Place) {
     place.write("in/degrees.prj", "EPSG:4326");
     place.write("in/mixed.geojson", MIXED);
     let areas = "POLYGON ((7 46, 7.235 46.02, 7.205 46.175, 7 46), (7.1 46.06, 7.15 46.06, 7.15 46.1, 7.1 46.06))";
+    let points = (0..40).map(|i| format!("({} {})", 500_003 + i * 31, 4_749_996 - i * 173 % 1100));
+    let points = format!("MULTIPOINT ({})", points.collect::<Vec<_>>().join(", "));
+    place.write("in/points.wkt", points).write("in/points.prj", "EPSG:32631");
     place.write("in/areas.wkt", areas).write("in/areas.prj", "EPSG:4326");
     for job in INPUTS {
         run(job, &place.path("in")).unwrap();
@@ -254,6 +257,10 @@ fn jobs() -> Vec<String> {
     );
     add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit then run w -o o.ply".into());
     add("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 --clip ../in/areas.wkt".into());
+    for how in ["", " --fit", " --bound surface"] {
+        let keep = "--keep-points ../in/points.wkt";
+        add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {keep}{how}"));
+    }
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

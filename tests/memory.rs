@@ -132,6 +132,13 @@ fn make_inputs(place: &Place) {
     place.write("square.wkt", format!("POLYGON (({corners}))")).write("square.prj", "EPSG:32631");
     let clip = ["--clip", "square.wkt", "--max-error", "20", "-q"];
     place.ok(&[&["tin", "large.tif", "part.ply"], &clip[..]].concat());
+    // As many as a quarter of the least budget holds.
+    let point = |i: u64| (500_000 + i * 7919 % 28_170, 4_721_840 + i * 104_729 % 28_160);
+    let points = (0..125_000).map(point).map(|(x, y)| format!("{x},{y}\n"));
+    place.write("points.csv", format!("x,y\n{}", points.collect::<String>()));
+    place.write("points.prj", "EPSG:32631");
+    let keep = ["--keep-points", "points.csv", "--max-error", "20", "-q"];
+    place.ok(&[&["tin", "large.tif", "kept.ply"], &keep[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
@@ -144,6 +151,7 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.ply --max-error 1 --tile 256",
     "tin dem.tif o.ply --max-error 0 --tile 256",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --bound surface",
+    "tin large.tif o.ply --max-error 20 --tile 256 --keep-points points.csv",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --fit",
     "tin dem.tif o.ply --max-error 0 --tile 256 --fit --bound surface",
     "tin dem.tif o.stl --max-error 0 --tile 256",
@@ -162,6 +170,7 @@ const JOBS: &[&str] = &[
     "verify dem.ply dem.tif",
     "verify large.ply large.tif",
     "verify part.ply large.tif --clip square.wkt",
+    "verify kept.ply large.tif --keep-points points.csv",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",

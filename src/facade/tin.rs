@@ -9,7 +9,7 @@ use super::run::{Run, output_settings, run_settings};
 use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
-use terrane_files::lock;
+use terrane_files::{lock, name_of};
 use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TinJob, TinReport, USUAL_TILE};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use terrane_raster::{self as raster, ArraySample, OpenOptions};
@@ -162,6 +162,7 @@ pub struct TinBuilder<S> {
     strict: bool,
     drop: bool,
     fit: bool,
+    keep_points: Option<PathBuf>,
     tile: u32,
     format: Option<String>,
     split: Option<u32>,
@@ -179,6 +180,7 @@ impl<S> TinBuilder<S> {
             strict: false,
             drop: true,
             fit: false,
+            keep_points: None,
             tile: USUAL_TILE,
             format: None,
             split: None,
@@ -231,6 +233,32 @@ impl<S> TinBuilder<S> {
         self
     }
 
+    /// Samples that stay vertices, at their heights: the nearest one to each point of a file of features, and to
+    /// each vertex of its lines and polygons, in the system of the grid.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let (peaks, path) = (folder.path().join("peaks.wkt"), folder.path().join("mesh.ply"));
+    /// # std::fs::write(&peaks, "MULTIPOINT ((500100 4749000), (500512 4749377))").unwrap();
+    /// # std::fs::write(peaks.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let made = dem.tin().max_error(5.0).keep_points(&peaks).write(&path)?;
+    /// assert_eq!(made.keep_points.unwrap().vertices, 2);
+    /// assert!(dem.verify(&path).keep_points(&peaks).run()?.verdict.judged);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
+        self.keep_points = Some(file.into());
+        self
+    }
+
+    /// The name of the file of points.
+    fn kept(&self) -> Result<Option<String>> {
+        self.keep_points.clone().map(name_of).transpose()
+    }
+
     /// Cells along the side of a tile, 16 to 8192; 512 unless told otherwise. The mesh depends on it, and the
     /// memory that each thread takes.
     pub fn tile(mut self, cells: u32) -> Self {
@@ -248,7 +276,7 @@ impl<S> TinBuilder<S> {
         &self,
         build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
     ) -> Result<Tin> {
-        let (goal, resources) = (self.goal()?, &self.run.resources()?);
+        let (goal, resources, kept) = (self.goal()?, &self.run.resources()?, self.kept()?);
         let job = BuildJob {
             goal,
             bound: self.bound,
@@ -256,6 +284,7 @@ impl<S> TinBuilder<S> {
             drop: self.drop,
             fit: self.fit,
             tile: self.tile,
+            keep_points: kept.as_deref(),
             resources,
         };
         let kept = Kept::default();
@@ -355,6 +384,7 @@ impl TinBuilder<&Grid> {
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
+            keep_points: self.kept()?,
             tile: self.tile,
             resources: self.run.resources()?,
             ..TinJob::new(self.source.inputs.clone(), output, self.goal()?)

@@ -8,6 +8,7 @@ use super::grid::Grid;
 use super::run::{Run, run_settings};
 use terrane_base::Result;
 use terrane_base::bound::Bound;
+use terrane_files::name_of;
 use terrane_jobs::line::Length;
 use terrane_jobs::verify::{
     self, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyJob,
@@ -26,6 +27,7 @@ pub struct VerifyBuilder<'a, T> {
     /// Metres in the unit of the tolerance; `None` for units of the data.
     unit: Option<f64>,
     bound: Option<Bound>,
+    keep_points: Option<PathBuf>,
     topology: bool,
     run: Run,
 }
@@ -36,7 +38,16 @@ impl<'a, T> VerifyBuilder<'a, T> {
     pub(super) fn of(against: &'a T, file: &Path) -> Self {
         let run = Run::default();
         let file = file.to_owned();
-        Self { against, file, tolerance: None, unit: None, bound: None, topology: false, run }
+        Self {
+            against,
+            file,
+            tolerance: None,
+            unit: None,
+            bound: None,
+            keep_points: None,
+            topology: false,
+            run,
+        }
     }
 
     /// The largest distance allowed, in units of the data (of meshes: of their heights). Meshes of terrane state theirs, lines do not; without one errors are
@@ -55,6 +66,13 @@ impl VerifyBuilder<'_, Grid> {
         self
     }
 
+    /// Samples that have to be vertices: the nearest one to each point of a file of features, as the mesh was
+    /// made with. Of a mesh that states such a file, it is not judged without it whether they are.
+    pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
+        self.keep_points = Some(file.into());
+        self
+    }
+
     /// Proves the mesh.
     ///
     /// # Errors
@@ -66,6 +84,7 @@ impl VerifyBuilder<'_, Grid> {
             reading: self.against.reading.clone(),
             tolerance: self.tolerance,
             bound: self.bound,
+            keep_points: self.keep_points.map(name_of).transpose()?,
             resources: self.run.resources()?,
         };
         verify::run(&job, &*self.run.progress, &self.run.cancel)

@@ -31,5 +31,6 @@ mod resume;
 mod synth;
 mod tin_clip;
 mod tin_fit;
+mod tin_keep;
 mod tin_limits;
 mod tin_methods;

@@ -4,11 +4,13 @@
 mod support;
 
 use support::{
-    Capture, FunctionGrid, Mesh, hills, largest_crossing, noise, non_delaunay_edges, validate,
+    Capture, FunctionGrid, Mesh, check_kept, hills, largest_crossing, noise, non_delaunay_edges,
+    validate,
 };
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::bound::Bound;
+use terrane_jobs::kept::Kept;
 use terrane_jobs::tin::{Outcome, Settings, run_on};
 use terrane_jobs::{Cancel, Silent};
 use terrane_tin::Spec;
@@ -17,6 +19,7 @@ struct Run {
     tolerance: f64,
     bound: Bound,
     fit: bool,
+    kept: Kept,
     tile: u32,
     threads: usize,
     mesh_bytes: u64,
@@ -31,6 +34,7 @@ impl Default for Run {
             tolerance: 2.0,
             bound: Bound::Samples,
             fit: false,
+            kept: Kept::default(),
             tile: 16,
             threads: 1,
             mesh_bytes: 1 << 30,
@@ -55,6 +59,7 @@ impl Run {
                 measure: true,
             },
             tile: self.tile,
+            kept: &self.kept,
             threads: self.threads,
             mesh_bytes: self.mesh_bytes,
             temp_dir: folder.path(),
@@ -323,7 +328,11 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             );
         let bound = Bound::ALL[usize::from(draw(4) < 0.5)];
         let fit = draw(5) < 0.4;
-        let run = Run { tolerance, bound, fit, tile, ..Run::default() };
+        let one_in = if draw(6) < 0.4 { 2.0 + 200.0 * draw(7).powi(2) } else { f64::INFINITY };
+        let samples = (0..height).flat_map(|row| (0..width).map(move |col| [col, row]));
+        let is_kept = |[col, row]: &[u32; 2]| dice(seed, 8 + col, *row) * one_in < 1.0;
+        let kept = Kept::of(samples.filter(is_kept).collect());
+        let run = Run { tolerance, bound, fit, kept, tile, ..Run::default() };
         let (mesh, outcome) = match run.on(&grid) {
             Ok(made) => made,
             // No land is valid.
@@ -334,10 +343,11 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             Err(error) => panic!("{name} (seed {seed}): {error}"),
         };
         validate(&mesh, &grid, tolerance);
+        check_kept(&run.kept, &mesh, &grid, outcome.kept);
         let edges = non_delaunay_edges(&mesh, &grid);
         if edges > 0 {
             wrong.push(format!(
-                "{name} (seed {seed}): {edges} of {} vertices, tile {tile}, {width} x {height}, tolerance {tolerance}, {bound}, fit {fit}", outcome.vertices
+                "{name} (seed {seed}): {edges} of {} vertices, tile {tile}, {width} x {height}, tolerance {tolerance}, {bound}, fit {fit}, one in {one_in} kept", outcome.vertices
             ));
         }
     }

@@ -4,7 +4,7 @@ use crate::support::{
     self, Grid, Mesh, check, check_surface, check_with, delaunay, noise, split_cells,
 };
 use terrane_base::geom::Affine;
-use terrane_jobs::verify::{FaultReport, Place, VerifyReport};
+use terrane_jobs::verify::{Asked, FaultReport, Place, VerifyReport};
 
 /// World y of a row, under the default map.
 fn y(row: u32) -> f64 {
@@ -329,12 +329,14 @@ fn unusable_vertices_and_bad_ids() {
     mesh.triangles[3][1] = 1 << 40;
     let resources = terrane_jobs::Resources::default();
     let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
-    let (verify, bound) = (terrane_jobs::verify::verify, terrane::Bound::Samples);
-    let error = verify(&mesh, &grid, None, bound, &resources, &progress, &cancel).unwrap_err();
+    let verify = |tolerance| {
+        let asked = Asked::of_samples(tolerance);
+        terrane_jobs::verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
+    };
+    let error = verify(None).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::BadInput);
     assert!(error.to_string().starts_with("triangle 3: refers to vertex 1099511627776"));
-    let error =
-        verify(&mesh, &grid, Some(f64::NAN), bound, &resources, &progress, &cancel).unwrap_err();
+    let error = verify(Some(f64::NAN)).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::Usage);
 }
 

@@ -5,6 +5,7 @@ mod cli_support;
 mod support;
 
 mod faults;
+mod kept;
 mod quality;
 mod samples;
 mod twin;

@@ -5,7 +5,7 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{Bound, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_jobs::figures::Figures;
-use terrane_jobs::verify::{OfGrid, VerifyReport, verify};
+use terrane_jobs::verify::{Asked, OfGrid, VerifyReport, verify};
 use terrane_jobs::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
@@ -190,15 +190,15 @@ pub(crate) fn check_with(
     memory: u64,
 ) -> VerifyReport {
     let resources = Resources { threads, memory, temp_dir: None };
-    let (bound, cancel) = (Bound::Samples, Cancel::default());
-    verify(mesh, grid, tolerance, bound, &resources, &Silent, &cancel).unwrap()
+    let asked = Asked::of_samples(tolerance);
+    verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
 }
 
 /// Verifies the surface in plenty of memory.
 pub(crate) fn check_surface(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyReport {
     let resources = Resources { threads: 1, memory: 64 << 20, temp_dir: None };
-    let (bound, cancel) = (Bound::Surface, Cancel::default());
-    verify(mesh, grid, tolerance, bound, &resources, &Silent, &cancel).unwrap()
+    let asked = Asked { bound: Bound::Surface, ..Asked::of_samples(tolerance) };
+    verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
 }
 
 /// Verifies in plenty of memory.

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::support::{Grid, Mesh, check_with, delaunay, findings, noise, split_cells};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_jobs::verify::VerifyReport;
+use terrane_jobs::verify::{Asked, VerifyReport};
 
 /// Positions are in quarters of a cell (column, row), heights and tolerances in eighths.
 type At = [i64; 2];
@@ -554,8 +554,8 @@ fn a_crowd_of_triangles_in_one_place_is_refused_by_name() {
     let resources = terrane_jobs::Resources { threads: 1, memory: 1 << 20, temp_dir: None };
     let (progress, cancel) = (terrane_jobs::Silent, terrane_jobs::Cancel::default());
     let verify = terrane_jobs::verify::verify;
-    let error = verify(&mesh, &grid, None, terrane::Bound::Surface, &resources, &progress, &cancel)
-        .unwrap_err();
+    let asked = Asked { bound: terrane::Bound::Surface, ..Asked::of_samples(None) };
+    let error = verify(&mesh, &grid, asked, &resources, &progress, &cancel).unwrap_err();
     assert_eq!(error.kind(), terrane::ErrorKind::Resource);
     assert!(error.to_string().contains("raise --memory"), "{error}");
     assert!(check_with(&mesh, &grid, None, 1, 64 << 20).non_manifold_edges.count == 3);

@@ -1,5 +1,6 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
+mod beside;
 pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod contour;
@@ -13,6 +14,7 @@ mod few;
 pub mod figures;
 pub mod grid;
 pub mod input;
+pub mod kept;
 pub mod line;
 pub mod memory;
 pub mod placing;

@@ -1,17 +1,16 @@
 //! How a grid is read: its band, its voids, and the polygons it is clipped to.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::Resources;
+use crate::beside::{self, Beside};
 use crate::plan::as_text;
-use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_files::{name_of, path_of};
-use terrane_raster::OpenOptions;
-use terrane_raster::{Clip, ClipRings};
-use terrane_vector::{self as vector, Feature};
+use terrane_base::error::{Error, Result};
+use terrane_raster::{Clip, ClipRings, OpenOptions};
+use terrane_vector::Feature;
 
 /// What is read of the files of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,44 +54,27 @@ impl Reading {
 
     /// The same wherever the process works.
     pub(crate) fn absolute(&self) -> Result<Self> {
-        let clip = self.clip.as_deref().map(absolute).transpose()?;
+        let clip = self.clip.as_deref().map(beside::absolute).transpose()?;
         Ok(Self { clip, ..self.clone() })
     }
 
     /// The file of polygons, and what else is read of it.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
-        self.clip.as_deref().map_or_else(Vec::new, files)
+        self.clip.as_deref().map_or_else(Vec::new, beside::files)
     }
 }
 
 fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
-    let path = &*path_of(name);
-    if vector::synthetic(path).is_none() && !path.exists() {
-        let error = Error::bad_input("no such file").in_file(path);
-        return Err(error.remedy("check the name, or name a file of polygons"));
-    }
-    let mut source = vector::open(path, &vector::OpenOptions::default())?;
-    let (mut rings, mut edges) = (ClipRings::default(), 0);
-    while let Some(feature) = source.next()? {
-        edges += feature.geometry.vertices() as u64;
-        // Those beyond are counted all the same, to tell how much is enough.
-        if bytes(edges) <= resources.memory / 2 {
-            add(&feature, &mut rings).map_err(|e| e.at(source.place()).in_file(path))?;
-        }
-    }
+    let remedy = "simplify them with terrane line";
+    let mut file = Beside::open(name, "polygons", ClipRings::EDGE_BYTES, remedy)?;
+    let mut rings = ClipRings::default();
+    let edges = file.each((resources.memory / 2, resources), |feature| add(feature, &mut rings))?;
     if edges == 0 {
         return Err(Error::bad_input("has no polygon")
-            .in_file(path)
+            .in_file(&file.path)
             .remedy("name a file with the polygons to clip to"));
     }
-    if bytes(edges) > resources.memory / 2 {
-        return Err(too_many(path, edges, resources));
-    }
-    Ok(Arc::new(Clip::new(rings, path, source.layer().crs.clone())))
-}
-
-fn bytes(edges: u64) -> u64 {
-    edges.saturating_mul(ClipRings::EDGE_BYTES)
+    Ok(Arc::new(Clip::new(rings, &file.path, file.source.layer().crs.clone())))
 }
 
 fn add(feature: &Feature, rings: &mut ClipRings) -> Result<()> {
@@ -106,33 +88,4 @@ fn add(feature: &Feature, rings: &mut ClipRings) -> Result<()> {
     }
     rings.begin_feature()?;
     geometry.parts().try_for_each(|ring| rings.push(ring.xy))
-}
-
-fn too_many(path: &Path, edges: u64, resources: &Resources) -> Error {
-    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    let (needed, allowed) = (mib(bytes(edges)), resources.memory >> 20);
-    let message = format!("its {edges} vertices take {needed} MiB of the {allowed} MiB allowed");
-    Error::new(ErrorKind::Resource, message).in_file(path).remedy(format!(
-        "pass --memory {}M or more, or simplify them with terrane line",
-        4 * needed + 64
-    ))
-}
-
-fn absolute(name: &str) -> Result<String> {
-    let path = path_of(name);
-    if vector::synthetic(&path).is_some() {
-        return Ok(name.to_owned());
-    }
-    name_of(std::path::absolute(&path).map_err(|e| Error::read(&path, e))?)
-}
-
-fn files(name: &str) -> Vec<PathBuf> {
-    let path = path_of(name);
-    if vector::synthetic(&path).is_some() {
-        return Vec::new();
-    }
-    let is_shape = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shp"));
-    let beside = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
-    let beside = beside.into_iter().filter(|path| is_shape && path.is_file());
-    std::iter::once(path.clone().into_owned()).chain(beside).collect()
 }

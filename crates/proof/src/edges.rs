@@ -5,6 +5,7 @@ use std::mem::size_of;
 use super::Part;
 use super::between::Between;
 use super::exact::{double_area, in_circle};
+use super::kept::Kept;
 use super::sections::{ceil, floor};
 use super::surface::{Followed, Run, Surface};
 use super::tally::Tally;
@@ -64,6 +65,15 @@ impl Part<'_> {
     /// True when a vertex at an owned position is a valid sample, with its height as the format holds it unless
     /// heights are fitted.
     fn is_sample(&self, at: Position, z: f64) -> bool {
+        let is_right = |height: f64| match self.is_fitted {
+            true => !height.is_nan(),
+            false => self.precision.is(z, height),
+        };
+        self.sample(at).is_some_and(is_right)
+    }
+
+    /// The height of the sample at a position that is owned, if one is there; NaN where it is void.
+    pub(crate) fn sample(&self, at: Position) -> Option<f64> {
         let apron = self.domain.apron();
         let inside = |fixed: i64, first: u32, count: u32| {
             let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
@@ -72,12 +82,7 @@ impl Part<'_> {
         let col = inside(at.col, apron.col, apron.width);
         let row = inside(at.row, apron.row, apron.height);
         let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
-        let height = place.and_then(|place| self.heights.get(place));
-        let is_right = |&height: &f64| match self.is_fitted {
-            true => !height.is_nan(),
-            false => self.precision.is(z, height),
-        };
-        at.is_sample() && height.is_some_and(is_right)
+        place.filter(|_| at.is_sample()).and_then(|place| self.heights.get(place).copied())
     }
 }
 
@@ -181,13 +186,15 @@ impl Corners {
 
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
 pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
-    let mut between = Between::new(part, surface);
+    let (mut between, mut kept) = (Between::new(part, surface), Kept::new(part));
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_corner(part, at, heights, tally);
             between.corner(at, heights, tally);
+            kept.corner(at, heights);
         }
     });
+    kept.finish(surface, tally);
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
     let mut unfinished = Vec::new();

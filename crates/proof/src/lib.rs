@@ -14,6 +14,7 @@ mod domain;
 mod edges;
 mod exact;
 mod expansion;
+mod kept;
 pub mod lines;
 pub mod quality;
 mod sections;
@@ -48,6 +49,8 @@ pub struct Part<'a> {
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
     pub vertices: Option<&'a [Position]>,
+    /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
+    pub kept: &'a [Position],
     /// How the mesh stores heights.
     pub precision: Precision,
     /// Vertices may have other heights than their samples.

@@ -252,6 +252,7 @@ mod tests {
             heights,
             triangles,
             vertices,
+            kept: &[],
             precision,
             is_fitted,
             tolerance,

@@ -5,6 +5,7 @@ use terrane_base::geom::Rect;
 use super::bits::{Bits, ones};
 use super::domain::Domain;
 use super::tally::Tally;
+use super::triangle::Position;
 
 /// Valid samples and surface cells of a window of a grid.
 #[derive(Clone, Debug)]
@@ -99,6 +100,25 @@ impl Surface {
         for row in [Some(row), row.checked_sub(1)].into_iter().flatten() {
             widen(out, self.cells.row(row));
         }
+    }
+
+    /// True for a sample of the window that belongs to a surface cell.
+    pub(crate) fn has_sample(&self, at: Position) -> bool {
+        let near = |fixed: i64, first: u32| {
+            let place = (fixed >> Position::FRACTION) - i64::from(first);
+            [place - 1, place].map(|place| usize::try_from(place).ok())
+        };
+        let [cols, rows] = [near(at.col, self.rect.col), near(at.row, self.rect.row)];
+        let has_cell = |row: usize, col: usize| {
+            row < self.rect.height as usize
+                && col < self.rect.width as usize
+                && self.cells(row)[col / 64] >> (col % 64) & 1 == 1
+        };
+        let mut cells = rows
+            .iter()
+            .flatten()
+            .flat_map(|&row| cols.iter().flatten().map(move |&col| (row, col)));
+        cells.any(|(row, col)| has_cell(row, col))
     }
 
     /// Counts valid and isolated samples and surface cells of `domain`.

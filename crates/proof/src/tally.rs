@@ -112,6 +112,10 @@ pub struct Tally {
     pub duplicates: Fault,
     /// Stored vertices at no triangle's corner.
     pub unused: Fault,
+    /// Samples of the surface that have to be vertices, and
+    pub kept: u64,
+    /// those of them that are none, or not at their height.
+    pub not_kept: Fault,
     /// Positions of corners that are no sample, or not at its height.
     pub off_samples: Fault,
 }
@@ -128,6 +132,7 @@ impl Tally {
         self.surface_samples += other.surface_samples;
         self.surface_cells += other.surface_cells;
         self.covered += other.covered;
+        self.kept += other.kept;
         self.breaks += other.breaks;
         self.open_edges += other.open_edges;
         self.interior_edges += other.interior_edges;
@@ -144,7 +149,7 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 17] {
+    fn faults_mut(&mut self) -> [&mut Fault; 18] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
@@ -162,6 +167,7 @@ impl Tally {
             &mut self.split_heights,
             &mut self.duplicates,
             &mut self.unused,
+            &mut self.not_kept,
             &mut self.off_samples,
         ]
     }

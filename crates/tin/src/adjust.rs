@@ -66,6 +66,8 @@ pub(super) struct Scratch {
     due: BitSet,
     /// Vertices that have moved.
     moved: BitSet,
+    /// Those that never do.
+    held: BitSet,
     /// How far the mesh is above each sample of the star, and
     offsets: Vec<f32>,
     /// how much each shares in a move of the vertex, from 0 to 1.
@@ -89,11 +91,15 @@ impl Envelope {
 }
 
 impl Scratch {
-    /// Starts over: no vertex is due, none has moved.
-    pub(super) fn reset(&mut self, field: &Field) {
+    /// Starts over: no vertex is due, none has moved, and those to keep never will.
+    pub(super) fn reset(&mut self, field: &Field, kept: &[Local]) {
         let samples = field.width() as usize * field.height() as usize;
-        self.due.reset(samples);
-        self.moved.reset(samples);
+        for bits in [&mut self.due, &mut self.moved, &mut self.held] {
+            bits.reset(samples);
+        }
+        for &p in kept {
+            self.held.insert(field.index(p));
+        }
     }
 
     /// The corners of triangles that have changed are due.
@@ -109,7 +115,8 @@ impl Scratch {
     }
 
     fn look_at_corners(&mut self, field: &Field, tri: &Tri) {
-        for at in tri.corners.map(|p| field.index(p)) {
+        let corners = tri.corners.map(|p| field.index(p));
+        for at in corners.into_iter().filter(|&at| !self.held.contains(at)) {
             self.due.insert(at);
         }
     }
@@ -370,7 +377,7 @@ mod tests {
                 prop_assert!((field.vertex(at) - field.sample(at)).abs() > 0.2 * TOLERANCE, "not put in");
             }
             let mut scratch = Scratch::default();
-            scratch.reset(&field);
+            scratch.reset(&field, &[]);
             scratch.look_at(&field, &mesh, |_| true);
             while scratch.sweep(&judge, &mesh, TOLERANCE) {}
             for &at in &inner {
@@ -451,7 +458,7 @@ mod tests {
             let before: Vec<f64> = samples().map(|at| field.vertex(at)).collect();
             let moved = |at: Local| field.vertex(at) != before[field.index(at)];
             let mut scratch = Scratch::default();
-            scratch.reset(&field);
+            scratch.reset(&field, &[]);
             prop_assert!(!scratch.sweep(&judge, &mesh, 30.0));
             let chosen = mesh.tris[pick % mesh.tris.len()].corners;
             scratch.look_at(&field, &mesh, |tri| tri.corners == chosen);

@@ -123,6 +123,9 @@ pub struct TileInput<'a> {
     pub apron_below: u32,
     /// Farthest that neighbouring posts are apart; see [`PatchInput::spacing`].
     pub spacing: u32,
+    /// Samples of the tile that stay vertices wherever there is surface, at the heights they have, sorted. Both
+    /// tiles at a border have to be told of those on it.
+    pub kept: &'a [Local],
 }
 
 /// A finished tile: positions are relative to the tile's first sample (apron not counted).
@@ -178,6 +181,8 @@ pub struct PatchInput<'a> {
     /// with a lattice of vertices (*posts*) so far apart, and none is dropped that keeps circles small.
     /// So what happens at a seam ends near it, and a patch can hold all of it.
     pub spacing: u32,
+    /// Samples that stay vertices if they are, at the heights they have, sorted.
+    pub kept: &'a [Local],
 }
 
 /// A mended patch.

@@ -51,7 +51,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         drop_seam(&judge, mesh, input, drop);
     }
     let border = Border { field, input };
-    adjust.reset(field);
+    adjust.reset(field, input.kept);
     if spec.fit {
         even_out(&judge, mesh, &border, adjust, drop);
     }
@@ -60,9 +60,14 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
 }
 
 impl PatchInput<'_> {
-    /// True when a vertex may have been chosen for a rim alone.
+    /// True when a vertex is on a seam line.
     fn is_on_seam(&self, p: Local) -> bool {
         Some(p.col()) == self.seam_col || Some(p.row()) == self.seam_row
+    }
+
+    /// True when a vertex may have been chosen for a rim alone.
+    fn may_go(&self, p: Local) -> bool {
+        self.is_on_seam(p) && self.kept.binary_search(&p).is_err()
     }
 }
 
@@ -167,7 +172,7 @@ fn legalise(mesh: &mut Mesh) {
     }
 }
 
-/// Tries to drop the vertices on the seam lines, in the order of their positions.
+/// Tries to drop the vertices on the seam lines that nobody asked for, in the order of their positions.
 fn drop_seam(
     judge: &Judge<'_>,
     mesh: &mut Mesh,
@@ -177,7 +182,7 @@ fn drop_seam(
     let mut seam: Vec<(Local, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
-        seam.extend(half_edges.filter(|&(p, _)| input.is_on_seam(p)));
+        seam.extend(half_edges.filter(|&(p, _)| input.may_go(p)));
     }
     seam.sort_unstable();
     seam.dedup_by_key(|&mut (p, _)| p);
@@ -206,8 +211,9 @@ fn even_out(
         if !adjust.sweep(judge, mesh, judge.tolerance) {
             return;
         }
-        let frozen = border.frozen(mesh);
-        drop.settle(judge.field, &frozen);
+        let mut stays = border.frozen(mesh);
+        stays.extend(border.input.kept);
+        drop.settle(judge.field, &stays);
         drop::drop_redundant(judge, mesh, drop);
         adjust.look_at_changes(judge.field, mesh);
     }
@@ -270,6 +276,7 @@ mod tests {
             seam_row,
             grid_ends,
             spacing: u32::MAX,
+            kept: &[],
         }
     }
 

@@ -127,22 +127,23 @@ impl Rim {
     /// Appends the rim's vertices in order, its two ends included.
     ///
     /// Between samples of the outline the rim is either all surface or all void. On the surface, between
-    /// posts,
-    /// the sample furthest from the chord (the first among equals) is kept and both halves are
+    /// posts and samples to keep, the sample furthest from the chord (the first among equals) is kept and both halves are
     /// treated alike, until every sample is within `tolerance` of its chord: lines are refined so, too
     /// ([`refine`]), but here the vertical distance decides without rounding.
     pub(super) fn vertices(
         &self,
         role: impl Fn(Local) -> Role,
-        sample: impl Fn(Local) -> f64,
-        vertex: impl Fn(Local) -> f64,
+        is_kept: impl Fn(Local) -> bool,
+        (sample, vertex): (impl Fn(Local) -> f64, impl Fn(Local) -> f64),
         tolerance: f64,
         out: &mut Vec<Local>,
     ) {
         let last = self.count - 1;
         let mut posts = posts(last, self.spacing).skip(1).peekable();
-        let mut is_fixed =
-            |i: &u32| posts.next_if_eq(i).is_some() || role(self.at(*i)) == Role::Outline;
+        let mut is_fixed = |i: &u32| {
+            let at = self.at(*i);
+            posts.next_if_eq(i).is_some() || role(at) == Role::Outline || is_kept(at)
+        };
         let mut start = 0;
         out.push(self.at(0));
         while start < last {

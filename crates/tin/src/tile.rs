@@ -77,7 +77,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     scratch.field.load(&input.heights, window, aprons, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
     let surface = Surface::new(input);
-    let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input.spacing);
+    let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input);
     insert_all(&mut scratch.mesh, &fixed);
     insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
     scratch.mesh.fixed = Fixed::Inside { ends, cells: [cols - 1, rows - 1] };
@@ -86,7 +86,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     }
     scratch.drop.limit_circles(input.spacing);
     if spec.fit {
-        loosen(scratch, spec, &fixed);
+        loosen(scratch, spec, &fixed, input.kept);
     }
     refine(scratch, spec, &fixed);
     if spec.fit {
@@ -96,10 +96,10 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
 }
 
 /// Brings the tolerance down in stages, vertices moved to where errors are least.
-fn loosen(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
+fn loosen(scratch: &mut Scratch, spec: &Spec, fixed: &[Local], kept: &[Local]) {
     scratch.field.free_heights();
     let Scratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
-    adjust.reset(field);
+    adjust.reset(field, kept);
     for looser in adjust::STAGES {
         let judge = Judge::of_samples(field, *scan, looser * spec.tolerance);
         mesh.forget_changes();
@@ -165,12 +165,12 @@ impl TileInput<'_> {
     }
 }
 
-/// Rim vertices and outline samples, sorted.
+/// Rim vertices, outline samples and those to keep, sorted.
 fn fixed_vertices(
     surface: &Surface<'_>,
     field: &Field,
     tolerance: f64,
-    spacing: u32,
+    &TileInput { spacing, kept, .. }: &TileInput<'_>,
 ) -> Vec<Local> {
     let (cols, rows) = (field.width(), field.height());
     let rim = |col, row, along_rows| Rim {
@@ -182,10 +182,13 @@ fn fixed_vertices(
     let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
     let has_voids = surface.has_voids();
     let role = |p| if has_voids { surface.role(p) } else { Role::Interior };
+    let is_kept = |p| kept.binary_search(&p).is_ok();
+    let heights = (|p| field.sample(p), |p| field.vertex(p));
     let mut fixed = Vec::new();
     for rim in rims {
-        rim.vertices(role, |p| field.sample(p), |p| field.vertex(p), tolerance, &mut fixed);
+        rim.vertices(role, is_kept, heights, tolerance, &mut fixed);
     }
+    fixed.extend(kept.iter().filter(|&&p| matches!(role(p), Role::Interior | Role::Outline)));
     if has_voids {
         let inner =
             (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| Local::new(col, row)));

@@ -25,7 +25,15 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     let heights = Heights { width: side, height: side, f32: &z, f64: None };
     let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
     let spacing = u32::MAX;
-    let input = TileInput { heights, apron_left, apron_right, apron_above, apron_below, spacing };
+    let input = TileInput {
+        heights,
+        apron_left,
+        apron_right,
+        apron_above,
+        apron_below,
+        spacing,
+        kept: &[],
+    };
     let tolerance = 0.0;
     let spec = Spec {
         tolerance,

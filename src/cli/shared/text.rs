@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
+use crate::jobs::kept::KeptReport;
 use crate::jobs::placing::Placed;
 
 /// "1,234,567".
@@ -150,6 +151,18 @@ fn plain(key: &str, value: &Value) -> Option<String> {
         }),
         _ => None,
     }
+}
+
+/// What became of points to keep: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
+pub(crate) fn kept(kept: &KeptReport) -> String {
+    let more = |n: u64, what: &str| match n {
+        0 => String::new(),
+        n => format!("; {} {what}", count(n)),
+    };
+    let [vertices, points] = [kept.vertices, kept.points].map(count);
+    let outside = more(kept.outside, "points are outside of the grid");
+    let void = more(kept.without_surface, "samples have no surface");
+    format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".

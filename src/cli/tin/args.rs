@@ -131,6 +131,10 @@ pub(crate) struct Method {
     /// fewer, mostly a fifth; some five times slower). The error is kept all the same
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
+    /// Samples that stay vertices, at their heights: the nearest one to each point of a file of features, and to
+    /// each vertex of its lines and polygons, in the system of the grid
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) keep_points: Option<String>,
     /// Cells along the side of a tile, 16 to 8192 [default: 512]
     #[arg(long, value_name = "CELLS", value_parser = tile_cells())]
     pub(crate) tile: Option<u32>,

@@ -76,6 +76,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--strict", args.method.strict),
         ("--no-drop", args.method.no_drop),
         ("--fit", args.method.fit),
+        ("--keep-points", args.method.keep_points.is_some()),
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),

@@ -61,7 +61,8 @@ fn job(args: &Args) -> Result<TinJob> {
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
     let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
-    let files = args.grid.read_with(raster::files(&args.input)?);
+    let mut files = args.grid.read_with(raster::files(&args.input)?);
+    files.extend(args.method.keep_points.clone());
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -90,6 +91,7 @@ fn job(args: &Args) -> Result<TinJob> {
     Ok(TinJob {
         input: args.input.clone().into(),
         reading: args.grid.reading(),
+        keep_points: args.method.keep_points.clone(),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -115,6 +117,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         reading: job.reading.clone(),
         tolerance: Some(made.tolerance),
         bound: None,
+        keep_points: job.keep_points.clone(),
         resources: job.resources.clone(),
     }
 }
@@ -141,6 +144,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
     rows.extend(textbook::told(r).map(|method| ("method", method)));
+    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));

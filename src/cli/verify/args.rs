@@ -30,6 +30,10 @@ pub(crate) struct Args {
     /// neighbouring samples as well [default: what the mesh file states; samples, where it states nothing]
     #[arg(long, value_name = "WHAT")]
     pub(crate) bound: Option<Bound>,
+    /// Samples that have to be vertices, at their heights: the nearest one to each point of this file, as in
+    /// terrane tin
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) keep_points: Option<String>,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -107,14 +111,16 @@ impl Promises {
 }
 
 impl Args {
-    /// Refuses a choice of bounds, as there is none on `what`.
-    pub(crate) fn refuse_bound(&self, what: &str) -> Result<()> {
-        match self.bound {
+    /// Refuses what meshes of grids alone are held to, as `what` is proved.
+    pub(crate) fn refuse_of_grids(&self, what: &str) -> Result<()> {
+        let bound = self.bound.map(|bound| ("--bound", format!("--bound {bound}")));
+        let kept = self.keep_points.as_ref().map(|_| ("--keep-points", "--keep-points".to_owned()));
+        match bound.or(kept) {
             None => Ok(()),
-            Some(bound) => {
-                Err(Error::usage(format!("--bound {bound} is for meshes of grids, and {what}"))
+            Some((option, given)) => {
+                Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))
                     .in_file(&self.mesh)
-                    .remedy("leave --bound out"))
+                    .remedy(format!("leave {option} out")))
             }
         }
     }

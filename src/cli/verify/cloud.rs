@@ -30,7 +30,7 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
             .in_file(&path_of(&args.source[0]))
             .remedy(format!("leave {option} out")));
     }
-    args.refuse_bound("this is a point cloud")?;
+    args.refuse_of_grids("this is a point cloud")?;
     if !is_mesh(&name_of(args.mesh.clone())?)? {
         return Err(Error::bad_input("is a grid, not a mesh")
             .in_file(&args.mesh)

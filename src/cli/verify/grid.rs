@@ -23,6 +23,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
     let mut read = args.grid.read_with(raster::files(&args.source)?);
+    read.extend(args.keep_points.clone());
     read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = VerifyJob {
@@ -31,6 +32,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         reading: args.grid.reading(),
         tolerance: args.max_error,
         bound: args.bound,
+        keep_points: args.keep_points.clone(),
         resources,
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -55,7 +57,8 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
 
 /// A proof for people.
 pub(crate) fn summary(r: &VerifyReport) -> String {
-    let rows = vec![("surface", surface(r)), ("samples", samples(&r.of))];
+    let mut rows = vec![("surface", surface(r)), ("samples", samples(&r.of))];
+    rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
     let off = told::off_vertices(r, "grid");
     told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }

@@ -7,6 +7,7 @@ use terrane_base::Error;
 use terrane_base::Result;
 use terrane_base::geom::predicates::in_circle;
 use terrane_base::geom::{Affine, Point3, Rect};
+use terrane_jobs::kept::Kept;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
@@ -155,6 +156,23 @@ pub(crate) fn validate(mesh: &Mesh, grid: &FunctionGrid, tolerance: f64) {
         let corner = |id: u64| (places[id as usize], mesh.vertices[id as usize][2]);
         check_errors(ids.map(corner), grid, tolerance);
     });
+}
+
+/// Panics unless every sample of the surface that was to be kept is a vertex at its height, and as many as told.
+pub(crate) fn check_kept(kept: &Kept, mesh: &Mesh, grid: &FunctionGrid, told: u64) {
+    let heights = mesh.vertices.iter().map(|v| v[2]);
+    let vertices: HashMap<_, _> = lattice_places(mesh, grid).into_iter().zip(heights).collect();
+    let all = Rect::new(0, 0, grid.info.width, grid.info.height);
+    let is_on_surface = |&[col, row]: &[u32; 2]| {
+        let (col, row) = (i64::from(col), i64::from(row));
+        [(1, 1), (0, 1), (1, 0), (0, 0)].iter().any(|(c, r)| is_cell(grid, col - c, row - r))
+    };
+    let wanted: Vec<_> = kept.within(all).filter(is_on_surface).collect();
+    for &[col, row] in &wanted {
+        let found = vertices.get(&[col.into(), row.into()]).copied();
+        assert_eq!(found, Some((grid.height_at)(col, row)), "column {col}, row {row}");
+    }
+    assert_eq!(told, wanted.len() as u64, "samples that were kept");
 }
 
 fn lattice_places(mesh: &Mesh, grid: &FunctionGrid) -> Vec<[i64; 2]> {

@@ -8,6 +8,7 @@ use super::make::{Origin, header, in_input, open_tiled};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::worker::worker_bytes;
+use crate::kept::{Kept, Points};
 use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
@@ -31,8 +32,21 @@ pub struct BuildJob<'a> {
     pub fit: bool,
     /// Cells along a tile's side.
     pub tile: u32,
+    /// The name of a file of features; the sample nearest to each point of it stays a vertex.
+    pub keep_points: Option<&'a str>,
     /// What the job may use, beside what the source and the sink hold.
     pub resources: &'a Resources,
+}
+
+impl BuildJob<'_> {
+    fn points(&self) -> Result<Option<Points>> {
+        self.keep_points.map(|name| Points::read(name, self.resources)).transpose()
+    }
+
+    /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
+    fn worker(&self, points: Option<&Points>, tile: u32) -> u64 {
+        points.map_or(0, Points::bytes) + worker_bytes(tile, self.goal.keeps_all(), self.fit)
+    }
 }
 
 /// What a [`BuildJob`] did.
@@ -60,9 +74,10 @@ pub fn build(
     job.goal.check()?;
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
-    let worker = worker_bytes(layout.side(), job.goal.keeps_all(), job.fit);
+    let points = job.points()?;
+    let worker = job.worker(points.as_ref(), layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
-    build_within((source, None), sink, job, shares, progress, cancel)
+    build_within((source, None, points), sink, job, shares, progress, cancel)
 }
 
 /// As [`build`], of files, whose decoded blocks have their share of the memory.
@@ -78,15 +93,16 @@ pub fn build_files(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let (source, shares) =
-        open_tiled(input, options, job.tile, (job.goal, job.fit), job.resources)?;
+    let points = job.points()?;
+    let worker = |tile| job.worker(points.as_ref(), tile);
+    let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
     let clip = options.clip.as_ref().map(|clip| clip.path());
-    let built = build_within((&*source, clip), sink, job, shares, progress, cancel);
+    let built = build_within((&*source, clip, points), sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
 
 fn build_within(
-    (source, clip): (&dyn GridSource, Option<&Path>),
+    (source, clip, points): (&dyn GridSource, Option<&Path>, Option<Points>),
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     shares: Shares,
@@ -95,6 +111,7 @@ fn build_within(
 ) -> Result<Built> {
     let info = source.info();
     let layout = Layout::new(info.width, info.height, job.tile)?;
+    let kept = Kept::on(points, info)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let settings = Settings {
         spec: Spec {
@@ -107,6 +124,7 @@ fn build_within(
             measure: true,
         },
         tile: job.tile,
+        kept: &kept,
         threads: shares.threads,
         mesh_bytes: shares.mesh,
         temp_dir: &folder,
@@ -117,6 +135,7 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    let from = Origin { input: info.format, clip };
+    let kept = job.keep_points.map(Path::new);
+    let from = Origin { input: info.format, clip, kept };
     Ok(Built { tolerance, outcome, header: header(info, from, &settings.spec, 0.0) })
 }

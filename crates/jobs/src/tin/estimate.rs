@@ -36,6 +36,11 @@ pub(super) struct Size {
 }
 
 impl Size {
+    /// With so many vertices more.
+    pub(super) fn with(self, vertices: u64) -> Self {
+        Self { vertices: self.vertices + vertices, triangles: self.triangles + 2 * vertices }
+    }
+
     fn times(self, share: f64) -> Self {
         let times = |count: u64| (count as f64 * share) as u64;
         Self { vertices: times(self.vertices), triangles: times(self.triangles) }
@@ -156,7 +161,7 @@ impl<'a> Estimator<'a> {
     fn triangulate(&mut self, tile: TileId, spec: &Spec) -> Result<TileMesh> {
         self.cancel.check()?;
         self.window.read(self.source, self.layout.apron(tile))?;
-        let input = tile_input(&self.layout, tile, self.window.heights());
+        let input = tile_input(&self.layout, tile, self.window.heights(), &[]);
         Ok(triangulate_tile(&input, spec, &mut self.scratch))
     }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::USUAL_TILE;
 use crate::Resources;
+use crate::kept::Points;
 use crate::placing::Placing;
 use crate::reading::Reading;
 use terrane_base::bound::Bound;
@@ -54,6 +55,9 @@ pub struct TinJob {
     /// What is read of it.
     #[serde(flatten)]
     pub reading: Reading,
+    /// The name of a file of features; the sample nearest to each point of it stays a vertex.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<String>,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -94,11 +98,18 @@ pub struct TinJob {
 }
 
 impl TinJob {
+    /// The points to keep, if there are any.
+    pub(super) fn points(&self) -> Result<Option<Points>> {
+        let name = self.keep_points.as_deref();
+        name.map(|name| Points::read(name, &self.resources)).transpose()
+    }
+
     /// The job with everything else at its default, errors measured.
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
         Self {
             input: input.into(),
             reading: Reading::default(),
+            keep_points: None,
             output: output.into(),
             format: None,
             overwrite: false,

@@ -12,8 +12,10 @@ use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
 use super::worker::worker_bytes;
+use crate::beside;
 use crate::figures::Figures;
 use crate::input::grid_stats;
+use crate::kept::{Kept, Points};
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
 use crate::{Cancel, Progress, Resources, peak_memory};
@@ -61,15 +63,21 @@ pub(super) struct Opened {
     pub(super) placed: Placed,
     notes: Vec<String>,
     pub(super) shares: Shares,
+    /// Samples that stay vertices.
+    pub(super) kept: Kept,
 }
 
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
-        Self::with(job, || open(job))
+        let points = job.points()?;
+        let held = points.as_ref().map_or(0, Points::bytes);
+        let mut opened = Self::with(job, || open(job, held))?;
+        opened.kept = Kept::on(points, opened.source.info())?;
+        Ok(opened)
     }
 
-    /// The same, with an input that is opened in another way.
+    /// The same, with an input that is opened in another way, and nothing to keep.
     pub(super) fn with(
         job: &TinJob,
         open: impl FnOnce() -> Result<memory::Opened>,
@@ -80,7 +88,8 @@ impl Opened {
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
         let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
-        Ok(Self { source, format, height_origin, placed, notes, shares })
+        let kept = Kept::default();
+        Ok(Self { source, format, height_origin, placed, notes, shares, kept })
     }
 }
 
@@ -92,9 +101,12 @@ impl Opened {
     }
 }
 
-/// Opens the input of `job` and divides its memory; a tile is not larger than the grid.
-fn open(job: &TinJob) -> Result<memory::Opened> {
-    open_tiled(&job.input, &options(job)?, job.tile, (job.goal, job.fit), &job.resources)
+/// Opens the input of `job` and divides its memory, of which so many bytes are held; a tile is not larger than
+/// the grid.
+fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
+    // To count what is held with each worker allows for a little more than there is.
+    let worker = |tile| held + worker_bytes(tile, job.goal.keeps_all(), job.fit);
+    open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
 }
 
 /// How to open the input of `job`.
@@ -102,15 +114,14 @@ pub(super) fn options(job: &TinJob) -> Result<OpenOptions> {
     job.reading.options(&job.resources, OpenOptions::default().cache_bytes)
 }
 
-/// Opens `input` for workers on tiles of `tile` cells.
+/// Opens `input` for workers on tiles of `tile` cells, which take so many bytes.
 pub(super) fn open_tiled(
     input: &Inputs,
     options: &OpenOptions,
     tile: u32,
-    (goal, fit): (Goal, bool),
+    worker: impl Fn(u32) -> u64,
     resources: &Resources,
 ) -> Result<memory::Opened> {
-    let worker = |tile| worker_bytes(tile, goal.keeps_all(), fit);
     let open = |tile| memory::open(input, options, resources, worker(tile));
     let tile = checked_tile(tile)?;
     open(tile).or_else(|error| {
@@ -162,7 +173,9 @@ impl Maker<'_> {
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
         let clip = job.reading.clip.as_deref().map(path_of);
-        let from = Origin { input: &job.input.to_string(), clip: clip.as_deref() };
+        let kept = job.keep_points.as_deref().map(path_of);
+        let input = &job.input.to_string();
+        let from = Origin { input, clip: clip.as_deref(), kept: kept.as_deref() };
         let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -288,6 +301,7 @@ impl Maker<'_> {
         Settings {
             spec,
             tile: self.job.tile,
+            kept: &self.opened.kept,
             threads: self.opened.shares.threads,
             mesh_bytes: self.opened.shares.mesh,
             temp_dir,
@@ -337,6 +351,7 @@ impl Maker<'_> {
             vertices: outcome.vertices,
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
+            keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
@@ -357,10 +372,11 @@ impl Maker<'_> {
     }
 }
 
-/// Where a mesh comes from: the names of its grid, and of polygons that this was clipped to.
+/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to, and of points to keep.
 pub(super) struct Origin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<&'a Path>,
+    pub(super) kept: Option<&'a Path>,
 }
 
 /// What a file of the mesh is told of it.
@@ -381,11 +397,10 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("max error {}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
-    // Plans know the whole path, which is no part of the mesh.
-    let clip = from.clip.and_then(Path::file_name);
-    let clip = clip.map(|name| format!("clip {}", name.display()));
+    let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
+    let kept = from.kept.map(|path| format!("keep {}", beside::label(path)));
     let source = format!("source {}", from.input);
-    [source, error].into_iter().chain(bound).chain(fitted).chain(clip).collect()
+    [source, error].into_iter().chain(bound).chain(fitted).chain(clip).chain(kept).collect()
 }
 
 /// World bounding box of the samples; z is not known.

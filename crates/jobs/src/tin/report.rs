@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use crate::figures::Figures;
+use crate::kept::KeptReport;
 use crate::placing::Placed;
 use terrane_base::bound::Bound;
 
@@ -61,6 +62,9 @@ pub struct TinReport {
     pub triangles: u64,
     /// Vertices per valid sample.
     pub kept: f64,
+    /// What became of points to keep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
     pub output_bytes: u64,
     /// Coordinate reference system beside the mesh, when one was written.
     pub prj: Option<String>,

@@ -15,6 +15,7 @@ use super::tally::Tally;
 use super::workdir::ObjectWriter;
 use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
 use super::writer::{Collect, Part, Saver, Totals, Writer};
+use crate::kept::Kept;
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked};
@@ -29,6 +30,8 @@ pub struct Settings<'a> {
     pub spec: Spec,
     /// Cells along a tile's side.
     pub tile: u32,
+    /// Samples that stay vertices.
+    pub kept: &'a Kept,
     /// Worker threads. With one, everything runs on the calling thread; with more, one further
     /// thread writes.
     pub threads: usize,
@@ -55,6 +58,8 @@ pub struct Outcome {
     pub valid: u64,
     /// Valid samples without a valid cell.
     pub isolated: u64,
+    /// Samples to keep that are vertices.
+    pub kept: u64,
     /// Samples that look like undeclared nodata: the value as stored, and how many.
     pub suspects: Option<(f64, u64)>,
     /// Largest error of any sample (0 unless measured).
@@ -231,7 +236,7 @@ fn write_parts(
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
-    let Tally { valid, isolated, suspects } = unlocked(shared.tally);
+    let Tally { valid, isolated, suspects, kept } = unlocked(shared.tally);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);
@@ -240,6 +245,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         triangles: totals.triangles,
         valid,
         isolated,
+        kept,
         suspects,
         // It was rounded up, and all samples are known to be within.
         max_error: f64::from(totals.max_error).min(tolerance),
@@ -337,6 +343,7 @@ mod tests {
                 measure: false,
             },
             tile: 64,
+            kept: Kept::NONE,
             threads,
             mesh_bytes: 1 << 20,
             temp_dir: Path::new("."),

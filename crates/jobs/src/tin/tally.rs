@@ -11,6 +11,9 @@ pub(super) struct Tally {
     pub(super) isolated: u64,
     /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
     pub(super) suspects: Option<(f64, u64)>,
+    /// Samples to keep that are vertices. Known once the mesh is written, so it is no part of saved tallies.
+    #[serde(skip)]
+    pub(super) kept: u64,
 }
 
 impl Tally {
@@ -18,6 +21,7 @@ impl Tally {
     pub(super) fn add(&mut self, other: Tally) {
         self.valid += other.valid;
         self.isolated += other.isolated;
+        self.kept += other.kept;
         self.suspects = match (self.suspects, other.suspects) {
             (Some((a, few)), Some((b, more))) if a == b => Some((a, few + more)),
             (Some(a), Some(b)) => Some(if a.0 < b.0 { a } else { b }),
@@ -36,8 +40,8 @@ mod tests {
         for suspects in
             [Some((-99.0, 5)), None, Some((-9999.0, 2)), Some((-9999.0, 1)), Some((-99.0, 7))]
         {
-            all.add(Tally { valid: 10, isolated: 1, suspects });
+            all.add(Tally { valid: 10, isolated: 1, suspects, kept: 2 });
         }
-        assert_eq!(all, Tally { valid: 50, isolated: 5, suspects: Some((-9999.0, 3)) });
+        assert_eq!(all, Tally { valid: 50, isolated: 5, suspects: Some((-9999.0, 3)), kept: 10 });
     }
 }

@@ -45,6 +45,10 @@ pub fn run_by(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
+    if job.keep_points.is_some() {
+        let message = format!("the method {} keeps no points", by.method.name);
+        return Err(Error::usage(message).remedy("leave them out, or the method"));
+    }
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let opened = Opened::with(job, || open(job, by.method).map_err(named))?;

@@ -80,6 +80,8 @@ pub(super) struct Worker<'a> {
     triangles: Vec<Triangle>,
     /// Heights of their corners, where those are free.
     vertices: Vec<(Local, f64)>,
+    /// Samples to keep where it works, sorted.
+    kept: Vec<Local>,
     marks: Marks,
     lookup: Lookup,
     clock: Clock,
@@ -94,6 +96,7 @@ impl<'a> Worker<'a> {
             scratch: Scratch::default(),
             triangles: Vec::new(),
             vertices: Vec::new(),
+            kept: Vec::new(),
             marks: Marks::default(),
             lookup: Lookup::default(),
             clock: Clock::default(),
@@ -142,10 +145,11 @@ impl<'a> Worker<'a> {
         self.read(layout.apron(tile))?;
         let suspects = self.window.suspects(layout.owned(tile), self.job.source.info());
         let started = Instant::now();
-        let input = tile_input(layout, tile, self.window.heights());
+        self.list_kept(rect);
+        let input = tile_input(layout, tile, self.window.heights(), &self.kept);
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
-        let tally = Tally { valid: *valid, isolated: *isolated, suspects };
+        let tally = Tally { valid: *valid, isolated: *isolated, suspects, kept: 0 };
         lock(&self.job.tally).add(tally);
         let _room = self.job.store.reserve(mesh.bytes(), tile)?;
         self.job.insert(Piece { rect, triangles, vertices, heights })?;
@@ -236,6 +240,7 @@ impl<'a> Worker<'a> {
         let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
         let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
         let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
+        self.list_kept(rect);
         let input = PatchInput {
             heights: self.window.heights(),
             vertices: &self.vertices,
@@ -244,6 +249,7 @@ impl<'a> Worker<'a> {
             seam_row,
             grid_ends: layout.grid_ends(rect),
             spacing: layout.spacing(),
+            kept: &self.kept,
         };
         let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
         self.clock.add(Stage::Seams, started, rect.len() as u64);
@@ -316,6 +322,9 @@ impl<'a> Worker<'a> {
             kept.settle(|at| self.marks.contains(at));
             positions(kept, layout.origin(tile), &job.source.info().transform)
         })?;
+        self.list_kept(layout.owned(tile));
+        let kept = self.kept.iter().filter(|&&at| self.marks.contains(at)).count() as u64;
+        lock(&job.tally).add(Tally { kept, ..Tally::default() });
         if points.len() as u64 != self.marks.count() {
             return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
         }
@@ -368,6 +377,14 @@ impl<'a> Worker<'a> {
         self.send(tile, Part::Saved(record))
     }
 
+    /// Lists the samples to keep in `rect`, as positions there.
+    fn list_kept(&mut self, rect: Rect) {
+        let kept = self.job.settings.kept.within(rect);
+        self.kept.clear();
+        self.kept.extend(kept.map(|[col, row]| Local::new(col - rect.col, row - rect.row)));
+        self.kept.sort_unstable();
+    }
+
     fn read(&mut self, rect: Rect) -> Result<()> {
         let started = Instant::now();
         self.window.read(self.job.source, rect)?;
@@ -401,7 +418,12 @@ impl Shared<'_> {
 }
 
 /// The kernel's view of a tile whose apron has been read.
-pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>) -> TileInput<'a> {
+pub(super) fn tile_input<'a>(
+    layout: &Layout,
+    tile: TileId,
+    heights: Heights<'a>,
+    kept: &'a [Local],
+) -> TileInput<'a> {
     let (rect, apron) = (layout.rect(tile), layout.apron(tile));
     TileInput {
         heights,
@@ -410,6 +432,7 @@ pub(super) fn tile_input<'a>(layout: &Layout, tile: TileId, heights: Heights<'a>
         apron_above: rect.row - apron.row,
         apron_below: apron.end_row() - rect.end_row(),
         spacing: layout.spacing(),
+        kept,
     }
 }
 

@@ -37,6 +37,10 @@ pub struct FaultReport<P> {
 }
 
 impl<P: Copy> FaultReport<P> {
+    pub(super) fn is_none(&self) -> bool {
+        self.count == 0
+    }
+
     pub(super) fn of(fault: &Fault, place: impl Fn(Position) -> P) -> Self {
         Self { count: fault.count, first: fault.first.map(place) }
     }

@@ -20,6 +20,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use crate::figures::Figures;
+use crate::kept::{Kept, Points};
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
@@ -55,6 +56,8 @@ pub struct VerifyJob {
     pub tolerance: Option<f64>,
     /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
     pub bound: Option<Bound>,
+    /// The name of a file of features; the sample nearest to each point of it has to be a vertex.
+    pub keep_points: Option<String>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -74,7 +77,11 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         None => stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
-    let checked = verify(&*mesh, &*grid, tolerance, bound, &job.resources, progress, cancel);
+    let points = job.keep_points.as_deref();
+    let points = points.map(|name| Points::read(name, &job.resources)).transpose()?;
+    let kept = Kept::on(points, grid.info())?;
+    let asked = Asked { tolerance, bound, kept: &kept };
+    let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
     let report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
         _ => e,
@@ -84,6 +91,11 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         let told =
             format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
         report.verdict.failures.extend((!report.verdict.passed).then_some(told));
+    }
+    if let Some(file) = stated_text(mesh.info(), KEPT).filter(|_| job.keep_points.is_none()) {
+        let told = format!("whether it keeps the points of {file} (--keep-points)");
+        report.verdict.judged = false;
+        report.verdict.not_judged.push(told);
     }
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };
@@ -141,10 +153,29 @@ fn stated_text<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
 const TOLERANCE: &str = "max error";
 const BOUND: &str = "bound";
 const CLIP: &str = "clip";
+const KEPT: &str = "keep";
 const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.
 const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
+
+/// What a mesh is held to.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<'a> {
+    /// Largest allowed vertical distance; errors are measured, not judged, when `None`.
+    pub tolerance: Option<f64>,
+    /// What the tolerance is of.
+    pub bound: Bound,
+    /// Samples that have to be vertices.
+    pub kept: &'a Kept,
+}
+
+impl Asked<'_> {
+    /// A tolerance at samples.
+    pub fn of_samples(tolerance: Option<f64>) -> Self {
+        Self { tolerance, bound: Bound::Samples, kept: Kept::NONE }
+    }
+}
 
 /// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's caches of both are not part of the memory budget, of
 /// which this takes about two thirds.
@@ -154,15 +185,14 @@ const NO_BOUND: &str = "the error, as no bound is known (--max-error)";
 pub fn verify(
     mesh: &dyn MeshSource,
     grid: &dyn GridSource,
-    tolerance: Option<f64>,
-    bound: Bound,
+    asked: Asked<'_>,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
-    let context = Context::new(work, grid, tolerance, bound)?;
+    let work = Work::new(mesh, asked.tolerance, resources, progress, cancel)?;
+    let context = Context::new(work, grid, asked)?;
     let spread = parts::fill(&context)?;
     let tally = parts::check(&context, &spread)?;
     let mut report = report::report(&context, &spread.counts, spread.broken, &tally);
@@ -218,8 +248,7 @@ impl<'a> Work<'a> {
 struct Context<'a> {
     work: Work<'a>,
     grid: &'a dyn GridSource,
-    tolerance: Option<f64>,
-    bound: Bound,
+    asked: Asked<'a>,
     /// The mesh states that its heights are fitted.
     is_fitted: bool,
     snapper: Snapper,
@@ -229,19 +258,13 @@ struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    fn new(
-        work: Work<'a>,
-        grid: &'a dyn GridSource,
-        tolerance: Option<f64>,
-        bound: Bound,
-    ) -> Result<Self> {
+    fn new(work: Work<'a>, grid: &'a dyn GridSource, asked: Asked<'a>) -> Result<Self> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];
         Ok(Self {
             grid,
-            tolerance,
-            bound,
+            asked,
             is_fitted: stated(info, FITTED) == Some("heights"),
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {

@@ -131,7 +131,9 @@ impl<J> Checker<'_, J> {
         J: Fn(&Part<'_>, &mut T) -> Result<()>,
     {
         let (triangles, positions) = self.count(domain, bucket)?;
-        let need = (self.need)(domain.apron().len() as u64, triangles, positions);
+        let samples = domain.rect.len() as u64;
+        let kept = samples.min(self.context.asked.kept.count()) * size_of::<Position>() as u64;
+        let need = kept + (self.need)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
             return self.check_whole(domain, bucket, [triangles, positions], found);
         }
@@ -197,14 +199,19 @@ impl<J> Checker<'_, J> {
         let mut vertices = Vec::with_capacity(positions as usize);
         self.each_position(domain, bucket, |at| vertices.push(at))?;
         vertices.sort_unstable();
+        let kept = self.context.asked.kept.within(domain.rect);
+        let mut kept: Vec<_> =
+            kept.map(|[col, row]| Position::sample(col.into(), row.into())).collect();
+        kept.sort_unstable();
         let part = Part {
             domain,
             heights: &read(self.context, domain.apron())?,
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
+            kept: &kept,
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,
-            tolerance: self.context.tolerance,
+            tolerance: self.context.asked.tolerance,
             orientation: self.context.orientation,
         };
         (self.judge)(&part, found)

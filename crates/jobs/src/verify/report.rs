@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::Context;
 use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
 use super::vertices::VertexCounts;
+use crate::kept::KeptReport;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
 use terrane_proof::{Fault, Position, Tally};
@@ -77,6 +78,12 @@ pub struct OfGrid {
     /// Breaks further from their line than the tolerance (decided exactly, closed <=). A failure only
     /// where `bound` is the surface.
     pub over_between_samples: FaultReport<Place>,
+    /// Points to keep, if they were given, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
+    /// samples nearest to them that are no vertices at their height.
+    #[serde(skip_serializing_if = "FaultReport::is_none")]
+    pub not_kept: FaultReport<Place>,
     /// Samples of the grid by seconds.
     pub samples_per_second: f64,
 }
@@ -97,6 +104,7 @@ impl Original for OfGrid {
         };
         vec![
             (between, "places between samples further from the mesh than the tolerance"),
+            (self.not_kept, "samples that were to be kept and are no vertices at their height"),
             (self.uncovered_samples, "samples not covered by the mesh"),
             (self.uncovered_cells, "cells not covered by the mesh"),
             (self.void_cells, "void cells covered by triangles"),
@@ -145,16 +153,18 @@ pub(super) fn report(
         outside_triangles: fault(&tally.outside),
         fitted: context.is_fitted,
         off_sample_vertices: fault(&tally.off_samples),
-        bound: context.bound,
+        bound: context.asked.bound,
         surface_error: tally.worst_of_surface().map(|spot| spot.error),
         surface_error_at: tally.worst_of_surface().map(|spot| place(spot.at)),
         breaks: tally.breaks,
         over_between_samples: fault(&tally.over_between),
+        keep_points: context.asked.kept.report(tally.kept, tally.kept - tally.not_kept.count),
+        not_kept: fault(&tally.not_kept),
         ..OfGrid::default()
     };
     let found = Findings {
         mesh: context.work.mesh.info(),
-        tolerance: context.tolerance,
+        tolerance: context.asked.tolerance,
         vertices,
         broken,
         tally,

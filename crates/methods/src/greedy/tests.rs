@@ -119,6 +119,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         apron_above,
         apron_below,
         spacing: 99,
+        kept: &[],
     };
     let spec = terrane_tin::Spec {
         tolerance,

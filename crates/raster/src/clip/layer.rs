@@ -9,7 +9,7 @@ use super::scan::Scan;
 use crate::window::{Sample, Window};
 use crate::{GridInfo, GridSource, OpenOptions};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Crs, Rect};
+use terrane_base::geom::Rect;
 
 /// A clipped grid.
 struct Clipped {
@@ -34,7 +34,7 @@ pub(crate) fn clipped(
     let cache_bytes = usize::try_from(room).unwrap_or(usize::MAX);
     let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
-    check_crs(clip, &info.crs)?;
+    info.crs.check_same(&clip.crs, "polygons").map_err(|e| e.in_file(&clip.path))?;
     info.details.push(("clip".to_owned(), clip.path.display().to_string()));
     let grid = Clipped { info, inner, clip: clip.clone() };
     match grid.holds_any(grid.info.bounds()) {
@@ -55,23 +55,6 @@ fn too_large(clip: &Clip, held: u64) -> Error {
         "pass --memory {}M or more, or simplify them with terrane line",
         4 * mib + 64
     ))
-}
-
-fn check_crs(clip: &Clip, crs: &Crs) -> Result<()> {
-    if crs.agrees(&clip.crs) {
-        return Ok(());
-    }
-    let [own, others] = crs.told_apart(&clip.crs);
-    let remedy = match (crs.is_named(), clip.crs.is_named()) {
-        (true, true) => "bring both into one system",
-        (true, false) => "if it is that of the grid, name it in the file or in a .prj beside it",
-        _ => {
-            "name the system of the grid, or write the polygons as WKT or CSV, which need not name any"
-        }
-    };
-    let message =
-        format!("its coordinate reference system is {others}, and that of the grid is {own}");
-    Err(Error::bad_input(message).in_file(&clip.path).remedy(remedy))
 }
 
 impl Clipped {

@@ -98,6 +98,7 @@ proptest! {
             seam_row: None,
             grid_ends: [true; 4],
             spacing: u32::MAX,
+            kept: &grid.kept,
         };
         let patch = mend_patch(&input, &spec, &mut Scratch::default());
         let mended: Placed =

@@ -2,6 +2,7 @@
 //! patch widths.
 
 mod fit;
+mod kept;
 
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
@@ -15,11 +16,13 @@ use terrane_tin::{
 };
 
 /// A grid of integer heights; voids are `None`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Grid {
     width: u32,
     height: u32,
     z: Vec<Option<i16>>,
+    /// Samples to keep, sorted.
+    kept: Vec<Local>,
 }
 
 impl Grid {
@@ -49,7 +52,7 @@ impl Grid {
             let is_void = holes > 0 && (noise >> 4) % 40 < holes;
             (!is_void).then_some(hill as i16 + (noise % 7) as i16)
         });
-        Self { width, height, z: z.collect() }
+        Self { width, height, z: z.collect(), ..Self::default() }
     }
 }
 
@@ -90,6 +93,7 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
         apron_above: above,
         apron_below: below,
         spacing: u32::MAX,
+        kept: &grid.kept_in(cols, rows),
     };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
@@ -110,7 +114,12 @@ fn a_single_sample_is_found_wherever_it_is() {
     let side = 130;
     for i in 0..150 {
         let [col, row] = [37, 61].map(|step| 1 + i * step % (side - 2));
-        let mut grid = Grid { width: side, height: side, z: vec![Some(0); (side * side) as usize] };
+        let mut grid = Grid {
+            width: side,
+            height: side,
+            z: vec![Some(0); (side * side) as usize],
+            ..Grid::default()
+        };
         grid.z[(row * side + col) as usize] = Some(3);
         let mesh = whole(&grid, &spec(2.0));
         assert!(mesh.vertices.contains(&Local::new(col, row)), "column {col}, row {row}");
@@ -313,6 +322,7 @@ fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool
         seam_row: None,
         grid_ends: [true; 4],
         spacing: u32::MAX,
+        kept: &grid.kept,
     };
     let patch = mend_patch(&input, spec, &mut Scratch::default());
     let beyond = edges(&mended);
@@ -348,7 +358,15 @@ fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &Spec) -> Ti
     let z: Vec<f32> = (0..65 * 49).map(|i| height(i % 65, i / 65)).collect();
     let heights = Heights { width: 65, height: 49, f32: &z, f64: None };
     let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
-    let input = TileInput { heights, apron_left, apron_right, apron_above, apron_below, spacing };
+    let input = TileInput {
+        heights,
+        apron_left,
+        apron_right,
+        apron_above,
+        apron_below,
+        spacing,
+        kept: &[],
+    };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
 
@@ -400,7 +418,7 @@ fn flat_ground_keeps_its_posts_and_vertices_between_them_may_go() {
 #[test]
 fn lines_of_a_rim_are_divided_at_the_first_of_equals() {
     let z = [0, 5, 0, 5, 0].map(Some);
-    let grid = Grid { width: 5, height: 2, z: [z, [Some(0); 5]].concat() };
+    let grid = Grid { width: 5, height: 2, z: [z, [Some(0); 5]].concat(), ..Grid::default() };
     let mesh = whole(&grid, &spec(4.0));
     let top: Vec<u32> = mesh.vertices.iter().filter(|p| p.row() == 0).map(|p| p.col()).collect();
     assert_eq!(top, [0, 1, 4]);
@@ -507,11 +525,16 @@ fn four_tiles_have_their_rims_in_common_and_count_samples_once() {
 
 #[test]
 fn extremes_of_shape_and_content() {
-    let flat = Grid { width: 33, height: 20, z: vec![Some(7); 660] };
+    let flat = Grid { width: 33, height: 20, z: vec![Some(7); 660], ..Grid::default() };
     assert_eq!(whole(&flat, &spec(0.0)).triangles.len(), 2);
-    let two = Grid { width: 2, height: 2, z: vec![Some(1), Some(2), Some(3), Some(9)] };
+    let two = Grid {
+        width: 2,
+        height: 2,
+        z: vec![Some(1), Some(2), Some(3), Some(9)],
+        ..Grid::default()
+    };
     assert_eq!(whole(&two, &spec(0.0)).triangles.len(), 2);
-    let void = Grid { width: 9, height: 9, z: vec![None; 81] };
+    let void = Grid { width: 9, height: 9, z: vec![None; 81], ..Grid::default() };
     assert!(whole(&void, &spec(1.0)).triangles.is_empty());
     let mut single = void.clone();
     single.z[40] = Some(5);
@@ -543,6 +566,7 @@ fn the_bound_holds_for_double_precision_heights() {
             apron_above: 0,
             apron_below: 0,
             spacing: u32::MAX,
+            kept: &[],
         };
         let mesh = triangulate_tile(&none, &spec, &mut Scratch::default());
         let written = |p: Local| {

@@ -24,6 +24,7 @@ mod write;
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, Result};
 use definition::{Definition, Horizontal, Vertical};
 use unit::Unit;
 
@@ -248,6 +249,26 @@ impl Crs {
     fn keys(&self) -> impl Iterator<Item = &[u16]> {
         let entries = self.geo_keys.get(4..).unwrap_or_default().chunks_exact(4);
         entries.filter(|entry| entry[0] != RASTER_TYPE && entry[1] == 0)
+    }
+
+    /// Fails unless a file with `what` is in the system of this grid, as far as both tell.
+    pub fn check_same(&self, other: &Self, what: &str) -> Result<()> {
+        if self.agrees(other) {
+            return Ok(());
+        }
+        let [own, others] = self.told_apart(other);
+        let remedy = match (self.is_named(), other.is_named()) {
+            (true, true) => "bring both into one system".to_owned(),
+            (true, false) => {
+                "if it is that of the grid, name it in the file or in a .prj beside it".to_owned()
+            }
+            _ => format!(
+                "name the system of the grid, or write the {what} as WKT or CSV, which need not name any"
+            ),
+        };
+        let message =
+            format!("its coordinate reference system is {others}, and that of the grid is {own}");
+        Err(Error::bad_input(message).remedy(remedy))
     }
 
     /// The names of two systems that do not agree, with what tells them apart where the names do not.

@@ -11,6 +11,7 @@ use super::object::{Facts, ObjectWriter, object_bytes};
 use super::shelf::Shelf;
 use super::tasks::{Strips, Task};
 use super::{Form, MeshRun, MeshStatus};
+use crate::beside;
 use crate::memory;
 use crate::plan::{
     self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, StatusReport, Survey, Work,
@@ -100,7 +101,8 @@ impl Mesh {
     pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let thread_memory = worker_bytes(strips.layout().side(), job.goal.keeps_all(), job.fit);
+        let worker = worker_bytes(strips.layout().side(), job.goal.keeps_all(), job.fit);
+        let thread_memory = worker + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
         let samples = self.samples();
@@ -281,13 +283,14 @@ impl Grid {
     }
 }
 
-/// The files that `job` reads: those behind its input, and polygons.
+/// The files that `job` reads: those behind its input, polygons, and points to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
     let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
-    all.iter().filter(is_file).map(path).chain(job.reading.files()).collect()
+    let kept = job.keep_points.as_deref().map_or_else(Vec::new, beside::files);
+    all.iter().filter(is_file).map(path).chain(job.reading.files()).chain(kept).collect()
 }
 
 #[cfg(test)]

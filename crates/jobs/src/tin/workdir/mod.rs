@@ -16,6 +16,7 @@ use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
 use super::report::{Clock, StageReport, TinReport};
+use crate::beside;
 use crate::plan::{self, DiskCheck, PLAN, Plan};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress};
@@ -103,7 +104,8 @@ fn plan_checked(
         return Err(budget());
     }
     let reading = job.job.reading.absolute()?;
-    let tin = TinJob { input: job.job.input.resolve()?, reading, ..job.job.clone() };
+    let keep_points = job.job.keep_points.as_deref().map(beside::absolute).transpose()?;
+    let tin = TinJob { input: job.job.input.resolve()?, reading, keep_points, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
@@ -114,6 +116,7 @@ fn plan_checked(
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
+    let size = size.with(opened.kept.count());
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
     let (files, needs) = (mesh::files(&tin, &*opened.source), mesh.needs(size, &opened)?);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;

@@ -5,15 +5,14 @@ use super::report::SlopeReport;
 use crate::verify::parts;
 use crate::verify::report::place;
 use crate::verify::spread::{Reach, Spread};
-use crate::verify::{Context, Work};
-use terrane_base::bound::Bound;
+use crate::verify::{Asked, Context, Work};
 use terrane_base::error::Result;
 use terrane_proof::slope::{self, Slopes};
 use terrane_raster::GridSource;
 
 /// Holds all triangles against the grid.
 pub(super) fn look(work: Work<'_>, grid: &dyn GridSource, ground: &Ground) -> Result<SlopeReport> {
-    let context = Context::new(work, grid, None, Bound::default())?;
+    let context = Context::new(work, grid, Asked::of_samples(None))?;
     let layout = parts::divided(&context)?;
     let spread = Spread::of_triangles(&context.work, &context.snapper, layout, Reach::Touched)?;
     let turn = |col, row| ground.turn(col, row);

@@ -1,0 +1,244 @@
+//! Samples that have to be vertices: those nearest to the points of a file of features.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::Resources;
+use crate::beside::Beside;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Rect};
+use terrane_raster::GridInfo;
+
+/// Points of a file where they are in the world: those of its points, and the vertices of its lines and
+/// polygons. Heights they may have are not looked at.
+pub struct Points {
+    path: PathBuf,
+    crs: Crs,
+    at: Vec<[f64; 2]>,
+}
+
+impl Points {
+    /// Bytes for a point while a list of them grows.
+    const BYTES: u64 = 48;
+
+    /// Reads all points.
+    ///
+    /// # Errors
+    /// Whatever the reader of the format finds; a file without a point; more points than a quarter of the
+    /// memory holds.
+    pub fn read(name: &str, resources: &Resources) -> Result<Self> {
+        let remedy = "keep fewer points";
+        let mut file = Beside::open(name, "points", Self::BYTES, remedy)?;
+        let mut at = Vec::new();
+        file.each((resources.memory / 4, resources), |feature| {
+            for leaf in feature.geometry.leaves() {
+                at.extend_from_slice(&leaf.coordinates().xy);
+            }
+            Ok(())
+        })?;
+        if at.is_empty() {
+            return Err(Error::bad_input("has no point")
+                .in_file(&file.path)
+                .remedy("name a file with the points to keep"));
+        }
+        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at })
+    }
+
+    /// Most bytes that the samples take.
+    pub fn bytes(&self) -> u64 {
+        bytes(self.at.len())
+    }
+
+    /// The samples of a grid that are nearest to the points. Time O(n log n) for n points.
+    ///
+    /// # Errors
+    /// Points in another system; none that is nearer to a sample than half a cell, along both sides.
+    pub fn on(self, grid: &GridInfo) -> Result<Kept> {
+        grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
+        let nearest = |at: f64, side: u32| {
+            let at = (at + 0.5).floor();
+            (0.0..f64::from(side)).contains(&at).then_some(at as u32)
+        };
+        let sample = |&[x, y]: &[f64; 2]| {
+            let [col, row] = grid.transform.invert(x, y);
+            Some([nearest(col, grid.width)?, nearest(row, grid.height)?])
+        };
+        let samples: Vec<_> = self.at.iter().filter_map(sample).collect();
+        if samples.is_empty() {
+            return Err(Error::bad_input("no point of this file lies on the grid")
+                .in_file(&self.path)
+                .remedy("choose points on the grid (terrane info tells the bounds of both)"));
+        }
+        let [points, inside] = [self.at.len(), samples.len()].map(|count| count as u64);
+        Ok(Kept { path: Some(self.path), outside: points - inside, points, ..Kept::of(samples) })
+    }
+}
+
+fn bytes(samples: usize) -> u64 {
+    (samples * size_of::<[u32; 2]>()) as u64
+}
+
+/// Samples to keep.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Columns and rows, each sample once, ordered by block, then row and column.
+    samples: Vec<[u32; 2]>,
+    path: Option<PathBuf>,
+    points: u64,
+    outside: u64,
+}
+
+/// Samples along the side of a block.
+const BLOCK: u32 = 256;
+
+/// The block of a sample: row, then column.
+fn block([col, row]: [u32; 2]) -> [u32; 2] {
+    [row / BLOCK, col / BLOCK]
+}
+
+impl Kept {
+    /// None.
+    pub const NONE: &Self = &Self { samples: Vec::new(), path: None, points: 0, outside: 0 };
+
+    /// These, by column and row, in any order.
+    pub fn of(mut samples: Vec<[u32; 2]>) -> Self {
+        let points = samples.len() as u64;
+        samples.sort_unstable_by_key(|&at| (block(at), at[1], at[0]));
+        samples.dedup();
+        Self { samples, points, ..Self::default() }
+    }
+
+    /// Those on `grid`, if points are given.
+    pub fn on(points: Option<Points>, grid: &GridInfo) -> Result<Self> {
+        points.map_or_else(|| Ok(Self::default()), |points| points.on(grid))
+    }
+
+    /// The samples in a rectangle, row by row within blocks. Time linear in those of all blocks that it
+    /// touches, and logarithmic in all.
+    pub fn within(&self, rect: Rect) -> impl Iterator<Item = [u32; 2]> + '_ {
+        let [first, last] = match rect.is_empty() || self.samples.is_empty() {
+            true => [[1, 0], [0, 0]],
+            false => [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]].map(block),
+        };
+        let row_of_blocks = move |row: u32| {
+            let from = self.samples.partition_point(|&at| block(at) < [row, first[1]]);
+            let more = &self.samples[from..];
+            &more[..more.partition_point(|&at| block(at) <= [row, last[1]])]
+        };
+        let inside = move |&[col, row]: &[u32; 2]| rect.contains(col, row);
+        (first[0]..=last[0]).flat_map(row_of_blocks).copied().filter(inside)
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        bytes(self.samples.len())
+    }
+
+    /// Number of samples.
+    pub fn count(&self) -> u64 {
+        self.samples.len() as u64
+    }
+
+    /// What a report says where so many of the samples belong to the surface, and so many are vertices; `None`
+    /// where nothing was to be kept.
+    pub fn report(&self, on_surface: u64, vertices: u64) -> Option<KeptReport> {
+        let Self { points, outside, .. } = *self;
+        let samples = self.count();
+        (points > 0).then(|| KeptReport {
+            file: self.path.as_deref().map_or_else(String::new, |path| path.display().to_string()),
+            points,
+            outside,
+            samples,
+            without_surface: samples - on_surface,
+            vertices,
+        })
+    }
+}
+
+/// What became of points to keep.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KeptReport {
+    /// The file they are in.
+    pub file: String,
+    /// Points in it.
+    pub points: u64,
+    /// Those that lie beyond the grid by more than half a cell.
+    pub outside: u64,
+    /// Samples nearest to the others.
+    pub samples: u64,
+    /// Those of them that are voids or touch no cell of the surface.
+    pub without_surface: u64,
+    /// Those that are vertices.
+    pub vertices: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_base::geom::Affine;
+    use terrane_raster::SampleType;
+
+    fn grid(width: u32, height: u32, transform: Affine) -> GridInfo {
+        GridInfo { transform, ..GridInfo::plain("test", width, height, SampleType::F32) }
+    }
+
+    fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<Kept> {
+        Points { path: "points.csv".into(), crs: Crs::default(), at }.on(grid)
+    }
+
+    #[test]
+    fn a_point_keeps_the_sample_it_is_nearest_to() {
+        // Samples 10 by 20 apart, rows going south, from (100, 500).
+        let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -20.0 };
+        let grid = grid(4, 3, map);
+        for (at, expected) in [
+            ([100.0, 500.0], Some([0, 0])),
+            ([104.9, 490.1], Some([0, 0])),
+            ([105.0, 490.0], Some([1, 1])),
+            ([95.0, 510.0], Some([0, 0])),
+            ([94.9, 500.0], None),
+            ([134.9, 450.1], Some([3, 2])),
+            ([135.0, 460.0], None),
+            ([f64::NAN, 460.0], None),
+            ([f64::INFINITY, 460.0], None),
+        ] {
+            // The last sample, that there is one in any case.
+            let kept = kept(vec![at, [130.0, 460.0]], &grid).unwrap();
+            let mut all: Vec<_> = expected.into_iter().chain([[3, 2]]).collect();
+            all.dedup();
+            assert_eq!(kept.within(Rect::new(0, 0, 4, 3)).collect::<Vec<_>>(), all, "{at:?}");
+            assert_eq!(kept.outside, u64::from(expected.is_none()), "{at:?}");
+        }
+        let error = kept(vec![[0.0, 0.0]], &grid).unwrap_err().to_string();
+        assert!(error.contains("points.csv") && error.contains("on the grid"), "{error}");
+    }
+
+    proptest! {
+        /// Its twin looks at every sample.
+        #[test]
+        fn a_rectangle_has_its_own_samples(
+            at in prop::collection::vec((0..700_u32, 0..600_u32), 1..300),
+            (col, row) in (0..700_u32, 0..600_u32), (width, height) in (0..700_u32, 0..600_u32)
+        ) {
+            let grid = grid(700, 600, Affine::LATTICE);
+            let points = at.iter().map(|&(col, row)| [f64::from(col), -f64::from(row)]).collect();
+            let kept = kept(points, &grid).unwrap();
+            let rect = Rect::new(col, row, width.min(700 - col), height.min(600 - row));
+            let mut expected: Vec<_> = at.iter().map(|&(col, row)| [col, row]).collect();
+            expected.retain(|&[col, row]| rect.contains(col, row));
+            expected.sort_unstable();
+            expected.dedup();
+            let mut found: Vec<_> = kept.within(rect).collect();
+            found.sort_unstable();
+            prop_assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn nothing_is_kept_of_nothing() {
+        assert_eq!(Kept::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
+        assert_eq!(Kept::NONE.report(0, 0), None);
+    }
+}
