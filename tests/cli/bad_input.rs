@@ -264,6 +264,29 @@ fn what_lies_beside_an_output_is_refused_before_the_work() {
     place.ok(&[&tin[..], &["--overwrite"]].concat());
 }
 
+/// The header of an input would become that of the output, and the input would be lost.
+#[test]
+fn no_file_takes_the_place_of_one_that_is_read_with_the_input() {
+    let header = "BYTEORDER I\nLAYOUT BIL\nNROWS 2\nNCOLS 2\nNBANDS 1\nNBITS 8\n";
+    let envi = "ENVI\nsamples = 2\nlines = 2\nbands = 1\ndata type = 1\ninterleave = bsq\n";
+    for (input, header) in [("a.bil", header), ("a.bsq", header), ("a.img", envi)] {
+        let place = Place::new();
+        place.write("a.hdr", header).write(input, [1, 2, 3, 4]);
+        std::fs::create_dir(place.path("b")).unwrap();
+        let taken = ["a.hdr", "read with the input", "choose another name"];
+        place.fails(&["convert", input, "a.flt", "--overwrite"], 2, &taken);
+        place.fails(&["convert", input, "b/../a.flt", "--overwrite"], 2, &taken);
+        place.ok(&["convert", input, "b/a.flt", "--overwrite"]);
+        assert_eq!(std::fs::read_to_string(place.path("a.hdr")).unwrap(), header);
+        // A part of a mosaic, and a header that nothing reads.
+        place.ok(&["info", input]);
+        place.write("list.txt", format!("{input}\n"));
+        place.fails(&["convert", "list.txt", "a.flt", "--overwrite"], 2, &taken[..1]);
+        place.write("c.hdr", "of something else");
+        place.ok(&["convert", input, "c.flt", "--overwrite"]);
+    }
+}
+
 #[test]
 fn options_out_of_range() {
     let place = place();

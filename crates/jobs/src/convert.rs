@@ -23,6 +23,7 @@ use crate::{Cancel, Progress, Resources};
 use bbox::{part, window};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::{beside_grid, path_of};
 use terrane_raster::write::{self, GridFormat, GridSink, WriteOptions};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
 
@@ -81,7 +82,21 @@ impl ConvertJob {
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
             bands: Vec::new(),
+            read: Vec::new(),
         }
+    }
+
+    /// The files that are read with those of the input, of names that the output's companions may have.
+    fn read_beside(&self, source: &dyn GridSource) -> Result<Vec<PathBuf>> {
+        let stem = self.output.file_stem().unwrap_or_default().as_encoded_bytes();
+        let is_alike = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default();
+            name.as_encoded_bytes().starts_with(stem)
+        };
+        let named = raster::files(self.input.names())?;
+        let named = named.iter().map(|name| path_of(raster::file_name(name)).into_owned());
+        let all = source.members().into_iter().chain(named).filter(is_alike);
+        Ok(all.flat_map(|path| beside_grid(&path)).collect())
     }
 }
 
@@ -135,7 +150,8 @@ pub fn copy(
     let budget = Budget::divide(job, format)?;
     let window = window(source.info(), job.bbox)?;
     let info = part(source.info(), window);
-    let mut sink = format.create(&job.output, &info, &job.write_options())?;
+    let options = WriteOptions { read: job.read_beside(source)?, ..job.write_options() };
+    let mut sink = format.create(&job.output, &info, &options)?;
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);

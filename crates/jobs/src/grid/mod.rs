@@ -164,6 +164,7 @@ impl GridJob {
             round: self.round,
             temp_dir: self.resources.temp_dir.clone(),
             bands: if single && self.stats.len() == 1 { Vec::new() } else { bands.collect() },
+            read: Vec::new(),
         }
     }
 

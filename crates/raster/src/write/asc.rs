@@ -49,7 +49,7 @@ impl AscSink {
         let codec = Codec::new(&GridInfo { nodata: None, ..info.clone() });
         let codec = order.options.sample_type.map(|_| codec.rounding(order.rounding()));
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
-        let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
+        let mut sidecars = Sidecars::new(order.path, order.options);
         sidecars.add_prj(&info.crs)?;
         let mut text = Out::of(&target, 0)?;
         text.write(header(&info, nodata).as_bytes())?;

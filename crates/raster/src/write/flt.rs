@@ -44,7 +44,7 @@ impl FltSink {
         let info = order.heights(SampleType::F32)?;
         check_north_up(&info.transform, FORMAT.name)?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
-        let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
+        let mut sidecars = Sidecars::new(order.path, order.options);
         // Readers prefer a header of this name.
         sidecars.remove(&["flt.hdr", "flt.HDR", "FLT.hdr", "FLT.HDR"])?;
         if !info.georeferenced {

@@ -77,6 +77,8 @@ pub struct WriteOptions {
     pub temp_dir: Option<PathBuf>,
     /// What the bands are called; one band without a name when empty.
     pub bands: Vec<BandName>,
+    /// Files that are read with the grid: nothing takes their place.
+    pub read: Vec<PathBuf>,
 }
 
 /// What a band is called.

@@ -136,7 +136,7 @@ fn packing(order: &Order<'_>) -> Result<&'static Packing> {
 }
 
 fn sidecars(order: &Order<'_>) -> Result<Sidecars> {
-    let mut sidecars = Sidecars::new(order.path, order.options.overwrite);
+    let mut sidecars = Sidecars::new(order.path, order.options);
     if order.info.georeferenced {
         let map = order.info.transform;
         let numbers = [map.a, map.d, map.b, map.e, map.x0, map.y0].map(number);

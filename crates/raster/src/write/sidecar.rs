@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::WriteOptions;
 use crate::GridInfo;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -12,13 +13,16 @@ use terrane_files::atomic::Sidecar;
 pub(super) struct Sidecars {
     grid: PathBuf,
     overwrite: bool,
+    /// Where those really are that nothing takes the place of.
+    read: Vec<PathBuf>,
     files: Vec<Sidecar>,
 }
 
 impl Sidecars {
     /// None yet.
-    pub(super) fn new(grid: &Path, overwrite: bool) -> Self {
-        Self { grid: grid.to_path_buf(), overwrite, files: Vec::new() }
+    pub(super) fn new(grid: &Path, options: &WriteOptions) -> Self {
+        let read = options.read.iter().filter_map(|path| path.canonicalize().ok()).collect();
+        Self { grid: grid.to_path_buf(), overwrite: options.overwrite, read, files: Vec::new() }
     }
 
     /// Adds the file with `ending` in place of the grid's; one that says the same already stays.
@@ -48,6 +52,13 @@ impl Sidecars {
         says_so: impl Fn(&str) -> bool,
     ) -> Result<()> {
         let path = self.grid.with_extension(ending);
+        if path.canonicalize().is_ok_and(|path| self.read.contains(&path)) {
+            return Err(Error::usage(
+                "is read with the input, and the output has a file of this name",
+            )
+            .in_file(&path)
+            .remedy("choose another name for the output"));
+        }
         self.files.push(Sidecar::new(path, text, says_so, self.overwrite)?);
         Ok(())
     }
@@ -121,16 +132,17 @@ mod tests {
         std::fs::write(&prj, "old").unwrap();
         let known = Crs { epsg: Some(4326), ..Crs::default() };
         let read = || std::fs::read_to_string(&prj);
+        let replacing = WriteOptions { overwrite: true, ..WriteOptions::default() };
         for crs in [&Crs::default(), &known] {
-            assert!(Sidecars::new(&grid, false).add_prj(crs).is_err());
+            assert!(Sidecars::new(&grid, &WriteOptions::default()).add_prj(crs).is_err());
         }
-        let mut sidecars = Sidecars::new(&grid, true);
+        let mut sidecars = Sidecars::new(&grid, &replacing);
         sidecars.add_prj(&known).unwrap();
         assert_eq!(read().unwrap(), "old", "until the grid is whole");
         sidecars.commit().unwrap();
         assert!(read().unwrap().starts_with("GEOGCS["));
-        Sidecars::new(&grid, false).add_prj(&known).unwrap();
-        let mut sidecars = Sidecars::new(&grid, true);
+        Sidecars::new(&grid, &WriteOptions::default()).add_prj(&known).unwrap();
+        let mut sidecars = Sidecars::new(&grid, &replacing);
         sidecars.add_prj(&Crs::default()).unwrap();
         sidecars.commit().unwrap();
         assert!(read().is_err());
