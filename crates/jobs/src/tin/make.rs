@@ -398,7 +398,7 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
-    let kept = from.kept.map(|path| format!("keep {}", beside::label(path)));
+    let kept = from.kept.map(|path| format!("keep points {}", beside::label(path)));
     let source = format!("source {}", from.input);
     [source, error].into_iter().chain(bound).chain(fitted).chain(clip).chain(kept).collect()
 }

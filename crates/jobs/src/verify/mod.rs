@@ -82,24 +82,27 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let kept = Kept::on(points, grid.info())?;
     let asked = Asked { tolerance, bound, kept: &kept };
     let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
-    let report = checked.map_err(|e| match e.kind() {
+    let mut report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
         _ => e,
     })?;
-    let mut report = report;
-    if let Some(clip) = stated_text(mesh.info(), CLIP).filter(|_| job.reading.clip.is_none()) {
-        let told =
-            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
-        report.verdict.failures.extend((!report.verdict.passed).then_some(told));
-    }
-    if let Some(file) = stated_text(mesh.info(), KEPT).filter(|_| job.keep_points.is_none()) {
-        let told = format!("whether it keeps the points of {file} (--keep-points)");
-        report.verdict.judged = false;
-        report.verdict.not_judged.push(told);
-    }
+    tell_of_files(mesh.info(), job, &mut report.verdict);
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
+}
+
+/// Names files that the mesh was made with, as it states, and that were not given.
+fn tell_of_files(mesh: &MeshInfo, job: &VerifyJob, verdict: &mut Verdict) {
+    if let Some(clip) = stated_text(mesh, CLIP).filter(|_| job.reading.clip.is_none()) {
+        let told =
+            format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
+        verdict.failures.extend((!verdict.passed).then_some(told));
+    }
+    if let Some(file) = stated_text(mesh, KEPT).filter(|_| job.keep_points.is_none()) {
+        verdict.judged = false;
+        verdict.not_judged.push(format!("whether it keeps the points of {file} (--keep-points)"));
+    }
 }
 
 /// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
@@ -153,7 +156,7 @@ fn stated_text<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
 const TOLERANCE: &str = "max error";
 const BOUND: &str = "bound";
 const CLIP: &str = "clip";
-const KEPT: &str = "keep";
+const KEPT: &str = "keep points";
 const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.
