@@ -421,6 +421,9 @@ mod tests {
             let unit = 16.0 * f64::EPSILON;
             let doubt = plane.doubt(found);
             prop_assert!(doubt >= 0.999 * unit * (least.max(heights) + found) && doubt <= 1.001 * unit * most);
+            // Of what is far off, the distance itself is rounded most.
+            let far = 1e6 + 1e3 * most;
+            prop_assert!((plane.doubt(far) - doubt - unit * (far - found)).abs() <= 1e-9 * unit * far);
         }
 
         #[test]
