@@ -394,6 +394,31 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        /// Heights are stored in steps of 2, so that the nearest to the end of a move may be beyond it.
+        #[test]
+        fn no_vertex_goes_further_than_the_tolerance((heights, _) in ground()) {
+            const TOLERANCE: f64 = 29.0;
+            let heights: Vec<_> = heights.iter().map(|z| z + 3e7).collect();
+            let field = field(&heights, Some(Rounding::about(0.0)));
+            let judge = Judge::of_samples(&field, available()[0].1, 1.2 * TOLERANCE);
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+            fit(&judge, &mut mesh, &mut WorkLists::default(), false);
+            let mut scratch = Scratch::default();
+            scratch.reset(&field, &[]);
+            scratch.look_at(&field, &mesh, |_| true);
+            prop_assert!(scratch.sweep(&judge, &mesh, TOLERANCE));
+            while scratch.sweep(&judge, &mesh, TOLERANCE) {}
+            for at in samples() {
+                let off = field.vertex(at) - field.sample(at);
+                prop_assert!(off.abs() <= TOLERANCE && off % 2.0 == 0.0, "{at:?} {off}");
+            }
+        }
+    }
+
+    proptest! {
         #[test]
         fn a_triangle_lists_its_samples_with_their_shares(
             (heights, corners) in ground(), corner in 0..3_usize, raised in -9.0..9.0_f64
@@ -422,7 +447,7 @@ mod tests {
         #[test]
         fn a_vertex_is_put_in_towards_the_mesh(
             (heights, corners) in ground(), far in prop_oneof![Just(0.0), Just(7e5_f32)],
-            tolerance in prop_oneof![0.05..0.3_f64, 1.0..30.0_f64]
+            tolerance in prop_oneof![0.05..0.3_f64, Just(0.125), 1.0..30.0_f64]
         ) {
             let heights: Vec<_> = heights.iter().map(|z| z + far).collect();
             let rounding = Rounding::about(0.0);
@@ -504,6 +529,44 @@ mod tests {
             let usual = found(STEPS);
             prop_assert!(usual >= least * (1.0 - 1e-5) && usual <= largest(0.0));
             prop_assert!(found(2) <= found(1) && usual <= found(2));
+        }
+    }
+
+    /// Of a square of four triangles around one vertex: samples half way to it go half as far as it does,
+    /// one towards the mesh and the others away from it.
+    #[test]
+    fn a_move_is_kept_up_to_the_last_bit_of_the_tolerance() {
+        const BIT: f64 = 1.0 / (1 << 30) as f64;
+        let [middle, beside] = [2, 1].map(|row| Local::new(2, row));
+        for far in [0.0_f32, -9.0, 4096.0] {
+            let mut heights = vec![far; (SIDE * SIDE) as usize];
+            let index = |at: Local| (at.row() * SIDE + at.col()) as usize;
+            (heights[index(middle)], heights[index(beside)]) = (far + 1.5, far + 2.0);
+            let field = field(&heights, None);
+            let judge = Judge::of_samples(&field, available()[0].1, 1.0);
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(4, 4);
+            let mut scratch = Scratch::default();
+            assert!(mesh.insert(0, middle, &mut Vec::new()));
+            let half_edge = (0..16).find(|&at| mesh.origin(at) == middle).unwrap();
+            assert!(mesh.star(half_edge, MAX_DEGREE, &mut scratch.star));
+            scratch.list(&field, &mesh, true);
+            let keeps = |step: f64, is_final| {
+                field.move_vertex(middle, field.sample(middle) + step);
+                let found = scratch.keeps(&judge, &mesh, step as f32, is_final);
+                field.move_vertex(middle, field.sample(middle));
+                found
+            };
+            // Both are then off by 1, which is 0.25 less than before.
+            assert!(keeps(0.5, true), "{far}");
+            for step in [0.5 - BIT, 0.5 + BIT, 0.4, 0.6] {
+                assert!(!keeps(step, true), "{far} {step}");
+                assert!(keeps(step, false), "{far} {step}");
+            }
+            // Nothing is gained.
+            for step in [0.0, 1.0, -0.1] {
+                assert!(!keeps(step, true) && !keeps(step, false), "{far} {step}");
+            }
         }
     }
 }

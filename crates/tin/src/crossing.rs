@@ -252,6 +252,15 @@ mod tests {
                 prop_assert!((found.error - error as f64 / of as f64).abs() < 1e-9);
                 let [near, far] = found.samples.map(Local::lattice);
                 prop_assert_eq!((near[0] - far[0]).abs() + (near[1] - far[1]).abs(), 1);
+                // The edge meets their line no further from the nearer one, and the lower one of equals.
+                let axis = usize::from(near[0] == far[0]);
+                let ends = ends.map(|end| [end[0] as i32, end[1] as i32]);
+                let n = ends[1][1 - axis] - ends[0][1 - axis];
+                let k = near[1 - axis] - ends[0][1 - axis];
+                let along = (ends[0][axis] * (n - k) + ends[1][axis] * k) * n.signum();
+                let away = |sample: [i32; 2]| (sample[axis] * n.abs() - along).abs();
+                prop_assert!((away(near), near[axis]) < (away(far), far[axis]));
+                prop_assert!(away(near) + away(far) == n.abs(), "the edge passes beside the samples");
             }
         }
     }

@@ -271,6 +271,87 @@ mod tests {
         }
     }
 
+    /// True when every sample of a triangle is within the tolerance, in whole numbers.
+    fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
+        let [a, b, c] = corners.map(Local::lattice);
+        let z = field.vertices(corners).map(|z| z as i64);
+        (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE)).all(|at| {
+            let q = at.lattice();
+            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
+            let height = field.sample(at) as i64;
+            let off: i64 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
+            weights.iter().any(|&weight| weight < 0) || off.abs() <= tolerance * orient(a, b, c)
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Each is tried in turn; where the mesh was made for a smaller tolerance, many may go.
+        #[test]
+        fn a_vertex_goes_when_what_fills_its_star_is_within_the_tolerance(
+            z in prop::collection::vec(0..24_u8, (SIDE * SIDE) as usize), tolerance in 6..16_u8,
+            finer in 0..3_u8
+        ) {
+            let z: Vec<f32> = z.into_iter().map(f32::from).collect();
+            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+            let judge = |tolerance: u8| Judge::of_samples(&field, available()[0].1, tolerance.into());
+            fit(&judge(tolerance - finer), &mut mesh, &mut WorkLists::default(), false);
+            let mut scratch = Scratch::default();
+            scratch.limit_circles(2 * SIDE);
+            for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+                if mesh.tris[(half_edge >> 2) as usize].state == State::Free {
+                    continue;
+                }
+                let is_filled = scratch.gather(&mesh, half_edge) && scratch.refill();
+                let expected = is_filled && scratch.fill.iter().all(|tri| {
+                    scratch.is_compact(tri) && is_within(&field, tri.corners, tolerance.into())
+                });
+                let vertex = mesh.origin(half_edge);
+                let found = scratch.try_drop(&judge(tolerance), &mut mesh, half_edge).is_some();
+                prop_assert_eq!(found, expected, "{:?}", vertex);
+                if found {
+                    mesh.validate();
+                    prop_assert!(star(&mesh, vertex).is_empty());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn corners_of_changed_triangles_may_be_tried_again_but_for_those_that_are_fixed() {
+        let mut field = Field::default();
+        let heights = Heights { width: 5, height: 4, f32: &[0.0; 20], f64: None };
+        field.load(&heights, [0, 0, 5, 4], [0; 4], None);
+        let mut mesh = Mesh::default();
+        mesh.reset_to_rectangle(4, 3);
+        let fixed = Local::new(4, 0);
+        for (changed, expected) in [
+            ([false, false], vec![]),
+            ([true, false], vec![(0, 0), (4, 3)]),
+            ([false, true], vec![(0, 0), (4, 3), (0, 3)]),
+            ([true, true], vec![(0, 0), (4, 3), (0, 3)]),
+        ] {
+            for (tri, is_changed) in mesh.tris.iter_mut().zip(changed) {
+                tri.source = if is_changed { NONE } else { 0 };
+            }
+            let mut scratch = Scratch::default();
+            scratch.settle(&field, &[fixed]);
+            (0..20).for_each(|at| {
+                scratch.settled.insert(at);
+            });
+            scratch.unsettle_changed(&field, &mesh);
+            for at in 0..20_u32 {
+                let is_tried = !scratch.settled.contains(at as usize);
+                assert_eq!(is_tried, expected.contains(&(at % 5, at / 5)), "{at} {changed:?}");
+            }
+        }
+    }
+
     /// The circle around a right triangle has the longest side for its diameter.
     #[test]
     fn a_triangle_is_compact_up_to_the_circle_around_a_square() {

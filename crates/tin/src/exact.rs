@@ -155,6 +155,18 @@ mod tests {
         assert!(within([2, 2, 1], z, 2.000_345_230_102_539, 0.0));
     }
 
+    #[test]
+    fn a_sum_keeps_the_last_part_when_all_before_it_cancels() {
+        let power = |exponent: i32| 2.0_f64.powi(exponent);
+        let a = Doubled { high: power(103), low: -power(50) };
+        for last in [power(-10), -power(-10), 0.0] {
+            let b = Doubled { high: power(50) - power(103), low: last };
+            for sum in [a.add(b), b.add(a)] {
+                assert_eq!([sum.high, sum.low], [last, 0.0]);
+            }
+        }
+    }
+
     /// A sample that is off by the tolerance and the last bit of it is found among all others.
     #[test]
     fn a_scan_tells_the_last_bit_beyond_the_tolerance() {

@@ -219,6 +219,7 @@ mod tests {
         for (z, expected) in [
             ([0.0, 1.0, -7.0, 3.0, f32::NAN, 2.0], 7.0),
             ([0.0, 1.0, -7.0, 8.5, f32::NAN, 2.0], 8.5),
+            ([f32::NAN, 1.0, -7.0, 8.5, 2.0, -12.0], 12.0),
             ([f32::NAN; 6], 0.0),
         ] {
             let heights = Heights { width: 3, height: 2, f32: &z, f64: None };

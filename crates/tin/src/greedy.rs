@@ -286,7 +286,7 @@ mod tests {
         fn a_triangle_at_full_resolution_has_a_candidate_when_a_sample_is_beyond(
             z in prop::collection::vec(0..40_i32, (SIDE * SIDE) as usize),
             p in prop::array::uniform3((0..SIDE, 0..SIDE)),
-            far in prop_oneof![Just(0), Just(5_000), Just(-3_000_000)],
+            far in prop_oneof![Just(0), Just(5_000), Just(40_000), Just(-3_000_000)],
             pick in any::<prop::sample::Index>(), off in -1..=1_i32
         ) {
             let p = p.map(|(col, row)| Local::new(col, row));

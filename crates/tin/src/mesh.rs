@@ -446,6 +446,34 @@ mod tests {
         assert_eq!([0, 1, 2].map(prev), [2, 0, 1]);
     }
 
+    /// Wherever it is asked of: the triangle, its edges, its corners, and what is beyond.
+    #[test]
+    fn a_triangle_takes_what_it_holds_and_no_other() {
+        let mesh = || {
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(6, 5);
+            for (col, row) in [(2, 1), (4, 3), (1, 4)] {
+                let p = Local::new(col, row);
+                mesh.insert(mesh.locate(p, 0), p, &mut Vec::new());
+            }
+            mesh
+        };
+        let tris = mesh().tris;
+        for p in (0..42).map(|i| Local::new(i % 7, i / 7)) {
+            let is_vertex = tris.iter().any(|tri| tri.corners.contains(&p));
+            for (t, tri) in (0..).zip(&tris) {
+                let [a, b, c] = tri.corners.map(Local::lattice);
+                let is_left = |from, to| orient(from, to, p.lattice()) >= 0;
+                let is_held = is_left(a, b) && is_left(b, c) && is_left(c, a);
+                let mut mesh = mesh();
+                let is_inserted = mesh.insert(t, p, &mut Vec::new());
+                assert_eq!(is_inserted, is_held && !is_vertex, "{p:?} {t}");
+                mesh.validate();
+                assert_eq!(mesh.double_area(), 2 * 6 * 5);
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn insertion_keeps_the_mesh_delaunay(

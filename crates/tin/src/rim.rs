@@ -222,4 +222,33 @@ mod tests {
             assert_eq!(worst, expected, "{heights:?} {tolerance}");
         }
     }
+
+    /// Whole heights of 53 bits, and such as are that of tiny steps: the chord is rounded, the decision is not.
+    #[test]
+    fn a_chord_far_from_zero_is_missed_by_the_tolerance_or_more() {
+        let n = 1024_u32;
+        let rim =
+            Rim { first: Local::new(0, 0), along_rows: false, count: n + 1, spacing: u32::MAX };
+        for (unit, k) in [0, -80].into_iter().flat_map(|unit| (1..60).map(move |k| (unit, k))) {
+            let unit = 2.0_f64.powi(unit);
+            let to = (1_i64 << 53) - 1 - 2 * 7919 * k;
+            let chord = to * i64::from(n - 1);
+            let height = chord / i64::from(n) + k % 3;
+            let off = (height * i64::from(n) - chord).abs() as f64 / f64::from(n);
+            let sample = |p: Local| match p.col() {
+                col if col == n - 1 => height as f64 * unit,
+                col => to as f64 / f64::from(n) * f64::from(col) * unit,
+            };
+            let vertex = |p: Local| if p.col() == 0 { 0.0 } else { to as f64 * unit };
+            let found = |tolerance: f64| {
+                let worst = rim.worst(0, n as usize, &sample, &vertex, tolerance * unit);
+                worst == Some(n as usize - 1)
+            };
+            // The others are off by half a unit at most, which is less.
+            if off > 0.0 {
+                assert!(!found(off), "{unit} {k}");
+                assert!(off < 1.0 || found(off.next_down()), "{unit} {k}");
+            }
+        }
+    }
 }

@@ -55,3 +55,17 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     let worker = Scratch::bytes(side - 1, false) as f64 / most as f64;
     assert!((3.3..3.5).contains(&worker), "{worker}");
 }
+
+/// A sample of each of the one or four that a tile of no cells and one of a single cell have.
+#[test]
+fn a_worker_has_room_for_every_sample() {
+    let each = Scratch::bytes(0, false);
+    assert!(each > 64 + 48 + 40 + 12, "{each}");
+    for cells in [1_u32, 2, 9, 256] {
+        let samples = u64::from(cells + 1).pow(2);
+        let all = Scratch::bytes(cells, false);
+        // A third of a byte is not lost where there are many.
+        assert!((samples * each..=samples * (each + 1)).contains(&all), "{cells}: {all}");
+        assert_eq!(Scratch::bytes(cells, true) - all, 8 * samples);
+    }
+}

@@ -277,6 +277,27 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Heights of few steps, so that many samples are as far from a level triangle.
+        #[test]
+        fn of_samples_as_far_off_the_first_is_told(
+            p in [corner(), corner(), corner()], level in 0..LEVELS as u8, one_in in 1_u32..60, seed: u32
+        ) {
+            let [a, b, c] = p.map(Local::lattice);
+            prop_assume!(orient(a, b, c) > 0);
+            let is_off = |i: u32| ((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(one_in);
+            let heights: Vec<f32> = (0..SIDE * SIDE).map(|i| if is_off(i) { 2.0 } else { 0.0 }).collect();
+            let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            let far = members(p, &field.level(level)).into_iter().find(|&at| field.sample(at) > 0.0);
+            let expected = far.map_or(Worst { error: 0.0, at: Local::new(0, 0) }, |at| Worst { error: 2.0, at });
+            for (name, scan) in available() {
+                prop_assert_eq!(scan(&field.level(level), &Facet::new(p, [0.0; 3])), expected, "{}", name);
+            }
+        }
+    }
+
     /// Triangles as wide as a run of lanes, one more and one less, that begin anywhere.
     #[test]
     fn kernels_see_the_ends_of_rows_of_any_length() {

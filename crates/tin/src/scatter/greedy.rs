@@ -379,6 +379,19 @@ mod tests {
                         (listed, point) = (listed + 1, fit.nexts[point as usize]);
                     }
                 }
+                for triangle in 0..fit.mesh.triangles().len() as u32 {
+                    let Some(corners) = fit.mesh.corners(triangle) else { continue };
+                    let mut furthest = Candidate::NOBODY;
+                    let mut point = fit.heads[triangle as usize];
+                    while point != NONE {
+                        let distance = Plane::new(corners).distance(points[point as usize]);
+                        furthest = furthest.max(Candidate { distance, point, triangle });
+                        point = fit.nexts[point as usize];
+                    }
+                    let is_open = furthest.point != NONE && exceeds(corners, points[furthest.point as usize], 0.5);
+                    let expected = if is_open { furthest } else { Candidate::NOBODY };
+                    prop_assert_eq!(fit.worst[triangle as usize], expected);
+                }
                 prop_assert_eq!(listed + fit.mesh.points().len(), points.len());
                 let Some(worst) = fit.queue.pop() else { break };
                 if fit.worst[worst.triangle as usize] == worst {
@@ -421,6 +434,9 @@ mod tests {
             let unit = 16.0 * f64::EPSILON;
             let doubt = plane.doubt(found);
             prop_assert!(doubt >= 0.999 * unit * (least.max(heights) + found) && doubt <= 1.001 * unit * most);
+            // Of what is far off, the distance itself is rounded most.
+            let far = 1e6 + 1e3 * most;
+            prop_assert!((plane.doubt(far) - doubt - unit * (far - found)).abs() <= 1e-9 * unit * far);
         }
 
         #[test]
@@ -452,6 +468,24 @@ mod tests {
             if (distance - tolerance).abs() > 1e-6 {
                 prop_assert_eq!(exceeds(corners, point, tolerance), distance > tolerance);
             }
+        }
+    }
+
+    #[test]
+    fn a_distance_is_beyond_the_number_before_it_and_never_told_too_small() {
+        let corners = [[0, 0], [90, 0], [0, 90]].map(|[x, y]| Point::new(x, y, 0));
+        let points = [Point::new(20, 20, 7)];
+        let mut mesh = Mesh::new(corners).unwrap();
+        assert!(Fit::new(&mut mesh, &points, 7.0_f64.next_down()).is_open());
+        for (z, x) in (1..40).flat_map(|z| (1..40).map(move |x| (z, x))) {
+            let corners = [[0, 0, 0], [61, 0, z], [0, 59, 3]].map(|[x, y, z]| Point::new(x, y, z));
+            let point = Point::new(x, 7, 100);
+            let [off, area] = offset(corners, point);
+            // A number below 128 is a whole one of 2^-52, at least where it is above 1.
+            let found = rounded_up(corners, point);
+            let whole = (found * (1_u64 << 52) as f64) as i128;
+            assert!(whole * area.abs() >= off.abs() << 52, "{z} {x}");
+            assert!(found <= off.abs() as f64 / area.abs() as f64 * (1.0 + 8.0 * f64::EPSILON));
         }
     }
 

@@ -143,3 +143,33 @@ fn fitted_heights_take_fewer_vertices() {
         assert!(fitted <= share * samples, "{fitted} of {samples} at {tolerance}");
     }
 }
+
+/// Tiles leave the vertices of a rim at their samples, and the patch moves those it can.
+#[test]
+fn vertices_of_a_seam_are_fitted_too() {
+    let (half, height) = (60, 90);
+    let grid = Grid::hills(2 * half + 1, height, 11, 0);
+    let spec = Spec { fit: true, ..spec(6.0) };
+    let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
+    let mut heights = placed(&tiles[0], [0, 0]);
+    heights.extend(placed(&tiles[1], [half, 0]));
+    let rims: Vec<Local> = heights.keys().copied().collect();
+    let triangles =
+        [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
+    let input = PatchInput {
+        heights: Heights { width: grid.width, height, f32: &grid.f32(), f64: None },
+        vertices: &heights.into_iter().collect::<Vec<_>>(),
+        triangles: &triangles,
+        seam_col: Some(half),
+        seam_row: None,
+        grid_ends: [true; 4],
+        spacing: u32::MAX,
+        kept: &[],
+    };
+    let patch = mend_patch(&input, &spec, &mut Scratch::default());
+    let all = patch.vertices.iter().zip(&patch.heights);
+    let seam = all.filter(|(p, _)| p.col() == half && rims.contains(p));
+    let is_moved = |(p, z): &(&Local, &f64)| **z != grid.at(p.col(), p.row()).unwrap() as f64;
+    let (moved, stay): (Vec<_>, Vec<_>) = seam.partition(is_moved);
+    assert!(!moved.is_empty(), "{} vertices stay", stay.len());
+}

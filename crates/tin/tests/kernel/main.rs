@@ -1,6 +1,8 @@
 //! The pure kernel against oracles: naive error checks, spade, exact areas, and itself at other
 //! patch widths.
 
+mod alike;
+mod border;
 mod fit;
 mod kept;
 
@@ -11,8 +13,8 @@ use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 use terrane_tin::{
-    Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
-    triangulate_tile,
+    Heights, Local, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
+    mend_patch, triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.
