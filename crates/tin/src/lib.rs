@@ -128,6 +128,15 @@ pub struct TileInput<'a> {
     pub kept: &'a [Local],
 }
 
+impl<'a> TileInput<'a> {
+    /// A grid that is one tile: no apron, posts at its corners alone, nothing to keep.
+    pub fn alone(heights: Heights<'a>) -> Self {
+        let [apron_left, apron_right, apron_above, apron_below] = [0; 4];
+        let spacing = u32::MAX;
+        Self { heights, apron_left, apron_right, apron_above, apron_below, spacing, kept: &[] }
+    }
+}
+
 /// A finished tile: positions are relative to the tile's first sample (apron not counted).
 #[derive(Clone, Debug, Default)]
 pub struct TileMesh {

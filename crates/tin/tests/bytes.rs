@@ -23,17 +23,7 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     let noise = |i: u32| f32::from((i.wrapping_mul(i).wrapping_mul(0x9e37_79b9) >> 20) as u16);
     let z: Vec<f32> = (0..side * side).map(noise).collect();
     let heights = Heights { width: side, height: side, f32: &z, f64: None };
-    let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
-    let spacing = u32::MAX;
-    let input = TileInput {
-        heights,
-        apron_left,
-        apron_right,
-        apron_above,
-        apron_below,
-        spacing,
-        kept: &[],
-    };
+    let input = TileInput::alone(heights);
     let tolerance = 0.0;
     let spec = Spec {
         tolerance,

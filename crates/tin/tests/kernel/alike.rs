@@ -52,14 +52,9 @@ proptest! {
         width in 2_u32..40, height in 2_u32..40, seed in 0_u32..1000, holes in 0_u32..4,
         tolerance in 0_i32..20, before in 0_i32..20, of_surface: bool, fit: bool, was_fit: bool
     ) {
-        let input = |grid: &Grid, z| TileInput {
-            heights: Heights { width: grid.width, height: grid.height, f32: z, f64: None },
-            apron_left: 0,
-            apron_right: 0,
-            apron_above: 0,
-            apron_below: 0,
-            spacing: u32::MAX,
-            kept: &[],
+        let input = |grid: &Grid, z| {
+            let (width, height) = (grid.width, grid.height);
+            TileInput::alone(Heights { width, height, f32: z, f64: None })
         };
         let bound = Bound::ALL[usize::from(of_surface)];
         let (first, second) = (

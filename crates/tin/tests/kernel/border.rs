@@ -3,31 +3,14 @@
 use super::*;
 
 /// The samples beside the places where an edge is further than `tolerance` from the line between two
-/// neighbouring samples: whole numbers throughout.
+/// neighbouring samples.
 fn beyond(grid: &Grid, triangles: &[Triangle], tolerance: i64) -> BTreeSet<Local> {
-    let height = |at: [i64; 2]| grid.at(at[0] as u32, at[1] as u32).expect("surface over a void");
     let mut found = BTreeSet::new();
-    for (a, b) in edges(triangles).into_keys() {
-        let [a, b] = [a, b].map(|end| lattice(end).map(i64::from));
-        for axis in [0, 1] {
-            let n = (b[axis] - a[axis]).abs();
-            for line in a[axis].min(b[axis]) + 1..a[axis].max(b[axis]) {
-                let k = (line - a[axis]).abs();
-                let along = a[1 - axis] * (n - k) + b[1 - axis] * k;
-                let (first, rest) = (along.div_euclid(n), along.rem_euclid(n));
-                if rest == 0 {
-                    continue;
-                }
-                let ends = [first, first + 1]
-                    .map(|along| if axis == 0 { [line, along] } else { [along, line] });
-                let mesh = height(a) * (n - k) + height(b) * k;
-                let off = mesh - height(ends[0]) * (n - rest) - height(ends[1]) * rest;
-                if off.abs() > tolerance * n {
-                    found.extend(ends.map(|[col, row]| Local::new(col as u32, row as u32)));
-                }
-            }
+    each_crossing(grid, triangles, |sides, off, n| {
+        if sides[0] != sides[1] && off.abs() > tolerance * n {
+            found.extend(sides.map(|[col, row]| Local::new(col as u32, row as u32)));
         }
-    }
+    });
     found
 }
 

@@ -10,6 +10,27 @@ fn placed(mesh: &TileMesh, [col, row]: [u32; 2]) -> Placed {
     mesh.vertices.iter().map(shift).zip(mesh.heights.iter().copied()).collect()
 }
 
+/// Two tiles that meet at column `half`, their vertices, and the patch of all their triangles.
+pub(super) fn mend_fitted(grid: &Grid, half: u32, spec: &Spec) -> (Placed, PatchMesh) {
+    let tiles = [tile(grid, 0, half, spec), tile(grid, half, 2 * half, spec)];
+    let mut heights = placed(&tiles[0], [0, 0]);
+    heights.extend(placed(&tiles[1], [half, 0]));
+    let triangles =
+        [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
+    let input = PatchInput {
+        heights: Heights { width: grid.width, height: grid.height, f32: &grid.f32(), f64: None },
+        vertices: &heights.iter().map(|(&at, &z)| (at, z)).collect::<Vec<_>>(),
+        triangles: &triangles,
+        seam_col: Some(half),
+        seam_row: None,
+        grid_ends: [true; 4],
+        spacing: u32::MAX,
+        kept: &grid.kept,
+    };
+    let patch = mend_patch(&input, spec, &mut Scratch::default());
+    (heights, patch)
+}
+
 /// As [`check_all`], of triangles whose corners have their own heights; all but a rounding of `f64`.
 fn check_fitted(grid: &Grid, triangles: &[Triangle], heights: &Placed, tolerance: f64) {
     let most = tolerance * (1.0 + 1e-12) + 1e-9;
@@ -85,22 +106,7 @@ proptest! {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
         let bound = Bound::ALL[usize::from(of_surface)];
         let spec = Spec { fit: true, bound, ..spec(tolerance.into()) };
-        let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
-        let mut heights = placed(&tiles[0], [0, 0]);
-        heights.extend(placed(&tiles[1], [half, 0]));
-        let mut all = tiles[0].triangles.clone();
-        all.extend(moved(&tiles[1].triangles, [half, 0]));
-        let input = PatchInput {
-            heights: Heights { width: grid.width, height, f32: &grid.f32(), f64: None },
-            vertices: &heights.iter().map(|(&at, &z)| (at, z)).collect::<Vec<_>>(),
-            triangles: &all,
-            seam_col: Some(half),
-            seam_row: None,
-            grid_ends: [true; 4],
-            spacing: u32::MAX,
-            kept: &grid.kept,
-        };
-        let patch = mend_patch(&input, &spec, &mut Scratch::default());
+        let (_, patch) = mend_fitted(&grid, half, &spec);
         let mended: Placed =
             patch.vertices.iter().copied().zip(patch.heights.iter().copied()).collect();
         check_fitted(&grid, &patch.triangles, &mended, spec.tolerance);
@@ -150,25 +156,9 @@ fn vertices_of_a_seam_are_fitted_too() {
     let (half, height) = (60, 90);
     let grid = Grid::hills(2 * half + 1, height, 11, 0);
     let spec = Spec { fit: true, ..spec(6.0) };
-    let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
-    let mut heights = placed(&tiles[0], [0, 0]);
-    heights.extend(placed(&tiles[1], [half, 0]));
-    let rims: Vec<Local> = heights.keys().copied().collect();
-    let triangles =
-        [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
-    let input = PatchInput {
-        heights: Heights { width: grid.width, height, f32: &grid.f32(), f64: None },
-        vertices: &heights.into_iter().collect::<Vec<_>>(),
-        triangles: &triangles,
-        seam_col: Some(half),
-        seam_row: None,
-        grid_ends: [true; 4],
-        spacing: u32::MAX,
-        kept: &[],
-    };
-    let patch = mend_patch(&input, &spec, &mut Scratch::default());
+    let (before, patch) = mend_fitted(&grid, half, &spec);
     let all = patch.vertices.iter().zip(&patch.heights);
-    let seam = all.filter(|(p, _)| p.col() == half && rims.contains(p));
+    let seam = all.filter(|(p, _)| p.col() == half && before.contains_key(p));
     let is_moved = |(p, z): &(&Local, &f64)| **z != grid.at(p.col(), p.row()).unwrap() as f64;
     let (moved, stay): (Vec<_>, Vec<_>) = seam.partition(is_moved);
     assert!(!moved.is_empty(), "{} vertices stay", stay.len());

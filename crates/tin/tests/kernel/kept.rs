@@ -94,25 +94,7 @@ proptest! {
         let spec = Spec { fit: true, ..spec(tolerance.into()) };
         let kept = scattered(2 * half + 1, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(2 * half + 1, height, seed, 0) };
-        let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
-        let mut vertices = BTreeMap::new();
-        for (mesh, from) in tiles.iter().zip([0, half]) {
-            let shifted = mesh.vertices.iter().map(|p| Local::new(p.col() + from, p.row()));
-            vertices.extend(shifted.zip(mesh.heights.iter().copied()));
-        }
-        let triangles =
-            [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
-        let input = PatchInput {
-            heights: Heights { width: grid.width, height, f32: &grid.f32(), f64: None },
-            vertices: &vertices.into_iter().collect::<Vec<_>>(),
-            triangles: &triangles,
-            seam_col: Some(half),
-            seam_row: None,
-            grid_ends: [true; 4],
-            spacing: u32::MAX,
-            kept: &grid.kept,
-        };
-        let patch = mend_patch(&input, &spec, &mut Scratch::default());
+        let (_, patch) = fit::mend_fitted(&grid, half, &spec);
         check_kept(&grid, &patch.vertices, &patch.heights);
     }
 }

@@ -200,9 +200,13 @@ fn check_delaunay(triangles: &[Triangle]) {
     }
 }
 
-/// Panics when an edge is further than `tolerance` (an integer number of `unit`ths) from a line between
-/// two neighbouring samples that it crosses: whole numbers throughout.
-fn check_between(grid: &Grid, triangles: &[Triangle], tolerance: i64, unit: i64) {
+/// Hands on every place where an edge crosses a line between neighbouring samples, or meets a sample: the samples
+/// on both sides, and by how many `n`ths of a unit the edge is above: whole numbers throughout.
+fn each_crossing(
+    grid: &Grid,
+    triangles: &[Triangle],
+    mut each: impl FnMut([[i64; 2]; 2], i64, i64),
+) {
     let height = |at: [i64; 2]| grid.at(at[0] as u32, at[1] as u32).expect("surface over a void");
     for (a, b) in edges(triangles).into_keys() {
         let [a, b] = [a, b].map(|end| lattice(end).map(i64::from));
@@ -212,13 +216,21 @@ fn check_between(grid: &Grid, triangles: &[Triangle], tolerance: i64, unit: i64)
                 let k = (line - a[axis]).abs();
                 let along = a[1 - axis] * (n - k) + b[1 - axis] * k;
                 let (first, rest) = (along.div_euclid(n), along.rem_euclid(n));
-                let sample = |along| height(if axis == 0 { [line, along] } else { [along, line] });
-                let far = if rest == 0 { 0 } else { sample(first + 1) * rest };
-                let off = height(a) * (n - k) + height(b) * k - sample(first) * (n - rest) - far;
-                assert!(off.abs() * unit <= tolerance * n, "{a:?} to {b:?} at {line}");
+                let sides = [first, first + i64::from(rest > 0)]
+                    .map(|along| if axis == 0 { [line, along] } else { [along, line] });
+                let edge = height(a) * (n - k) + height(b) * k;
+                each(sides, edge - height(sides[0]) * (n - rest) - height(sides[1]) * rest, n);
             }
         }
     }
+}
+
+/// Panics when an edge is further than `tolerance` (an integer number of `unit`ths) from a line between
+/// two neighbouring samples that it crosses.
+fn check_between(grid: &Grid, triangles: &[Triangle], tolerance: i64, unit: i64) {
+    each_crossing(grid, triangles, |sides, off, n| {
+        assert!(off.abs() * unit <= tolerance * n, "{off} of {n} between {sides:?}");
+    });
 }
 
 fn check_all(grid: &Grid, triangles: &[Triangle], tolerance: i128, unit: i128) {
@@ -359,16 +371,7 @@ fn adaptive_strides_need_no_more_vertices_than_strict_greedy() {
 fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &Spec) -> TileMesh {
     let z: Vec<f32> = (0..65 * 49).map(|i| height(i % 65, i / 65)).collect();
     let heights = Heights { width: 65, height: 49, f32: &z, f64: None };
-    let (apron_left, apron_right, apron_above, apron_below) = (0, 0, 0, 0);
-    let input = TileInput {
-        heights,
-        apron_left,
-        apron_right,
-        apron_above,
-        apron_below,
-        spacing,
-        kept: &[],
-    };
+    let input = TileInput { spacing, ..TileInput::alone(heights) };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
 
@@ -561,16 +564,7 @@ fn the_bound_holds_for_double_precision_heights() {
     });
     for (single_precision, (tolerance, fit)) in kinds {
         let spec = Spec { single_precision, fit, ..spec(tolerance) };
-        let none = TileInput {
-            heights,
-            apron_left: 0,
-            apron_right: 0,
-            apron_above: 0,
-            apron_below: 0,
-            spacing: u32::MAX,
-            kept: &[],
-        };
-        let mesh = triangulate_tile(&none, &spec, &mut Scratch::default());
+        let mesh = triangulate_tile(&TileInput::alone(heights), &spec, &mut Scratch::default());
         let written = |p: Local| {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");
             mesh.heights[at]
