@@ -1,15 +1,11 @@
 //! Clouds to meshes from the command line: made, proved, refused.
 
-use crate::cli_support::{self, Place};
+use crate::cli_support::{self, Place, json};
 
 /// A small cloud as a file.
 fn cloud(place: &Place) {
     let name = "cloud,size=120,density=6,seed=3,voids=2,tile=60";
     place.ok(&["synth", name, "a.laz", "-q"]);
-}
-
-fn json(text: &str) -> serde_json::Value {
-    serde_json::from_str(text).unwrap()
 }
 
 #[test]

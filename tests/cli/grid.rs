@@ -1,15 +1,11 @@
 //! `terrane grid` from the command line: what it tells, writes and refuses; memory kept; the book
 //! against the registry.
 
-use crate::cli_support::Place;
+use crate::cli_support::{Place, json};
 use terrane_gridding as gridding;
 
 /// A cloud as text: a corner of each of four cells, and one point more.
 const CLOUD: &str = "x y z\n0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n0.5 0.5 2.0\n";
-
-fn json(text: &str) -> serde_json::Value {
-    serde_json::from_str(text).unwrap()
-}
 
 #[test]
 fn a_cloud_becomes_bands_and_a_report() {

@@ -3,14 +3,9 @@
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
 
-use crate::cli_support::{GRID, Place, Ran};
-use serde_json::Value;
+use crate::cli_support::{GRID, Place, Ran, json};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
-}
 
 #[test]
 fn tin_writes_a_mesh_that_verify_accepts() {

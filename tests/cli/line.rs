@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::cli_support::Place;
+use crate::cli_support::{Place, json};
 use serde_json::Value;
 use terrane_line::METHODS;
 use terrane_line::registry::Bounds;
@@ -39,10 +39,6 @@ fn coverage(side: usize) -> String {
         .unwrap();
     }
     text + "]}\n"
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
 }
 
 #[test]

@@ -28,6 +28,7 @@ mod plan_grid;
 mod plan_matrix;
 mod print;
 mod resume;
+mod shapes;
 mod synth;
 mod tin_clip;
 mod tin_fit;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use crate::cli_support::Place;
+use crate::cli_support::{Place, json};
 use serde_json::Value;
 
 const TERRAIN: &str = "synth:rough,width=250,height=700,seed=5";
@@ -104,10 +104,6 @@ impl Work {
         paths.sort();
         paths
     }
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
 }
 
 /// The task whose result a file is.

@@ -2,29 +2,12 @@
 
 use std::fmt::Write as _;
 
-use crate::cli_support::{GRID, Place};
-use serde_json::Value;
+use crate::cli_support::{GRID, Place, json};
+use crate::shapes::{collection, ring};
 
 const TERRAIN: &str = "synth:rough,width=230,height=190,seed=5";
 /// What is the same of all meshes here; tiles of 32 cells, so that borders cross seams.
 const MAKE: [&str; 4] = ["--max-error", "4", "--tile", "32"];
-
-/// Where the terrain has its samples.
-fn at([col, row]: [f64; 2]) -> String {
-    format!("[{},{}]", 500_000.0 + 10.0 * col, 4_750_000.0 - 10.0 * row)
-}
-
-fn ring(corners: &[[f64; 2]]) -> String {
-    let all = corners.iter().chain(corners.first()).copied().map(at);
-    format!("[{}]", all.collect::<Vec<_>>().join(","))
-}
-
-fn collection(geometries: &[String]) -> String {
-    let feature = |geometry: &String| format!(r#"{{"type":"Feature","geometry":{geometry}}}"#);
-    let features: Vec<_> = geometries.iter().map(feature).collect();
-    let crs = r#"{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::32631"}}"#;
-    format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","))
-}
 
 /// A polygon with a hole whose border runs along samples, and one of two parts that overlaps it.
 fn areas() -> String {
@@ -46,17 +29,9 @@ fn place() -> Place {
     place
 }
 
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
-}
-
-fn bytes(place: &Place, name: &str) -> Vec<u8> {
-    std::fs::read(place.path(name)).unwrap()
-}
-
 /// A mesh without the lines that tell what it was made of.
 fn unsigned(place: &Place, name: &str) -> Vec<u8> {
-    let bytes = bytes(place, name);
+    let bytes = place.bytes(name);
     let end = b"end_header\n";
     let at = bytes.windows(end.len()).position(|some| some == end).unwrap() + end.len();
     let head = String::from_utf8(bytes[..at].to_vec()).unwrap();
@@ -107,11 +82,11 @@ fn clipping_gives_the_bytes_of_a_grid_that_is_void_there() {
     let contour = |grid, lines| ["contour", grid, "-o", lines, "--interval", "20"];
     place.ok(&contour("masked.tif", "by_hand.geojson"));
     place.ok(&[&contour("all.tif", "clipped.geojson")[..], &clip].concat());
-    assert!(bytes(&place, "clipped.geojson") == bytes(&place, "by_hand.geojson"));
+    assert!(place.bytes("clipped.geojson") == place.bytes("by_hand.geojson"));
     let view = |grid, picture| ["view", grid, "-o", picture, "--width", "90"];
     place.ok(&view("masked.tif", "by_hand.png"));
     place.ok(&[&view("all.tif", "clipped.png")[..], &clip].concat());
-    assert!(bytes(&place, "clipped.png") == bytes(&place, "by_hand.png"));
+    assert!(place.bytes("clipped.png") == place.bytes("by_hand.png"));
     let info = |grid| ["info", grid, "--stats", "--json"];
     let by_hand = json(&place.ok(&info("masked.tif")).out);
     let clipped = json(&place.ok(&[&info("all.tif")[..], &clip].concat()).out);
@@ -147,10 +122,10 @@ fn threads_memory_plans_and_formats_leave_no_trace() {
     let place = place();
     let make = [&["tin", TERRAIN, "a.ply", "--clip", "areas.geojson"][..], &MAKE].concat();
     place.ok(&make);
-    let expected = bytes(&place, "a.ply");
+    let expected = place.bytes("a.ply");
     for machine in [&["--threads", "1"][..], &["--threads", "3", "--memory", "21M"]] {
         place.ok(&[&make[..], machine, &["--overwrite"]].concat());
-        assert!(bytes(&place, "a.ply") == expected, "{machine:?}");
+        assert!(place.bytes("a.ply") == expected, "{machine:?}");
     }
     let plan = ["plan", "tin", TERRAIN, "-o", "work", "--clip", "areas.geojson"];
     place.ok(&[&plan[..], &MAKE, &["--strip-rows", "2", "-q"]].concat());
@@ -159,16 +134,16 @@ fn threads_memory_plans_and_formats_leave_no_trace() {
     std::fs::create_dir(&away).unwrap();
     let run = place.command(&["run", "../work", "-q"]).current_dir(&away).output().unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    assert!(bytes(&place, "work/mesh.ply") == expected);
+    assert!(place.bytes("work/mesh.ply") == expected);
     let work = ["tin", TERRAIN, "b.ply", "--clip", "areas.geojson", "--workdir", "w"];
     place.ok(&[&work[..], &MAKE].concat());
-    assert!(bytes(&place, "b.ply") == expected);
+    assert!(place.bytes("b.ply") == expected);
     // The same polygons in another format.
     place.ok(&["line", "areas.geojson", "areas.fgb", "--tolerance", "0"]);
     std::fs::create_dir(place.path("fgb")).unwrap();
     std::fs::rename(place.path("areas.fgb"), place.path("fgb/areas.geojson")).unwrap();
     place.ok(&[&["tin", TERRAIN, "c.ply", "--clip", "fgb/areas.geojson"][..], &MAKE].concat());
-    assert!(bytes(&place, "c.ply") == expected);
+    assert!(place.bytes("c.ply") == expected);
 }
 
 #[test]

@@ -1,29 +1,12 @@
 //! `--keep-points`: samples nearest to the points of a file are vertices, and proved to be.
 
-use crate::cli_support::Place;
-use serde_json::Value;
+use crate::cli_support::{Place, json};
+use crate::shapes::{at, collection, list};
 
 const TERRAIN: &str = "synth:coast,width=230,height=190,seed=2";
 /// What is the same of all meshes here; tiles of 32 cells, so that points lie on many seams.
 const MAKE: [&str; 4] = ["--max-error", "4", "--tile", "32"];
 const KEEP: [&str; 2] = ["--keep-points", "peaks.geojson"];
-
-/// Where the terrain has its samples.
-fn at([col, row]: [f64; 2]) -> String {
-    format!("[{},{}]", 500_000.0 + 10.0 * col, 4_750_000.0 - 10.0 * row)
-}
-
-fn list(points: &[[f64; 2]]) -> String {
-    let all: Vec<_> = points.iter().copied().map(at).collect();
-    format!("[{}]", all.join(","))
-}
-
-fn collection(geometries: &[String]) -> String {
-    let feature = |geometry: &String| format!(r#"{{"type":"Feature","geometry":{geometry}}}"#);
-    let features: Vec<_> = geometries.iter().map(feature).collect();
-    let crs = r#"{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::32631"}}"#;
-    format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","))
-}
 
 /// 150 points off their samples, one of them twice; a line along a seam; two points outside.
 fn peaks() -> String {
@@ -45,14 +28,6 @@ fn place() -> Place {
     let place = Place::new();
     place.write("peaks.geojson", peaks());
     place
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
-}
-
-fn bytes(place: &Place, name: &str) -> Vec<u8> {
-    std::fs::read(place.path(name)).unwrap()
 }
 
 #[test]
@@ -103,10 +78,10 @@ fn threads_memory_plans_and_other_files_leave_no_trace() {
     let place = place();
     let make = [&["tin", TERRAIN, "a.ply"][..], &MAKE, &KEEP].concat();
     place.ok(&make);
-    let expected = bytes(&place, "a.ply");
+    let expected = place.bytes("a.ply");
     for machine in [&["--threads", "1"][..], &["--threads", "3", "--memory", "21M"]] {
         place.ok(&[&make[..], machine, &["--overwrite"]].concat());
-        assert!(bytes(&place, "a.ply") == expected, "{machine:?}");
+        assert!(place.bytes("a.ply") == expected, "{machine:?}");
     }
     let plan = ["plan", "tin", TERRAIN, "-o", "work", "--strip-rows", "2", "-q"];
     place.ok(&[&plan[..], &MAKE, &KEEP].concat());
@@ -115,18 +90,18 @@ fn threads_memory_plans_and_other_files_leave_no_trace() {
     std::fs::create_dir(&away).unwrap();
     let run = place.command(&["run", "../work", "-q"]).current_dir(&away).output().unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    assert!(bytes(&place, "work/mesh.ply") == expected);
+    assert!(place.bytes("work/mesh.ply") == expected);
     let work = ["tin", TERRAIN, "b.ply", "--workdir", "w", "--json"];
     let made = json(&place.ok(&[&work[..], &MAKE, &KEEP].concat()).out);
     assert!(made["keep_points"]["vertices"].as_u64().unwrap() > 120);
-    assert!(bytes(&place, "b.ply") == expected);
+    assert!(place.bytes("b.ply") == expected);
     // The same points in another format.
     std::fs::create_dir(place.path("fgb")).unwrap();
     place.ok(&["line", "peaks.geojson", "peaks.fgb", "--tolerance", "0"]);
     std::fs::rename(place.path("peaks.fgb"), place.path("fgb/peaks.geojson")).unwrap();
     let other = ["--keep-points", "fgb/peaks.geojson"];
     place.ok(&[&["tin", TERRAIN, "c.ply"][..], &MAKE, &other].concat());
-    assert!(bytes(&place, "c.ply") == expected);
+    assert!(place.bytes("c.ply") == expected);
     // Work that was begun with other points is not gone on with.
     place.ok(&[&["plan", "tin", TERRAIN, "-o", "new", "-q"][..], &MAKE, &KEEP].concat());
     let others = peaks().replace("[500045,", "[500055,");

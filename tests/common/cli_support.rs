@@ -14,6 +14,11 @@ pub const GRID: &str = "ncols 4\nnrows 3\nxllcorner 100\nyllcorner 200\ncellsize
 pub const VOID_GRID: &str = "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n\
                              NODATA_value -9999\n-9999 -9999\n-9999 -9999\n";
 
+/// What a report says.
+pub fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
 /// A folder to run in; it goes with the value.
 pub struct Place {
     folder: TempDir,
@@ -28,6 +33,11 @@ pub struct Ran {
 }
 
 impl Place {
+    /// What a file holds.
+    pub fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+
     pub fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
     }
