@@ -180,8 +180,8 @@ impl Asked<'_> {
     }
 }
 
-/// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's caches of both are not part of the memory budget, of
-/// which this takes about two thirds.
+/// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's
+/// caches of both are not part of the memory budget, of which this takes about half.
 ///
 /// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
 /// to a vertex there is not, too little memory, and everything the sources report.
@@ -194,7 +194,8 @@ pub fn verify(
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let work = Work::new(mesh, asked.tolerance, resources, progress, cancel)?;
+    let mut work = Work::new(mesh, asked.tolerance, resources, progress, cancel)?;
+    work.set_aside(asked.kept.bytes());
     let context = Context::new(work, grid, asked)?;
     let spread = parts::fill(&context)?;
     let tally = parts::check(&context, &spread)?;
@@ -235,10 +236,16 @@ impl<'a> Work<'a> {
         check_arguments(tolerance, resources)?;
         let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, most);
-        let memory = beside_program(resources.memory) / 8 * 5;
+        let memory = beside_program(resources.memory) / 2;
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
         Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
+    }
+
+    /// Does with so many bytes less, which are held all the while.
+    fn set_aside(&mut self, bytes: u64) {
+        self.memory = self.memory.saturating_sub(bytes);
+        self.share = self.memory / self.threads as u64;
     }
 
     /// A bucket for each domain, which together hold about `bytes` until they are settled.

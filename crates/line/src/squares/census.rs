@@ -14,7 +14,7 @@ const FINER: i32 = 6;
 /// Vertices counted by the cells of a grid over all of them, as fine as 1024 x 1024 allow.
 ///
 /// The grid grows with what is added, by making two by two cells one: what comes out does not depend
-/// on the order. 8 MiB.
+/// on the order. 8 MiB, and 2 more while it grows.
 #[derive(Clone, Debug)]
 pub struct Census {
     /// The lowest and highest coordinates.
@@ -75,23 +75,31 @@ impl Census {
         }
         if level > self.level && self.total > 0 {
             let up = (level - self.level).min(63);
-            let mut counts = vec![0; self.counts.len()];
-            for at in cells(self.bounds.map(|p| cell(p, self.level))) {
-                counts[place(at.map(|c| c >> up))] += self.counts[place(at)];
+            let old = self.bounds.map(|p| cell(p, self.level));
+            let new = old.map(|at| at.map(|c| c >> up));
+            // A quarter of all cells and those along two sides, at most.
+            let width = new[1][0] - new[0][0] + 1;
+            let index = |at: [i64; 2]| ((at[1] - new[0][1]) * width + at[0] - new[0][0]) as usize;
+            let mut sums = vec![0; index(new[1]) + 1];
+            for at in cells(old) {
+                sums[index(at.map(|c| c >> up))] += std::mem::take(&mut self.counts[place(at)]);
             }
-            self.counts = counts;
+            for at in cells(new) {
+                self.counts[place(at)] = sums[index(at)];
+            }
         }
         (self.level, self.bounds) = (level, bounds);
     }
 
-    /// The counts, for sums over many cells, and the level of the smallest cells there may be.
-    pub(super) fn counts(&self) -> (Counts, i32) {
-        let lowest = lowest_level(magnitude(self.bounds));
-        if self.total == 0 {
-            return (Counts::new(lowest, [[0; 2]; 2], |_| 0), lowest);
-        }
+    /// The level of the smallest cells there may be.
+    pub(super) fn lowest_level(&self) -> i32 {
+        lowest_level(magnitude(self.bounds))
+    }
+
+    /// The counts, of which there have to be some, for sums over many cells: up to 8 MiB more.
+    pub(super) fn counts(&self) -> Counts {
         let range = self.bounds.map(|p| cell(p, self.level));
-        (Counts::new(self.level, range, |at| self.counts[place(at)]), lowest)
+        Counts::new(self.level, range, |at| self.counts[place(at)])
     }
 }
 

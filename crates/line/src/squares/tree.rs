@@ -90,19 +90,19 @@ impl Squares {
     /// # Errors
     /// `Limit` where more than `most` vertices are nearly in one place.
     pub fn new(census: &Census, most: u64) -> Result<Self> {
-        let (counts, lowest) = census.counts();
         let mut all = Self {
             nodes: Vec::new(),
             roots: 0,
             crowded: Vec::new(),
             counts: Vec::new(),
             most,
-            lowest,
+            lowest: census.lowest_level(),
         };
         if census.total() <= most {
             all.counts.push(census.total());
             return Ok(all);
         }
+        let counts = census.counts();
         let [low, high] = counts.range();
         let up = (0..).find(|up| (0..2).all(|axis| (high[axis] >> up) - (low[axis] >> up) <= 1));
         let level = counts.level + up.unwrap_or_default();

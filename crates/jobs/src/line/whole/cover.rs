@@ -30,7 +30,7 @@ use super::Whole;
 use super::gaps::Gaps;
 use super::input::Input;
 use super::kept::{Kept, Reader};
-use super::moves::Snapped;
+use super::moves::{self, Snapped};
 use super::own;
 use super::spool::{self, Spool, by_square};
 use super::square::{Flat, KEPT_VERTEX, MOST_PAIRS, Solved, VERTEX, World, solve};
@@ -84,15 +84,6 @@ impl Cover<'_> {
     ) -> Result<Option<u64>> {
         self.snap(input)?;
         let squares = self.squares(input)?;
-        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
-        let others = input.vertices / 8 + input.moves.held() + REST;
-        let needed = largest.unwrap_or(0) * VERTEX + others;
-        if input.held().is_some_and(|held| held + needed > self.memory()) {
-            input.release();
-        }
-        if input.held().unwrap_or(0) + needed > self.memory() {
-            return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
-        }
         let mut whole = Parts::new();
         loop {
             let kept = Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
@@ -136,11 +127,21 @@ impl Cover<'_> {
         self.job.resources.memory
     }
 
+    /// Bytes beside features and squares: a bit by vertex for whether it is kept, where vertices are moved to
+    /// (from before they are moved), and the rest.
+    fn others(&self, input: &Input<'_>) -> u64 {
+        let moved = match self.topology.snap > 0.0 {
+            true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
+            false => 0,
+        };
+        input.vertices / 8 + moved + REST
+    }
+
     /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
     /// is kept of it: features are held as long as they take no more than half, and so much of the rest
     /// waits for its square.
     fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
-        let rest = square + input.vertices / 8 + input.moves.held() + REST;
+        let rest = square + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let needed = ((needed + needed / 7) >> 20) + 1;
         let message = format!("neighbours are looked at in memory, which takes {needed} MiB");
@@ -159,7 +160,7 @@ impl Cover<'_> {
         self.job.resources.temp_dir.clone().unwrap_or_else(beside)
     }
 
-    /// Divides space.
+    /// Divides space so that a square fits into the memory, beside the features or without them.
     fn squares(&self, input: &mut Input<'_>) -> Result<Squares> {
         let most = self.topology.square.clamp(1, spool::MOST);
         let mut squares = Squares::new(&input.seen.census, most)?;
@@ -169,6 +170,14 @@ impl Cover<'_> {
                 Ok(())
             })?;
             squares = Squares::refined(finer, &squares)?;
+        }
+        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
+        let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
+        if input.held().is_some_and(|held| held + needed > self.memory()) {
+            input.release();
+        }
+        if needed > self.memory() {
+            return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
         }
         Ok(squares)
     }

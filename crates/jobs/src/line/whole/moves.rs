@@ -66,6 +66,11 @@ impl Moves {
     }
 }
 
+/// Most bytes of the positions after snapping that are held of so much memory.
+pub(super) fn most_held(memory: u64) -> u64 {
+    memory / 16
+}
+
 /// Positions after snapping: of each square in the order in which the input comes by them.
 pub(super) struct Snapped {
     squares: Squares,
@@ -87,7 +92,7 @@ impl Snapped {
     ) -> Result<Self> {
         let count = squares.count();
         let old = sorted(input, &squares, Buckets::new(folder, count, memory / 8), cancel)?;
-        let places = Buckets::new(folder, count, memory / 16);
+        let places = Buckets::new(folder, count, most_held(memory));
         let stayed = Buckets::new(folder, count, memory / 16);
         let (mut before, mut near) = (Vec::new(), Vec::new());
         for square in 0..count {

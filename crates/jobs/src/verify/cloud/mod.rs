@@ -82,7 +82,7 @@ fn beside_stated(verdict: Verdict, stated: bound::Bound) -> Verdict {
 }
 
 /// Proves `mesh` against the points of `source`; what the two hold themselves is not part of the
-/// memory budget, of which this takes about two thirds.
+/// memory budget, of which this takes about half.
 ///
 /// # Errors
 /// A tolerance that is no number, points without a surface, a triangle that refers to a vertex there

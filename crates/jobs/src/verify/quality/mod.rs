@@ -46,7 +46,7 @@ pub struct Against<'a> {
 }
 
 /// Measures the quality of a mesh, and that of its slopes where there is a grid. A caller's caches of both
-/// are not part of the memory budget, of which this takes about two thirds.
+/// are not part of the memory budget, of which this takes about half.
 ///
 /// # Errors
 /// A solid, a triangle that refers to a vertex there is not, too little memory, a grid whose coordinates
