@@ -362,3 +362,96 @@ impl Wedge<Xy> for SlopeWedge {
         0.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A direction may be so much beside a ray, and a half turn so much too wide.
+    #[test]
+    fn directions_are_between_rays_but_for_rounding() {
+        let rays = [[0.0, 1.0], [1.0, 0.0]];
+        assert!(is_between([0.6, 0.8], rays) && !is_between([-0.6, -0.8], rays));
+        for (off, is_in) in [(-0.5, true), (0.5, true), (2.0, false)] {
+            assert_eq!(
+                is_between([-off * SLACK, 1.0], rays),
+                is_in,
+                "left of the left ray by {off}"
+            );
+            assert_eq!(is_between([1.0, -off * SLACK], rays), is_in, "right of the right by {off}");
+            let wide = [[0.0, 1.0], [0.0, -1.0 - off * SLACK]];
+            assert_eq!(is_between([0.0, 1.0], wide), is_in, "more than a half turn by {off}");
+        }
+        // Along the one line, and away.
+        assert!(!is_between([-1.0, 0.0], [[1.0, 0.0]; 2]));
+    }
+
+    /// The rays of a disc pass its centre at the tolerance and the two allowances.
+    #[test]
+    fn discs_are_wider_by_what_rounding_may_do() {
+        for v in [[10.0, 0.0], [6.0, -8.0], [-3.0, 9.0], [0.0, -10.0]] {
+            for tolerance in [0.5, 4.0] {
+                let mut wedge = PlaneWedge::new(&[0.0; 2], tolerance);
+                assert_eq!(wedge.step(&v), Step::Ends);
+                let want = SLACK * (tolerance + v[0].abs() + v[1].abs());
+                let rays = wedge.rays.expect("the disc does not hold the anchor");
+                for own in [-cross(rays[0], v), cross(rays[1], v)] {
+                    assert!((own - tolerance - want).abs() < 8e-15, "{own} at {v:?}, {tolerance}");
+                }
+            }
+        }
+    }
+
+    /// Beside a ray by less than the allowance a segment may end, by more it may pass; where that is
+    /// more than the tolerance, it may not.
+    #[test]
+    fn segments_end_beside_a_ray_by_no_more_than_rounding() {
+        let mut wedge = PlaneWedge::new(&[0.0; 2], 1.0);
+        assert_eq!(wedge.step(&[10.0, 3.0]), Step::Ends);
+        for (side, ray) in wedge.rays.expect("some directions are left").into_iter().enumerate() {
+            let out = if side == 0 { [-ray[1], ray[0]] } else { [ray[1], -ray[0]] };
+            for (off, want) in [(-0.5, Step::Ends), (0.5, Step::Ends), (2.0, Step::Passes)] {
+                let off = off * SLACK * 8.0 * (ray[0].abs() + ray[1].abs());
+                let p = [0, 1].map(|i| 8.0 * ray[i] + off * out[i]);
+                assert_eq!({ wedge }.step(&p), want, "{off} beside ray {side}");
+            }
+        }
+        for (tolerance, off, want) in [(0.9, 3.0, Step::Stops), (1.1, 3.3, Step::Passes)] {
+            let mut wedge = PlaneWedge::new(&[0.0; 2], tolerance * SLACK);
+            assert_eq!(wedge.step(&[1.0, 0.0]), Step::Ends);
+            assert_eq!(wedge.step(&[1.0, off * SLACK]), want);
+        }
+    }
+
+    /// The same for slopes.
+    #[test]
+    fn slopes_are_wider_by_what_rounding_may_do() {
+        for (p, slope) in [([4.0, 2.0], 0.5), ([-4.0, 2.0], -0.5), ([4.0, -6.0], -1.5)] {
+            let mut wedge = SlopeWedge::new(&[0.0; 2], 1.0);
+            assert_eq!((wedge.step(&p), wedge.cuts), (Step::Ends, 3));
+            let want = 0.25 + SLACK * (0.25 + f64::abs(slope));
+            for own in [slope - wedge.low, wedge.high - slope] {
+                assert!((own - want).abs() < 1e-15, "{own} at {p:?}");
+            }
+            let (low, high) = (wedge.low, wedge.high);
+            for (off, step) in [(-0.5, Step::Ends), (0.5, Step::Ends), (2.0, Step::Passes)] {
+                for own in [low - off * SLACK * low.abs(), high + off * SLACK * high.abs()] {
+                    assert_eq!({ wedge }.step(&[1.0, own]), step, "{off} beside, at {p:?}");
+                }
+            }
+            // None is left when the lowest is above the highest by more than that.
+            for (off, step) in [(0.5, Step::Passes), (2.0, Step::Stops)] {
+                let reach = |slope: f64| 1.0 + SLACK * (1.0 + f64::abs(slope));
+                let (up, down) = (high + reach(high + 1.0), low - reach(low - 1.0));
+                for own in [up + off * SLACK * up.abs(), down - off * SLACK * down.abs()] {
+                    assert_eq!({ wedge }.step(&[1.0, own]), step, "{off} apart, at {p:?}");
+                }
+            }
+        }
+        for (tolerance, off, want) in [(0.9, 3.0, Step::Stops), (1.1, 3.3, Step::Passes)] {
+            let mut wedge = SlopeWedge::new(&[0.0; 2], tolerance * SLACK);
+            assert_eq!(wedge.step(&[1.0, 1.0]), Step::Ends);
+            assert_eq!(wedge.step(&[1.0, 1.0 + off * SLACK]), want);
+        }
+    }
+}

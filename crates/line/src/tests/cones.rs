@@ -83,3 +83,42 @@ fn running_back_and_forth_takes_no_long_looks() {
     let line: Vec<Xy> = (0..count).map(|i| [x(i), 0.0]).collect();
     assert!(run(cone, &Plane, &line, 1.0).len() > line.len() - 10);
 }
+
+/// After a way there and back, so many vertices along the level: segments from the third vertex may end
+/// at the fourth and at those named, counted from the third, and the last of these is followed by a peak.
+fn level(ends: &[u32]) -> Vec<Xy> {
+    let last = ends.last().expect("one end at least") + 1;
+    let height = |i: u32| match i {
+        0 => 0.0,
+        1 => 0.999,
+        i if i == last => 500.0,
+        i if ends.contains(&i) => 0.0,
+        // Beside the directions that are left, and near enough to them.
+        _ => -0.9,
+    };
+    let way = [[0.0, 0.0], [500.0, 0.0]].into_iter();
+    way.chain((0..=last).map(|i| [f64::from(i), height(i)])).collect()
+}
+
+/// 64 vertices, and four times the length of a segment that holds: the first that ends after 32, and then
+/// one that is half as long again as that before it.
+#[test]
+fn a_segment_is_looked_for_a_few_lengths_ahead() {
+    for (ends, found) in [
+        (&[64][..], 64),
+        (&[65], 1),
+        (&[31, 65], 31),
+        (&[32, 128], 128),
+        (&[32, 129], 32),
+        (&[32, 47, 129], 47),
+        (&[32, 48, 192], 192),
+        (&[32, 48, 193], 48),
+        (&[32, 48, 71, 193], 71),
+        (&[32, 48, 72, 193], 193),
+    ] {
+        let line = level(ends);
+        let kept = run(cone, &Plane, &line, 1.0);
+        assert_eq!(kept[..4], [0, 1, 2, 2 + found], "{ends:?}");
+        assert_holds(&Plane, &line, 1.0, &kept);
+    }
+}

@@ -228,3 +228,52 @@ impl<'a> Settling<'a> {
         kept
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::plane::Xy;
+
+    /// Far off in one place, nearer to its begin.
+    fn line() -> Vec<Xy> {
+        (0..10).map(|i| [f64::from(i), if i == 3 { 5.0 } else { 0.0 }]).collect()
+    }
+
+    fn nothing(_: usize, _: u32, _: u32, _: &mut Vec<u32>) {}
+
+    /// At the farthest vertex in 40 rounds, and in the middle from then on.
+    #[test]
+    fn pieces_are_split_at_the_farthest_vertex_and_late_ones_in_the_middle() {
+        let line = line();
+        let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
+        for (rounds, middle) in [(1, 3), (40, 3), (41, 5), (60, 5)] {
+            let kept = Kept { vertices: vec![0, 2, 9], starts: vec![0, 3] };
+            let mut settling = Settling::new(&chains, &kept);
+            settling.rounds = rounds;
+            settling.split(1, &mut nothing);
+            let pieces: Vec<_> =
+                settling.pieces.iter().map(|piece| [piece.from, piece.to]).collect();
+            assert_eq!(pieces, [[0, 2], [2, 9], [2, middle], [middle, 9]], "round {rounds}");
+            assert_eq!(settling.alive, [true, false, true, true]);
+        }
+    }
+
+    /// Those that were split are among them: none more than so many, and no fewer.
+    #[test]
+    fn as_many_pieces_as_allowed_are_made() {
+        let line = line();
+        let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
+        let kept = Kept { vertices: vec![0, 9], starts: vec![0, 2] };
+        // Below the peak: the line is split there, which makes two pieces of one.
+        let below = [[3.0, 1.0]];
+        let points = Points::new(&below).expect("finite");
+        for (most, is_enough) in [(0, false), (2, false), (3, true), (4, true)] {
+            let mut settling = Settling::new(&chains, &kept);
+            let result = settling.run(&points, most, &mut nothing);
+            match result {
+                Ok(()) => assert!(is_enough && settling.pieces.len() == 3, "{most}"),
+                Err(error) => assert!(!is_enough && error.kind() == ErrorKind::Resource, "{most}"),
+            }
+        }
+    }
+}
