@@ -306,7 +306,8 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::Plane;
+    use crate::metric::{Plane, largest_distance2};
+    use proptest::prelude::*;
 
     /// A segment costs as many looks as vertices it passes and the end, and the last look is not enough.
     #[test]
@@ -331,6 +332,23 @@ mod tests {
             };
             assert_eq!(search.is_valid(3, 10), expected, "{looks:?}");
             assert_eq!(search.looks, left, "{looks:?}");
+        }
+    }
+
+    proptest! {
+        /// Where nothing is near the tolerance, the word of the wedge is not taken for more than it is
+        /// worth: no second search is needed.
+        #[test]
+        fn the_first_search_finds_segments_that_hold(
+            line in prop::collection::vec([-5.0..5.0, -5.0..5.0], 3..60),
+            tolerance in 0.5..4.0,
+        ) {
+            let mut kept = Vec::new();
+            let is_found =
+                Search::run(&Plane, &line, tolerance, None, &mut Scratch::default(), &mut kept);
+            prop_assert!(is_found);
+            let most = largest_distance2(&Plane, &line, &kept);
+            prop_assert!(most.is_none_or(|(_, square)| square <= tolerance * tolerance));
         }
     }
 }

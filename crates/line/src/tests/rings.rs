@@ -171,3 +171,12 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
     );
     assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
 }
+
+/// The start of a triangle lies within the tolerance of the opposite side, and is kept.
+#[test]
+fn no_corner_of_a_triangle_is_moved() {
+    let ring = closed(vec![[0.0, 0.0], [0.5, 10.0], [0.5, -10.0]]);
+    for name in ["cone", "imai-iri"] {
+        assert_eq!(kept_of(name, &ring, 1.0), (Fate::Kept, vec![0, 1, 2]), "{name}");
+    }
+}

@@ -257,6 +257,19 @@ fn a_minimal_ring_has_the_largest_triangle() {
     }
 }
 
+/// Two squares, one of them the other way around: without area as a whole, it has no sign to keep.
+#[test]
+fn a_ring_without_area_is_left_as_it_is() {
+    let ring =
+        [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0], [0, -2], [-2, -2], [-2, 0], [0, 0]].to_vec();
+    let world = World::new(vec![ring], vec![]);
+    let kept = Kept { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
+    for options in ways() {
+        let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
+        assert_eq!((made, mended.collapsed, mended.flat), (kept.clone(), 0, 1));
+    }
+}
+
 #[test]
 fn nothing_is_asked_of_neighbours() {
     for seed in 0..300 {
