@@ -335,6 +335,34 @@ mod tests {
         }
     }
 
+    /// What spoiled the last segment to a vertex is asked first, and costs no look; what is not between
+    /// the ends is not asked.
+    #[test]
+    fn spoilers_are_asked_first() {
+        let mut points: Vec<_> = (0..12).map(|i| [f64::from(i), 0.0]).collect();
+        for spoiler in [2, 3, 5, 7] {
+            points[spoiler][1] = 9.0;
+        }
+        // From the vertex that is beyond, too: its segment passes the others far away.
+        for (from, spoiler, left, next) in
+            [(4, 5, 100, 5), (4, 7, 100, 7), (4, 2, 94, 7), (4, 6, 94, 7)]
+        {
+            let mut nodes = [Node { parent: NONE, spoiler, next: 0 }; 12];
+            let mut search = Search {
+                metric: &Plane,
+                points: &points,
+                tolerance: 1.0,
+                tolerance2: 1.0,
+                nodes: &mut nodes,
+                found: &mut Vec::new(),
+                witness: Witness { cutters: [NONE; MOST_SIDES], killer: 0 },
+                looks: Some(100),
+            };
+            assert!(!search.is_valid(from, 10));
+            assert_eq!((search.looks, nodes[10].spoiler), (Some(left), next), "spoiler {spoiler}");
+        }
+    }
+
     proptest! {
         /// Where nothing is near the tolerance, the word of the wedge is not taken for more than it is
         /// worth: no second search is needed.
@@ -349,6 +377,25 @@ mod tests {
             prop_assert!(is_found);
             let most = largest_distance2(&Plane, &line, &kept);
             prop_assert!(most.is_none_or(|(_, square)| square <= tolerance * tolerance));
+        }
+
+        /// A second search has a million looks and 2000 a vertex: more than a long straight end takes,
+        /// where rounding decides about what is before it.
+        #[test]
+        fn a_second_search_is_not_given_up_early(
+            head in prop::collection::vec((0..7_i32, 0..7_i32), 30..40),
+        ) {
+            let mut line: Vec<_> =
+                head.iter().map(|(x, y)| [f64::from(*x) * 0.1, f64::from(*y) * 0.1]).collect();
+            line.extend((0..1600).map(|i| [f64::from(i) + 9.0, 0.0]));
+            let (tolerance, mut scratch) = (0.1, Scratch::default());
+            let (mut kept, mut want) = (Vec::new(), Vec::new());
+            let most = (1 << 20) + 2000 * line.len() as u64;
+            let is_found =
+                Search::run(&Plane, &line, tolerance, Some(most), &mut scratch, &mut want);
+            prop_assume!(is_found);
+            imai_iri(&Plane, &line, tolerance, &mut scratch, &mut kept);
+            prop_assert_eq!(kept.len(), want.len());
         }
     }
 }

@@ -133,6 +133,8 @@ fn arcs_are_as_defined() {
         let all = rebuilt(&arcs, &Kept::all(&arcs.chains()));
         for (old, new) in parts.iter().zip(&all) {
             assert_eq!(canonical(old), canonical(new), "seed {seed}: {parts:?}");
+            let goes_on = new.windows(2).all(|pair| pair[0] != pair[1]);
+            assert!(goes_on, "seed {seed}: {new:?} has a vertex twice where arcs join");
         }
         let junctions = junctions(&parts);
         let mut edges = BTreeMap::new();
@@ -457,6 +459,11 @@ fn bad_snap_distances_are_turned_away() {
         assert!(Arcs::new(&flat.chains(), snap).is_err());
     }
     assert!(Arcs::new(&Flat::new(&[]).chains(), 0.0).is_ok());
+    // Nothing to be snapped is not a distance: whoever snaps has one.
+    for distance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(snap(&mut [[0.0, 0.0]], &[], distance).is_err());
+    }
+    assert!(snap(&mut [[0.0, 0.0]], &[], 1e-9).is_ok());
 }
 
 #[test]

@@ -172,6 +172,18 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
     assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
 }
 
+/// Nothing lies beside the one way to the farthest vertex, and little beside the other.
+#[test]
+fn a_flat_collapsed_ring_has_its_one_corner() {
+    for near in [[5.0, 0.5], [5.0, -0.5]] {
+        for turn in 0..2 {
+            let mut ring = vec![[0.0, 0.0], [10.0, 0.0], near];
+            ring.swap(1, 1 + turn);
+            assert_eq!(kept_of("rdp", &closed(ring), 9.0), (Fate::Collapsed, vec![0, 1, 2]));
+        }
+    }
+}
+
 /// The start of a triangle lies within the tolerance of the opposite side, and is kept.
 #[test]
 fn no_corner_of_a_triangle_is_moved() {

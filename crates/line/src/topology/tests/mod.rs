@@ -270,6 +270,19 @@ fn a_ring_without_area_is_left_as_it_is() {
     }
 }
 
+/// The inside of a hook goes around the other way: it is refined until the ring does not.
+#[test]
+fn a_ring_of_which_the_inside_is_kept_is_turned_back() {
+    let hook = [[10, 2], [2, 2], [2, 8], [10, 8], [10, 10], [0, 10], [0, 0], [10, 0], [10, 2]];
+    let world = World::new(vec![hook.to_vec()], vec![]);
+    let kept = Kept { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
+    for options in ways() {
+        let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
+        assert_eq!(made.vertices, [0, 1, 2, 3, 4, 5, 6, 8], "{options:?}");
+        assert_eq!((mended.collapsed, mended.flat), (0, 0));
+    }
+}
+
 #[test]
 fn nothing_is_asked_of_neighbours() {
     for seed in 0..300 {
