@@ -85,9 +85,9 @@ impl<'a> Cutter<'a> {
         }
         let mut first = 0;
         for i in 1..whole.len() {
-            // A ring without a junction that comes back to its first goes around once more.
-            let is_end = whole[i] == whole[0] || i + 1 == whole.len();
-            if self.junction[whole[i] as usize] || is_end {
+            // A ring without a junction that comes back to its first goes around once more; the ends of a
+            // line are junctions.
+            if self.junction[whole[i] as usize] || whole[i] == whole[0] {
                 self.pass(&whole[first..=i])?;
                 first = i;
             }
