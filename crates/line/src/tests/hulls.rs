@@ -81,6 +81,33 @@ proptest! {
     }
 }
 
+/// Stretches with few positions each, which are far from those of the next: what is known of one tells
+/// nothing of another.
+#[test]
+fn runs_of_few_positions_know_their_own() {
+    for seed in 0..40 {
+        let mut dice = Dice(seed);
+        let mut line: Vec<Xy> = Vec::new();
+        for _ in 0..7 {
+            let middle = [dice.swing() * 100.0, dice.swing() * 100.0];
+            let corner = |dice: &mut Dice, i: usize| middle[i] + dice.below(2) as f64;
+            line.extend((0..128).map(|_| [corner(&mut dice, 0), corner(&mut dice, 1)]));
+        }
+        let hulls = Hulls::new(&line);
+        for _ in 0..40 {
+            let ends = [(); 2].map(|()| dice.below(line.len() as u64) as usize);
+            let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]).max(1));
+            let segment = Plane.segment(&line[from], &line[to]);
+            let mut found = Farthest { index: from, reach: 0.0 };
+            let mut plain = found;
+            scan::<Xy, Plane>(&segment, &line, (from + 1).min(to), to, &mut plain);
+            let within = (from + 1).min(to)..to;
+            hulls.farthest(&segment, &line, within, &mut Vec::new(), &mut found);
+            assert_eq!((found.index, found.reach), (plain.index, plain.reach), "seed {seed}");
+        }
+    }
+}
+
 #[test]
 fn lines_on_which_boxes_are_quadratic() {
     let lines = [

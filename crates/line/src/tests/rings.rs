@@ -172,6 +172,19 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
     assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
 }
 
+/// Of vertices at the lowest position the first is the start.
+#[test]
+fn rings_start_with_the_first_of_the_lowest() {
+    let ring = vec![[4.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0]];
+    for name in ["rdp", "cone", "imai-iri"] {
+        assert_eq!(
+            kept_of(name, &closed(ring.clone()), 0.5),
+            (Fate::Kept, vec![0, 1, 4]),
+            "{name}"
+        );
+    }
+}
+
 /// Nothing lies beside the one way to the farthest vertex, and little beside the other.
 #[test]
 fn a_flat_collapsed_ring_has_its_one_corner() {

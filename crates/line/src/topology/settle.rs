@@ -276,4 +276,21 @@ mod tests {
             }
         }
     }
+
+    /// A piece that is halved again and again: the seventh layer is one too many, and those after the
+    /// first become one.
+    #[test]
+    fn few_layers_are_kept_apart() {
+        let line: Vec<Xy> = (0..=256).map(f64::from).map(|x| [x, x * (256.0 - x)]).collect();
+        let chains = Chains { points: &line, starts: &[0, 257], closed: &[false] };
+        let kept = Kept { vertices: vec![0, 256], starts: vec![0, 2] };
+        // In the triangle of the first three vertices.
+        let corner = [[0, 1].map(|axis| (line[0][axis] + line[1][axis] + line[2][axis]) / 3.0)];
+        let points = Points::new(&corner).expect("finite");
+        let mut settling = Settling::new(&chains, &kept);
+        settling.run(&points, usize::MAX, &mut nothing).expect("any number of pieces");
+        assert_eq!((settling.rounds, settling.refined, settling.layers.len()), (9, 8, 4));
+        let known: usize = settling.layers.iter().map(|layer| layer.tree.ids.len()).sum();
+        assert!(known < settling.pieces.len(), "merged layers hold no piece that was split");
+    }
 }
