@@ -172,6 +172,30 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
     assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
 }
 
+/// Far from the start a ring is what the line from there is.
+#[test]
+fn rings_are_done_again_around_their_start_alone() {
+    for name in ["cone", "imai-iri"] {
+        let ring = star(12, 600);
+        let start = (0..600).min_by(|a, b| ring[*a].partial_cmp(&ring[*b]).unwrap()).unwrap();
+        let (_, kept) = kept_of(name, &closed(ring.clone()), 0.3);
+        let mut own: Vec<u32> = kept.iter().map(|i| (i + 600 - start as u32) % 600).collect();
+        own.sort_unstable();
+        let mut line = ring;
+        line.rotate_left(start);
+        let line = closed(line);
+        let chosen = if name == "cone" {
+            run(cone, &Plane, &line, 0.3)
+        } else {
+            run(imai_iri, &Plane, &line, 0.3)
+        };
+        let far = &chosen[64..chosen.len() - 64];
+        assert!(far.len() > 64, "{name}: {}", chosen.len());
+        let first = own.iter().position(|i| *i == far[0]).expect("far from the start");
+        assert_eq!(own[first..first + far.len()], *far, "{name}");
+    }
+}
+
 /// Of vertices at the lowest position the first is the start.
 #[test]
 fn rings_start_with_the_first_of_the_lowest() {

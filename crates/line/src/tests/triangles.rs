@@ -61,6 +61,22 @@ fn longer_walks_too() {
     }
 }
 
+/// So many that they come in buckets, each with those that changed since: of triangles of all sizes, and
+/// with many as large as others.
+#[test]
+fn lines_of_many_buckets_too() {
+    for is_lattice in [true, false] {
+        let mut line = walk(4, 3000, is_lattice);
+        line.iter_mut().zip(0..).for_each(|(p, i)| p[1] *= f64::from(1 << (i / 100)) / 1024.0);
+        for weight in [Weight::Plain, Weight::Angle] {
+            let areas = Areas::of_line(&Plane, &line, weight);
+            assert_eq!(areas.areas(), plain_areas(&line, false, weight));
+            let ring = Areas::of_ring(&Plane, &line, weight);
+            assert_eq!(ring.areas(), plain_areas(&line, true, weight));
+        }
+    }
+}
+
 #[test]
 fn a_right_angle_has_its_own_area_and_a_spike_less() {
     assert_eq!(Plane.cosine(&[1.0, 0.0], &[0.0, 0.0], &[0.0, 5.0]), 0.0);
