@@ -84,6 +84,18 @@ fn running_back_and_forth_takes_no_long_looks() {
     assert!(run(cone, &Plane, &line, 1.0).len() > line.len() - 10);
 }
 
+/// Vertices that turn back before the farthest are no ends, and none of them is tried: there would be no
+/// tries left for the farthest.
+#[test]
+fn ends_that_leave_the_farthest_behind_are_not_tried() {
+    for back in [5, 20, 60] {
+        let there = (0..=10).map(|i| [f64::from(i), 0.0]);
+        let line: Vec<Xy> =
+            there.chain((0..back).map(|i| [8.0 - 1e-3 * f64::from(i), 0.0])).collect();
+        assert_eq!(run(cone, &Plane, &line, 1.0), [0, 10, 10 + back as u32], "{back}");
+    }
+}
+
 /// After a way there and back, so many vertices along the level: segments from the third vertex may end
 /// at the fourth and at those named, counted from the third, and the last of these is followed by a peak.
 fn level(ends: &[u32]) -> Vec<Xy> {

@@ -81,16 +81,18 @@ proptest! {
     }
 }
 
-/// Stretches with few positions each, which are far from those of the next: what is known of one tells
-/// nothing of another.
+/// Stretches with few positions each, or one position a vertex, far from those of the next: what is known
+/// of one tells nothing of another.
 #[test]
 fn runs_of_few_positions_know_their_own() {
     for seed in 0..40 {
         let mut dice = Dice(seed);
         let mut line: Vec<Xy> = Vec::new();
-        for _ in 0..7 {
+        for _ in 0..14 {
             let middle = [dice.swing() * 100.0, dice.swing() * 100.0];
-            let corner = |dice: &mut Dice, i: usize| middle[i] + dice.below(2) as f64;
+            let most = if dice.below(4) == 0 { 1 << 30 } else { 2 };
+            let corner =
+                |dice: &mut Dice, i: usize| middle[i] + dice.below(most) as f64 * 8.0 / most as f64;
             line.extend((0..128).map(|_| [corner(&mut dice, 0), corner(&mut dice, 1)]));
         }
         let hulls = Hulls::new(&line);

@@ -139,6 +139,10 @@ fn a_segment_knows_its_sides() {
     assert_eq!(segment.most_over(&around), 18.0 * 18.0);
     assert_eq!(segment.most_over(&Plane::region(&[2.0, 3.0])), 0.0);
     assert_eq!(segment.rounding(&around), 7.0 * (1.0 + 10.0) * 8.0 * f64::EPSILON);
+    let before = Plane::join(&Plane::region(&[-9.0, -3.0]), &Plane::region(&[0.0, 1.0]));
+    assert_eq!(segment.rounding(&before), 7.0 * (10.0 + 5.0) * 8.0 * f64::EPSILON);
+    let back = Plane.segment(&[4.0, 6.0], &[1.0, 2.0]);
+    assert_eq!(back.rounding(&Plane::region(&[6.0, 9.0])), 7.0 * (2.0 + 3.0) * 8.0 * f64::EPSILON);
 }
 
 proptest! {
