@@ -110,6 +110,18 @@ fn coordinates_are_those_given() {
     assert_eq!(Geographic::coordinates(&Located::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
 }
 
+/// Of vertices that were dropped the first of the farthest, and none of those kept.
+#[test]
+fn the_largest_distance_is_that_of_a_dropped_vertex() {
+    let line = [[0.0, 0.0], [1.0, 0.0], [2.0, 2.0], [3.0, -2.0], [4.0, 0.0], [4.0, 0.0]];
+    let largest = |kept: &[u32]| largest_distance2(&Plane, &line, kept);
+    assert_eq!(largest(&[0, 1, 2, 3, 4, 5]), None);
+    assert_eq!([largest(&[0]), largest(&[])], [None; 2]);
+    assert_eq!(largest(&[0, 4, 5]), Some((2, 4.0)));
+    assert_eq!(largest(&[0, 1, 2, 3, 5]), Some((4, 0.0)));
+    assert_eq!(largest(&[0, 2, 4, 5]).map(|(at, _)| at), Some(3));
+}
+
 /// What a hull says of vertices: extremes across and along, and what lies beyond the ends.
 #[test]
 fn a_segment_knows_its_sides() {
