@@ -162,6 +162,7 @@ pub struct TinBuilder<S> {
     strict: bool,
     drop: bool,
     fit: bool,
+    min_angle: Option<f64>,
     keep_points: Option<PathBuf>,
     tile: u32,
     format: Option<String>,
@@ -180,6 +181,7 @@ impl<S> TinBuilder<S> {
             strict: false,
             drop: true,
             fit: false,
+            min_angle: None,
             keep_points: None,
             tile: USUAL_TILE,
             format: None,
@@ -233,6 +235,13 @@ impl<S> TinBuilder<S> {
         self
     }
 
+    /// No triangle with a smaller angle than this in plan, in degrees: samples are inserted until that holds.
+    /// Up to some 25 degrees that takes few of them; where angles of 45 degrees are asked for, all.
+    pub fn min_angle(mut self, degrees: f64) -> Self {
+        self.min_angle = Some(degrees);
+        self
+    }
+
     /// Samples that stay vertices, at their heights: the nearest one to each point of a file of features, and to
     /// each vertex of its lines and polygons, in the system of the grid.
     ///
@@ -283,6 +292,7 @@ impl<S> TinBuilder<S> {
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
+            min_angle: self.min_angle,
             tile: self.tile,
             keep_points: kept.as_deref(),
             resources,
@@ -384,6 +394,7 @@ impl TinBuilder<&Grid> {
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
+            min_angle: self.min_angle,
             keep_points: self.kept()?,
             tile: self.tile,
             resources: self.run.resources()?,

@@ -8,7 +8,7 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
-use super::adjust;
+use super::{adjust, angles};
 use super::between;
 use super::crossing::Crossings;
 use super::field::Field;
@@ -16,7 +16,7 @@ use super::greedy::{Judge, fit};
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
-use super::tile::{Scratch, on_grid_border, smallest_first, vertices_in_use};
+use super::tile::{Scratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
@@ -54,6 +54,10 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     adjust.reset(field, input.kept);
     if spec.fit {
         even_out(&judge, mesh, &border, adjust, drop);
+    }
+    if let Some(bound) = &spec.min_angle {
+        let judge = Judge::of_samples(field, *scan, spec.tolerance);
+        angles::insert(bound, mesh, |mesh| bring_within(&judge, mesh, lists, rounds, spec));
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
     PatchMesh { left, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }

@@ -14,7 +14,7 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test jobs every_edge`).
 
-use super::adjust;
+use super::{adjust, angles};
 use super::between::{self, Rounds};
 use super::crossing::Crossings;
 use super::field::Field;
@@ -92,6 +92,11 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     if spec.fit {
         even_out(scratch, spec, &fixed);
     }
+    if let Some(bound) = &spec.min_angle {
+        let Scratch { field, mesh, lists, rounds, scan, .. } = scratch;
+        let judge = Judge::of_samples(field, *scan, spec.tolerance);
+        angles::insert(bound, mesh, |mesh| bring_within(&judge, mesh, lists, rounds, spec));
+    }
     finish(scratch, spec, &surface, ends)
 }
 
@@ -150,6 +155,21 @@ fn refine(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
     if spec.drop {
         drop.unsettle_changed(field, mesh);
         drop::drop_redundant(&judge.and_between(crossings), mesh, drop);
+    }
+}
+
+/// Inserts samples until the mesh is within the tolerance again.
+pub(super) fn bring_within(
+    judge: &Judge<'_>,
+    mesh: &mut Mesh,
+    lists: &mut WorkLists,
+    rounds: &mut Rounds,
+    spec: &Spec,
+) {
+    fit(judge, mesh, lists, spec.strict);
+    if spec.bound == Bound::Surface {
+        let crossings = Crossings::new(judge.field, spec.tolerance);
+        between::insert(&crossings, mesh, rounds, |mesh| fit(judge, mesh, lists, spec.strict));
     }
 }
 

@@ -142,6 +142,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         strict: args.method.strict,
         drop: !args.method.no_drop,
         fit: args.method.fit,
+        min_angle: args.method.min_angle,
         keep_points: args.method.keep_points.clone(),
         tile: args.method.tile(),
         ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))

@@ -131,6 +131,9 @@ pub(crate) struct Method {
     /// fewer, mostly a fifth; some five times slower). The error is kept all the same
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
+    /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
+    #[arg(long, value_name = "DEGREES", value_parser = parse::positive)]
+    pub(crate) min_angle: Option<f64>,
     /// Samples that stay vertices, at their heights: the nearest one to each point of a file of features, and to
     /// each vertex of its lines and polygons, in the system of the grid
     #[arg(long, value_name = "FILE", value_parser = names::any())]

@@ -76,6 +76,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--strict", args.method.strict),
         ("--no-drop", args.method.no_drop),
         ("--fit", args.method.fit),
+        ("--min-angle", args.method.min_angle.is_some()),
         ("--keep-points", args.method.keep_points.is_some()),
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),

@@ -103,6 +103,7 @@ fn job(args: &Args) -> Result<TinJob> {
         strict: args.method.strict,
         drop: !args.method.no_drop,
         fit: args.method.fit,
+        min_angle: args.method.min_angle,
         tile: args.method.tile(),
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),

@@ -65,6 +65,7 @@ impl Chosen {
             ("--strict", args.method.strict),
             ("--no-drop", args.method.no_drop),
             ("--fit", args.method.fit),
+            ("--min-angle", args.method.min_angle.is_some()),
             ("--keep-points", args.method.keep_points.is_some()),
             ("--tile", args.method.tile.is_some()),
             ("--bound surface", args.method.bound == Bound::Surface),

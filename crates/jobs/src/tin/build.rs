@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::angles::angle_bound;
 use super::job::Goal;
 use super::layout::{Layout, checked_tile};
 use super::make::{Origin, header, in_input, open_tiled};
@@ -30,6 +31,8 @@ pub struct BuildJob<'a> {
     pub drop: bool,
     /// Let vertices lie above or below their samples.
     pub fit: bool,
+    /// The smallest angle that triangles may have in plan, in degrees.
+    pub min_angle: Option<f64>,
     /// Cells along a tile's side.
     pub tile: u32,
     /// The name of a file of features; the sample nearest to each point of it stays a vertex.
@@ -45,7 +48,8 @@ impl BuildJob<'_> {
 
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
     fn worker(&self, points: Option<&Points>, tile: u32) -> u64 {
-        points.map_or(0, Points::bytes) + worker_bytes(tile, self.goal.keeps_all(), self.fit)
+        let keeps_all = self.goal.keeps_all() || self.min_angle.is_some();
+        points.map_or(0, Points::bytes) + worker_bytes(tile, keeps_all, self.fit)
     }
 }
 
@@ -120,6 +124,7 @@ fn build_within(
             strict: job.strict,
             drop: job.drop,
             fit: job.fit,
+            min_angle: angle_bound(job.min_angle, &info.transform)?,
             single_precision: None,
             measure: true,
         },

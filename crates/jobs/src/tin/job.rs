@@ -87,6 +87,9 @@ pub struct TinJob {
     /// Let vertices lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fit: bool,
+    /// The smallest angle that triangles may have in plan, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_angle: Option<f64>,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Measure maximum error and RMSE for the report.
@@ -98,6 +101,11 @@ pub struct TinJob {
 }
 
 impl TinJob {
+    /// Whether all samples may become vertices.
+    pub(super) fn keeps_all(&self) -> bool {
+        self.goal.keeps_all() || self.min_angle.is_some()
+    }
+
     /// The points to keep, if there are any.
     pub(super) fn points(&self) -> Result<Option<Points>> {
         let name = self.keep_points.as_deref();
@@ -121,6 +129,7 @@ impl TinJob {
             strict: false,
             drop: true,
             fit: false,
+            min_angle: None,
             tile: USUAL_TILE,
             measure: true,
             resources: Resources::default(),

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::angles::angle_bound;
 use super::estimate::Size;
 use super::height_origin::height_origin;
 use super::job::{Goal, TinJob};
@@ -29,7 +30,7 @@ use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
-use terrane_tin::Spec;
+use terrane_tin::{AngleBound, Spec};
 
 /// Runs a job from file to file.
 ///
@@ -65,6 +66,8 @@ pub(super) struct Opened {
     pub(super) shares: Shares,
     /// Samples that stay vertices.
     pub(super) kept: Kept,
+    /// What angles triangles may have.
+    pub(super) min_angle: Option<AngleBound>,
 }
 
 impl Opened {
@@ -89,7 +92,8 @@ impl Opened {
         let info = source.info();
         let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
         let kept = Kept::default();
-        Ok(Self { source, format, height_origin, placed, notes, shares, kept })
+        let min_angle = angle_bound(job.min_angle, &info.transform)?;
+        Ok(Self { source, format, height_origin, placed, notes, shares, kept, min_angle })
     }
 }
 
@@ -105,7 +109,7 @@ impl Opened {
 /// the grid.
 fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
-    let worker = |tile| held + worker_bytes(tile, job.goal.keeps_all(), job.fit);
+    let worker = |tile| held + worker_bytes(tile, job.keeps_all(), job.fit);
     open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
 }
 
@@ -286,6 +290,7 @@ impl Maker<'_> {
             strict: self.job.strict,
             drop: self.job.drop,
             fit: self.job.fit,
+            min_angle: self.opened.min_angle,
             single_precision: self.opened.rounding(),
             measure: self.job.measure,
         }
@@ -341,6 +346,7 @@ impl Maker<'_> {
             tolerance,
             bound: job.bound,
             fit: job.fit,
+            min_angle: job.min_angle,
             max_error: measured(outcome.max_error),
             rmse: measured((outcome.square_sum / surface).sqrt()),
             samples: layout.samples(),

@@ -1,5 +1,6 @@
 //! The main job: a grid in, a seamless mesh with a proven error bound out.
 
+mod angles;
 mod budget;
 mod build;
 mod container;

@@ -44,6 +44,9 @@ pub struct TinReport {
     /// True when vertices may lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fit: bool,
+    /// The smallest angle that was asked for, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_angle: Option<f64>,
     /// Largest error of any sample, when measured.
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.

@@ -1,0 +1,134 @@
+//! The bound on angles: where a triangle has a smaller one, the sample nearest to the centre of its circle
+//! becomes a vertex (Ruppert 1995).
+//!
+//! The nearest sample is at most half the diagonal of a cell from the centre, and so inside the circle, where
+//! no vertex is, unless the triangle is half a cell: each insertion makes an end of the triangle it is for, and
+//! where nothing stands in the way samples run out at the latest when all triangles are half cells. What
+//! stands in the way is the border of the mesh. Where the centre lies beyond it, or a sample so near to it
+//! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
+//! patches of the seams, and what these cannot mend, to a larger patch.
+
+use super::mesh::{Mesh, NONE, State};
+use super::{AngleBound, Local};
+use terrane_base::geom::predicates::{Lattice, orient};
+
+/// A triangle with an angle that is too small, and its cosine.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Thin {
+    id: u32,
+    corners: [Local; 3],
+    cosine: f64,
+}
+
+/// Inserts samples until no triangle has too small an angle that can be mended. After each round, which takes
+/// the smallest angles first, `settle` brings back what else is promised of the mesh. Each round is linear in
+/// the triangles.
+pub(super) fn insert(bound: &AngleBound, mesh: &mut Mesh, mut settle: impl FnMut(&mut Mesh)) {
+    let mut star = Vec::new();
+    loop {
+        let mut is_done = true;
+        for thin in thin(bound, mesh) {
+            is_done &= !mend(mesh, &thin, &mut star);
+        }
+        if is_done {
+            return;
+        }
+        settle(mesh);
+    }
+}
+
+/// The triangles of the surface with too small an angle, the smallest first.
+pub(super) fn thin(bound: &AngleBound, mesh: &Mesh) -> Vec<Thin> {
+    let look = |id: u32| {
+        let tri = &mesh.tris[id as usize];
+        let is_asked = tri.state != State::Outside;
+        let cosine = bound.excess(tri.corners).filter(|_| is_asked)?;
+        Some(Thin { id, corners: tri.corners, cosine })
+    };
+    let mut all: Vec<_> = mesh.ids().filter_map(look).collect();
+    all.sort_unstable_by(|a, b| b.cosine.total_cmp(&a.cosine).then(a.id.cmp(&b.id)));
+    all
+}
+
+/// Makes an end of a thin triangle; false where this cannot be, or it has ended already.
+fn mend(mesh: &mut Mesh, thin: &Thin, star: &mut Vec<u32>) -> bool {
+    let tri = &mesh.tris[thin.id as usize];
+    if tri.state == State::Free || tri.corners != thin.corners {
+        return false;
+    }
+    star.clear();
+    let centre = centre(thin.corners);
+    match walk(mesh, thin.id, centre) {
+        Reached::Border(half_edge) => split(mesh, half_edge, star),
+        Reached::Triangle(holder) => {
+            let near = (4 * holder..4 * holder + 3).find(|&edge| encroaches(mesh, centre, edge));
+            if near.is_some_and(|half_edge| split(mesh, half_edge, star)) {
+                return true;
+            }
+            let [col, row] = centre.map(|c| c as u32);
+            mesh.insert(holder, Local::new(col, row), star)
+        }
+    }
+}
+
+/// The sample nearest to the centre of the circle through three.
+fn centre([a, b, c]: [Local; 3]) -> Lattice {
+    let origin = a.lattice();
+    let from = |p: Local| {
+        let [col, row] = p.lattice();
+        [f64::from(col - origin[0]), f64::from(row - origin[1])]
+    };
+    let ([bx, by], [cx, cy]) = (from(b), from(c));
+    let double = 2.0 * (bx * cy - by * cx);
+    let (bb, cc) = (bx * bx + by * by, cx * cx + cy * cy);
+    let at = [(cy * bb - by * cc) / double, (bx * cc - cx * bb) / double];
+    [0, 1].map(|axis| origin[axis] + (at[axis] + 0.5).floor() as i32)
+}
+
+/// Where a walk towards a position ends.
+enum Reached {
+    /// In the triangle that holds it.
+    Triangle(u32),
+    /// On the way.
+    Border(u32),
+}
+
+/// Walks from triangle `start`, in whose circle `target` lies, and so along triangles with such circles.
+fn walk(mesh: &Mesh, start: u32, target: Lattice) -> Reached {
+    let mut at = start;
+    loop {
+        let beyond = (4 * at..4 * at + 3).filter(|&half_edge| {
+            let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(Local::lattice);
+            orient(ends[0], ends[1], target) < 0
+        });
+        let (mut on, mut border) = (None, None);
+        for half_edge in beyond {
+            match mesh.twin(half_edge) {
+                NONE => border = border.or(Some(half_edge)),
+                twin if mesh.tris[(twin >> 2) as usize].state == State::Outside => {
+                    border = border.or(Some(half_edge));
+                }
+                twin => on = on.or(Some(twin >> 2)),
+            }
+        }
+        match (on, border) {
+            (Some(other), _) => at = other,
+            (None, Some(half_edge)) => return Reached::Border(half_edge),
+            (None, None) => return Reached::Triangle(at),
+        }
+    }
+}
+
+/// True where an edge of the border would be seen from `at` under more than a right angle.
+fn encroaches(mesh: &Mesh, at: Lattice, half_edge: u32) -> bool {
+    let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(Local::lattice);
+    let [from, to] = ends.map(|end| [0, 1].map(|axis| i64::from(end[axis] - at[axis])));
+    mesh.twin(half_edge) == NONE && from[0] * to[0] + from[1] * to[1] < 0
+}
+
+/// Splits an edge of the border in the middle, where that may be.
+fn split(mesh: &mut Mesh, half_edge: u32, star: &mut Vec<u32>) -> bool {
+    let [a, b] = [mesh.origin(half_edge), mesh.end(half_edge)];
+    let middle = Local::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
+    mesh.twin(half_edge) == NONE && mesh.insert(half_edge >> 2, middle, star)
+}
