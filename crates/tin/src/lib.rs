@@ -265,4 +265,6 @@ pub struct PatchMesh {
     /// Samples between which an edge is beyond the tolerance, and which the frozen border keeps from being
     /// vertices: a neighbouring or larger patch has to mend that. Empty where samples alone are judged.
     pub left: Vec<Local>,
+    /// Triangles that have too small an angle still, which a neighbouring or larger patch may mend.
+    pub thin: u64,
 }

@@ -55,12 +55,14 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     if spec.fit {
         even_out(&judge, mesh, &border, adjust, drop);
     }
+    let mut thin = 0;
     if let Some(bound) = &spec.min_angle {
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
         angles::insert(bound, mesh, |mesh| bring_within(&judge, mesh, lists, rounds, spec));
+        thin = angles::thin(bound, mesh).len() as u64;
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
-    PatchMesh { left, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
+    PatchMesh { left, thin, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
 }
 
 impl PatchInput<'_> {

@@ -12,7 +12,7 @@ use super::zone::{Bounds, Zone};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::{Extent, Spool};
-use terrane_tin::{Local, Triangle, sort_by_position};
+use terrane_tin::{AngleBound, Local, Triangle, sort_by_position};
 
 /// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
 #[derive(Clone, Copy)]
@@ -113,6 +113,21 @@ impl Container {
             self.triangles.append(&mut self.inner);
         }
         self.triangles.retain(is_left);
+    }
+
+    /// True when a triangle of `zone` has too small an angle.
+    pub(super) fn is_thin_in(
+        &self,
+        zone: &Zone,
+        tile: TileId,
+        layout: &Layout,
+        bound: &AngleBound,
+    ) -> bool {
+        let members = zone.seen_from(layout.origin(tile));
+        let touches_inner = members.touches(&inner_bounds(layout, tile));
+        let inner = if touches_inner { &self.inner[..] } else { &[] };
+        let mut all = self.triangles.iter().chain(inner);
+        all.any(|triangle| !bound.holds(triangle.corners) && members.contains(triangle))
     }
 
     /// Takes what belongs to `tile` out of a piece of the mesh.

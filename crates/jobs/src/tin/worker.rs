@@ -191,6 +191,7 @@ impl<'a> Worker<'a> {
             if is_widest && !is_done {
                 return Err(unbounded());
             }
+            let is_done = is_done && (is_widest || !self.is_thin(seam, tile, along, &patch)?);
             if is_widest || (is_done && !frontier.is_open()) {
                 return self.settle(seam, tile, rect, &patch, &frontier);
             }
@@ -205,6 +206,23 @@ impl<'a> Worker<'a> {
         }
         let right = self.job.layout.clamp(tile, 0, 1);
         Ok(self.job.store.reach(tile)?.max(self.job.store.reach(right)?))
+    }
+
+    /// True when a patch has left a triangle with too small an angle, or one around a corner would take one in
+    /// if it were wider: there nobody comes after it.
+    fn is_thin(&self, seam: Seam, tile: TileId, along: u32, patch: &PatchMesh) -> Result<bool> {
+        let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
+        if seam != Seam::Corner {
+            return Ok(patch.thin > 0);
+        }
+        let layout = &self.job.layout;
+        let widest = Zone::new(layout, seam, tile, layout.widest_reach(), along);
+        let mut is_thin = patch.thin > 0;
+        for tile in layout.keepers(widest.limits()) {
+            let look = |kept: &mut Container| kept.is_thin_in(&widest, tile, layout, &bound);
+            is_thin = is_thin || self.job.store.with(tile, look)?;
+        }
+        Ok(is_thin)
     }
 
     /// Adds the triangles of `zone` to those found in a narrower one.
