@@ -5,7 +5,7 @@ mod support;
 
 use support::{
     Capture, FunctionGrid, Mesh, check_kept, hills, largest_crossing, noise, non_delaunay_edges,
-    validate,
+    thin, validate,
 };
 use terrane_base::ErrorKind;
 use terrane_base::Result;
@@ -13,12 +13,14 @@ use terrane_base::bound::Bound;
 use terrane_jobs::kept::Kept;
 use terrane_jobs::tin::{Outcome, Settings, run_on};
 use terrane_jobs::{Cancel, Silent};
-use terrane_tin::Spec;
+use terrane_tin::{AngleBound, Spec};
 
 struct Run {
     tolerance: f64,
     bound: Bound,
     fit: bool,
+    /// In degrees.
+    min_angle: Option<f64>,
     kept: Kept,
     tile: u32,
     threads: usize,
@@ -34,6 +36,7 @@ impl Default for Run {
             tolerance: 2.0,
             bound: Bound::Samples,
             fit: false,
+            min_angle: None,
             kept: Kept::default(),
             tile: 16,
             threads: 1,
@@ -55,6 +58,9 @@ impl Run {
                 strict: false,
                 drop: true,
                 fit: self.fit,
+                min_angle: self
+                    .min_angle
+                    .map(|least| AngleBound::new(least, [1.0, 0.0], [0.0, -1.0])),
                 single_precision: None,
                 measure: true,
             },
@@ -287,6 +293,9 @@ fn islands(seed: u64, col: u32, row: u32, grain: f64) -> f64 {
     if land > 0.0 { (land + grain * dice(seed, col, row)).round() } else { 0.0 }
 }
 
+/// Of half of two cells, in degrees: what may be asked for at most.
+const SMALLEST: f64 = 26.565;
+
 const LANDS: [(&str, Land); 8] = [
     ("islands", |seed, col, row| islands(seed, col, row, 4.0)),
     ("smooth islands", |seed, col, row| islands(seed, col, row, 0.0)),
@@ -332,7 +341,8 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         let samples = (0..height).flat_map(|row| (0..width).map(move |col| [col, row]));
         let is_kept = |[col, row]: &[u32; 2]| dice(seed, 8 + col, *row) * one_in < 1.0;
         let kept = Kept::of(samples.filter(is_kept).collect());
-        let run = Run { tolerance, bound, fit, kept, tile, ..Run::default() };
+        let min_angle = (draw(8) < 0.4).then(|| draw(9) * SMALLEST);
+        let run = Run { tolerance, bound, fit, min_angle, kept, tile, ..Run::default() };
         let (mesh, outcome) = match run.on(&grid) {
             Ok(made) => made,
             // No land is valid.
@@ -344,6 +354,15 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         };
         validate(&mesh, &grid, tolerance);
         check_kept(&run.kept, &mesh, &grid, outcome.kept);
+        let thin = min_angle.map_or(0, |least| thin(&mesh, least));
+        assert_eq!(thin, outcome.thin.count, "{name} (seed {seed})");
+        if thin > 0 {
+            eprintln!(
+                "THIN {name} {seed} tile {tile} {width} x {height} tol {tolerance} {bound} fit {fit} kept {one_in} angle {min_angle:?}: {thin} {:?} of {}",
+                outcome.thin.first,
+                mesh.triangles.len()
+            );
+        }
         let edges = non_delaunay_edges(&mesh, &grid);
         if edges > 0 {
             wrong.push(format!(

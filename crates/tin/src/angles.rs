@@ -8,9 +8,9 @@
 //! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
-use super::mesh::{Mesh, NONE, State};
+use super::mesh::{Mesh, NONE, State, Tri};
 use super::{AngleBound, Local};
-use terrane_base::geom::predicates::{Lattice, orient};
+use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
 /// A triangle with an angle that is too small, and its cosine.
 #[derive(Clone, Copy, Debug)]
@@ -20,15 +20,27 @@ pub(super) struct Thin {
     cosine: f64,
 }
 
+/// Triangles that a sample would change.
+#[derive(Default)]
+struct Lists {
+    open: Vec<u32>,
+    seen: Vec<u32>,
+}
+
 /// Inserts samples until no triangle has too small an angle that can be mended. After each round, which takes
 /// the smallest angles first, `settle` brings back what else is promised of the mesh. Each round is linear in
 /// the triangles.
-pub(super) fn insert(bound: &AngleBound, mesh: &mut Mesh, mut settle: impl FnMut(&mut Mesh)) {
-    let mut star = Vec::new();
+pub(super) fn insert(
+    bound: &AngleBound,
+    mesh: &mut Mesh,
+    is_frozen: impl Fn(&Tri, u32) -> bool,
+    mut settle: impl FnMut(&mut Mesh),
+) {
+    let mut lists = Lists::default();
     loop {
         let mut is_done = true;
         for thin in thin(bound, mesh) {
-            is_done &= !mend(mesh, &thin, &mut star);
+            is_done &= !mend(mesh, &thin, &is_frozen, &mut lists);
         }
         if is_done {
             return;
@@ -51,24 +63,59 @@ pub(super) fn thin(bound: &AngleBound, mesh: &Mesh) -> Vec<Thin> {
 }
 
 /// Makes an end of a thin triangle; false where this cannot be, or it has ended already.
-fn mend(mesh: &mut Mesh, thin: &Thin, star: &mut Vec<u32>) -> bool {
+fn mend(
+    mesh: &mut Mesh,
+    thin: &Thin,
+    is_frozen: &impl Fn(&Tri, u32) -> bool,
+    lists: &mut Lists,
+) -> bool {
     let tri = &mesh.tris[thin.id as usize];
     if tri.state == State::Free || tri.corners != thin.corners {
         return false;
     }
-    star.clear();
     let centre = centre(thin.corners);
     match walk(mesh, thin.id, centre) {
-        Reached::Border(half_edge) => split(mesh, half_edge, star),
+        Reached::Border(half_edge) => split(mesh, half_edge, is_frozen, lists),
         Reached::Triangle(holder) => {
             let near = (4 * holder..4 * holder + 3).find(|&edge| encroaches(mesh, centre, edge));
-            if near.is_some_and(|half_edge| split(mesh, half_edge, star)) {
+            if near.is_some_and(|half_edge| split(mesh, half_edge, is_frozen, lists)) {
                 return true;
             }
             let [col, row] = centre.map(|c| c as u32);
-            mesh.insert(holder, Local::new(col, row), star)
+            insert_at(mesh, holder, Local::new(col, row), is_frozen, lists)
         }
     }
+}
+
+/// Inserts a sample, unless a triangle would change that is beside a frozen edge: the one beyond might not
+/// agree.
+fn insert_at(
+    mesh: &mut Mesh,
+    holder: u32,
+    at: Local,
+    is_frozen: &impl Fn(&Tri, u32) -> bool,
+    Lists { open, seen }: &mut Lists,
+) -> bool {
+    open.clear();
+    seen.clear();
+    open.push(holder);
+    seen.push(holder);
+    while let Some(id) = open.pop() {
+        let tri = &mesh.tris[id as usize];
+        if (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_frozen(tri, edge)) {
+            return false;
+        }
+        for twin in tri.twins.into_iter().filter(|&twin| twin != NONE) {
+            let other = twin >> 2;
+            let [a, b, c] = mesh.tris[other as usize].corners.map(Local::lattice);
+            if in_circle(a, b, c, at.lattice()) > 0 && !seen.contains(&other) {
+                seen.push(other);
+                open.push(other);
+            }
+        }
+    }
+    open.clear();
+    mesh.insert(holder, at, open)
 }
 
 /// The sample nearest to the centre of the circle through three.
@@ -127,8 +174,13 @@ fn encroaches(mesh: &Mesh, at: Lattice, half_edge: u32) -> bool {
 }
 
 /// Splits an edge of the border in the middle, where that may be.
-fn split(mesh: &mut Mesh, half_edge: u32, star: &mut Vec<u32>) -> bool {
+fn split(
+    mesh: &mut Mesh,
+    half_edge: u32,
+    is_frozen: &impl Fn(&Tri, u32) -> bool,
+    lists: &mut Lists,
+) -> bool {
     let [a, b] = [mesh.origin(half_edge), mesh.end(half_edge)];
     let middle = Local::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
-    mesh.twin(half_edge) == NONE && mesh.insert(half_edge >> 2, middle, star)
+    mesh.twin(half_edge) == NONE && insert_at(mesh, half_edge >> 2, middle, is_frozen, lists)
 }

@@ -136,8 +136,8 @@ impl AngleBound {
     fn cosine_of(&self, corners: [Local; 3]) -> f64 {
         let [xx, xy, yy] = self.metric;
         let square = |a: Local, b: Local| {
-            let [dx, dy] = [(a.col(), b.col()), (a.row(), b.row())]
-                .map(|(a, b)| f64::from(b) - f64::from(a));
+            let [dx, dy] =
+                [(a.col(), b.col()), (a.row(), b.row())].map(|(a, b)| f64::from(b) - f64::from(a));
             xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy
         };
         let [a, b, c] = corners;

@@ -8,7 +8,6 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
-use super::{adjust, angles};
 use super::between;
 use super::crossing::Crossings;
 use super::field::Field;
@@ -18,6 +17,7 @@ use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::tile::{Scratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
+use super::{adjust, angles};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
 
@@ -58,7 +58,9 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     let mut thin = 0;
     if let Some(bound) = &spec.min_angle {
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
-        angles::insert(bound, mesh, |mesh| bring_within(&judge, mesh, lists, rounds, spec));
+        let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
+        let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
+        angles::insert(bound, mesh, is_frozen, settle);
         thin = angles::thin(bound, mesh).len() as u64;
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();

@@ -14,7 +14,6 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test jobs every_edge`).
 
-use super::{adjust, angles};
 use super::between::{self, Rounds};
 use super::crossing::Crossings;
 use super::field::Field;
@@ -24,6 +23,7 @@ use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
 use super::scan::{self, Scan};
 use super::{Local, Spec, TileInput, TileMesh, Triangle, drop};
+use super::{adjust, angles};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
 
@@ -95,7 +95,12 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     if let Some(bound) = &spec.min_angle {
         let Scratch { field, mesh, lists, rounds, scan, .. } = scratch;
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
-        angles::insert(bound, mesh, |mesh| bring_within(&judge, mesh, lists, rounds, spec));
+        angles::insert(
+            bound,
+            mesh,
+            |_, _| false,
+            |mesh| bring_within(&judge, mesh, lists, rounds, spec),
+        );
     }
     finish(scratch, spec, &surface, ends)
 }

@@ -294,3 +294,17 @@ pub(crate) fn non_delaunay_edges(mesh: &Mesh, grid: &FunctionGrid) -> usize {
     };
     apex.iter().filter(|&edge| is_wrong(edge)).count()
 }
+
+/// Number of triangles that have a smaller angle than so many degrees in plan, but for rounding.
+pub(crate) fn thin(mesh: &Mesh, degrees: f64) -> u64 {
+    let angle = |[from, a, b]: [Point3; 3]| {
+        let [a, b] = [a, b].map(|to| [to[0] - from[0], to[1] - from[1]]);
+        let [sine, cosine] = [a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]];
+        sine.abs().atan2(cosine).to_degrees()
+    };
+    let is_thin = |triangle: &&[u64; 3]| {
+        let [a, b, c] = triangle.map(|id| mesh.vertices[id as usize]);
+        [[a, b, c], [b, c, a], [c, a, b]].iter().any(|&at| angle(at) < degrees - 1e-7)
+    };
+    mesh.triangles.iter().filter(is_thin).count() as u64
+}

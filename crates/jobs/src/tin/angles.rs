@@ -17,8 +17,10 @@ pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<A
     let most = most[0].min(most[1]);
     if !(degrees > 0.0 && degrees <= most + 1e-9) {
         let cells = "triangles of half a cell of this grid have one of";
-        return Err(Error::usage(format!("{degrees} degrees is no smallest angle: {cells} {most:.4}"))
-            .remedy("ask for less; up to some 25 degrees take few more vertices"));
+        return Err(Error::usage(format!(
+            "{degrees} degrees is no smallest angle: {cells} {most:.4}"
+        ))
+        .remedy("ask for less; up to some 25 degrees take few more vertices"));
     }
     Ok(Some(bound(degrees)))
 }

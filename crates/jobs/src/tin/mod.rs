@@ -33,6 +33,7 @@ pub use layout::{TILE_CELLS, USUAL_TILE};
 pub use make::run;
 pub use report::{StageReport, TinReport};
 pub use run::{Outcome, Settings, run_on};
+pub use tally::Thin;
 pub use textbook::{Textbook, run_by};
 pub(crate) use units::{horizontal_unit, vertical_unit};
 pub use workdir::{

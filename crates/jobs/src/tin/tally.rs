@@ -14,6 +14,30 @@ pub(super) struct Tally {
     /// Samples to keep that are vertices. Known once the mesh is written, so it is no part of saved tallies.
     #[serde(skip)]
     pub(super) kept: u64,
+    /// Triangles with too small an angle, known then, too.
+    #[serde(skip)]
+    pub(super) thin: Thin,
+}
+
+/// Triangles with too small an angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Thin {
+    /// How many there are.
+    pub count: u64,
+    /// Row and column of a corner of the first one.
+    pub first: Option<[u32; 2]>,
+}
+
+impl Thin {
+    /// Counts one with this corner.
+    pub(super) fn see(&mut self, row: u32, col: u32) {
+        self.add(Self { count: 1, first: Some([row, col]) });
+    }
+
+    fn add(&mut self, other: Self) {
+        self.count += other.count;
+        self.first = self.first.into_iter().chain(other.first).min();
+    }
 }
 
 impl Tally {
@@ -22,6 +46,7 @@ impl Tally {
         self.valid += other.valid;
         self.isolated += other.isolated;
         self.kept += other.kept;
+        self.thin.add(other.thin);
         self.suspects = match (self.suspects, other.suspects) {
             (Some((a, few)), Some((b, more))) if a == b => Some((a, few + more)),
             (Some(a), Some(b)) => Some(if a.0 < b.0 { a } else { b }),
@@ -40,8 +65,20 @@ mod tests {
         for suspects in
             [Some((-99.0, 5)), None, Some((-9999.0, 2)), Some((-9999.0, 1)), Some((-99.0, 7))]
         {
-            all.add(Tally { valid: 10, isolated: 1, suspects, kept: 2 });
+            all.add(Tally { valid: 10, isolated: 1, suspects, kept: 2, ..Tally::default() });
         }
-        assert_eq!(all, Tally { valid: 50, isolated: 5, suspects: Some((-9999.0, 3)), kept: 10 });
+        let suspects = Some((-9999.0, 3));
+        let expected = Tally { valid: 50, isolated: 5, suspects, kept: 10, ..Tally::default() };
+        assert_eq!(all, expected);
+    }
+
+    #[test]
+    fn of_thin_triangles_the_first_is_told() {
+        let mut thin = Thin::default();
+        for (row, col) in [(4, 1), (2, 7), (2, 3), (9, 0)] {
+            thin.see(row, col);
+        }
+        thin.add(Thin::default());
+        assert_eq!(thin, Thin { count: 4, first: Some([2, 3]) });
     }
 }

@@ -145,6 +145,7 @@ mod tests {
             strict: false,
             drop: true,
             fit: false,
+            min_angle: None,
             measure: false,
         };
         assert!(window.check_rounding(&spec(0.02, true)).is_ok());

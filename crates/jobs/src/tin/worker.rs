@@ -14,7 +14,7 @@ use super::report::{Clock, Stage};
 use super::run::Settings;
 use super::schedule::{Queue, Step, Task};
 use super::store::Store;
-use super::tally::Tally;
+use super::tally::{Tally, Thin};
 use super::window::Window;
 use super::workdir::Record;
 use super::writer::{Collect, Part};
@@ -149,7 +149,7 @@ impl<'a> Worker<'a> {
         let input = tile_input(layout, tile, self.window.heights(), &self.kept);
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
-        let tally = Tally { valid: *valid, isolated: *isolated, suspects, kept: 0 };
+        let tally = Tally { valid: *valid, isolated: *isolated, suspects, ..Tally::default() };
         lock(&self.job.tally).add(tally);
         let _room = self.job.store.reserve(mesh.bytes(), tile)?;
         self.job.insert(Piece { rect, triangles, vertices, heights })?;
@@ -369,6 +369,7 @@ impl<'a> Worker<'a> {
             job.store.with_ids(near, fill)?;
         }
         let triangles = job.store.with(tile, Container::take_triangles)?;
+        lock(&job.tally).add(Tally { thin: self.thin(tile, &triangles), ..Tally::default() });
         let _room = job.store.reserve(Lookup::bytes(triangles.len(), job.with_corners), tile)?;
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
@@ -380,6 +381,18 @@ impl<'a> Worker<'a> {
         }
         self.clock.add(Stage::Write, started, job.layout.owned(tile).len() as u64);
         self.send(tile, Part::Triangles(faces))
+    }
+
+    /// The triangles of a tile with too small an angle.
+    fn thin(&self, tile: TileId, triangles: &[Triangle]) -> Thin {
+        let mut thin = Thin::default();
+        let Some(bound) = self.job.settings.spec.min_angle else { return thin };
+        let (col, row) = self.job.layout.origin(tile);
+        for triangle in triangles.iter().filter(|triangle| !bound.holds(triangle.corners)) {
+            let corner = triangle.corners[0];
+            thin.see(row + corner.row(), col + corner.col());
+        }
+        thin
     }
 
     /// Hands over all that is kept with a tile, for another run.

@@ -127,6 +127,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         strict: true,
         drop: false,
         fit: false,
+        min_angle: None,
         single_precision: None,
         measure: false,
     };

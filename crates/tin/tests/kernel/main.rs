@@ -65,6 +65,7 @@ fn spec(tolerance: f64) -> Spec {
         strict: false,
         drop: true,
         fit: false,
+        min_angle: None,
         single_precision: None,
         measure: true,
     }
