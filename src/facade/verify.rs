@@ -27,6 +27,7 @@ pub struct VerifyBuilder<'a, T> {
     /// Metres in the unit of the tolerance; `None` for units of the data.
     unit: Option<f64>,
     bound: Option<Bound>,
+    min_angle: Option<f64>,
     keep_points: Option<PathBuf>,
     topology: bool,
     run: Run,
@@ -44,6 +45,7 @@ impl<'a, T> VerifyBuilder<'a, T> {
             tolerance: None,
             unit: None,
             bound: None,
+            min_angle: None,
             keep_points: None,
             topology: false,
             run,
@@ -66,6 +68,13 @@ impl VerifyBuilder<'_, Grid> {
         self
     }
 
+    /// The smallest angle that triangles may have in plan, in degrees. Meshes of terrane that were made with one
+    /// state it; what states none is not held to any.
+    pub fn min_angle(mut self, degrees: f64) -> Self {
+        self.min_angle = Some(degrees);
+        self
+    }
+
     /// Samples that have to be vertices: the nearest one to each point of a file of features, as the mesh was
     /// made with. Of a mesh that states such a file, it is not judged without it whether they are.
     pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
@@ -84,6 +93,7 @@ impl VerifyBuilder<'_, Grid> {
             reading: self.against.reading.clone(),
             tolerance: self.tolerance,
             bound: self.bound,
+            min_angle: self.min_angle,
             keep_points: self.keep_points.map(name_of).transpose()?,
             resources: self.run.resources()?,
         };

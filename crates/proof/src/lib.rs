@@ -51,6 +51,8 @@ pub struct Part<'a> {
     pub vertices: Option<&'a [Position]>,
     /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
     pub kept: &'a [Position],
+    /// What the angles of triangles are held to, if anything.
+    pub least_angle: Option<LeastAngle>,
     /// How the mesh stores heights.
     pub precision: Precision,
     /// Vertices may have other heights than their samples.
@@ -60,6 +62,25 @@ pub struct Part<'a> {
     /// +1 when a triangle that is counter-clockwise in the world is so in (column, row) axes too,
     /// -1 when it is clockwise there (a north-up grid).
     pub orientation: i128,
+}
+
+/// The smallest angle that triangles may have in plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeastAngle {
+    /// In degrees.
+    pub degrees: f64,
+    /// By how much x and y change along a column's step (x first), and along a row's.
+    pub steps: [[f64; 2]; 2],
+}
+
+impl LeastAngle {
+    /// Degrees that are rounding.
+    const ROUNDING: f64 = 1e-7;
+
+    /// True when a triangle has a smaller one.
+    pub fn is_broken_by(&self, triangle: &Triangle) -> bool {
+        triangle.smallest_angle_in(self.steps) < self.degrees - Self::ROUNDING
+    }
 }
 
 /// Bytes [`check`] needs for a domain of `samples` samples touched by `triangles` triangles, with

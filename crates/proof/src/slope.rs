@@ -253,6 +253,7 @@ mod tests {
             triangles,
             vertices,
             kept: &[],
+            least_angle: None,
             precision,
             is_fitted,
             tolerance,

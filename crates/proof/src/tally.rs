@@ -112,6 +112,8 @@ pub struct Tally {
     pub duplicates: Fault,
     /// Stored vertices at no triangle's corner.
     pub unused: Fault,
+    /// Triangles with a smaller angle than they may have.
+    pub thin: Fault,
     /// Samples of the surface that have to be vertices, and
     pub kept: u64,
     /// those of them that are none, or not at their height.
@@ -149,7 +151,7 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 18] {
+    fn faults_mut(&mut self) -> [&mut Fault; 19] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
@@ -167,6 +169,7 @@ impl Tally {
             &mut self.split_heights,
             &mut self.duplicates,
             &mut self.unused,
+            &mut self.thin,
             &mut self.not_kept,
             &mut self.off_samples,
         ]
@@ -203,6 +206,9 @@ impl Tally {
             return;
         }
         self.shape(triangle, part.orientation);
+        if part.least_angle.is_some_and(|least| least.is_broken_by(triangle)) {
+            self.thin.add(at);
+        }
         if triangle.double_area() != 0 && is_outside(triangle, part.domain.grid) {
             self.outside.add(at);
         }

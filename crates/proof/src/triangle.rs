@@ -100,15 +100,23 @@ impl Triangle {
 
     /// The smallest angle in degrees, seen in (column, row) axes with square cells.
     pub fn smallest_angle(&self) -> f64 {
+        self.smallest_angle_in([[1.0, 0.0], [0.0, 1.0]])
+    }
+
+    /// The smallest angle in degrees, seen where a step along a column and along a row are these vectors.
+    pub fn smallest_angle_in(&self, [col, row]: [[f64; 2]; 2]) -> f64 {
         let p = self.positions();
+        let between = |i: usize, j: usize| {
+            let [cols, rows] = p[i % 3].minus(p[j % 3]);
+            [0, 1].map(|axis| cols * col[axis] + rows * row[axis])
+        };
         let side = |i: usize| {
-            let [x, y] = p[(i + 1) % 3].minus(p[(i + 2) % 3]);
+            let [x, y] = between(i + 1, i + 2);
             x * x + y * y
         };
         let sides = [side(0), side(1), side(2)];
         let least = (0..3).fold(0, |best, i| if sides[i] < sides[best] { i } else { best });
-        let [ux, uy] = p[(least + 1) % 3].minus(p[least]);
-        let [vx, vy] = p[(least + 2) % 3].minus(p[least]);
+        let [[ux, uy], [vx, vy]] = [between(least + 1, least), between(least + 2, least)];
         (ux * vy - uy * vx).abs().atan2(ux * vx + uy * vy).to_degrees()
     }
 }

@@ -100,6 +100,7 @@ pub struct Spec {
 /// The smallest angle, in plan, that a triangle may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AngleBound {
+    degrees: f64,
     /// Of this angle, and a little more: what differs by rounding alone is not mended.
     cosine: f64,
     /// Squares of the lengths of a column and a row, and between them their product.
@@ -114,7 +115,12 @@ impl AngleBound {
     pub fn new(degrees: f64, col: [f64; 2], row: [f64; 2]) -> Self {
         let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let metric = [product(col, col), product(col, row), product(row, row)];
-        Self { cosine: degrees.to_radians().cos() + Self::ROUNDING, metric }
+        Self { degrees, cosine: degrees.to_radians().cos() + Self::ROUNDING, metric }
+    }
+
+    /// The angle.
+    pub fn degrees(&self) -> f64 {
+        self.degrees
     }
 
     /// The cosine of the smallest angle of a triangle, where it is too small.

@@ -79,7 +79,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let made = jobs::tin::run(&job, progress, cancel)?;
     let checked = jobs::verify::run(&tin::proof(&job, &made), progress, cancel)?;
     jobs::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
-    let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[] };
+    let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
     if args.show.json {
         say::json(&report)?;

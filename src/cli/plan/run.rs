@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use crate::cli::plan::status;
 use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, text};
+use crate::cli::shared::{Outcome, args, say, text};
 use crate::cli::{grid, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::grid::plan::{GridRun, run_grid};
 use crate::jobs::plan::{self, Kind, RunJob, kind};
-use crate::jobs::tin::{Form, RunReport, run_plan};
+use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh or grid is written. Killed, it goes on where it was when it is run again
@@ -105,6 +105,10 @@ fn work(
             let job = RunJob { folder, task, output, overwrite, form, disk, resources };
             let report = run_plan(&job, how.show.progress().as_ref(), cancel)?;
             how.show.tell(&report, || summary(&report))?;
+            if let Some(unmet) = report.of.mesh.as_ref().and_then(TinReport::unmet) {
+                say::failure(&unmet);
+                return Ok(Outcome::Broken);
+            }
         }
         Kind::Grid => {
             if how.split.tiles.is_some() {

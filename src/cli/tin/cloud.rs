@@ -29,7 +29,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
         false => None,
     };
-    let told = Told { made: &made, checked: checked.as_ref(), skipped: &skipped };
+    let told = Told { made: &made, checked: checked.as_ref(), skipped: &skipped, unmet: None };
     told.tell(args, || summary(&made), verify::cloud::summary)
 }
 

@@ -52,7 +52,8 @@ fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Resu
         true => Some(crate::jobs::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
         false => None,
     };
-    let told = Told { made: &made, checked: checked.as_ref(), skipped };
+    let unmet = made.unmet();
+    let told = Told { made: &made, checked: checked.as_ref(), skipped, unmet };
     told.tell(args, || summary(&made), verify::summary)
 }
 
@@ -118,6 +119,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         reading: job.reading.clone(),
         tolerance: Some(made.tolerance),
         bound: None,
+        min_angle: None,
         keep_points: job.keep_points.clone(),
         resources: job.resources.clone(),
     }
@@ -145,6 +147,10 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
     rows.extend(textbook::told(r).map(|method| ("method", method)));
+    rows.extend(r.min_angle.zip(r.thin_triangles).map(|(least, thin)| {
+        let held = if thin.count == 0 { "held by all" } else { "missed by some" };
+        ("min angle", format!("{least} degrees, {held}"))
+    }));
     rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {

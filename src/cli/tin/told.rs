@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::cli::shared::{Outcome, report, text};
+use crate::cli::shared::{Outcome, report, say, text};
 use crate::cli::tin::args::Args;
 use crate::cli::verify;
 use crate::error::Result;
@@ -20,6 +20,9 @@ pub(crate) struct Told<'a, T, O: Original> {
     pub(crate) checked: Option<&'a MeshReport<O>>,
     #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
     pub(crate) skipped: &'a [Skipped],
+    /// What was asked for and is not so.
+    #[serde(skip)]
+    pub(crate) unmet: Option<String>,
 }
 
 impl<T: Serialize, O: Original> Told<'_, T, O> {
@@ -35,7 +38,10 @@ impl<T: Serialize, O: Original> Told<'_, T, O> {
         }
         let is_told =
             args.show.tell(self, || made() + &self.checked.map_or(String::new(), checked))?;
-        let Some(proof) = self.checked else { return Ok(Outcome::Kept) };
+        if let Some(unmet) = &self.unmet {
+            say::failure(unmet);
+        }
+        let Some(proof) = self.checked else { return Ok(Outcome::of(self.unmet.is_none(), true)) };
         if !is_told {
             verify::tell(&proof.verdict);
         }

@@ -30,6 +30,10 @@ pub(crate) struct Args {
     /// neighbouring samples as well [default: what the mesh file states; samples, where it states nothing]
     #[arg(long, value_name = "WHAT")]
     pub(crate) bound: Option<Bound>,
+    /// The smallest angle that triangles may have in plan, in degrees, for meshes of grids [default: the one the
+    /// mesh file states]
+    #[arg(long, value_name = "DEGREES", value_parser = parse::positive)]
+    pub(crate) min_angle: Option<f64>,
     /// Samples that have to be vertices, at their heights: the nearest one to each point of this file, as in
     /// terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
@@ -114,8 +118,10 @@ impl Args {
     /// Refuses what meshes of grids alone are held to, as `what` is proved.
     pub(crate) fn refuse_of_grids(&self, what: &str) -> Result<()> {
         let bound = self.bound.map(|bound| ("--bound", format!("--bound {bound}")));
-        let kept = self.keep_points.as_ref().map(|_| ("--keep-points", "--keep-points".to_owned()));
-        match bound.or(kept) {
+        let given = |option: &'static str, is: bool| is.then(|| (option, option.to_owned()));
+        let angle = given("--min-angle", self.min_angle.is_some());
+        let kept = given("--keep-points", self.keep_points.is_some());
+        match bound.or(angle).or(kept) {
             None => Ok(()),
             Some((option, given)) => {
                 Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))

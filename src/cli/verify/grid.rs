@@ -32,6 +32,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         reading: args.grid.reading(),
         tolerance: args.max_error,
         bound: args.bound,
+        min_angle: args.min_angle,
         keep_points: args.keep_points.clone(),
         resources,
     };

@@ -1,4 +1,4 @@
-//! The smallest angle that triangles of a grid may have.
+//! The smallest angle that triangles of a grid may be asked to have.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -6,21 +6,69 @@ use terrane_tin::{AngleBound, Local};
 
 /// What the triangles of a grid with this map are held to.
 ///
+/// Most that may be asked for is the smallest angle of a triangle that is half of two cells: 26.565 degrees where
+/// these are square. Asked for more, insertion does not end before nearly every sample is a vertex (measured:
+/// rough terrain, 2.3 % kept: 24,280 of 1,050,625 samples for 26.5 degrees, 856,507 for 27).
+///
 /// # Errors
-/// An angle that is not above 0, or above the smallest one of a mesh that keeps all samples: nothing is left to
-/// insert there.
+/// An angle that is not above 0, or larger.
 pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<AngleBound>> {
     let Some(degrees) = degrees else { return Ok(None) };
-    let bound = |degrees| AngleBound::new(degrees, [map.a, map.d], [map.b, map.e]);
-    let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(col, row)| Local::new(col, row));
-    let most = [[a, b, c], [a, b, d]].map(|half| bound(0.0).smallest(half));
-    let most = most[0].min(most[1]);
-    if !(degrees > 0.0 && degrees <= most + 1e-9) {
-        let cells = "triangles of half a cell of this grid have one of";
-        return Err(Error::usage(format!(
-            "{degrees} degrees is no smallest angle: {cells} {most:.4}"
-        ))
-        .remedy("ask for less; up to some 25 degrees take few more vertices"));
+    let bound = AngleBound::new(degrees, [map.a, map.d], [map.b, map.e]);
+    let most = most(&bound);
+    if degrees > 0.0 && degrees <= most {
+        return Ok(Some(bound));
     }
-    Ok(Some(bound(degrees)))
+    let most = (most * 1000.0).floor() / 1000.0;
+    let message = format!("{degrees} degrees is no smallest angle for this grid");
+    Err(Error::usage(message).remedy(format!(
+        "pass --min-angle {most} or less: beyond, as its cells are, nearly every sample is needed"
+    )))
+}
+
+/// The smallest angle of all triangles that are half of two cells.
+fn most(bound: &AngleBound) -> f64 {
+    let half =
+        |corners: [(u32, u32); 3]| bound.smallest(corners.map(|(col, row)| Local::new(col, row)));
+    let halves = [
+        [(0, 0), (2, 0), (0, 1)],
+        [(0, 0), (2, 0), (2, 1)],
+        [(0, 0), (1, 0), (0, 2)],
+        [(0, 0), (1, 0), (1, 2)],
+    ];
+    halves.into_iter().map(half).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(a: f64, e: f64) -> Affine {
+        Affine { x0: 0.0, a, b: 0.0, y0: 0.0, d: 0.0, e }
+    }
+
+    #[test]
+    fn no_more_is_asked_for_than_halves_of_two_cells_have() {
+        for (map, most) in [
+            (map(1.0, -1.0), 0.5_f64.atan()),
+            (map(30.0, 30.0), 0.5_f64.atan()),
+            (map(10.0, -20.0), 0.25_f64.atan()),
+            (map(25.0, -10.0), 0.2_f64.atan()),
+            // Turned by some 37 degrees.
+            (Affine { a: 4.0, b: 3.0, d: 3.0, e: -4.0, ..map(0.0, 0.0) }, 0.5_f64.atan()),
+        ] {
+            let most = most.to_degrees();
+            let least = angle_bound(Some(most - 1e-9), &map).unwrap().unwrap();
+            assert_eq!(least.degrees(), most - 1e-9);
+            let error = angle_bound(Some(most + 1e-9), &map).unwrap_err().to_string();
+            let told = error.split("--min-angle ").nth(1).unwrap();
+            let told: f64 = told.split(' ').next().unwrap().parse().unwrap();
+            assert!(told <= most && told > most - 0.0011, "{error}");
+            assert!(angle_bound(Some(told), &map).is_ok());
+        }
+        for degrees in [0.0, -1.0, f64::NAN, f64::INFINITY, 90.0] {
+            assert!(angle_bound(Some(degrees), &map(1.0, 1.0)).is_err(), "{degrees}");
+        }
+        assert_eq!(angle_bound(None, &map(1.0, 1.0)).unwrap(), None);
+    }
 }

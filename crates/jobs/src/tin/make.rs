@@ -8,7 +8,7 @@ use super::estimate::Size;
 use super::height_origin::height_origin;
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
-use super::report::TinReport;
+use super::report::{ThinTriangles, TinReport};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
@@ -358,6 +358,7 @@ impl Maker<'_> {
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
+            thin_triangles: job.min_angle.map(|_| ThinTriangles::of(outcome.thin, &info.transform)),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
@@ -403,10 +404,12 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("max error {}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
+    let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
     let kept = from.kept.map(|path| format!("keep points {}", beside::label(path)));
     let source = format!("source {}", from.input);
-    [source, error].into_iter().chain(bound).chain(fitted).chain(clip).chain(kept).collect()
+    let more = [bound, fitted, angle, clip, kept].into_iter().flatten();
+    [source, error].into_iter().chain(more).collect()
 }
 
 /// World bounding box of the samples; z is not known.

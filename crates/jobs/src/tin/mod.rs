@@ -31,7 +31,7 @@ pub use cost::{Cost, cost};
 pub use job::{Goal, TinJob};
 pub use layout::{TILE_CELLS, USUAL_TILE};
 pub use make::run;
-pub use report::{StageReport, TinReport};
+pub use report::{StageReport, ThinTriangles, TinReport};
 pub use run::{Outcome, Settings, run_on};
 pub use tally::Thin;
 pub use textbook::{Textbook, run_by};

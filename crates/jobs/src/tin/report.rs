@@ -4,10 +4,12 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::tally::Thin;
 use crate::figures::Figures;
 use crate::kept::KeptReport;
 use crate::placing::Placed;
 use terrane_base::bound::Bound;
+use terrane_base::geom::Affine;
 
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,6 +49,9 @@ pub struct TinReport {
     /// The smallest angle that was asked for, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,
+    /// Triangles that have a smaller one all the same, where one was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thin_triangles: Option<ThinTriangles>,
     /// Largest error of any sample, when measured.
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.
@@ -87,7 +92,32 @@ pub struct TinReport {
     pub stages: Vec<StageReport>,
 }
 
+/// Triangles with a smaller angle than was asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ThinTriangles {
+    pub count: u64,
+    /// A corner of the first one, in the world.
+    pub first: Option<[f64; 2]>,
+}
+
+impl ThinTriangles {
+    pub(super) fn of(thin: Thin, map: &Affine) -> Self {
+        let place = |[row, col]: [u32; 2]| map.apply(f64::from(col), f64::from(row));
+        Self { count: thin.count, first: thin.first.map(place) }
+    }
+}
+
 impl TinReport {
+    /// What was asked for and is not so, in words.
+    pub fn unmet(&self) -> Option<String> {
+        let ThinTriangles { count, first } = self.thin_triangles?;
+        let ([x, y], least) = (first?, self.min_angle?);
+        Some(format!(
+            "{count} triangles have a smaller angle than {least} degrees, the first one at x {x}, y {y}; \
+             choose a larger --tile, or a smaller --min-angle"
+        ))
+    }
+
     /// Notes the time it all took.
     pub(super) fn took(&mut self, time: Duration) {
         self.run.wall_seconds = time.as_secs_f64();

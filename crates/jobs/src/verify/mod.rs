@@ -56,6 +56,8 @@ pub struct VerifyJob {
     pub tolerance: Option<f64>,
     /// What the tolerance is of; what the mesh's comments say when `None`, samples where they say nothing.
     pub bound: Option<Bound>,
+    /// The smallest angle that triangles may have in plan, in degrees; what the mesh's comments say when `None`.
+    pub min_angle: Option<f64>,
     /// The name of a file of features; the sample nearest to each point of it has to be a vertex.
     pub keep_points: Option<String>,
     /// What the job may use.
@@ -76,11 +78,15 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         Some(bound) => bound,
         None => stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
+    let min_angle = match job.min_angle {
+        Some(degrees) => Some(degrees),
+        None => stated_angle(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let points = job.keep_points.as_deref();
     let points = points.map(|name| Points::read(name, &job.resources)).transpose()?;
     let kept = Kept::on(points, grid.info())?;
-    let asked = Asked { tolerance, bound, kept: &kept };
+    let asked = Asked { tolerance, bound, min_angle, kept: &kept };
     let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
     let mut report = checked.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.mesh),
@@ -129,6 +135,16 @@ fn stated_tolerance(info: &MeshInfo) -> Result<Option<f64>> {
     }
 }
 
+/// The smallest angle that the triangles of a mesh have as a comment states it: "min angle 20".
+fn stated_angle(info: &MeshInfo) -> Result<Option<f64>> {
+    let Some(word) = stated(info, ANGLE) else { return Ok(None) };
+    match word.parse() {
+        Ok(degrees) if (0.0..=60.0).contains(&degrees) => Ok(Some(degrees)),
+        _ => Err(Error::bad_input(format!("states \"{ANGLE} {word}\", which is no angle"))
+            .remedy("give the smallest angle with --min-angle")),
+    }
+}
+
 /// What the tolerance of a mesh is of, as a comment states it: "bound surface". What is not understood is
 /// an error: to take it for less would leave a promise unjudged.
 fn stated_bound(info: &MeshInfo) -> Result<Bound> {
@@ -154,6 +170,7 @@ fn stated_text<'a>(info: &'a MeshInfo, key: &str) -> Option<&'a str> {
 }
 
 const TOLERANCE: &str = "max error";
+const ANGLE: &str = "min angle";
 const BOUND: &str = "bound";
 const CLIP: &str = "clip";
 const KEPT: &str = "keep points";
@@ -169,6 +186,8 @@ pub struct Asked<'a> {
     pub tolerance: Option<f64>,
     /// What the tolerance is of.
     pub bound: Bound,
+    /// The smallest angle that triangles may have in plan, in degrees.
+    pub min_angle: Option<f64>,
     /// Samples that have to be vertices.
     pub kept: &'a Kept,
 }
@@ -176,7 +195,7 @@ pub struct Asked<'a> {
 impl Asked<'_> {
     /// A tolerance at samples.
     pub fn of_samples(tolerance: Option<f64>) -> Self {
-        Self { tolerance, bound: Bound::Samples, kept: Kept::NONE }
+        Self { tolerance, bound: Bound::Samples, min_angle: None, kept: Kept::NONE }
     }
 }
 

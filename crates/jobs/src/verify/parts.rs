@@ -10,7 +10,8 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_proof::{
-    self as proof, Domain, Followed, Layout, Open, Part, Position, Surface, Tally, Triangle,
+    self as proof, Domain, Followed, Layout, LeastAngle, Open, Part, Position, Surface, Tally,
+    Triangle,
 };
 use terrane_raster::GridInfo;
 
@@ -203,12 +204,15 @@ impl<J> Checker<'_, J> {
         let mut kept: Vec<_> =
             kept.map(|[col, row]| Position::sample(col.into(), row.into())).collect();
         kept.sort_unstable();
+        let map = self.context.grid.info().transform;
+        let steps = [[map.a, map.d], [map.b, map.e]];
         let part = Part {
             domain,
             heights: &read(self.context, domain.apron())?,
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             kept: &kept,
+            least_angle: self.context.asked.min_angle.map(|degrees| LeastAngle { degrees, steps }),
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,
             tolerance: self.context.asked.tolerance,

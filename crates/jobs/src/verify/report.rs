@@ -78,6 +78,12 @@ pub struct OfGrid {
     /// Breaks further from their line than the tolerance (decided exactly, closed <=). A failure only
     /// where `bound` is the surface.
     pub over_between_samples: FaultReport<Place>,
+    /// The smallest angle that triangles may have in plan, if there is one, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_angle: Option<f64>,
+    /// triangles that have a smaller one.
+    #[serde(skip_serializing_if = "FaultReport::is_none")]
+    pub thin_triangles: FaultReport<Place>,
     /// Points to keep, if they were given, and
     #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<KeptReport>,
@@ -104,6 +110,7 @@ impl Original for OfGrid {
         };
         vec![
             (between, "places between samples further from the mesh than the tolerance"),
+            (self.thin_triangles, "triangles with a smaller angle than they may have"),
             (self.not_kept, "samples that were to be kept and are no vertices at their height"),
             (self.uncovered_samples, "samples not covered by the mesh"),
             (self.uncovered_cells, "cells not covered by the mesh"),
@@ -158,6 +165,8 @@ pub(super) fn report(
         surface_error_at: tally.worst_of_surface().map(|spot| place(spot.at)),
         breaks: tally.breaks,
         over_between_samples: fault(&tally.over_between),
+        min_angle: context.asked.min_angle,
+        thin_triangles: fault(&tally.thin),
         keep_points: context.asked.kept.report(tally.kept, tally.kept - tally.not_kept.count),
         not_kept: fault(&tally.not_kept),
         ..OfGrid::default()
