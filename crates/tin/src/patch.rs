@@ -46,15 +46,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
         judge = judge.and_between(crossings);
     }
-    if spec.drop {
-        drop.limit_circles(input.spacing);
-        drop_seam(&judge, mesh, input, drop);
-    }
     let border = Border { field, input };
-    adjust.reset(field, input.kept);
-    if spec.fit {
-        even_out(&judge, mesh, &border, adjust, drop);
-    }
     let mut thin = 0;
     if let Some(bound) = &spec.min_angle {
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
@@ -62,6 +54,15 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
         angles::insert(bound, mesh, is_frozen, settle);
         thin = angles::thin(bound, mesh).len() as u64;
+    }
+    drop.limit_angles(spec.min_angle);
+    if spec.drop {
+        drop.limit_circles(input.spacing);
+        drop_seam(&judge, mesh, input, drop);
+    }
+    adjust.reset(field, input.kept);
+    if spec.fit {
+        even_out(&judge, mesh, &border, adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
     PatchMesh { left, thin, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }

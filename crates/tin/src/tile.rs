@@ -85,6 +85,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         mark_outside(&mut scratch.mesh, &surface);
     }
     scratch.drop.limit_circles(input.spacing);
+    scratch.drop.limit_angles(None);
     if spec.fit {
         loosen(scratch, spec, &fixed, input.kept);
     }
