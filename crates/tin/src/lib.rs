@@ -97,6 +97,14 @@ pub struct Spec {
     pub measure: bool,
 }
 
+impl Spec {
+    /// How far posts are apart. Samples that are inserted for angles go on from a seam for some triangles: there
+    /// are twice as many within a patch where posts are half as far apart.
+    fn spacing(&self, most: u32) -> u32 {
+        if self.min_angle.is_some() { most / 2 } else { most }
+    }
+}
+
 /// The smallest angle, in plan, that a triangle may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AngleBound {

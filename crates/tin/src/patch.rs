@@ -57,7 +57,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     }
     drop.limit_angles(spec.min_angle);
     if spec.drop {
-        drop.limit_circles(input.spacing);
+        drop.limit_circles(spec.spacing(input.spacing));
         drop_seam(&judge, mesh, input, drop);
     }
     adjust.reset(field, input.kept);

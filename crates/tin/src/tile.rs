@@ -69,6 +69,7 @@ impl Scratch {
 /// The result is a pure function of the input and `spec`. Expected time is linear in the samples
 /// plus the kept vertices times the samples of a scan.
 pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+    let input = &TileInput { spacing: spec.spacing(input.spacing), ..*input };
     let (cols, rows) = (input.cols(), input.rows());
     let window = [input.apron_left, input.apron_above, cols, rows];
     let aprons = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
