@@ -259,7 +259,7 @@ fn members_of_reports_are_told_of() {
         "synth rough,size=65 dem.tif",
         "synth cloud,size=40,density=2 c.laz",
         "synth coverage,vertices=100,features=4 lines.geojson",
-        "tin dem.tif mesh.ply --max-error 20 --keep-points some.wkt --verify",
+        "tin dem.tif mesh.ply --max-error 20 --keep-points some.wkt --min-angle 20 --verify",
         "tin dem.tif mesh.glb --max-vertices 50",
         "tin c.laz ground.ply --max-error 1",
         "verify mesh.ply dem.tif --keep-points some.wkt",

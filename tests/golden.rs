@@ -260,6 +260,7 @@ fn jobs() -> Vec<String> {
     for how in ["", " --fit", " --bound surface"] {
         let keep = "--keep-points ../in/points.wkt";
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {keep}{how}"));
+        add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 --min-angle 25{how}"));
     }
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs

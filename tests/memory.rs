@@ -154,6 +154,7 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --bound surface",
     "tin large.tif o.ply --max-error 20 --tile 256 --keep-points points.csv",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --fit",
+    "tin dem.tif o.ply --max-error 0.2 --tile 256 --min-angle 26",
     "tin dem.tif o.ply --max-error 0 --tile 256 --fit --bound surface",
     "tin dem.tif o.stl --max-error 0 --tile 256",
     "tin dem.tif o.glb --max-error 0.2 --tile 256",

@@ -30,6 +30,7 @@ mod print;
 mod resume;
 mod shapes;
 mod synth;
+mod tin_angle;
 mod tin_clip;
 mod tin_fit;
 mod tin_keep;

@@ -4,6 +4,7 @@
 mod cli_support;
 mod support;
 
+mod angles;
 mod faults;
 mod kept;
 mod quality;

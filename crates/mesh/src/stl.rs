@@ -33,6 +33,10 @@ const SCALE: &str = " scale ";
 const BOUND: &str = "max error ";
 const OF: &str = "bound ";
 const FITTED: &str = "fitted ";
+const ANGLE: &str = "min angle ";
+/// What a file has to state, the option that it comes from, and what it says.
+const NEEDED: [(&str, &str, &str); 2] =
+    [(FITTED, "--fit", "that heights are fitted"), (ANGLE, "--min-angle", "the smallest angle")];
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
 const TRIANGLE_BYTES: usize = 50;
@@ -69,13 +73,14 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 fn bound(comments: &[String]) -> Option<String> {
     let stated = comments.iter().find_map(|comment| comment.strip_prefix(BOUND));
     let tolerance = stated.and_then(|rest| rest.split_whitespace().next())?;
-    let more = [OF, FITTED].map(|key| comments.iter().find(|comment| comment.starts_with(key)));
+    let more =
+        [OF, FITTED, ANGLE].map(|key| comments.iter().find(|comment| comment.starts_with(key)));
     let more = more.into_iter().flatten().map(String::as_str);
     Some(std::iter::once(tolerance).chain(more).collect::<Vec<_>>().join(" "))
 }
 
 /// The first 80 bytes. Where the origin and the scale leave no room for the bound, the file states none; but
-/// that heights are fitted has to be stated.
+/// of what is [`NEEDED`] nothing is left out.
 fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[u8; TITLE_BYTES]> {
     let numbers = |point: Point3| point.map(text::f64_text).join(" ");
     let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
@@ -86,9 +91,9 @@ fn title(origin: Point3, scale: Option<Point3>, bound: Option<&str>) -> Result<[
     let stated = bound.map_or(String::new(), |bound| format!(" {BOUND}{bound}"));
     if text.len() + stated.len() <= TITLE_BYTES {
         text += &stated;
-    } else if stated.contains(FITTED) {
-        return Err(Error::usage("an STL header has no room to state that heights are fitted")
-            .remedy("write PLY, OBJ or GLB, or leave --fit out"));
+    } else if let Some((_, option, what)) = NEEDED.iter().find(|(key, ..)| stated.contains(key)) {
+        return Err(Error::usage(format!("an STL header has no room to state {what}"))
+            .remedy(format!("write PLY, OBJ or GLB, or leave {option} out")));
     }
     let mut title = [b' '; TITLE_BYTES];
     title[..text.len()].copy_from_slice(text.as_bytes());
@@ -285,7 +290,7 @@ impl StlSource {
             let (_, value) = title.split_once(key).filter(|_| known.is_some())?;
             Some((key.trim_end().to_owned(), value.to_owned()))
         };
-        let bound = stated(BOUND).into_iter().chain(stated(OF)).chain(stated(FITTED));
+        let bound = [BOUND, OF, FITTED, ANGLE].into_iter().filter_map(stated);
         let details = std::iter::once(("title".to_owned(), title.clone())).chain(bound).collect();
         let info = MeshInfo { details, ..info };
         Ok(Self { input, info })
@@ -411,7 +416,12 @@ mod tests {
         let fitted = [&of_surface[..], &["fitted heights".to_owned()]].concat();
         let fitted = bound(&fitted);
         assert_eq!(fitted.as_deref(), Some("1.5 bound surface fitted heights"));
-        assert!(title(full, None, fitted.as_deref()).is_err());
+        let angle = bound(&[&comments[..], &["min angle 25".to_owned()]].concat());
+        assert_eq!(angle.as_deref(), Some("1.5 min angle 25"));
+        for (bound, option) in [(fitted, "--fit"), (angle, "--min-angle")] {
+            let error = title(full, None, bound.as_deref()).unwrap_err().to_string();
+            assert!(error.contains(option), "{error}");
+        }
     }
 
     #[test]

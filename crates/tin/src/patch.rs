@@ -8,10 +8,9 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
-use super::between;
 use super::crossing::Crossings;
 use super::field::Field;
-use super::greedy::{Judge, fit};
+use super::greedy::Judge;
 use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
@@ -40,11 +39,9 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
     let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
-    fit(&judge, mesh, lists, spec.strict);
+    bring_within(&judge, mesh, lists, rounds, spec);
     if spec.bound == Bound::Surface {
-        let crossings = Crossings::new(field, spec.tolerance);
-        between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
-        judge = judge.and_between(crossings);
+        judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     let border = Border { field, input };
     let mut thin = 0;

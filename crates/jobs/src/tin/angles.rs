@@ -8,7 +8,7 @@ use terrane_tin::{AngleBound, Local};
 ///
 /// Most that may be asked for is the smallest angle of a triangle that is half of two cells: 26.565 degrees where
 /// these are square. Asked for more, insertion does not end before nearly every sample is a vertex (measured:
-/// rough terrain, 2.3 % kept: 24,280 of 1,050,625 samples for 26.5 degrees, 856,507 for 27).
+/// rough terrain, 1.5 % kept, tiles of 256: 24,280 of 1,050,625 samples for 26.5 degrees, 856,507 for 27).
 ///
 /// # Errors
 /// An angle that is not above 0, or larger.

@@ -95,6 +95,7 @@ pub struct TinReport {
 /// Triangles with a smaller angle than was asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ThinTriangles {
+    /// How many there are.
     pub count: u64,
     /// A corner of the first one, in the world.
     pub first: Option<[f64; 2]>,

@@ -2,6 +2,7 @@
 //! patch widths.
 
 mod alike;
+mod angles;
 mod border;
 mod fit;
 mod kept;
