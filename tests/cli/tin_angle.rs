@@ -44,6 +44,14 @@ fn meshes_state_the_smallest_angle_they_have_and_it_is_proved() {
     }
 }
 
+/// Where some thousand seams and corners meet, patches that are as narrow as they are elsewhere leave triangles.
+#[test]
+fn no_angle_is_left_where_many_tiles_meet() {
+    let place = Place::new();
+    let make = ["tin", "synth:rough,size=2049", "o.ply", "--max-error", "0.4", "--tile", "128"];
+    place.ok(&[&make[..], &["--min-angle", "20"]].concat());
+}
+
 #[test]
 fn plans_threads_and_memory_make_the_same_mesh_of_wide_angles() {
     let place = Place::new();

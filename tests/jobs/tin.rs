@@ -11,7 +11,7 @@ use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::bound::Bound;
 use terrane_jobs::kept::Kept;
-use terrane_jobs::tin::{Outcome, Settings, run_on};
+use terrane_jobs::tin::{Outcome, Settings, Thin, run_on};
 use terrane_jobs::{Cancel, Silent};
 use terrane_tin::{AngleBound, Spec};
 
@@ -291,6 +291,22 @@ fn islands(seed: u64, col: u32, row: u32, grain: f64) -> f64 {
     };
     let land = (0..5).map(island).fold(0.0, f64::max);
     if land > 0.0 { (land + grain * dice(seed, col, row)).round() } else { 0.0 }
+}
+
+/// No triangle has what is asked for here: all samples become vertices, and all triangles are told.
+#[test]
+fn triangles_that_stay_thin_are_counted_and_the_first_is_told() {
+    let grid = FunctionGrid::new(60, 50, holes);
+    let run = Run { min_angle: Some(50.0), ..Run::default() };
+    let (mesh, outcome) = run.on(&grid).unwrap();
+    assert_eq!(outcome.vertices, outcome.valid - outcome.isolated);
+    let all = mesh.triangles.len() as u64;
+    assert_eq!((thin(&mesh, 50.0), outcome.thin.count), (all, all));
+    // A corner of its triangle, in the first row.
+    let [row, col] = outcome.thin.first.unwrap();
+    assert!(row == 0 && col < 3, "{row}, {col}");
+    let wide = Run { min_angle: Some(20.0), ..run };
+    assert_eq!(wide.on(&grid).unwrap().1.thin, Thin::default());
 }
 
 /// Of half of two cells, in degrees: what may be asked for at most.

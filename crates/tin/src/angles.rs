@@ -184,3 +184,52 @@ fn split(
     let middle = Local::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
     mesh.twin(half_edge) == NONE && insert_at(mesh, half_edge >> 2, middle, is_frozen, lists)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rectangle of 6 by 4 cells with a vertex in its middle: four triangles, each beside one side.
+    fn four() -> Mesh {
+        let mut mesh = Mesh::default();
+        mesh.reset_to_rectangle(6, 4);
+        assert!(mesh.insert(0, Local::new(3, 2), &mut Vec::new()));
+        mesh
+    }
+
+    #[test]
+    fn what_would_change_a_triangle_beside_a_frozen_edge_is_not_inserted() {
+        // Lower than the middle, and in the circles of all but the triangle above it.
+        let at = Local::new(3, 1);
+        let beside = |tri: &Tri, edge: u32, row: u32| {
+            [edge, (edge + 1) % 3].iter().all(|&i| tri.corners[i as usize].row() == row)
+        };
+        for (row, expected) in [(0, false), (4, true)] {
+            let mut mesh = four();
+            let holder = mesh.locate(at, 0);
+            let is_frozen = |tri: &Tri, edge| beside(tri, edge, row);
+            let is_in = insert_at(&mut mesh, holder, at, &is_frozen, &mut Lists::default());
+            assert_eq!(is_in, expected, "row {row}");
+            let is_vertex = mesh.tris.iter().any(|tri| tri.corners.contains(&at));
+            assert_eq!(is_vertex, expected, "row {row}");
+            mesh.validate();
+        }
+    }
+
+    #[test]
+    fn the_centre_of_a_circle_is_as_far_from_all_corners() {
+        for corners in
+            [[(0, 0), (7, 1), (2, 9)], [(5, 5), (5, 6), (40, 5)], [(9, 0), (12, 4), (0, 3)]]
+        {
+            let corners = corners.map(|(col, row)| Local::new(col, row));
+            let at = centre(corners);
+            let far = corners.map(|p| {
+                let [x, y] = p.lattice();
+                f64::from(x - at[0]).hypot(f64::from(y - at[1]))
+            });
+            let spread = far.iter().fold(0.0_f64, |most, one| most.max((one - far[0]).abs()));
+            // Rounding moves it by less than half the diagonal of a cell.
+            assert!(spread < 2.0_f64.sqrt(), "{corners:?}: {far:?}");
+        }
+    }
+}

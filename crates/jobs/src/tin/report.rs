@@ -182,3 +182,22 @@ impl Clock {
         (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_asked_for_and_not_so_is_told_with_its_place() {
+        let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -10.0 };
+        let told = |thin: Option<Thin>| {
+            let thin_triangles = thin.map(|thin| ThinTriangles::of(thin, &map));
+            TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.unmet()
+        };
+        assert_eq!(told(None), None);
+        assert_eq!(told(Some(Thin::default())), None);
+        let some = told(Some(Thin { count: 3, first: Some([2, 7]) })).unwrap();
+        assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
+        assert!(some.contains("x 170, y 480") && some.contains("--tile"), "{some}");
+    }
+}
