@@ -255,7 +255,9 @@ impl<'a> Work<'a> {
         check_arguments(tolerance, resources)?;
         let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, most);
-        let memory = beside_program(resources.memory) / 2;
+        // The least is enough for a domain that keeps all samples.
+        let least = resources.memory.min(LEAST_MEMORY) / 8 * 5;
+        let memory = (beside_program(resources.memory) / 2).max(least);
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
         Ok(Self { mesh, progress, cancel, threads, memory, share, folder })
