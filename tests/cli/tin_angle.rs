@@ -1,6 +1,7 @@
 //! `tin --min-angle`: no smaller angle in the whole mesh, stated and proved in every format, and by plan.
 
 use crate::cli_support::{Place, json};
+use crate::tin_fit::alike_however_made;
 
 const GRIDS: [&str; 3] = [
     "synth:rough,width=200,height=170,seed=5",
@@ -35,8 +36,7 @@ fn meshes_state_the_smallest_angle_they_have_and_it_is_proved() {
             );
             assert!(made["verify"].get("thin_triangles").is_none());
             let quality = json(&place.ok(&["info", &mesh, "--quality", "--json"]).out);
-            let least = quality["quality"]["smallest_angles"]["min"].as_f64();
-            let least = least.or(quality["smallest_angles"]["min"].as_f64()).unwrap();
+            let least = quality["quality"]["smallest_angles"]["min"].as_f64().unwrap();
             assert!(least >= 25.0 - 1e-3, "{mesh}: {least}");
             let [more, few] = [&made, &plain].map(|made| made["vertices"].as_u64().unwrap());
             assert!(few < more && more < 3 * few, "{grid} as {mesh}: {more} for {few}");
@@ -52,20 +52,28 @@ fn no_angle_is_left_where_many_tiles_meet() {
     place.ok(&[&make[..], &["--min-angle", "20"]].concat());
 }
 
+/// One of three in 1,400 that have a triangle left, with tiles as small as hardly anybody chooses.
+#[test]
+fn a_triangle_that_is_left_is_told_of_and_fails_the_job() {
+    let place = Place::new();
+    let make = ["--max-error", "10", "--min-angle", "26.5", "--tile", "32", "--no-drop"];
+    let land = "synth:salt,size=570,seed=265";
+    let told = place.run(&[&["tin", land, "o.ply", "--json"], &make[..]].concat());
+    assert_eq!(told.code, 1, "{}", told.err);
+    assert!(told.err.contains("1 triangles have a smaller angle than 26.5"), "{}", told.err);
+    let report = json(&told.out);
+    assert_eq!(report["thin_triangles"]["count"], 1);
+    let proved = place.run(&["verify", "o.ply", land, "--json"]);
+    assert_eq!((proved.code, &json(&proved.out)["thin_triangles"]["count"]), (1, &1.into()));
+    place.ok(&[&["plan", "tin", land, "-o", "w"], &make[..]].concat());
+    assert_eq!(place.run(&["run", "w", "-o", "p.ply"]).code, 1);
+    // All that is left is to be told again, too.
+    assert_eq!(place.run(&["run", "w", "-o", "p.ply"]).code, 1);
+}
+
 #[test]
 fn plans_threads_and_memory_make_the_same_mesh_of_wide_angles() {
-    let place = Place::new();
-    place.ok(&["synth", "rough,size=260,seed=9", "dem.tif"]);
-    let make = ["--max-error", "5", "--tile", "48", "--min-angle", "22.5"];
-    place.ok(&[&["tin", "dem.tif", "a.ply", "--threads", "1"], &make[..]].concat());
-    place.ok(&[&["tin", "dem.tif", "b.ply", "--threads", "4"], &make[..]].concat());
-    place.ok(&[&["tin", "dem.tif", "c.ply", "--workdir", "d"], &make[..]].concat());
-    place.ok(&[&["plan", "tin", "dem.tif", "-o", "w"], &make[..]].concat());
-    place.ok(&["run", "w", "-o", "e.ply"]);
-    let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
-    for other in ["b.ply", "c.ply", "e.ply"] {
-        assert!(bytes(other) == bytes("a.ply"), "{other}");
-    }
+    let place = alike_however_made(&["--min-angle", "22.5"]);
     place.ok(&["verify", "e.ply", "dem.tif"]);
     // A plan of another angle is another plan.
     let other = ["tin", "dem.tif", "c.ply", "--workdir", "d", "--max-error", "5", "--tile", "48"];

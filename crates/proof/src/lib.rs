@@ -52,7 +52,7 @@ pub struct Part<'a> {
     /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
     pub kept: &'a [Position],
     /// What the angles of triangles are held to, if anything.
-    pub least_angle: Option<LeastAngle>,
+    pub min_angle: Option<AngleBound>,
     /// How the mesh stores heights.
     pub precision: Precision,
     /// Vertices may have other heights than their samples.
@@ -66,14 +66,14 @@ pub struct Part<'a> {
 
 /// The smallest angle that triangles may have in plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeastAngle {
+pub struct AngleBound {
     /// In degrees.
     pub degrees: f64,
     /// By how much x and y change along a column's step (x first), and along a row's.
     pub steps: [[f64; 2]; 2],
 }
 
-impl LeastAngle {
+impl AngleBound {
     /// Degrees that are rounding.
     const ROUNDING: f64 = 1e-7;
 

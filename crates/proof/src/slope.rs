@@ -253,7 +253,7 @@ mod tests {
             triangles,
             vertices,
             kept: &[],
-            least_angle: None,
+            min_angle: None,
             precision,
             is_fitted,
             tolerance,

@@ -206,7 +206,7 @@ impl Tally {
             return;
         }
         self.shape(triangle, part.orientation);
-        if part.least_angle.is_some_and(|least| least.is_broken_by(triangle)) {
+        if part.min_angle.is_some_and(|bound| bound.is_broken_by(triangle)) {
             self.thin.add(at);
         }
         if triangle.double_area() != 0 && is_outside(triangle, part.domain.grid) {

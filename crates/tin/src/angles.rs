@@ -8,9 +8,9 @@
 //! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
-use super::mesh::{Mesh, NONE, State, Tri};
+use super::mesh::{Mesh, NONE, State};
 use super::{AngleBound, Local};
-use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+use terrane_base::geom::predicates::{Lattice, orient};
 
 /// A triangle with an angle that is too small, and its cosine.
 #[derive(Clone, Copy, Debug)]
@@ -20,27 +20,24 @@ pub(super) struct Thin {
     cosine: f64,
 }
 
-/// Triangles that a sample would change.
-#[derive(Default)]
-struct Lists {
-    open: Vec<u32>,
-    seen: Vec<u32>,
-}
-
 /// Inserts samples until no triangle has too small an angle that can be mended. After each round, which takes
-/// the smallest angles first, `settle` brings back what else is promised of the mesh. Each round is linear in
-/// the triangles.
+/// the smallest angles first, `settle` brings back what else is promised of the mesh. A sample that a triangle
+/// holds is inserted where it `may` be. Each round is linear in the triangles.
 pub(super) fn insert(
     bound: &AngleBound,
     mesh: &mut Mesh,
-    is_frozen: impl Fn(&Tri, u32) -> bool,
+    may: impl Fn(&Mesh, u32, Local) -> bool,
     mut settle: impl FnMut(&mut Mesh),
 ) {
-    let mut lists = Lists::default();
+    let mut star = Vec::new();
+    let mut insert = |mesh: &mut Mesh, holder: u32, at: Local| {
+        star.clear();
+        may(mesh, holder, at) && mesh.insert(holder, at, &mut star)
+    };
     loop {
         let mut is_done = true;
         for thin in thin(bound, mesh) {
-            is_done &= !mend(mesh, &thin, &is_frozen, &mut lists);
+            is_done &= !mend(mesh, &thin, &mut insert);
         }
         if is_done {
             return;
@@ -66,8 +63,7 @@ pub(super) fn thin(bound: &AngleBound, mesh: &Mesh) -> Vec<Thin> {
 fn mend(
     mesh: &mut Mesh,
     thin: &Thin,
-    is_frozen: &impl Fn(&Tri, u32) -> bool,
-    lists: &mut Lists,
+    insert: &mut impl FnMut(&mut Mesh, u32, Local) -> bool,
 ) -> bool {
     let tri = &mesh.tris[thin.id as usize];
     if tri.state == State::Free || tri.corners != thin.corners {
@@ -75,47 +71,16 @@ fn mend(
     }
     let centre = centre(thin.corners);
     match walk(mesh, thin.id, centre) {
-        Reached::Border(half_edge) => split(mesh, half_edge, is_frozen, lists),
+        Reached::Border(half_edge) => split(mesh, half_edge, insert),
         Reached::Triangle(holder) => {
             let near = (4 * holder..4 * holder + 3).find(|&edge| encroaches(mesh, centre, edge));
-            if near.is_some_and(|half_edge| split(mesh, half_edge, is_frozen, lists)) {
+            if near.is_some_and(|half_edge| split(mesh, half_edge, insert)) {
                 return true;
             }
             let [col, row] = centre.map(|c| c as u32);
-            insert_at(mesh, holder, Local::new(col, row), is_frozen, lists)
+            insert(mesh, holder, Local::new(col, row))
         }
     }
-}
-
-/// Inserts a sample, unless a triangle would change that is beside a frozen edge: the one beyond might not
-/// agree.
-fn insert_at(
-    mesh: &mut Mesh,
-    holder: u32,
-    at: Local,
-    is_frozen: &impl Fn(&Tri, u32) -> bool,
-    Lists { open, seen }: &mut Lists,
-) -> bool {
-    open.clear();
-    seen.clear();
-    open.push(holder);
-    seen.push(holder);
-    while let Some(id) = open.pop() {
-        let tri = &mesh.tris[id as usize];
-        if (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_frozen(tri, edge)) {
-            return false;
-        }
-        for twin in tri.twins.into_iter().filter(|&twin| twin != NONE) {
-            let other = twin >> 2;
-            let [a, b, c] = mesh.tris[other as usize].corners.map(Local::lattice);
-            if in_circle(a, b, c, at.lattice()) > 0 && !seen.contains(&other) {
-                seen.push(other);
-                open.push(other);
-            }
-        }
-    }
-    open.clear();
-    mesh.insert(holder, at, open)
 }
 
 /// The sample nearest to the centre of the circle through three.
@@ -177,44 +142,16 @@ fn encroaches(mesh: &Mesh, at: Lattice, half_edge: u32) -> bool {
 fn split(
     mesh: &mut Mesh,
     half_edge: u32,
-    is_frozen: &impl Fn(&Tri, u32) -> bool,
-    lists: &mut Lists,
+    insert: &mut impl FnMut(&mut Mesh, u32, Local) -> bool,
 ) -> bool {
     let [a, b] = [mesh.origin(half_edge), mesh.end(half_edge)];
     let middle = Local::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
-    mesh.twin(half_edge) == NONE && insert_at(mesh, half_edge >> 2, middle, is_frozen, lists)
+    mesh.twin(half_edge) == NONE && insert(mesh, half_edge >> 2, middle)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A rectangle of 6 by 4 cells with a vertex in its middle: four triangles, each beside one side.
-    fn four() -> Mesh {
-        let mut mesh = Mesh::default();
-        mesh.reset_to_rectangle(6, 4);
-        assert!(mesh.insert(0, Local::new(3, 2), &mut Vec::new()));
-        mesh
-    }
-
-    #[test]
-    fn what_would_change_a_triangle_beside_a_frozen_edge_is_not_inserted() {
-        // Lower than the middle, and in the circles of all but the triangle above it.
-        let at = Local::new(3, 1);
-        let beside = |tri: &Tri, edge: u32, row: u32| {
-            [edge, (edge + 1) % 3].iter().all(|&i| tri.corners[i as usize].row() == row)
-        };
-        for (row, expected) in [(0, false), (4, true)] {
-            let mut mesh = four();
-            let holder = mesh.locate(at, 0);
-            let is_frozen = |tri: &Tri, edge| beside(tri, edge, row);
-            let is_in = insert_at(&mut mesh, holder, at, &is_frozen, &mut Lists::default());
-            assert_eq!(is_in, expected, "row {row}");
-            let is_vertex = mesh.tris.iter().any(|tri| tri.corners.contains(&at));
-            assert_eq!(is_vertex, expected, "row {row}");
-            mesh.validate();
-        }
-    }
 
     #[test]
     fn the_centre_of_a_circle_is_as_far_from_all_corners() {

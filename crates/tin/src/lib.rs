@@ -99,9 +99,11 @@ pub struct Spec {
 
 impl Spec {
     /// How far posts are apart. Samples that are inserted for angles go on from a seam for some triangles: there
-    /// are twice as many within a patch where posts are half as far apart.
+    /// are twice as many within a patch where posts are half as far apart. And a square whose side is a power of
+    /// two has a sample in its middle, and so have its quarters, down to the cell: where posts are 3 apart, one
+    /// triangle in 100 was left, and one in 5,000 where they are 6.
     fn spacing(&self, most: u32) -> u32 {
-        if self.min_angle.is_some() { most / 2 } else { most }
+        if self.min_angle.is_some() { 1 << (most / 2).max(1).ilog2() } else { most }
     }
 }
 

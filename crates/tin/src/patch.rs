@@ -19,6 +19,7 @@ use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
 use super::{adjust, angles};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
+use terrane_base::geom::predicates::in_circle;
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
 /// vertices of the seam that are no longer needed.
@@ -48,8 +49,9 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     if let Some(bound) = &spec.min_angle {
         let judge = Judge::of_samples(field, *scan, spec.tolerance);
         let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
+        let may = |mesh: &Mesh, holder, at| !changes_beside(mesh, holder, at, is_frozen);
         let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
-        angles::insert(bound, mesh, is_frozen, settle);
+        angles::insert(bound, mesh, may, settle);
         thin = angles::thin(bound, mesh).len() as u64;
     }
     drop.limit_angles(spec.min_angle);
@@ -178,6 +180,31 @@ fn legalise(mesh: &mut Mesh) {
     }
 }
 
+/// True when to insert a sample, which a triangle holds, would change one beside an edge of the border that is
+/// frozen: the triangle beyond might not agree.
+fn changes_beside(
+    mesh: &Mesh,
+    holder: u32,
+    at: Local,
+    is_frozen: impl Fn(&Tri, u32) -> bool,
+) -> bool {
+    let (mut open, mut seen) = (vec![holder], vec![holder]);
+    while let Some(id) = open.pop() {
+        let tri = &mesh.tris[id as usize];
+        if (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_frozen(tri, edge)) {
+            return true;
+        }
+        for other in tri.twins.into_iter().filter(|&twin| twin != NONE).map(|twin| twin >> 2) {
+            let [a, b, c] = mesh.tris[other as usize].corners.map(Local::lattice);
+            if in_circle(a, b, c, at.lattice()) > 0 && !seen.contains(&other) {
+                seen.push(other);
+                open.push(other);
+            }
+        }
+    }
+    false
+}
+
 /// Tries to drop the vertices on the seam lines that nobody asked for, in the order of their positions.
 fn drop_seam(
     judge: &Judge<'_>,
@@ -283,6 +310,23 @@ mod tests {
             grid_ends,
             spacing: u32::MAX,
             kept: &[],
+        }
+    }
+
+    /// A rectangle of 6 by 4 cells with a vertex in its middle is four triangles, each beside one side.
+    #[test]
+    fn a_sample_that_changes_a_triangle_beside_a_frozen_edge_is_known() {
+        let mut mesh = Mesh::default();
+        mesh.reset_to_rectangle(6, 4);
+        assert!(mesh.insert(0, Local::new(3, 2), &mut Vec::new()));
+        // Above the middle, and outside the circle of the triangle below it alone.
+        let at = Local::new(3, 1);
+        let holder = mesh.locate(at, 0);
+        for (row, expected) in [(0, true), (4, false)] {
+            let is_frozen = |tri: &Tri, edge: u32| {
+                [edge, next(edge)].iter().all(|&i| tri.corners[i as usize].row() == row)
+            };
+            assert_eq!(changes_beside(&mesh, holder, at, is_frozen), expected, "row {row}");
         }
     }
 

@@ -100,7 +100,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         angles::insert(
             bound,
             mesh,
-            |_, _| false,
+            |_, _, _| true,
             |mesh| bring_within(&judge, mesh, lists, rounds, spec),
         );
     }

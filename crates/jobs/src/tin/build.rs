@@ -48,7 +48,7 @@ impl BuildJob<'_> {
 
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
     fn worker(&self, points: Option<&Points>, tile: u32) -> u64 {
-        let keeps_all = self.goal.keeps_all() || self.min_angle.is_some();
+        let keeps_all = self.goal.may_keep_all(self.min_angle);
         points.map_or(0, Points::bytes) + worker_bytes(tile, keeps_all, self.fit)
     }
 }

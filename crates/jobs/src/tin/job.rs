@@ -26,9 +26,9 @@ pub enum Goal {
 }
 
 impl Goal {
-    /// Whether all samples are vertices, but for those in planes.
-    pub(super) fn keeps_all(self) -> bool {
-        self == Self::MaxError(0.0)
+    /// Whether all samples may become vertices, if triangles are held to such an angle.
+    pub(super) fn may_keep_all(self, min_angle: Option<f64>) -> bool {
+        self == Self::MaxError(0.0) || min_angle.is_some()
     }
 
     /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
@@ -101,11 +101,6 @@ pub struct TinJob {
 }
 
 impl TinJob {
-    /// Whether all samples may become vertices.
-    pub(super) fn keeps_all(&self) -> bool {
-        self.goal.keeps_all() || self.min_angle.is_some()
-    }
-
     /// The points to keep, if there are any.
     pub(super) fn points(&self) -> Result<Option<Points>> {
         let name = self.keep_points.as_deref();

@@ -109,7 +109,7 @@ impl Opened {
 /// the grid.
 fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
-    let worker = |tile| held + worker_bytes(tile, job.keeps_all(), job.fit);
+    let worker = |tile| held + worker_bytes(tile, job.goal.may_keep_all(job.min_angle), job.fit);
     open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
 }
 

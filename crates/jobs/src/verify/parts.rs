@@ -10,7 +10,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_proof::{
-    self as proof, Domain, Followed, Layout, LeastAngle, Open, Part, Position, Surface, Tally,
+    self as proof, AngleBound, Domain, Followed, Layout, Open, Part, Position, Surface, Tally,
     Triangle,
 };
 use terrane_raster::GridInfo;
@@ -212,7 +212,7 @@ impl<J> Checker<'_, J> {
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             kept: &kept,
-            least_angle: self.context.asked.min_angle.map(|degrees| LeastAngle { degrees, steps }),
+            min_angle: self.context.asked.min_angle.map(|degrees| AngleBound { degrees, steps }),
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,
             tolerance: self.context.asked.tolerance,

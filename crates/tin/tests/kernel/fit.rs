@@ -17,16 +17,9 @@ pub(super) fn mend_fitted(grid: &Grid, half: u32, spec: &Spec) -> (Placed, Patch
     heights.extend(placed(&tiles[1], [half, 0]));
     let triangles =
         [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
-    let input = PatchInput {
-        heights: Heights { width: grid.width, height: grid.height, f32: &grid.f32(), f64: None },
-        vertices: &heights.iter().map(|(&at, &z)| (at, z)).collect::<Vec<_>>(),
-        triangles: &triangles,
-        seam_col: Some(half),
-        seam_row: None,
-        grid_ends: [true; 4],
-        spacing: u32::MAX,
-        kept: &grid.kept,
-    };
+    let vertices: Vec<_> = heights.iter().map(|(&at, &z)| (at, z)).collect();
+    let z = grid.f32();
+    let input = PatchInput { vertices: &vertices, ..seam(grid, &z, half, &triangles) };
     let patch = mend_patch(&input, spec, &mut Scratch::default());
     (heights, patch)
 }

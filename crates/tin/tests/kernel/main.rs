@@ -317,6 +317,20 @@ proptest! {
     }
 }
 
+/// A patch of triangles around column `half` of a grid, whose heights are `z`.
+fn seam<'a>(grid: &'a Grid, z: &'a [f32], half: u32, triangles: &'a [Triangle]) -> PatchInput<'a> {
+    PatchInput {
+        heights: Heights { width: grid.width, height: grid.height, f32: z, f64: None },
+        vertices: &[],
+        triangles,
+        seam_col: Some(half),
+        seam_row: None,
+        grid_ends: [true; 4],
+        spacing: u32::MAX,
+        kept: &grid.kept,
+    }
+}
+
 /// Two tiles that meet at column `half`, and the patch of the triangles that come within `reach` of
 /// it: all triangles in grid positions, and whether those left out agree with the patch, which had no more
 /// to mend between samples.
@@ -330,17 +344,8 @@ fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool
         *band.start() <= cols.into_iter().max().unwrap()
             && cols.into_iter().min().unwrap() <= *band.end()
     });
-    let input = PatchInput {
-        heights: Heights { width: grid.width, height: grid.height, f32: &grid.f32(), f64: None },
-        vertices: &[],
-        triangles: &inside,
-        seam_col: Some(half),
-        seam_row: None,
-        grid_ends: [true; 4],
-        spacing: u32::MAX,
-        kept: &grid.kept,
-    };
-    let patch = mend_patch(&input, spec, &mut Scratch::default());
+    let z = grid.f32();
+    let patch = mend_patch(&seam(grid, &z, half, &inside), spec, &mut Scratch::default());
     let beyond = edges(&mended);
     let agrees = |&[a, b, c]: &[Local; 3]| {
         let disagrees = |&d| in_circle(lattice(a), lattice(b), lattice(c), lattice(d)) > 0;

@@ -101,7 +101,8 @@ impl Mesh {
     pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let worker = worker_bytes(strips.layout().side(), job.keeps_all(), job.fit);
+        let worker =
+            worker_bytes(strips.layout().side(), job.goal.may_keep_all(job.min_angle), job.fit);
         let thread_memory = worker + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
