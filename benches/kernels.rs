@@ -54,6 +54,7 @@ fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut Scratch) -> Tile
         apron_below: 0,
         spacing: u32::MAX,
         kept: &[],
+        lines: &[],
     };
     triangulate_tile(&input, spec, scratch)
 }
@@ -127,6 +128,7 @@ impl Seam {
             grid_ends: [false, false, true, true],
             spacing: u32::MAX,
             kept: &[],
+            lines: &[],
         }
     }
 }

@@ -164,6 +164,7 @@ pub struct TinBuilder<S> {
     fit: bool,
     min_angle: Option<f64>,
     keep_points: Option<PathBuf>,
+    breaklines: Option<PathBuf>,
     tile: u32,
     format: Option<String>,
     split: Option<u32>,
@@ -183,6 +184,7 @@ impl<S> TinBuilder<S> {
             fit: false,
             min_angle: None,
             keep_points: None,
+            breaklines: None,
             tile: USUAL_TILE,
             format: None,
             split: None,
@@ -275,9 +277,31 @@ impl<S> TinBuilder<S> {
         self
     }
 
-    /// The name of the file of points.
-    fn kept(&self) -> Result<Option<String>> {
-        self.keep_points.clone().map(name_of).transpose()
+    /// Lines and polygons of a file of features, in the system of the grid, that edges of the mesh follow: from
+    /// sample to sample, none further than 1.5 cells from its line.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let (roads, path) = (folder.path().join("roads.wkt"), folder.path().join("mesh.ply"));
+    /// # std::fs::write(&roads, "LINESTRING (500100 4749000, 500512 4749377)").unwrap();
+    /// # std::fs::write(roads.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let made = dem.tin().max_error(5.0).breaklines(&roads).write(&path)?;
+    /// assert_eq!(made.breaklines.unwrap().apart, 0);
+    /// assert!(dem.verify(&path).breaklines(&roads).run()?.verdict.judged);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn breaklines(mut self, file: impl Into<PathBuf>) -> Self {
+        self.breaklines = Some(file.into());
+        self
+    }
+
+    /// The names of the files of points and of lines.
+    fn kept(&self) -> Result<[Option<String>; 2]> {
+        let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
+        Ok([name(&self.keep_points)?, name(&self.breaklines)?])
     }
 
     /// Cells along the side of a tile, 16 to 8192; 512 unless told otherwise. The mesh depends on it, and the
@@ -297,7 +321,8 @@ impl<S> TinBuilder<S> {
         &self,
         build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
     ) -> Result<Tin> {
-        let (goal, resources, kept) = (self.goal()?, &self.run.resources()?, self.kept()?);
+        let (goal, resources) = (self.goal()?, &self.run.resources()?);
+        let [kept, lines] = self.kept()?;
         let job = BuildJob {
             goal,
             bound: self.bound,
@@ -307,6 +332,7 @@ impl<S> TinBuilder<S> {
             min_angle: self.min_angle,
             tile: self.tile,
             keep_points: kept.as_deref(),
+            breaklines: lines.as_deref(),
             resources,
         };
         let kept = Kept::default();
@@ -397,6 +423,7 @@ impl TinBuilder<&Grid> {
     }
 
     fn job(&self, output: PathBuf) -> Result<TinJob> {
+        let [keep_points, breaklines] = self.kept()?;
         Ok(TinJob {
             reading: self.source.reading.clone(),
             format: self.format.clone(),
@@ -407,7 +434,8 @@ impl TinBuilder<&Grid> {
             drop: self.drop,
             fit: self.fit,
             min_angle: self.min_angle,
-            keep_points: self.kept()?,
+            keep_points,
+            breaklines,
             tile: self.tile,
             resources: self.run.resources()?,
             ..TinJob::new(self.source.inputs.clone(), output, self.goal()?)

@@ -29,6 +29,7 @@ pub struct VerifyBuilder<'a, T> {
     bound: Option<Bound>,
     min_angle: Option<f64>,
     keep_points: Option<PathBuf>,
+    breaklines: Option<PathBuf>,
     topology: bool,
     run: Run,
 }
@@ -47,6 +48,7 @@ impl<'a, T> VerifyBuilder<'a, T> {
             bound: None,
             min_angle: None,
             keep_points: None,
+            breaklines: None,
             topology: false,
             run,
         }
@@ -82,6 +84,13 @@ impl VerifyBuilder<'_, Grid> {
         self
     }
 
+    /// Lines and polygons that edges have to follow, as the mesh was made with. Of a mesh that states such a file,
+    /// it is not judged without it whether they do.
+    pub fn breaklines(mut self, file: impl Into<PathBuf>) -> Self {
+        self.breaklines = Some(file.into());
+        self
+    }
+
     /// Proves the mesh.
     ///
     /// # Errors
@@ -95,6 +104,7 @@ impl VerifyBuilder<'_, Grid> {
             bound: self.bound,
             min_angle: self.min_angle,
             keep_points: self.keep_points.map(name_of).transpose()?,
+            breaklines: self.breaklines.map(name_of).transpose()?,
             resources: self.run.resources()?,
         };
         verify::run(&job, &*self.run.progress, &self.run.cancel)

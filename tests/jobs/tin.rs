@@ -11,7 +11,7 @@ use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::bound::Bound;
 use terrane_jobs::kept::Kept;
-use terrane_jobs::tin::{Outcome, Settings, Thin, run_on};
+use terrane_jobs::tin::{Flaws, Outcome, Settings, run_on};
 use terrane_jobs::{Cancel, Silent};
 use terrane_tin::{AngleBound, Spec};
 
@@ -306,7 +306,7 @@ fn triangles_that_stay_thin_are_counted_and_the_first_is_told() {
     let [row, col] = outcome.thin.first.unwrap();
     assert!(row == 0 && col < 3, "{row}, {col}");
     let wide = Run { min_angle: Some(20.0), ..run };
-    assert_eq!(wide.on(&grid).unwrap().1.thin, Thin::default());
+    assert_eq!(wide.on(&grid).unwrap().1.thin, Flaws::default());
 }
 
 /// Of half of two cells, in degrees: what may be asked for at most.

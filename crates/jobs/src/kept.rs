@@ -1,4 +1,4 @@
-//! Samples that have to be vertices: those nearest to the points of a file of features.
+//! What a mesh has to keep of files of features: samples nearest to points, which are vertices, and breaklines.
 
 use std::path::PathBuf;
 
@@ -6,55 +6,104 @@ use serde::{Deserialize, Serialize};
 
 use crate::Resources;
 use crate::beside::Beside;
+use crate::breaklines::Breaklines;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
 use terrane_raster::GridInfo;
 
+/// What a mesh has to keep, where it is in the world.
+#[derive(Default)]
+pub struct Features {
+    points: Option<Points>,
+    lines: Option<Points>,
+}
+
+impl Features {
+    /// Reads the files of points and of breaklines of these names.
+    ///
+    /// # Errors
+    /// Whatever the reader of a format finds; a file without a point, or without a line; more points than a
+    /// quarter of the memory holds.
+    pub fn read(points: Option<&str>, lines: Option<&str>, resources: &Resources) -> Result<Self> {
+        Ok(Self {
+            points: points.map(|name| Points::read(name, "point", resources)).transpose()?,
+            lines: lines.map(|name| Points::read(name, "line", resources)).transpose()?,
+        })
+    }
+
+    /// Most bytes that all of it takes.
+    pub fn bytes(&self) -> u64 {
+        let lines = self.lines.as_ref().map_or(0, |lines| Breaklines::most_bytes(lines.at.len()));
+        self.points.as_ref().map_or(0, |points| bytes(points.at.len())) + lines
+    }
+
+    /// Where it is on a grid. Time O(n log n) for n points.
+    ///
+    /// # Errors
+    /// Features in another system; none that is on the grid.
+    pub fn on(self, grid: &GridInfo) -> Result<Kept> {
+        let mut kept = self.points.map_or_else(|| Ok(Kept::default()), |points| points.on(grid))?;
+        if let Some(lines) = self.lines {
+            kept.lines = lines.along(grid)?;
+        }
+        Ok(kept)
+    }
+}
+
 /// Points of a file where they are in the world: those of its points, and the vertices of its lines and
 /// polygons. Heights they may have are not looked at.
-pub struct Points {
+struct Points {
     path: PathBuf,
     crs: Crs,
     at: Vec<[f64; 2]>,
+    /// Where each line or ring ends.
+    ends: Vec<u32>,
 }
 
 impl Points {
     /// Bytes for a point while a list of them grows.
     const BYTES: u64 = 48;
 
-    /// Reads all points.
-    ///
-    /// # Errors
-    /// Whatever the reader of the format finds; a file without a point; more points than a quarter of the
-    /// memory holds.
-    pub fn read(name: &str, resources: &Resources) -> Result<Self> {
-        let remedy = "keep fewer points";
-        let mut file = Beside::open(name, "points", Self::BYTES, remedy)?;
-        let mut at = Vec::new();
+    /// Reads all points, or those of lines and rings alone.
+    fn read(name: &str, what: &str, resources: &Resources) -> Result<Self> {
+        let wants_lines = what == "line";
+        let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
+        let mut file = Beside::open(name, &format!("{what}s"), Self::BYTES, remedy)?;
+        let (mut at, mut ends) = (Vec::new(), Vec::new());
         file.each((resources.memory / 4, resources), |feature| {
             for leaf in feature.geometry.leaves() {
-                at.extend_from_slice(&leaf.coordinates().xy);
+                let xy = &leaf.coordinates().xy;
+                if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
+                    return Err(Error::bad_input("a point is no line")
+                        .remedy("pass points with --keep-points"));
+                }
+                let first = at.len();
+                at.extend_from_slice(xy);
+                let parts = leaf.parts().scan(first, |end, part| {
+                    *end += part.xy.len();
+                    Some(*end as u32)
+                });
+                ends.extend(parts);
             }
             Ok(())
         })?;
         if at.is_empty() {
-            return Err(Error::bad_input("has no point")
+            return Err(Error::bad_input(format!("has no {what}"))
                 .in_file(&file.path)
-                .remedy("name a file with the points to keep"));
+                .remedy(format!("name a file with the {what}s to keep")));
         }
-        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at })
+        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at, ends })
     }
 
-    /// Most bytes that the samples take.
-    pub fn bytes(&self) -> u64 {
-        bytes(self.at.len())
+    /// The breaklines on a grid.
+    fn along(self, grid: &GridInfo) -> Result<Breaklines> {
+        grid.crs.check_same(&self.crs, "lines").map_err(|e| e.in_file(&self.path))?;
+        let at: Vec<_> = self.at.iter().map(|&[x, y]| grid.transform.invert(x, y)).collect();
+        Breaklines::on(&at, &self.ends, [grid.width, grid.height], self.path)
     }
 
-    /// The samples of a grid that are nearest to the points. Time O(n log n) for n points.
-    ///
-    /// # Errors
-    /// Points in another system; none that is nearer to a sample than half a cell, along both sides.
-    pub fn on(self, grid: &GridInfo) -> Result<Kept> {
+    /// The samples of a grid that are nearest to the points.
+    fn on(self, grid: &GridInfo) -> Result<Kept> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
         let nearest = |at: f64, side: u32| {
             let at = (at + 0.5).floor();
@@ -87,6 +136,7 @@ pub struct Kept {
     path: Option<PathBuf>,
     points: u64,
     outside: u64,
+    lines: Breaklines,
 }
 
 /// Samples along the side of a block.
@@ -99,7 +149,8 @@ fn block([col, row]: [u32; 2]) -> [u32; 2] {
 
 impl Kept {
     /// None.
-    pub const NONE: &Self = &Self { samples: Vec::new(), path: None, points: 0, outside: 0 };
+    pub const NONE: &Self =
+        &Self { samples: Vec::new(), path: None, points: 0, outside: 0, lines: Breaklines::NONE };
 
     /// These, by column and row, in any order.
     pub fn of(mut samples: Vec<[u32; 2]>) -> Self {
@@ -109,9 +160,14 @@ impl Kept {
         Self { samples, points, ..Self::default() }
     }
 
-    /// Those on `grid`, if points are given.
-    pub fn on(points: Option<Points>, grid: &GridInfo) -> Result<Self> {
-        points.map_or_else(|| Ok(Self::default()), |points| points.on(grid))
+    /// The same, and breaklines.
+    pub fn with(self, lines: Breaklines) -> Self {
+        Self { lines, ..self }
+    }
+
+    /// The breaklines.
+    pub fn lines(&self) -> &Breaklines {
+        &self.lines
     }
 
     /// The samples in a rectangle, row by row within blocks. Time linear in those of all blocks that it
@@ -132,7 +188,7 @@ impl Kept {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        bytes(self.samples.len())
+        bytes(self.samples.len()) + self.lines.bytes()
     }
 
     /// Number of samples.
@@ -185,7 +241,8 @@ mod tests {
     }
 
     fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<Kept> {
-        Points { path: "points.csv".into(), crs: Crs::default(), at }.on(grid)
+        let (path, crs, ends) = ("points.csv".into(), Crs::default(), Vec::new());
+        Points { path, crs, at, ends }.on(grid)
     }
 
     #[test]

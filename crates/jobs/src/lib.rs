@@ -1,6 +1,7 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
 mod beside;
+pub mod breaklines;
 pub mod cloud_stats;
 pub mod cloud_tin;
 pub mod contour;

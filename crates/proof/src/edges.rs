@@ -5,6 +5,7 @@ use std::mem::size_of;
 use super::Part;
 use super::between::Between;
 use super::exact::{double_area, in_circle};
+use super::follow::Follow;
 use super::kept::Kept;
 use super::sections::{ceil, floor};
 use super::surface::{Followed, Run, Surface};
@@ -187,11 +188,13 @@ impl Corners {
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
 pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
     let (mut between, mut kept) = (Between::new(part, surface), Kept::new(part));
+    let mut follow = Follow::new(part, surface);
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_corner(part, at, heights, tally);
             between.corner(at, heights, tally);
             kept.corner(at, heights);
+            follow.corner(at);
         }
     });
     kept.finish(surface, tally);
@@ -200,6 +203,7 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
     let mut unfinished = Vec::new();
     corners.each_edge(|ends, meeting, sides| {
         between.edge(ends, sides, tally);
+        follow.edge(ends);
         if matches!(meeting, Meeting::Open(_)) {
             open.push(ends);
         }
@@ -211,6 +215,7 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
             unfinished.extend(check_open(ends, surface, tally));
         }
     });
+    follow.finish(tally);
     t_junctions(part, &corners.positions, &open, tally);
     unfinished
 }

@@ -14,6 +14,7 @@ mod domain;
 mod edges;
 mod exact;
 mod expansion;
+mod follow;
 mod kept;
 pub mod lines;
 pub mod quality;
@@ -29,6 +30,7 @@ mod worst;
 
 pub use domain::{Domain, Layout};
 pub use edges::Open;
+pub use follow::Line;
 pub use snap::{Precision, Snap, Snapped, Snapper};
 pub use sum::ExactSum;
 pub use surface::{Followed, Run, Surface};
@@ -51,6 +53,8 @@ pub struct Part<'a> {
     pub vertices: Option<&'a [Position]>,
     /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
     pub kept: &'a [Position],
+    /// Breaklines that may come to the domain; others do no harm.
+    pub lines: &'a [Line],
     /// What the angles of triangles are held to, if anything.
     pub min_angle: Option<AngleBound>,
     /// How the mesh stores heights.

@@ -253,6 +253,7 @@ mod tests {
             triangles,
             vertices,
             kept: &[],
+            lines: &[],
             min_angle: None,
             precision,
             is_fitted,

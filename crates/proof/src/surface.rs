@@ -138,6 +138,14 @@ impl Surface {
         }
     }
 
+    /// True when a cell of the surface that the window holds is beside the unit edge between two samples.
+    pub(crate) fn borders(&self, a: [i64; 2], b: [i64; 2]) -> bool {
+        let low = [0, 1].map(|axis| a[axis].min(b[axis]));
+        let across = if a[1] == b[1] { [0, 1] } else { [1, 0] };
+        let beside = [low, [low[0] - across[0], low[1] - across[1]]];
+        beside.into_iter().any(|cell| self.cell(cell) == Some(true))
+    }
+
     /// Whether the cell is surface; `None` when the window does not tell.
     fn cell(&self, [col, row]: [i64; 2]) -> Option<bool> {
         let [width, height] = self.grid.map(i64::from);

@@ -118,6 +118,10 @@ pub struct Tally {
     pub kept: u64,
     /// those of them that are none, or not at their height.
     pub not_kept: Fault,
+    /// Vertices on breaklines, and
+    pub on_lines: u64,
+    /// samples where the mesh does not follow one.
+    pub not_followed: Fault,
     /// Positions of corners that are no sample, or not at its height.
     pub off_samples: Fault,
 }
@@ -135,6 +139,7 @@ impl Tally {
         self.surface_cells += other.surface_cells;
         self.covered += other.covered;
         self.kept += other.kept;
+        self.on_lines += other.on_lines;
         self.breaks += other.breaks;
         self.open_edges += other.open_edges;
         self.interior_edges += other.interior_edges;
@@ -151,7 +156,7 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 19] {
+    fn faults_mut(&mut self) -> [&mut Fault; 20] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
@@ -171,6 +176,7 @@ impl Tally {
             &mut self.unused,
             &mut self.thin,
             &mut self.not_kept,
+            &mut self.not_followed,
             &mut self.off_samples,
         ]
     }

@@ -98,15 +98,15 @@ fn centre([a, b, c]: [Local; 3]) -> Lattice {
 }
 
 /// Where a walk towards a position ends.
-enum Reached {
+pub(super) enum Reached {
     /// In the triangle that holds it.
     Triangle(u32),
     /// On the way.
     Border(u32),
 }
 
-/// Walks from triangle `start`, in whose circle `target` lies, and so along triangles with such circles.
-fn walk(mesh: &Mesh, start: u32, target: Lattice) -> Reached {
+/// Walks from triangle `start` towards a position, as far as the surface goes.
+pub(super) fn walk(mesh: &Mesh, start: u32, target: Lattice) -> Reached {
     let mut at = start;
     loop {
         let beyond = (4 * at..4 * at + 3).filter(|&half_edge| {

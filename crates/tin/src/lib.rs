@@ -6,6 +6,7 @@
 mod adjust;
 mod angles;
 mod between;
+mod breaklines;
 mod crossing;
 mod drop;
 mod exact;
@@ -24,6 +25,7 @@ mod tile;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 
+pub use breaklines::{Segment, Stretch, goes_on};
 pub use order::sort_by_position;
 pub use patch::mend_patch;
 pub use tile::{Scratch, triangulate_tile};
@@ -197,14 +199,17 @@ pub struct TileInput<'a> {
     /// Samples of the tile that stay vertices wherever there is surface, at the heights they have, sorted. Both
     /// tiles at a border have to be told of those on it.
     pub kept: &'a [Local],
+    /// Paths that edges have to follow wherever there is surface; what [`Stretch::ends`] tells of each has to be
+    /// kept.
+    pub lines: &'a [Stretch],
 }
 
 impl<'a> TileInput<'a> {
     /// A grid that is one tile: no apron, posts at its corners alone, nothing to keep.
     pub fn alone(heights: Heights<'a>) -> Self {
         let [apron_left, apron_right, apron_above, apron_below] = [0; 4];
-        let spacing = u32::MAX;
-        Self { heights, apron_left, apron_right, apron_above, apron_below, spacing, kept: &[] }
+        let (spacing, kept, lines) = (u32::MAX, &[], &[]);
+        Self { heights, apron_left, apron_right, apron_above, apron_below, spacing, kept, lines }
     }
 }
 
@@ -263,6 +268,8 @@ pub struct PatchInput<'a> {
     pub spacing: u32,
     /// Samples that stay vertices if they are, at the heights they have, sorted.
     pub kept: &'a [Local],
+    /// Paths that edges have to follow.
+    pub lines: &'a [Stretch],
 }
 
 /// A mended patch.
@@ -283,4 +290,6 @@ pub struct PatchMesh {
     pub left: Vec<Local>,
     /// Triangles that have too small an angle still, which a neighbouring or larger patch may mend.
     pub thin: u64,
+    /// Pairs of neighbouring vertices on paths that no edge joins still, which a larger patch may mend.
+    pub apart: u64,
 }

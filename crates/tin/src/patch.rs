@@ -16,7 +16,7 @@ use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::tile::{Scratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
 use super::{Local, PatchInput, PatchMesh, Spec, Triangle, drop};
-use super::{adjust, angles};
+use super::{adjust, angles, breaklines};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
 use terrane_base::geom::predicates::in_circle;
@@ -36,7 +36,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     let mut sorted = input.triangles.to_vec();
     sort_by_position(&mut sorted);
     build(&mut scratch.mesh, &sorted);
-    let Scratch { field, mesh, lists, rounds, drop, adjust, used, scan } = scratch;
+    let Scratch { field, mesh, lists, rounds, drop, adjust, edges, used, scan } = scratch;
     mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
     let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
@@ -45,37 +45,39 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     let border = Border { field, input };
+    let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
+    let may = |mesh: &Mesh, holder, at| !changes_beside(mesh, holder, at, is_frozen);
+    let mut settle = |mesh: &mut Mesh| {
+        let judge = Judge::of_samples(field, *scan, spec.tolerance);
+        bring_within(&judge, mesh, lists, rounds, spec);
+    };
     let mut thin = 0;
     if let Some(bound) = &spec.min_angle {
-        let judge = Judge::of_samples(field, *scan, spec.tolerance);
-        let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
-        let may = |mesh: &Mesh, holder, at| !changes_beside(mesh, holder, at, is_frozen);
-        let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
-        angles::insert(bound, mesh, may, settle);
+        angles::insert(bound, mesh, may, &mut settle);
         thin = angles::thin(bound, mesh).len() as u64;
     }
+    let lines = (input.lines, &*field);
+    let apart = breaklines::follow(lines, mesh, edges, may, settle);
+    let mut stays = input.kept.to_vec();
+    breaklines::vertices(lines, mesh, edges, &mut stays);
+    stays.sort_unstable();
     drop.limit_angles(spec.min_angle);
     if spec.drop {
         drop.limit_circles(spec.spacing(input.spacing));
-        drop_seam(&judge, mesh, input, drop);
+        drop_seam(&judge, mesh, (input, &stays), drop);
     }
     adjust.reset(field, input.kept);
     if spec.fit {
-        even_out(&judge, mesh, &border, adjust, drop);
+        even_out(&judge, mesh, (&border, &stays), adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
-    PatchMesh { left, thin, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
+    PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
 }
 
 impl PatchInput<'_> {
     /// True when a vertex is on a seam line.
     fn is_on_seam(&self, p: Local) -> bool {
         Some(p.col()) == self.seam_col || Some(p.row()) == self.seam_row
-    }
-
-    /// True when a vertex may have been chosen for a rim alone.
-    fn may_go(&self, p: Local) -> bool {
-        self.is_on_seam(p) && self.kept.binary_search(&p).is_err()
     }
 }
 
@@ -205,17 +207,18 @@ fn changes_beside(
     false
 }
 
-/// Tries to drop the vertices on the seam lines that nobody asked for, in the order of their positions.
+/// Tries to drop the vertices on the seam lines that may have been chosen for a rim alone, in the order of their positions.
 fn drop_seam(
     judge: &Judge<'_>,
     mesh: &mut Mesh,
-    input: &PatchInput<'_>,
+    (input, stays): (&PatchInput<'_>, &[Local]),
     scratch: &mut drop::Scratch,
 ) {
     let mut seam: Vec<(Local, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
-        seam.extend(half_edges.filter(|&(p, _)| input.may_go(p)));
+        let may_go = |p| input.is_on_seam(p) && stays.binary_search(&p).is_err();
+        seam.extend(half_edges.filter(|&(p, _)| may_go(p)));
     }
     seam.sort_unstable();
     seam.dedup_by_key(|&mut (p, _)| p);
@@ -233,7 +236,7 @@ fn drop_seam(
 fn even_out(
     judge: &Judge<'_>,
     mesh: &mut Mesh,
-    border: &Border<'_>,
+    (border, stays): (&Border<'_>, &[Local]),
     adjust: &mut adjust::Scratch,
     drop: &mut drop::Scratch,
 ) {
@@ -244,9 +247,8 @@ fn even_out(
         if !adjust.sweep(judge, mesh, judge.tolerance) {
             return;
         }
-        let mut stays = border.frozen(mesh);
-        stays.extend(border.input.kept);
-        drop.settle(judge.field, &stays);
+        let fixed = [border.frozen(mesh), stays.to_vec()].concat();
+        drop.settle(judge.field, &fixed);
         drop::drop_redundant(judge, mesh, drop);
         adjust.look_at_changes(judge.field, mesh);
     }
@@ -310,6 +312,7 @@ mod tests {
             grid_ends,
             spacing: u32::MAX,
             kept: &[],
+            lines: &[],
         }
     }
 

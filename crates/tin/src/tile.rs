@@ -15,6 +15,7 @@
 //! --test jobs every_edge`).
 
 use super::between::{self, Rounds};
+use super::breaklines;
 use super::crossing::Crossings;
 use super::field::Field;
 use super::greedy::{Judge, WorkLists, fit};
@@ -22,7 +23,7 @@ use super::measure::{measure, owns_by_direction};
 use super::mesh::{Fixed, Mesh, NONE, State, next};
 use super::rim::{Rim, Role, Surface, posts};
 use super::scan::{self, Scan};
-use super::{Local, Spec, TileInput, TileMesh, Triangle, drop};
+use super::{Local, Spec, Stretch, TileInput, TileMesh, Triangle, drop};
 use super::{adjust, angles};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::Bound;
@@ -36,6 +37,7 @@ pub struct Scratch {
     pub(super) rounds: Rounds,
     pub(super) drop: drop::Scratch,
     pub(super) adjust: adjust::Scratch,
+    pub(super) edges: breaklines::Edges,
     pub(super) used: BitSet,
     pub(super) scan: Scan,
 }
@@ -49,6 +51,7 @@ impl Default for Scratch {
             rounds: Rounds::default(),
             drop: drop::Scratch::default(),
             adjust: adjust::Scratch::default(),
+            edges: breaklines::Edges::default(),
             used: BitSet::default(),
             scan: scan::fastest(),
         }
@@ -61,6 +64,11 @@ impl Scratch {
     pub fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
         Field::bytes(cells, is_free) + samples * (2 * 32 + 48 + 2 * 20 + 12)
+    }
+
+    /// How many more where breaklines are followed, whatever their number.
+    pub fn line_bytes(cells: u32) -> u64 {
+        breaklines::Edges::bytes(u64::from(cells + 1).pow(2))
     }
 }
 
@@ -104,7 +112,27 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
             |mesh| bring_within(&judge, mesh, lists, rounds, spec),
         );
     }
+    if !input.lines.is_empty() {
+        follow(scratch, spec, fixed, input.lines);
+    }
     finish(scratch, spec, &surface, ends)
+}
+
+/// Inserts what breaklines need, and drops what is redundant then.
+fn follow(scratch: &mut Scratch, spec: &Spec, mut fixed: Vec<Local>, lines: &[Stretch]) {
+    let Scratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
+    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
+    let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
+    breaklines::follow((lines, field), mesh, edges, |_, _, _| true, settle);
+    if !spec.drop {
+        return;
+    }
+    if spec.bound == Bound::Surface {
+        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+    }
+    breaklines::vertices((lines, field), mesh, edges, &mut fixed);
+    drop.settle(field, &fixed);
+    drop::drop_redundant(&judge, mesh, drop);
 }
 
 /// Brings the tolerance down in stages, vertices moved to where errors are least.

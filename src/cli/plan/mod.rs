@@ -144,6 +144,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
         fit: args.method.fit,
         min_angle: args.method.min_angle,
         keep_points: args.method.keep_points.clone(),
+        breaklines: args.method.breaklines.clone(),
         tile: args.method.tile(),
         ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
     };

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
+use crate::jobs::breaklines::BreaklinesReport;
 use crate::jobs::kept::KeptReport;
 use crate::jobs::placing::Placed;
 
@@ -163,6 +164,16 @@ pub(crate) fn kept(kept: &KeptReport) -> String {
     let outside = more(kept.outside, "points are outside of the grid");
     let void = more(kept.without_surface, "samples have no surface");
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
+}
+
+/// What became of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
+pub(crate) fn breaklines(lines: &BreaklinesReport) -> String {
+    let outside = match lines.outside {
+        0 => String::new(),
+        n => format!("; {} are outside of the grid", count(n)),
+    };
+    let followed = if lines.apart == 0 { "followed" } else { "NOT followed by all edges" };
+    format!("{} segments of {}, {followed}{outside}", count(lines.segments), lines.file)
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".

@@ -138,6 +138,10 @@ pub(crate) struct Method {
     /// each vertex of its lines and polygons, in the system of the grid
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) keep_points: Option<String>,
+    /// Lines and polygons of a file of features, in the system of the grid, that edges of the mesh follow, from
+    /// sample to sample
+    #[arg(long, value_name = "FILE", value_parser = names::any(), conflicts_with = "min_angle")]
+    pub(crate) breaklines: Option<String>,
     /// Cells along the side of a tile, 16 to 8192 [default: 512]
     #[arg(long, value_name = "CELLS", value_parser = tile_cells())]
     pub(crate) tile: Option<u32>,

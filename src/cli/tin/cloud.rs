@@ -78,6 +78,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--fit", args.method.fit),
         ("--min-angle", args.method.min_angle.is_some()),
         ("--keep-points", args.method.keep_points.is_some()),
+        ("--breaklines", args.method.breaklines.is_some()),
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),

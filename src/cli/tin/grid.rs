@@ -63,7 +63,7 @@ fn job(args: &Args) -> Result<TinJob> {
     let usual = args.split.tiles.map(|_| "PLY");
     let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
     let mut files = args.grid.read_with(raster::files(&args.input)?);
-    files.extend(args.method.keep_points.clone());
+    files.extend(args.method.keep_points.iter().chain(&args.method.breaklines).cloned());
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -93,6 +93,7 @@ fn job(args: &Args) -> Result<TinJob> {
         input: args.input.clone().into(),
         reading: args.grid.reading(),
         keep_points: args.method.keep_points.clone(),
+        breaklines: args.method.breaklines.clone(),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -121,6 +122,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         bound: None,
         min_angle: None,
         keep_points: job.keep_points.clone(),
+        breaklines: job.breaklines.clone(),
         resources: job.resources.clone(),
     }
 }
@@ -152,6 +154,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("min angle", format!("{least} degrees, {held}"))
     }));
     rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
+    rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));

@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) keep_points: Option<String>,
+    /// Lines and polygons of this file, that edges have to follow, as in terrane tin
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) breaklines: Option<String>,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -121,7 +124,8 @@ impl Args {
         let given = |option: &'static str, is: bool| is.then(|| (option, option.to_owned()));
         let angle = given("--min-angle", self.min_angle.is_some());
         let kept = given("--keep-points", self.keep_points.is_some());
-        match bound.or(angle).or(kept) {
+        let lines = given("--breaklines", self.breaklines.is_some());
+        match bound.or(angle).or(kept).or(lines) {
             None => Ok(()),
             Some((option, given)) => {
                 Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))

@@ -23,7 +23,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
     let mut read = args.grid.read_with(raster::files(&args.source)?);
-    read.extend(args.keep_points.clone());
+    read.extend(args.keep_points.iter().chain(&args.breaklines).cloned());
     read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = VerifyJob {
@@ -34,6 +34,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         bound: args.bound,
         min_angle: args.min_angle,
         keep_points: args.keep_points.clone(),
+        breaklines: args.breaklines.clone(),
         resources,
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -60,6 +61,10 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
 pub(crate) fn summary(r: &VerifyReport) -> String {
     let mut rows = vec![("surface", surface(r)), ("samples", samples(&r.of))];
     rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
+    rows.extend(r.of.breaklines.as_ref().map(|lines| {
+        let vertices = text::count(r.of.on_breaklines);
+        ("breaklines", format!("{}, {vertices} vertices on them", text::breaklines(lines)))
+    }));
     let off = told::off_vertices(r, "grid");
     told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }

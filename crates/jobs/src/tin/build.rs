@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use super::angles::angle_bound;
-use super::job::Goal;
+use super::job::{Goal, check_lines};
 use super::layout::{Layout, checked_tile};
 use super::make::{Origin, header, in_input, open_tiled};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
-use super::worker::worker_bytes;
-use crate::kept::{Kept, Points};
+use super::worker::{line_bytes, worker_bytes};
+use crate::kept::Features;
 use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
@@ -37,19 +37,23 @@ pub struct BuildJob<'a> {
     pub tile: u32,
     /// The name of a file of features; the sample nearest to each point of it stays a vertex.
     pub keep_points: Option<&'a str>,
+    /// The name of a file of lines and polygons that edges follow.
+    pub breaklines: Option<&'a str>,
     /// What the job may use, beside what the source and the sink hold.
     pub resources: &'a Resources,
 }
 
 impl BuildJob<'_> {
-    fn points(&self) -> Result<Option<Points>> {
-        self.keep_points.map(|name| Points::read(name, self.resources)).transpose()
+    fn features(&self) -> Result<Features> {
+        check_lines(self.breaklines.is_some(), self.min_angle)?;
+        Features::read(self.keep_points, self.breaklines, self.resources)
     }
 
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
-    fn worker(&self, points: Option<&Points>, tile: u32) -> u64 {
+    fn worker(&self, features: &Features, tile: u32) -> u64 {
         let keeps_all = self.goal.may_keep_all(self.min_angle);
-        points.map_or(0, Points::bytes) + worker_bytes(tile, keeps_all, self.fit)
+        let lines = self.breaklines.map_or(0, |_| line_bytes(tile));
+        features.bytes() + lines + worker_bytes(tile, keeps_all, self.fit)
     }
 }
 
@@ -78,10 +82,10 @@ pub fn build(
     job.goal.check()?;
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
-    let points = job.points()?;
-    let worker = job.worker(points.as_ref(), layout.side());
+    let features = job.features()?;
+    let worker = job.worker(&features, layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
-    build_within((source, None, points), sink, job, shares, progress, cancel)
+    build_within((source, None, features), sink, job, shares, progress, cancel)
 }
 
 /// As [`build`], of files, whose decoded blocks have their share of the memory.
@@ -97,16 +101,16 @@ pub fn build_files(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let points = job.points()?;
-    let worker = |tile| job.worker(points.as_ref(), tile);
+    let features = job.features()?;
+    let worker = |tile| job.worker(&features, tile);
     let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
     let clip = options.clip.as_ref().map(|clip| clip.path());
-    let built = build_within((&*source, clip, points), sink, job, shares, progress, cancel);
+    let built = build_within((&*source, clip, features), sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
 
 fn build_within(
-    (source, clip, points): (&dyn GridSource, Option<&Path>, Option<Points>),
+    (source, clip, features): (&dyn GridSource, Option<&Path>, Features),
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     shares: Shares,
@@ -115,7 +119,7 @@ fn build_within(
 ) -> Result<Built> {
     let info = source.info();
     let layout = Layout::new(info.width, info.height, job.tile)?;
-    let kept = Kept::on(points, info)?;
+    let kept = features.on(info)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let settings = Settings {
         spec: Spec {
@@ -140,7 +144,7 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    let kept = job.keep_points.map(Path::new);
-    let from = Origin { input: info.format, clip, kept };
+    let [kept, lines] = [job.keep_points, job.breaklines].map(|name| name.map(Path::new));
+    let from = Origin { input: info.format, clip, kept, lines };
     Ok(Built { tolerance, outcome, header: header(info, from, &settings.spec, 0.0) })
 }

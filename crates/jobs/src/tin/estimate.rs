@@ -161,7 +161,7 @@ impl<'a> Estimator<'a> {
     fn triangulate(&mut self, tile: TileId, spec: &Spec) -> Result<TileMesh> {
         self.cancel.check()?;
         self.window.read(self.source, self.layout.apron(tile))?;
-        let input = tile_input(&self.layout, tile, self.window.heights(), &[]);
+        let input = tile_input(&self.layout, tile, self.window.heights(), (&[], &[]));
         Ok(triangulate_tile(&input, spec, &mut self.scratch))
     }
 }

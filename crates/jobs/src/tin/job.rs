@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::USUAL_TILE;
 use crate::Resources;
-use crate::kept::Points;
+use crate::kept::Features;
 use crate::placing::Placing;
 use crate::reading::Reading;
 use terrane_base::bound::Bound;
@@ -47,6 +47,16 @@ impl Goal {
     }
 }
 
+/// Fails where breaklines are to meet under angles that are not theirs.
+pub(super) fn check_lines(has_lines: bool, min_angle: Option<f64>) -> Result<()> {
+    if has_lines && min_angle.is_some() {
+        let message = "breaklines may meet under any angle, so there is no smallest one";
+        return Err(Error::usage(message)
+            .remedy("leave one of --breaklines and --min-angle out, or pass --keep-points"));
+    }
+    Ok(())
+}
+
 /// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TinJob {
@@ -58,6 +68,9 @@ pub struct TinJob {
     /// The name of a file of features; the sample nearest to each point of it stays a vertex.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<String>,
+    /// The name of a file of lines and polygons that edges follow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<String>,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -101,10 +114,11 @@ pub struct TinJob {
 }
 
 impl TinJob {
-    /// The points to keep, if there are any.
-    pub(super) fn points(&self) -> Result<Option<Points>> {
-        let name = self.keep_points.as_deref();
-        name.map(|name| Points::read(name, &self.resources)).transpose()
+    /// The points and breaklines to keep.
+    pub(super) fn features(&self) -> Result<Features> {
+        check_lines(self.breaklines.is_some(), self.min_angle)?;
+        let [points, lines] = [&self.keep_points, &self.breaklines].map(Option::as_deref);
+        Features::read(points, lines, &self.resources)
     }
 
     /// The job with everything else at its default, errors measured.
@@ -113,6 +127,7 @@ impl TinJob {
             input: input.into(),
             reading: Reading::default(),
             keep_points: None,
+            breaklines: None,
             output: output.into(),
             format: None,
             overwrite: false,

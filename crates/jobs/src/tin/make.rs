@@ -8,15 +8,15 @@ use super::estimate::Size;
 use super::height_origin::height_origin;
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
-use super::report::{ThinTriangles, TinReport};
+use super::report::{FlawReport, TinReport};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
-use super::worker::worker_bytes;
+use super::worker::{line_bytes, worker_bytes};
 use crate::beside;
 use crate::figures::Figures;
 use crate::input::grid_stats;
-use crate::kept::{Kept, Points};
+use crate::kept::Kept;
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
 use crate::{Cancel, Progress, Resources, peak_memory};
@@ -64,7 +64,7 @@ pub(super) struct Opened {
     pub(super) placed: Placed,
     notes: Vec<String>,
     pub(super) shares: Shares,
-    /// Samples that stay vertices.
+    /// Samples that stay vertices, and breaklines.
     pub(super) kept: Kept,
     /// What angles triangles may have.
     pub(super) min_angle: Option<AngleBound>,
@@ -73,10 +73,10 @@ pub(super) struct Opened {
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
-        let points = job.points()?;
-        let held = points.as_ref().map_or(0, Points::bytes);
+        let features = job.features()?;
+        let held = features.bytes();
         let mut opened = Self::with(job, || open(job, held))?;
-        opened.kept = Kept::on(points, opened.source.info())?;
+        opened.kept = features.on(opened.source.info())?;
         Ok(opened)
     }
 
@@ -109,7 +109,9 @@ impl Opened {
 /// the grid.
 fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
-    let worker = |tile| held + worker_bytes(tile, job.goal.may_keep_all(job.min_angle), job.fit);
+    let lines = |tile| job.breaklines.as_ref().map_or(0, |_| line_bytes(tile));
+    let keeps_all = job.goal.may_keep_all(job.min_angle);
+    let worker = |tile| held + lines(tile) + worker_bytes(tile, keeps_all, job.fit);
     open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
 }
 
@@ -177,9 +179,11 @@ impl Maker<'_> {
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
         let clip = job.reading.clip.as_deref().map(path_of);
-        let kept = job.keep_points.as_deref().map(path_of);
+        let [kept, lines] =
+            [&job.keep_points, &job.breaklines].map(|name| name.as_deref().map(path_of));
         let input = &job.input.to_string();
-        let from = Origin { input, clip: clip.as_deref(), kept: kept.as_deref() };
+        let from =
+            Origin { input, clip: clip.as_deref(), kept: kept.as_deref(), lines: lines.as_deref() };
         let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -358,7 +362,10 @@ impl Maker<'_> {
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
-            thin_triangles: job.min_angle.map(|_| ThinTriangles::of(outcome.thin, &info.transform)),
+            breaklines: self.opened.kept.lines().report(outcome.apart.count),
+            apart: (outcome.apart.count > 0)
+                .then(|| FlawReport::of(outcome.apart, &info.transform)),
+            thin_triangles: job.min_angle.map(|_| FlawReport::of(outcome.thin, &info.transform)),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
@@ -379,11 +386,13 @@ impl Maker<'_> {
     }
 }
 
-/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to, and of points to keep.
+/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to, of points to keep, and
+/// of breaklines.
 pub(super) struct Origin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<&'a Path>,
     pub(super) kept: Option<&'a Path>,
+    pub(super) lines: Option<&'a Path>,
 }
 
 /// What a file of the mesh is told of it.
@@ -407,8 +416,9 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
     let kept = from.kept.map(|path| format!("keep points {}", beside::label(path)));
+    let lines = from.lines.map(|path| format!("breaklines {}", beside::label(path)));
     let source = format!("source {}", from.input);
-    let more = [bound, fitted, angle, clip, kept].into_iter().flatten();
+    let more = [bound, fitted, angle, clip, kept, lines].into_iter().flatten();
     [source, error].into_iter().chain(more).collect()
 }
 

@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::tally::Thin;
+use super::tally::Flaws;
+use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
 use crate::kept::KeptReport;
 use crate::placing::Placed;
@@ -51,7 +52,7 @@ pub struct TinReport {
     pub min_angle: Option<f64>,
     /// Triangles that have a smaller one all the same, where one was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub thin_triangles: Option<ThinTriangles>,
+    pub thin_triangles: Option<FlawReport>,
     /// Largest error of any sample, when measured.
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.
@@ -73,6 +74,12 @@ pub struct TinReport {
     /// What became of points to keep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<KeptReport>,
+    /// What became of breaklines, and
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// where edges do not follow them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub apart: Option<FlawReport>,
     pub output_bytes: u64,
     /// Coordinate reference system beside the mesh, when one was written.
     pub prj: Option<String>,
@@ -92,31 +99,37 @@ pub struct TinReport {
     pub stages: Vec<StageReport>,
 }
 
-/// Triangles with a smaller angle than was asked for.
+/// Places where something that was asked for is not so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ThinTriangles {
+pub struct FlawReport {
     /// How many there are.
     pub count: u64,
-    /// A corner of the first one, in the world.
+    /// Where the first one is, in the world; of a triangle, a corner.
     pub first: Option<[f64; 2]>,
 }
 
-impl ThinTriangles {
-    pub(super) fn of(thin: Thin, map: &Affine) -> Self {
+impl FlawReport {
+    pub(super) fn of(flaws: Flaws, map: &Affine) -> Self {
         let place = |[row, col]: [u32; 2]| map.apply(f64::from(col), f64::from(row));
-        Self { count: thin.count, first: thin.first.map(place) }
+        Self { count: flaws.count, first: flaws.first.map(place) }
     }
 }
 
 impl TinReport {
     /// What was asked for and is not so, in words.
     pub fn unmet(&self) -> Option<String> {
-        let ThinTriangles { count, first } = self.thin_triangles?;
-        let ([x, y], least) = (first?, self.min_angle?);
-        Some(format!(
-            "{count} triangles have a smaller angle than {least} degrees, the first one at x {x}, y {y}; \
-             choose a larger --tile, or a smaller --min-angle"
-        ))
+        let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
+            let FlawReport { count, first } = flaws?;
+            let [x, y] = first?;
+            Some(format!(
+                "{count} {what}, the first one at x {x}, y {y}; choose a larger --tile{remedy}"
+            ))
+        };
+        let least = self.min_angle.unwrap_or_default();
+        let angle = format!("triangles have a smaller angle than {least} degrees");
+        let lines = "vertices on breaklines have no edge along them".to_owned();
+        told(self.thin_triangles, angle, ", or a smaller --min-angle")
+            .or_else(|| told(self.apart, lines, ""))
     }
 
     /// Notes the time it all took.
@@ -190,13 +203,13 @@ mod tests {
     #[test]
     fn what_is_asked_for_and_not_so_is_told_with_its_place() {
         let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -10.0 };
-        let told = |thin: Option<Thin>| {
-            let thin_triangles = thin.map(|thin| ThinTriangles::of(thin, &map));
+        let told = |thin: Option<Flaws>| {
+            let thin_triangles = thin.map(|thin| FlawReport::of(thin, &map));
             TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.unmet()
         };
         assert_eq!(told(None), None);
-        assert_eq!(told(Some(Thin::default())), None);
-        let some = told(Some(Thin { count: 3, first: Some([2, 7]) })).unwrap();
+        assert_eq!(told(Some(Flaws::default())), None);
+        let some = told(Some(Flaws { count: 3, first: Some([2, 7]) })).unwrap();
         assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("--tile"), "{some}");
     }

@@ -11,7 +11,7 @@ use super::report::{Clock, Stage, StageReport};
 use super::schedule::Queue;
 use super::scope::{Scope, Work};
 use super::store::Store;
-use super::tally::{Tally, Thin};
+use super::tally::{Flaws, Tally};
 use super::workdir::ObjectWriter;
 use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
 use super::writer::{Collect, Part, Saver, Totals, Writer};
@@ -61,7 +61,9 @@ pub struct Outcome {
     /// Samples to keep that are vertices.
     pub kept: u64,
     /// Triangles with a smaller angle than asked for.
-    pub thin: Thin,
+    pub thin: Flaws,
+    /// Vertices from which a breakline should go on along an edge, and does not.
+    pub apart: Flaws,
     /// Samples that look like undeclared nodata: the value as stored, and how many.
     pub suspects: Option<(f64, u64)>,
     /// Largest error of any sample (0 unless measured).
@@ -238,7 +240,7 @@ fn write_parts(
 fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
-    let Tally { valid, isolated, suspects, kept, thin } = unlocked(shared.tally);
+    let Tally { valid, isolated, suspects, kept, thin, apart } = unlocked(shared.tally);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
     clock.add_time(Stage::Write, writing);
@@ -249,6 +251,7 @@ fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outc
         isolated,
         kept,
         thin,
+        apart,
         suspects,
         // It was rounded up, and all samples are known to be within.
         max_error: f64::from(totals.max_error).min(tolerance),

@@ -14,22 +14,25 @@ pub(super) struct Tally {
     /// Samples to keep that are vertices. Known once the mesh is written, so it is no part of saved tallies.
     #[serde(skip)]
     pub(super) kept: u64,
-    /// Triangles with too small an angle, known then, too.
+    /// Triangles with too small an angle, known then, too, and
     #[serde(skip)]
-    pub(super) thin: Thin,
+    pub(super) thin: Flaws,
+    /// vertices from which a breakline should go on, and does not.
+    #[serde(skip)]
+    pub(super) apart: Flaws,
 }
 
-/// Triangles with too small an angle.
+/// Places where something that was asked for is not so.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Thin {
+pub struct Flaws {
     /// How many there are.
     pub count: u64,
-    /// Row and column of a corner of the first one.
+    /// Row and column of the first one.
     pub first: Option<[u32; 2]>,
 }
 
-impl Thin {
-    /// Counts one with this corner.
+impl Flaws {
+    /// Counts one here.
     pub(super) fn see(&mut self, row: u32, col: u32) {
         self.add(Self { count: 1, first: Some([row, col]) });
     }
@@ -47,6 +50,7 @@ impl Tally {
         self.isolated += other.isolated;
         self.kept += other.kept;
         self.thin.add(other.thin);
+        self.apart.add(other.apart);
         self.suspects = match (self.suspects, other.suspects) {
             (Some((a, few)), Some((b, more))) if a == b => Some((a, few + more)),
             (Some(a), Some(b)) => Some(if a.0 < b.0 { a } else { b }),
@@ -73,12 +77,12 @@ mod tests {
     }
 
     #[test]
-    fn of_thin_triangles_the_first_is_told() {
-        let mut thin = Thin::default();
+    fn of_flaws_the_first_is_told() {
+        let mut thin = Flaws::default();
         for (row, col) in [(4, 1), (2, 7), (2, 3), (9, 0)] {
             thin.see(row, col);
         }
-        thin.add(Thin::default());
-        assert_eq!(thin, Thin { count: 4, first: Some([2, 3]) });
+        thin.add(Flaws::default());
+        assert_eq!(thin, Flaws { count: 4, first: Some([2, 3]) });
     }
 }

@@ -45,8 +45,8 @@ pub fn run_by(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    if job.keep_points.is_some() {
-        let message = format!("the method {} keeps no points", by.method.name);
+    if job.keep_points.is_some() || job.breaklines.is_some() {
+        let message = format!("the method {} keeps no points or breaklines", by.method.name);
         return Err(Error::usage(message).remedy("leave them out, or the method"));
     }
     refuse_existing(&job.output, job.overwrite)?;

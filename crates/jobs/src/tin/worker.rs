@@ -8,13 +8,14 @@ use std::time::Instant;
 use crossbeam_channel::Sender;
 
 use super::container::{Container, Piece, Shift};
+use super::joints::Joints;
 use super::layout::{Layout, Seam, TileId};
 use super::number::{Lookup, Marks, Ranks, positions};
 use super::report::{Clock, Stage};
 use super::run::Settings;
 use super::schedule::{Queue, Step, Task};
 use super::store::Store;
-use super::tally::{Tally, Thin};
+use super::tally::{Flaws, Tally};
 use super::window::Window;
 use super::workdir::Record;
 use super::writer::{Collect, Part};
@@ -25,8 +26,8 @@ use terrane_files::fault::{self, Point};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh,
-    Triangle, mend_patch, triangulate_tile,
+    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Segment, Spec, Stretch, TileInput,
+    TileMesh, Triangle, mend_patch, triangulate_tile,
 };
 
 /// The two pure functions the pipeline is built around; tests plant faults here.
@@ -82,6 +83,9 @@ pub(super) struct Worker<'a> {
     vertices: Vec<(Local, f64)>,
     /// Samples to keep where it works, sorted.
     kept: Vec<Local>,
+    /// Parts of breaklines there, in the same order for all tiles.
+    lines: Vec<Stretch>,
+    joints: Joints,
     marks: Marks,
     lookup: Lookup,
     clock: Clock,
@@ -97,6 +101,8 @@ impl<'a> Worker<'a> {
             triangles: Vec::new(),
             vertices: Vec::new(),
             kept: Vec::new(),
+            lines: Vec::new(),
+            joints: Joints::default(),
             marks: Marks::default(),
             lookup: Lookup::default(),
             clock: Clock::default(),
@@ -146,7 +152,12 @@ impl<'a> Worker<'a> {
         let suspects = self.window.suspects(layout.owned(tile), self.job.source.info());
         let started = Instant::now();
         self.list_kept(rect);
-        let input = tile_input(layout, tile, self.window.heights(), &self.kept);
+        self.list_lines(rect);
+        let ends = self.lines.iter().flat_map(|line| line.ends(rect.width, rect.height));
+        self.kept.extend(ends);
+        self.kept.sort_unstable();
+        let kept = (&self.kept[..], &self.lines[..]);
+        let input = tile_input(layout, tile, self.window.heights(), kept);
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         let tally = Tally { valid: *valid, isolated: *isolated, suspects, ..Tally::default() };
@@ -191,6 +202,7 @@ impl<'a> Worker<'a> {
             if is_widest && !is_done {
                 return Err(unbounded());
             }
+            let is_done = is_done && patch.apart == 0;
             let is_done = is_done && (is_widest || !self.is_thin(seam, tile, along, &patch)?);
             if is_widest || (is_done && !frontier.is_open()) {
                 return self.settle(seam, tile, rect, &patch, &frontier);
@@ -259,6 +271,7 @@ impl<'a> Worker<'a> {
         let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
         let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
         self.list_kept(rect);
+        self.list_lines(rect);
         let input = PatchInput {
             heights: self.window.heights(),
             vertices: &self.vertices,
@@ -268,6 +281,7 @@ impl<'a> Worker<'a> {
             grid_ends: layout.grid_ends(rect),
             spacing: layout.spacing(),
             kept: &self.kept,
+            lines: &self.lines,
         };
         let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
         self.clock.add(Stage::Seams, started, rect.len() as u64);
@@ -331,18 +345,24 @@ impl<'a> Worker<'a> {
         let layout = &job.layout;
         self.marks.reset(layout.owned(tile));
         let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
+        self.joints.begin(job.settings.kept.lines(), layout.owned(tile));
         for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
             let origin = layout.origin(near);
-            job.store.with(near, |kept| self.marks.mark(&kept.triangles, origin))?;
+            job.store.with(near, |kept| {
+                self.marks.mark(&kept.triangles, origin);
+                self.joints.see(&kept.triangles, origin);
+            })?;
         }
         let points = job.store.with(tile, |kept| {
             self.marks.mark(&kept.inner, layout.origin(tile));
+            self.joints.see(&kept.inner, layout.origin(tile));
             kept.settle(|at| self.marks.contains(at));
             positions(kept, layout.origin(tile), &job.source.info().transform)
         })?;
         self.list_kept(layout.owned(tile));
         let kept = self.kept.iter().filter(|&&at| self.marks.contains(at)).count() as u64;
-        lock(&job.tally).add(Tally { kept, ..Tally::default() });
+        let apart = self.joints.apart();
+        lock(&job.tally).add(Tally { kept, apart, ..Tally::default() });
         if points.len() as u64 != self.marks.count() {
             return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
         }
@@ -384,8 +404,8 @@ impl<'a> Worker<'a> {
     }
 
     /// The triangles of a tile with too small an angle.
-    fn thin(&self, tile: TileId, triangles: &[Triangle]) -> Thin {
-        let mut thin = Thin::default();
+    fn thin(&self, tile: TileId, triangles: &[Triangle]) -> Flaws {
+        let mut thin = Flaws::default();
         let Some(bound) = self.job.settings.spec.min_angle else { return thin };
         let (col, row) = self.job.layout.origin(tile);
         for triangle in triangles.iter().filter(|triangle| !bound.holds(triangle.corners)) {
@@ -414,6 +434,15 @@ impl<'a> Worker<'a> {
         self.kept.clear();
         self.kept.extend(kept.map(|[col, row]| Local::new(col - rect.col, row - rect.row)));
         self.kept.sort_unstable();
+    }
+
+    /// Lists the parts of breaklines in `rect`, by positions there.
+    fn list_lines(&mut self, rect: Rect) {
+        let origin = [rect.col, rect.row].map(i64::from);
+        let near = self.job.settings.kept.lines().near(rect);
+        let stretch = |line: Segment| Stretch::of(line.seen_from(origin), rect.width, rect.height);
+        self.lines.clear();
+        self.lines.extend(near.filter_map(stretch));
     }
 
     fn read(&mut self, rect: Rect) -> Result<()> {
@@ -453,7 +482,7 @@ pub(super) fn tile_input<'a>(
     layout: &Layout,
     tile: TileId,
     heights: Heights<'a>,
-    kept: &'a [Local],
+    (kept, lines): (&'a [Local], &'a [Stretch]),
 ) -> TileInput<'a> {
     let (rect, apron) = (layout.rect(tile), layout.apron(tile));
     TileInput {
@@ -464,7 +493,13 @@ pub(super) fn tile_input<'a>(
         apron_below: apron.end_row() - rect.end_row(),
         spacing: layout.spacing(),
         kept,
+        lines,
     }
+}
+
+/// How many more a worker holds where breaklines are followed.
+pub(super) fn line_bytes(cells: u32) -> u64 {
+    tin::Scratch::line_bytes(cells + 2) + Joints::bytes(cells)
 }
 
 /// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as

@@ -20,7 +20,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use crate::figures::Figures;
-use crate::kept::{Kept, Points};
+use crate::kept::{Features, Kept};
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
@@ -60,6 +60,8 @@ pub struct VerifyJob {
     pub min_angle: Option<f64>,
     /// The name of a file of features; the sample nearest to each point of it has to be a vertex.
     pub keep_points: Option<String>,
+    /// The name of a file of lines and polygons that edges have to follow.
+    pub breaklines: Option<String>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -83,9 +85,8 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
         None => stated_angle(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
-    let points = job.keep_points.as_deref();
-    let points = points.map(|name| Points::read(name, &job.resources)).transpose()?;
-    let kept = Kept::on(points, grid.info())?;
+    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
+    let kept = Features::read(points, lines, &job.resources)?.on(grid.info())?;
     let asked = Asked { tolerance, bound, min_angle, kept: &kept };
     let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
     let mut report = checked.map_err(|e| match e.kind() {
@@ -108,6 +109,10 @@ fn tell_of_files(mesh: &MeshInfo, job: &VerifyJob, verdict: &mut Verdict) {
     if let Some(file) = stated_text(mesh, KEPT).filter(|_| job.keep_points.is_none()) {
         verdict.judged = false;
         verdict.not_judged.push(format!("whether it keeps the points of {file} (--keep-points)"));
+    }
+    if let Some(file) = stated_text(mesh, LINES).filter(|_| job.breaklines.is_none()) {
+        verdict.judged = false;
+        verdict.not_judged.push(format!("whether edges follow the lines of {file} (--breaklines)"));
     }
 }
 
@@ -174,6 +179,7 @@ const ANGLE: &str = "min angle";
 const BOUND: &str = "bound";
 const CLIP: &str = "clip";
 const KEPT: &str = "keep points";
+const LINES: &str = "breaklines";
 const FITTED: &str = "fitted";
 
 /// What a report says where no bound is known.
@@ -188,7 +194,7 @@ pub struct Asked<'a> {
     pub bound: Bound,
     /// The smallest angle that triangles may have in plan, in degrees.
     pub min_angle: Option<f64>,
-    /// Samples that have to be vertices.
+    /// Samples that have to be vertices, and breaklines.
     pub kept: &'a Kept,
 }
 

@@ -10,8 +10,8 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_proof::{
-    self as proof, AngleBound, Domain, Followed, Layout, Open, Part, Position, Surface, Tally,
-    Triangle,
+    self as proof, AngleBound, Domain, Followed, Layout, Line, Open, Part, Position, Surface,
+    Tally, Triangle,
 };
 use terrane_raster::GridInfo;
 
@@ -134,7 +134,9 @@ impl<J> Checker<'_, J> {
         let (triangles, positions) = self.count(domain, bucket)?;
         let samples = domain.rect.len() as u64;
         let kept = samples.min(self.context.asked.kept.count()) * size_of::<Position>() as u64;
-        let need = kept + (self.need)(domain.apron().len() as u64, triangles, positions);
+        let lines = self.context.asked.kept.lines().ends_near(domain.rect);
+        let lines: u64 = lines.map(|[a, b]| Line::between(a, b).bytes_in(&domain)).sum();
+        let need = kept + lines + (self.need)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
             return self.check_whole(domain, bucket, [triangles, positions], found);
         }
@@ -204,6 +206,8 @@ impl<J> Checker<'_, J> {
         let mut kept: Vec<_> =
             kept.map(|[col, row]| Position::sample(col.into(), row.into())).collect();
         kept.sort_unstable();
+        let near = self.context.asked.kept.lines().ends_near(domain.rect);
+        let lines: Vec<_> = near.map(|[a, b]| Line::between(a, b)).collect();
         let map = self.context.grid.info().transform;
         let steps = [[map.a, map.d], [map.b, map.e]];
         let part = Part {
@@ -212,6 +216,7 @@ impl<J> Checker<'_, J> {
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             kept: &kept,
+            lines: &lines,
             min_angle: self.context.asked.min_angle.map(|degrees| AngleBound { degrees, steps }),
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::Context;
 use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
 use super::vertices::VertexCounts;
+use crate::breaklines::BreaklinesReport;
 use crate::kept::KeptReport;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
@@ -90,6 +91,15 @@ pub struct OfGrid {
     /// samples nearest to them that are no vertices at their height.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_kept: FaultReport<Place>,
+    /// Breaklines, if they were given,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// vertices on them, and
+    #[serde(skip_serializing_if = "is_zero")]
+    pub on_breaklines: u64,
+    /// samples where edges do not follow them.
+    #[serde(skip_serializing_if = "FaultReport::is_none")]
+    pub not_followed: FaultReport<Place>,
     /// Samples of the grid by seconds.
     pub samples_per_second: f64,
 }
@@ -112,6 +122,7 @@ impl Original for OfGrid {
             (between, "places between samples further from the mesh than the tolerance"),
             (self.thin_triangles, "triangles with a smaller angle than they may have"),
             (self.not_kept, "samples that were to be kept and are no vertices at their height"),
+            (self.not_followed, "samples on breaklines that edges do not follow"),
             (self.uncovered_samples, "samples not covered by the mesh"),
             (self.uncovered_cells, "cells not covered by the mesh"),
             (self.void_cells, "void cells covered by triangles"),
@@ -169,6 +180,9 @@ pub(super) fn report(
         thin_triangles: fault(&tally.thin),
         keep_points: context.asked.kept.report(tally.kept, tally.kept - tally.not_kept.count),
         not_kept: fault(&tally.not_kept),
+        breaklines: context.asked.kept.lines().report(tally.not_followed.count),
+        on_breaklines: tally.on_lines,
+        not_followed: fault(&tally.not_followed),
         ..OfGrid::default()
     };
     let found = Findings {
@@ -182,6 +196,10 @@ pub(super) fn report(
         area_matches: tally.double_area == i128::from(tally.surface_cells) * DOUBLE_CELL,
     };
     MeshReport::new(of, &found, place)
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 pub(super) fn place(map: &Affine, at: Position) -> Place {

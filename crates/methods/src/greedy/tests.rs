@@ -120,6 +120,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         apron_below,
         spacing: 99,
         kept: &[],
+        lines: &[],
     };
     let spec = terrane_tin::Spec {
         tolerance,

@@ -40,6 +40,7 @@ proptest! {
                 grid_ends: [true; 4],
                 spacing: u32::MAX,
                 kept: &[],
+                lines: &[],
             };
             format!("{:?}", mend_patch(&input, &spec, &mut Scratch::default()))
         };

@@ -24,6 +24,7 @@ fn patch(grid: &Grid, triangles: &[Triangle], col: u32, ends: [bool; 4], spec: &
         grid_ends: ends,
         spacing: u32::MAX,
         kept: &[],
+        lines: &[],
     };
     mend_patch(&input, spec, &mut Scratch::default())
 }

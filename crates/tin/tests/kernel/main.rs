@@ -98,6 +98,7 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
         apron_below: below,
         spacing: u32::MAX,
         kept: &grid.kept_in(cols, rows),
+        lines: &[],
     };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
@@ -328,6 +329,7 @@ fn seam<'a>(grid: &'a Grid, z: &'a [f32], half: u32, triangles: &'a [Triangle]) 
         grid_ends: [true; 4],
         spacing: u32::MAX,
         kept: &grid.kept,
+        lines: &[],
     }
 }
 

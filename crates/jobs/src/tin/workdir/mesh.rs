@@ -24,7 +24,7 @@ use crate::tin::make::{Maker, Opened, in_input};
 use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
 use crate::tin::tally::Tally;
-use crate::tin::worker::{Stock, worker_bytes};
+use crate::tin::worker::{Stock, line_bytes, worker_bytes};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
@@ -103,7 +103,8 @@ impl Mesh {
         let job = &self.method.job;
         let worker =
             worker_bytes(strips.layout().side(), job.goal.may_keep_all(job.min_angle), job.fit);
-        let thread_memory = worker + opened.kept.bytes();
+        let lines = job.breaklines.as_ref().map_or(0, |_| line_bytes(strips.layout().side()));
+        let thread_memory = worker + lines + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
         let samples = self.samples();
@@ -284,13 +285,14 @@ impl Grid {
     }
 }
 
-/// The files that `job` reads: those behind its input, polygons, and points to keep.
+/// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
     let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
-    let kept = job.keep_points.as_deref().map_or_else(Vec::new, beside::files);
+    let kept = [&job.keep_points, &job.breaklines].into_iter().flatten();
+    let kept = kept.flat_map(|name| beside::files(name));
     all.iter().filter(is_file).map(path).chain(job.reading.files()).chain(kept).collect()
 }
 

@@ -104,8 +104,14 @@ fn plan_checked(
         return Err(budget());
     }
     let reading = job.job.reading.absolute()?;
-    let keep_points = job.job.keep_points.as_deref().map(beside::absolute).transpose()?;
-    let tin = TinJob { input: job.job.input.resolve()?, reading, keep_points, ..job.job.clone() };
+    let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
+    let tin = TinJob {
+        input: job.job.input.resolve()?,
+        reading,
+        keep_points: absolute(&job.job.keep_points)?,
+        breaklines: absolute(&job.job.breaklines)?,
+        ..job.job.clone()
+    };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
@@ -116,7 +122,7 @@ fn plan_checked(
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
-    let size = size.with(opened.kept.count());
+    let size = size.with(opened.kept.count() + opened.kept.lines().steps());
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
     let (files, needs) = (mesh::files(&tin, &*opened.source), mesh.needs(size, &opened)?);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;

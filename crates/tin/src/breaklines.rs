@@ -1,0 +1,347 @@
+//! Breaklines: paths of samples along which edges of the mesh run.
+//!
+//! What follows a segment of a line is a *path*: samples from one end of it to the other, each a step along a
+//! row or a column from the one before, none further than 0.71 cells from the straight segment. Promised is
+//! that two vertices on a path are joined by an edge where none lies between them, so that edges run along the
+//! path and no other edge crosses it.
+//!
+//! Where an edge is missing, the sample in the middle of that part of the path becomes a vertex (a conforming
+//! triangulation, as in Edelsbrunner & Tan 1993): the mesh stays Delaunay, tiles and seams are as without, and
+//! lines that cross get a vertex in common. It ends because a step of a path is an edge of every Delaunay
+//! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
+//! way a segment runs, so that borders may be shared.
+
+use std::ops::RangeInclusive;
+
+use super::Local;
+use super::angles::{Reached, walk};
+use super::field::Field;
+use super::mesh::{Mesh, State};
+use terrane_base::bits::BitSet;
+
+/// A straight part of a breakline, from sample to sample, and its path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Segment {
+    from: [i64; 2],
+    to: [i64; 2],
+}
+
+impl Segment {
+    /// Between two samples (column, row), in either order.
+    pub fn new(a: [i64; 2], b: [i64; 2]) -> Self {
+        let is_first = (a[1], a[0]) <= (b[1], b[0]);
+        let [from, to] = if is_first { [a, b] } else { [b, a] };
+        Self { from, to }
+    }
+
+    /// The same where positions are counted from `origin`.
+    pub fn seen_from(&self, origin: [i64; 2]) -> Self {
+        let moved = |at: [i64; 2]| [0, 1].map(|axis| at[axis] - origin[axis]);
+        Self { from: moved(self.from), to: moved(self.to) }
+    }
+
+    /// Columns and rows from end to end.
+    fn spans(&self) -> [u64; 2] {
+        [0, 1].map(|axis| self.to[axis].abs_diff(self.from[axis]))
+    }
+
+    /// Steps of the path from end to end.
+    pub fn steps(&self) -> u64 {
+        self.spans().into_iter().sum()
+    }
+
+    /// The sample after so many steps.
+    pub fn at(&self, step: u64) -> [i64; 2] {
+        let all = u128::from(self.steps());
+        let cols = match all {
+            0 => 0,
+            _ => (2 * u128::from(step) * u128::from(self.spans()[0]) + all) / (2 * all),
+        };
+        let gone = [cols as u64, step - cols as u64];
+        [0, 1].map(|axis| {
+            let on = if self.to[axis] < self.from[axis] { -1 } else { 1 };
+            self.from[axis] + on * gone[axis] as i64
+        })
+    }
+
+    /// After how many steps the path comes to a sample, if it does.
+    pub fn step_of(&self, at: [i64; 2]) -> Option<u64> {
+        let step = [0, 1].map(|axis| at[axis].abs_diff(self.from[axis])).into_iter().sum();
+        (step <= self.steps() && self.at(step) == at).then_some(step)
+    }
+
+    /// The steps at which the path is between two samples, the upper left and the lower right.
+    pub fn within(&self, low: [i64; 2], high: [i64; 2]) -> Option<RangeInclusive<u64>> {
+        let (mut first, mut last) = (0, self.steps());
+        for axis in [0, 1] {
+            let is_forward = self.to[axis] >= self.from[axis];
+            let (is_before, is_after): (&dyn Fn(i64) -> bool, &dyn Fn(i64) -> bool) =
+                match is_forward {
+                    true => (&|at| at < low[axis], &|at| at > high[axis]),
+                    false => (&|at| at > high[axis], &|at| at < low[axis]),
+                };
+            first = self.first_step(first, last, |at| !is_before(at[axis]))?;
+            last = match self.first_step(first, last, |at| is_after(at[axis])) {
+                Some(beyond) => beyond.checked_sub(1).filter(|&last| last >= first)?,
+                None => last,
+            };
+        }
+        Some(first..=last)
+    }
+
+    /// The first step of some at which a test holds, which holds at all steps after that.
+    fn first_step(&self, from: u64, to: u64, holds: impl Fn([i64; 2]) -> bool) -> Option<u64> {
+        let (mut low, mut high) = (from, to + 1);
+        while low < high {
+            let middle = low.midpoint(high);
+            if holds(self.at(middle)) { high = middle } else { low = middle + 1 }
+        }
+        (low <= to).then_some(low)
+    }
+}
+
+/// A part of a segment's path, whose samples all lie in a tile or patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stretch {
+    segment: Segment,
+    first: u64,
+    last: u64,
+}
+
+impl Stretch {
+    /// What lies in a rectangle of so many samples, from whose first one positions are counted.
+    pub fn of(segment: Segment, width: u32, height: u32) -> Option<Self> {
+        let high = [width, height].map(|count| i64::from(count) - 1);
+        let steps = segment.within([0, 0], high)?;
+        Some(Self { segment, first: *steps.start(), last: *steps.end() })
+    }
+
+    /// The samples, in order.
+    pub fn samples(&self) -> impl Iterator<Item = Local> + '_ {
+        (self.first..=self.last).map(|step| self.at(step))
+    }
+
+    fn at(&self, step: u64) -> Local {
+        let [col, row] = self.segment.at(step);
+        Local::new(col as u32, row as u32)
+    }
+
+    /// The samples that have to be vertices if the rectangle is a tile, the same for all tiles that have them:
+    /// ends of the segment, and where the path comes to a side of the tile or leaves it.
+    pub fn ends(&self, width: u32, height: u32) -> impl Iterator<Item = Local> + '_ {
+        let high = [width, height].map(|count| i64::from(count) - 1);
+        let is_end = move |&step: &u64| {
+            let at = self.segment.at(step);
+            let on_side = |axis: usize| at[axis] == 0 || at[axis] == high[axis];
+            let goes_on = |axis: usize| {
+                let beside = [step - 1, step + 1];
+                beside.into_iter().all(|near| self.segment.at(near)[axis] == at[axis])
+            };
+            let is_last = step == 0 || step == self.segment.steps();
+            is_last || [0, 1].into_iter().any(|axis| on_side(axis) && !goes_on(axis))
+        };
+        (self.first..=self.last).filter(is_end).map(|step| self.at(step))
+    }
+}
+
+/// Edges from samples on paths.
+#[derive(Debug, Default)]
+pub(super) struct Edges {
+    /// Samples on paths.
+    on: BitSet,
+    /// Where from, where to, and the half-edge, sorted.
+    all: Vec<(Local, Local, u32)>,
+}
+
+/// Two vertices on a path that no edge joins.
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    /// The sample in the middle of the path between them.
+    middle: Local,
+    /// A half-edge from the first.
+    half_edge: u32,
+}
+
+/// Inserts samples until vertices on paths are joined, as far as that can be; a sample that a triangle holds
+/// where it `may` be. After each round `settle` brings back what else is promised of the mesh. Returns how many
+/// are not joined because they may not be. Each round is linear in the triangles and the samples of paths.
+pub(super) fn follow(
+    (lines, field): (&[Stretch], &Field),
+    mesh: &mut Mesh,
+    edges: &mut Edges,
+    may: impl Fn(&Mesh, u32, Local) -> bool,
+    mut settle: impl FnMut(&mut Mesh),
+) -> u64 {
+    let (mut star, mut gaps) = (Vec::new(), Vec::new());
+    loop {
+        edges.find(lines, field, mesh);
+        gaps.clear();
+        lines.iter().for_each(|line| edges.gaps(line, &mut gaps));
+        let (mut is_done, mut left) = (true, 0);
+        for gap in &gaps {
+            let Reached::Triangle(holder) = walk(mesh, gap.half_edge >> 2, gap.middle.lattice())
+            else {
+                continue;
+            };
+            star.clear();
+            match may(mesh, holder, gap.middle) {
+                true => is_done &= !mesh.insert(holder, gap.middle, &mut star),
+                false => left += 1,
+            }
+        }
+        if is_done {
+            return left;
+        }
+        settle(mesh);
+    }
+}
+
+/// Appends the vertices of a mesh that are on paths.
+pub(super) fn vertices(
+    (lines, field): (&[Stretch], &Field),
+    mesh: &Mesh,
+    edges: &mut Edges,
+    out: &mut Vec<Local>,
+) {
+    edges.find(lines, field, mesh);
+    out.extend(edges.all.chunk_by(|a, b| a.0 == b.0).map(|chunk| chunk[0].0));
+}
+
+impl Edges {
+    /// Most bytes for a tile or patch of so many samples.
+    pub(super) fn bytes(samples: u64) -> u64 {
+        // Six begin at a vertex.
+        samples * (6 * size_of::<(Local, Local, u32)>() as u64 + 1)
+    }
+
+    /// Lists the edges of the surface that begin on a path.
+    fn find(&mut self, lines: &[Stretch], field: &Field, mesh: &Mesh) {
+        self.all.clear();
+        if lines.is_empty() {
+            return;
+        }
+        let (width, height) = (field.width() as usize, field.height() as usize);
+        let index = |p: Local| p.row() as usize * width + p.col() as usize;
+        self.on.reset(width * height);
+        lines.iter().flat_map(Stretch::samples).for_each(|p| {
+            self.on.insert(index(p));
+        });
+        for id in mesh.ids().filter(|&id| mesh.tris[id as usize].state != State::Outside) {
+            let half_edges = (4 * id..4 * id + 3)
+                .map(|half_edge| (mesh.origin(half_edge), mesh.end(half_edge), half_edge));
+            self.all.extend(half_edges.filter(|edge| self.on.contains(index(edge.0))));
+        }
+        self.all.sort_unstable();
+    }
+
+    fn half_edge(&self, from: Local) -> Option<u32> {
+        let place = self.all.partition_point(|edge| edge.0 < from);
+        self.all.get(place).filter(|edge| edge.0 == from).map(|edge| edge.2)
+    }
+
+    fn joins(&self, from: Local, to: Local) -> bool {
+        let has = |a, b| {
+            let place = self.all.partition_point(|edge| (edge.0, edge.1) < (a, b));
+            self.all.get(place).is_some_and(|edge| (edge.0, edge.1) == (a, b))
+        };
+        has(from, to) || has(to, from)
+    }
+
+    /// Appends the gaps of a stretch. Steps are never gaps: where both samples are vertices, all that there can be
+    /// is an edge.
+    fn gaps(&self, line: &Stretch, gaps: &mut Vec<Gap>) {
+        let mut before: Option<(u64, Local, u32)> = None;
+        for (step, at) in (line.first..).zip(line.samples()) {
+            let Some(half_edge) = self.half_edge(at) else { continue };
+            if let Some((from, start, half_edge)) = before.filter(|&(from, ..)| from + 1 < step)
+                && !self.joins(start, at)
+            {
+                gaps.push(Gap { middle: line.at(from.midpoint(step)), half_edge });
+            }
+            before = Some((step, at, half_edge));
+        }
+    }
+}
+
+/// Where edges run along a path from a vertex, and where they do not.
+///
+/// `fan` are the triangles around the vertex, each by its two other corners in counter-clockwise order. The
+/// answer is `None` where the path ends there, or goes on beyond the surface.
+pub fn goes_on(segment: &Segment, step: u64, fan: &[[[i64; 2]; 2]]) -> Option<bool> {
+    if step == segment.steps() {
+        return None;
+    }
+    let [at, next] = [step, step + 1].map(|step| segment.at(step));
+    let turn = |a: [i64; 2], b: [i64; 2]| {
+        let [a, b] = [a, b].map(|p| [0, 1].map(|axis| p[axis] - at[axis]));
+        a[0] * b[1] - a[1] * b[0]
+    };
+    let holds = |&[a, b]: &[[i64; 2]; 2]| turn(a, next) >= 0 && turn(next, b) >= 0;
+    let is_later = |end: &[i64; 2]| segment.step_of(*end).is_some_and(|to| to > step);
+    fan.iter().any(holds).then(|| fan.iter().flatten().any(is_later))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn end() -> impl Strategy<Value = [i64; 2]> {
+        [-40..40_i64, -40..40_i64]
+    }
+
+    proptest! {
+        /// Each sample of a path is one of the two beside which the straight segment passes the diagonal of its step.
+        #[test]
+        fn a_path_is_steps_along_its_segment_the_same_both_ways(a in end(), b in end()) {
+            let segment = Segment::new(a, b);
+            prop_assert_eq!(segment, Segment::new(b, a));
+            let all: Vec<_> = (0..=segment.steps()).map(|step| segment.at(step)).collect();
+            let mut ends = [all[0], all[all.len() - 1]];
+            ends.sort_unstable();
+            let mut expected = [a, b];
+            expected.sort_unstable();
+            prop_assert_eq!(ends, expected);
+            for (step, pair) in (0..).zip(all.windows(2)) {
+                prop_assert_eq!(pair[0][0].abs_diff(pair[1][0]) + pair[0][1].abs_diff(pair[1][1]), 1);
+                prop_assert_eq!(segment.step_of(pair[0]), Some(step));
+            }
+            let [dx, dy] = [0, 1].map(|axis| (b[axis] - a[axis]) as f64);
+            let length = dx.hypot(dy);
+            for p in all {
+                let off = (p[0] - a[0]) as f64 * dy - (p[1] - a[1]) as f64 * dx;
+                prop_assert!(length == 0.0 || off.abs() / length <= 0.5_f64.sqrt() + 1e-9, "{:?}", p);
+            }
+            prop_assert_eq!(segment.step_of([a[0] + 1000, a[1]]), None);
+        }
+
+        /// Its twin looks at every step.
+        #[test]
+        fn a_rectangle_has_a_part_of_a_path(
+            a in end(), b in end(), low in end(), size in [0..50_i64, 0..50_i64]
+        ) {
+            let segment = Segment::new(a, b);
+            let high = [low[0] + size[0], low[1] + size[1]];
+            let inside = |at: [i64; 2]| (0..2).all(|axis| (low[axis]..=high[axis]).contains(&at[axis]));
+            let expected: Vec<u64> =
+                (0..=segment.steps()).filter(|&step| inside(segment.at(step))).collect();
+            let found: Vec<u64> = segment.within(low, high).into_iter().flatten().collect();
+            prop_assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn a_line_goes_on_where_an_edge_ends_further_along_its_path() {
+        // Along a row: 0, 1, 2, 3.
+        let segment = Segment::new([0, 0], [3, 0]);
+        let fan = |far: [i64; 2]| [[[1, -1], far], [far, [1, 1]]];
+        assert_eq!(goes_on(&segment, 0, &fan([3, 0])), Some(true));
+        assert_eq!(goes_on(&segment, 0, &fan([2, 0])), Some(true));
+        assert_eq!(goes_on(&segment, 0, &fan([4, 0])), Some(false), "beyond its end");
+        assert_eq!(goes_on(&segment, 0, &fan([2, 1])), Some(false));
+        // No triangle where it would go on; only behind.
+        assert_eq!(goes_on(&segment, 0, &[[[0, 1], [-1, 0]], [[-1, 0], [0, -1]]]), None);
+        assert_eq!(goes_on(&segment, 3, &fan([5, 0])), None);
+        assert_eq!(goes_on(&segment, 2, &[[[2, 1], [1, 0]]]), None);
+    }
+}
