@@ -163,8 +163,10 @@ impl<'a> Follow<'a> {
 
     /// Counts the vertices on lines, and the samples where the mesh does not follow them.
     pub(crate) fn finish(self, tally: &mut Tally) {
+        for at in self.stops.chunk_by(|a, b| a.at == b.at) {
+            tally.on_lines += u64::from(at[0].is_vertex);
+        }
         for stop in self.stops {
-            tally.on_lines += u64::from(stop.is_vertex);
             let is_missing = stop.has_to_be && !stop.is_vertex;
             if is_missing || stop.is_vertex && stop.goes_on && !stop.has_edge {
                 tally.not_followed.add(stop.at);

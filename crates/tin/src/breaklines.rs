@@ -158,8 +158,7 @@ pub(super) struct Edges {
 struct Gap {
     /// The sample in the middle of the path between them.
     middle: Local,
-    /// A half-edge from the first.
-    half_edge: u32,
+    ends: [Local; 2],
 }
 
 /// Inserts samples until vertices on paths are joined, as far as that can be; a sample that a triangle holds
@@ -179,10 +178,7 @@ pub(super) fn follow(
         lines.iter().for_each(|line| edges.gaps(line, &mut gaps));
         let (mut is_done, mut left) = (true, 0);
         for gap in &gaps {
-            let Reached::Triangle(holder) = walk(mesh, gap.half_edge >> 2, gap.middle.lattice())
-            else {
-                continue;
-            };
+            let Some(holder) = edges.holder(gap, mesh) else { continue };
             star.clear();
             match may(mesh, holder, gap.middle) {
                 true => is_done &= !mesh.insert(holder, gap.middle, &mut star),
@@ -234,9 +230,21 @@ impl Edges {
         self.all.sort_unstable();
     }
 
-    fn half_edge(&self, from: Local) -> Option<u32> {
+    /// The half-edges from a sample: none where it is no vertex.
+    fn from(&self, from: Local) -> impl Iterator<Item = u32> + '_ {
         let place = self.all.partition_point(|edge| edge.0 < from);
-        self.all.get(place).filter(|edge| edge.0 == from).map(|edge| edge.2)
+        self.all[place..].iter().take_while(move |edge| edge.0 == from).map(|edge| edge.2)
+    }
+
+    /// The triangle that holds the middle of a gap, if it can be seen from one around its ends: beside voids and
+    /// borders not from all of them.
+    fn holder(&self, gap: &Gap, mesh: &Mesh) -> Option<u32> {
+        gap.ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
+            match walk(mesh, half_edge >> 2, gap.middle.lattice()) {
+                Reached::Triangle(holder) => Some(holder),
+                Reached::Border(_) => None,
+            }
+        })
     }
 
     fn joins(&self, from: Local, to: Local) -> bool {
@@ -250,15 +258,12 @@ impl Edges {
     /// Appends the gaps of a stretch. Steps are never gaps: where both samples are vertices, all that there can be
     /// is an edge.
     fn gaps(&self, line: &Stretch, gaps: &mut Vec<Gap>) {
-        let mut before: Option<(u64, Local, u32)> = None;
-        for (step, at) in (line.first..).zip(line.samples()) {
-            let Some(half_edge) = self.half_edge(at) else { continue };
-            if let Some((from, start, half_edge)) = before.filter(|&(from, ..)| from + 1 < step)
-                && !self.joins(start, at)
-            {
-                gaps.push(Gap { middle: line.at(from.midpoint(step)), half_edge });
+        let steps = (line.first..).zip(line.samples());
+        let mut vertices = steps.filter(|&(_, at)| self.from(at).next().is_some()).peekable();
+        while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
+            if next > step + 1 && !self.joins(at, to) {
+                gaps.push(Gap { middle: line.at(step.midpoint(next)), ends: [at, to] });
             }
-            before = Some((step, at, half_edge));
         }
     }
 }

@@ -2,6 +2,26 @@
 
 use super::*;
 
+/// A patch of triangles around column `half` of a grid, whose heights are `z`.
+pub(super) fn seam<'a>(
+    grid: &'a Grid,
+    z: &'a [f32],
+    half: u32,
+    triangles: &'a [Triangle],
+) -> PatchInput<'a> {
+    PatchInput {
+        heights: Heights { width: grid.width, height: grid.height, f32: z, f64: None },
+        vertices: &[],
+        triangles,
+        seam_col: Some(half),
+        seam_row: None,
+        grid_ends: [true; 4],
+        spacing: u32::MAX,
+        kept: &grid.kept,
+        lines: &grid.stretches,
+    }
+}
+
 /// The samples beside the places where an edge is further than `tolerance` from the line between two
 /// neighbouring samples.
 fn beyond(grid: &Grid, triangles: &[Triangle], tolerance: i64) -> BTreeSet<Local> {

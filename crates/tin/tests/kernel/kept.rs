@@ -4,11 +4,23 @@ use super::*;
 
 impl Grid {
     /// What is to be kept of a window, which begins there.
-    pub(super) fn kept_in(&self, cols: [u32; 2], rows: [u32; 2]) -> Vec<Local> {
+    fn kept_in(&self, cols: [u32; 2], rows: [u32; 2]) -> Vec<Local> {
         let held = |[from, to]: [u32; 2], at| (from..=to).contains(&at);
         let inside = |p: &&Local| held(cols, p.col()) && held(rows, p.row());
         let shift = |p: &Local| Local::new(p.col() - cols[0], p.row() - rows[0]);
         self.kept.iter().filter(inside).map(shift).collect()
+    }
+
+    /// The same, with the breaklines there and what these need.
+    pub(super) fn features_in(&self, cols: [u32; 2], rows: [u32; 2]) -> (Vec<Local>, Vec<Stretch>) {
+        let [width, height] = [cols, rows].map(|[from, to]| to - from + 1);
+        let origin = [cols[0], rows[0]].map(i64::from);
+        let stretch = |line: &Segment| Stretch::of(line.seen_from(origin), width, height);
+        let lines: Vec<_> = self.lines.iter().filter_map(stretch).collect();
+        let mut kept = self.kept_in(cols, rows);
+        kept.extend(lines.iter().flat_map(|line| line.ends(width, height)));
+        kept.sort_unstable();
+        (kept, lines)
     }
 }
 

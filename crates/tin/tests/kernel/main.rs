@@ -4,9 +4,11 @@
 mod alike;
 mod angles;
 mod border;
+mod breaklines;
 mod fit;
 mod kept;
 
+use border::seam;
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,8 +16,8 @@ use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 use terrane_tin::{
-    Heights, Local, PatchInput, PatchMesh, Scratch, Spec, TileInput, TileMesh, Triangle,
-    mend_patch, triangulate_tile,
+    Heights, Local, PatchInput, PatchMesh, Scratch, Segment, Spec, Stretch, TileInput, TileMesh,
+    Triangle, mend_patch, triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.
@@ -26,6 +28,9 @@ struct Grid {
     z: Vec<Option<i16>>,
     /// Samples to keep, sorted.
     kept: Vec<Local>,
+    /// Breaklines, and the same as they lie in it.
+    lines: Vec<Segment>,
+    stretches: Vec<Stretch>,
 }
 
 impl Grid {
@@ -90,6 +95,7 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
     }
     let [width, height] =
         [cols[1] - cols[0] + 1 + left + right, rows[1] - rows[0] + 1 + above + below];
+    let (kept, lines) = grid.features_in(cols, rows);
     let input = TileInput {
         heights: Heights { width, height, f32: &z, f64: None },
         apron_left: left,
@@ -97,8 +103,8 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
         apron_above: above,
         apron_below: below,
         spacing: u32::MAX,
-        kept: &grid.kept_in(cols, rows),
-        lines: &[],
+        kept: &kept,
+        lines: &lines,
     };
     triangulate_tile(&input, spec, &mut Scratch::default())
 }
@@ -315,21 +321,6 @@ proptest! {
             }
             prop_assert!(is_done || reach < half);
         }
-    }
-}
-
-/// A patch of triangles around column `half` of a grid, whose heights are `z`.
-fn seam<'a>(grid: &'a Grid, z: &'a [f32], half: u32, triangles: &'a [Triangle]) -> PatchInput<'a> {
-    PatchInput {
-        heights: Heights { width: grid.width, height: grid.height, f32: z, f64: None },
-        vertices: &[],
-        triangles,
-        seam_col: Some(half),
-        seam_row: None,
-        grid_ends: [true; 4],
-        spacing: u32::MAX,
-        kept: &grid.kept,
-        lines: &[],
     }
 }
 
