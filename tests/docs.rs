@@ -255,11 +255,14 @@ fn members_of_reports_are_told_of() {
     let page = page.split("\n## Reports\n").nth(1).unwrap();
     let place = Place::new();
     place.write("some.wkt", "POINT (500100 4749900)").write("some.prj", "EPSG:32631");
+    place.write("line.wkt", "LINESTRING (500100 4749900, 500300 4749700)");
+    place.write("line.prj", "EPSG:32631");
     let jobs = [
         "synth rough,size=65 dem.tif",
         "synth cloud,size=40,density=2 c.laz",
         "synth coverage,vertices=100,features=4 lines.geojson",
         "tin dem.tif mesh.ply --max-error 20 --keep-points some.wkt --min-angle 20 --verify",
+        "tin dem.tif lines.ply --max-error 20 --breaklines line.wkt --verify",
         "tin dem.tif mesh.glb --max-vertices 50",
         "tin c.laz ground.ply --max-error 1",
         "verify mesh.ply dem.tif --keep-points some.wkt",

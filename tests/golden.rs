@@ -261,6 +261,8 @@ fn jobs() -> Vec<String> {
         let keep = "--keep-points ../in/points.wkt";
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {keep}{how}"));
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 --min-angle 25{how}"));
+        let lines = "--breaklines ../in/areas.wkt";
+        add(format!("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 {lines}{how}"));
     }
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs

@@ -140,6 +140,13 @@ fn make_inputs(place: &Place) {
     place.write("points.prj", "EPSG:32631");
     let keep = ["--keep-points", "points.csv", "--max-error", "20", "-q"];
     place.ok(&[&["tin", "large.tif", "kept.ply"], &keep[..]].concat());
+    // Some 60,000 segments, of which most of what a quarter of the budget holds is.
+    let at = |i: u64| (500_000 + i * 7919 % 28_170, 4_721_840 + i * 53 % 28_160);
+    let walk = (0..60_000).map(at).map(|(x, y)| format!("{x} {y}, {} {}", x + 90, y + 70));
+    let walk = walk.map(|line| format!("LINESTRING ({line})\n")).collect::<String>();
+    place.write("walks.wkt", walk).write("walks.prj", "EPSG:32631");
+    let follow = ["--breaklines", "walks.wkt", "--max-error", "20", "-q"];
+    place.ok(&[&["tin", "large.tif", "followed.ply"], &follow[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
@@ -153,6 +160,8 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.ply --max-error 0 --tile 256",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --bound surface",
     "tin large.tif o.ply --max-error 20 --tile 256 --keep-points points.csv",
+    "tin large.tif o.ply --max-error 20 --tile 256 --breaklines walks.wkt",
+    "tin large.tif o.ply --max-error 20 --tile 128 --breaklines walks.wkt",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --fit",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --min-angle 26",
     "tin dem.tif o.ply --max-error 0 --tile 256 --fit --bound surface",
@@ -174,6 +183,7 @@ const JOBS: &[&str] = &[
     "verify full.ply large.tif",
     "verify part.ply large.tif --clip square.wkt",
     "verify kept.ply large.tif --keep-points points.csv",
+    "verify followed.ply large.tif --breaklines walks.wkt",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",

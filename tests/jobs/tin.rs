@@ -4,12 +4,13 @@
 mod support;
 
 use support::{
-    Capture, FunctionGrid, Mesh, check_kept, hills, largest_crossing, noise, non_delaunay_edges,
-    thin, validate,
+    Capture, FunctionGrid, Mesh, check_followed, check_kept, hills, largest_crossing, noise,
+    non_delaunay_edges, thin, validate,
 };
 use terrane_base::ErrorKind;
 use terrane_base::Result;
 use terrane_base::bound::Bound;
+use terrane_jobs::breaklines::Breaklines;
 use terrane_jobs::kept::Kept;
 use terrane_jobs::tin::{Flaws, Outcome, Settings, run_on};
 use terrane_jobs::{Cancel, Silent};
@@ -148,8 +149,11 @@ fn bytes_do_not_depend_on_threads_memory_or_order() {
         (flat_sea, Bound::Samples, true),
         (hills, Bound::Surface, true),
     ];
+    let lines =
+        Breaklines::of(vec![[[3, 149], [130, 11]], [[130, 11], [0, 16]], [[40, 0], [33, 140]]]);
     for (surface, bound, fit) in kinds {
-        let usual = || Run { bound, fit, ..Run::default() };
+        let kept = Kept::default().with(lines.clone());
+        let usual = || Run { bound, fit, kept: kept.clone(), ..Run::default() };
         let grid = FunctionGrid::new(131, 150, surface);
         let (mesh, alone) = usual().on(&grid).unwrap();
         for threads in [1, 2, 8] {
@@ -358,6 +362,24 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         let is_kept = |[col, row]: &[u32; 2]| dice(seed, 8 + col, *row) * one_in < 1.0;
         let kept = Kept::of(samples.filter(is_kept).collect());
         let min_angle = (draw(8) < 0.4).then(|| draw(9) * SMALLEST);
+        // A walk of some steps, and some long lines.
+        let lines =
+            if min_angle.is_none() && draw(10) < 0.6 { 1 + (draw(11) * 30.0) as u32 } else { 0 };
+        let [mut col, mut row] = [12, 13].map(|k| draw(k) * 200.0);
+        let segments: Vec<_> = (0..lines)
+            .map(|line| {
+                let place = |col: f64, row: f64| {
+                    [(col, width), (row, height)]
+                        .map(|(at, side)| at.clamp(0.0, f64::from(side - 1)) as u32)
+                };
+                let from = place(col, row);
+                let far = if line % 7 == 0 { 300.0 } else { 20.0 };
+                (col, row) =
+                    (col + far * (draw(20 + line) - 0.5), row + far * (draw(60 + line) - 0.5));
+                [from, place(col, row)]
+            })
+            .collect();
+        let kept = kept.with(Breaklines::of(segments.clone()));
         let run = Run { tolerance, bound, fit, min_angle, kept, tile, ..Run::default() };
         let (mesh, outcome) = match run.on(&grid) {
             Ok(made) => made,
@@ -370,6 +392,8 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         };
         validate(&mesh, &grid, tolerance);
         check_kept(&run.kept, &mesh, &grid, outcome.kept);
+        check_followed(&segments, &mesh, &grid);
+        assert_eq!(outcome.apart, Flaws::default(), "{name} (seed {seed})");
         let thin = min_angle.map_or(0, |least| thin(&mesh, least));
         assert_eq!(thin, outcome.thin.count, "{name} (seed {seed})");
         // There are settings where some are left: then as many are told. None of these is one.

@@ -5,6 +5,7 @@ mod cli_support;
 mod support;
 
 mod angles;
+mod breaklines;
 mod faults;
 mod kept;
 mod quality;

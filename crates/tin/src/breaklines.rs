@@ -147,8 +147,10 @@ impl Stretch {
 /// Edges from samples on paths.
 #[derive(Debug, Default)]
 pub(super) struct Edges {
-    /// Samples on paths.
+    /// Samples on paths, and those of them that are vertices.
     on: BitSet,
+    vertices: BitSet,
+    width: usize,
     /// Where from, where to, and the half-edge, sorted.
     all: Vec<(Local, Local, u32)>,
 }
@@ -216,18 +218,27 @@ impl Edges {
         if lines.is_empty() {
             return;
         }
-        let (width, height) = (field.width() as usize, field.height() as usize);
-        let index = |p: Local| p.row() as usize * width + p.col() as usize;
-        self.on.reset(width * height);
-        lines.iter().flat_map(Stretch::samples).for_each(|p| {
-            self.on.insert(index(p));
-        });
+        self.width = field.width() as usize;
+        let samples = self.width * field.height() as usize;
+        self.on.reset(samples);
+        self.vertices.reset(samples);
+        for p in lines.iter().flat_map(Stretch::samples) {
+            self.on.insert(self.index(p));
+        }
         for id in mesh.ids().filter(|&id| mesh.tris[id as usize].state != State::Outside) {
-            let half_edges = (4 * id..4 * id + 3)
-                .map(|half_edge| (mesh.origin(half_edge), mesh.end(half_edge), half_edge));
-            self.all.extend(half_edges.filter(|edge| self.on.contains(index(edge.0))));
+            for half_edge in 4 * id..4 * id + 3 {
+                let from = mesh.origin(half_edge);
+                if self.on.contains(self.index(from)) {
+                    self.vertices.insert(self.index(from));
+                    self.all.push((from, mesh.end(half_edge), half_edge));
+                }
+            }
         }
         self.all.sort_unstable();
+    }
+
+    fn index(&self, p: Local) -> usize {
+        p.row() as usize * self.width + p.col() as usize
     }
 
     /// The half-edges from a sample: none where it is no vertex.
@@ -259,7 +270,8 @@ impl Edges {
     /// is an edge.
     fn gaps(&self, line: &Stretch, gaps: &mut Vec<Gap>) {
         let steps = (line.first..).zip(line.samples());
-        let mut vertices = steps.filter(|&(_, at)| self.from(at).next().is_some()).peekable();
+        let is_vertex = |&(_, at): &(u64, Local)| self.vertices.contains(self.index(at));
+        let mut vertices = steps.filter(is_vertex).peekable();
         while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
             if next > step + 1 && !self.joins(at, to) {
                 gaps.push(Gap { middle: line.at(step.midpoint(next)), ends: [at, to] });

@@ -10,6 +10,7 @@ use terrane_base::geom::{Affine, Point3, Rect};
 use terrane_jobs::kept::Kept;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_tin::Segment;
 
 /// A grid whose heights are a function of the position; NaN is void.
 pub(crate) struct FunctionGrid {
@@ -173,6 +174,36 @@ pub(crate) fn check_kept(kept: &Kept, mesh: &Mesh, grid: &FunctionGrid, told: u6
         assert_eq!(found, Some((grid.height_at)(col, row)), "column {col}, row {row}");
     }
     assert_eq!(told, wanted.len() as u64, "samples that were kept");
+}
+
+/// Panics where neighbouring vertices on the path of a segment are joined by no edge, though the surface goes on
+/// between them.
+pub(crate) fn check_followed(segments: &[[[u32; 2]; 2]], mesh: &Mesh, grid: &FunctionGrid) {
+    let places = lattice_places(mesh, grid);
+    let ends = |ids: &[u64; 3]| ids.map(|id| places[id as usize]);
+    let sides = |[a, b, c]: [[i64; 2]; 3]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]];
+    let edges: HashSet<[[i64; 2]; 2]> = mesh.triangles.iter().map(ends).flat_map(sides).collect();
+    let vertices: HashSet<[i64; 2]> = edges.iter().map(|edge| edge[0]).collect();
+    let borders = |a: [i64; 2], b: [i64; 2]| {
+        let [col, row] = [0, 1].map(|axis| a[axis].min(b[axis]));
+        let beside = if a[1] == b[1] { [col, row - 1] } else { [col - 1, row] };
+        is_cell(grid, col, row) || is_cell(grid, beside[0], beside[1])
+    };
+    for &[a, b] in segments {
+        let path = Segment::new(a.map(i64::from), b.map(i64::from));
+        let path: Vec<_> = (0..=path.steps()).map(|step| path.at(step)).collect();
+        let mut last: Option<[i64; 2]> = None;
+        for (i, &at) in path.iter().enumerate() {
+            if i > 0 && !borders(path[i - 1], at) {
+                last = None;
+            }
+            if vertices.contains(&at) {
+                let is_joined = last.is_none_or(|from| edges.contains(&[from, at]));
+                assert!(is_joined, "{last:?} is not joined to {at:?}");
+                last = Some(at);
+            }
+        }
+    }
 }
 
 fn lattice_places(mesh: &Mesh, grid: &FunctionGrid) -> Vec<[i64; 2]> {
