@@ -98,3 +98,41 @@ fn holds(rect: Rect, [col, row]: [i64; 2]) -> bool {
 fn index([col, row]: [i64; 2], rect: Rect) -> usize {
     row as usize * rect.width as usize + col as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_tin::Local;
+
+    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
+        let corners = corners.map(|(col, row)| Local::new(col, row));
+        Triangle { corners, max_error: 0.0, square_sum: 0.0 }
+    }
+
+    /// Two triangles of 4 by 2 cells, whose diagonal goes from (4, 0) to (0, 2), in a tile that begins at (10, 20)
+    /// with triangles of which some are kept with the tile on its left.
+    #[test]
+    fn a_line_across_a_triangle_is_told_of() {
+        let tile = Rect::new(10, 20, 5, 3);
+        let found = |line: [[u32; 2]; 2]| {
+            let mut joints = Joints::default();
+            joints.begin(&Breaklines::of(vec![line]), tile);
+            joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
+            joints.see(&[triangle([(12, 0), (12, 2), (8, 2)])], (2, 20));
+            joints.apart()
+        };
+        for followed in [[[10, 20], [14, 20]], [[14, 20], [10, 22]], [[10, 22], [14, 22]]] {
+            assert_eq!(found(followed), Flaws::default(), "{followed:?}");
+        }
+        let across = found([[14, 22], [10, 20]]);
+        assert_eq!(across, Flaws { count: 1, first: Some([20, 10]) });
+        // An edge beside its path is none along it.
+        assert_eq!(found([[10, 20], [14, 21]]).count, 1);
+        // What is outside of the tile is told of by another.
+        assert_eq!(found([[30, 20], [40, 29]]), Flaws::default());
+        let mut joints = Joints::default();
+        joints.begin(&Breaklines::NONE, tile);
+        joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
+        assert_eq!(joints.apart(), Flaws::default());
+    }
+}

@@ -212,5 +212,9 @@ mod tests {
         let some = told(Some(Flaws { count: 3, first: Some([2, 7]) })).unwrap();
         assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("--tile"), "{some}");
+        let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });
+        let lines = TinReport { apart, ..TinReport::default() }.unmet().unwrap();
+        assert!(lines.starts_with("2 vertices on breaklines have no edge along them"), "{lines}");
+        assert!(lines.contains("x 170, y 480"), "{lines}");
     }
 }
