@@ -10,7 +10,9 @@ use terrane_base::bound::Bound;
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::{Error, Result};
 use terrane_files::{lock, name_of};
-use terrane_jobs::tin::{self, BuildJob, Built, Goal, PlanJob, TinJob, TinReport, USUAL_TILE};
+use terrane_jobs::tin::{
+    self, BuildJob, Built, Goal, PlanJob, Refinement, TinJob, TinReport, USUAL_TILE,
+};
 use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSink, SinkOptions};
 use terrane_raster::{self as raster, ArraySample, OpenOptions};
 
@@ -158,11 +160,7 @@ const BATCH: usize = 1 << 14;
 pub struct TinBuilder<S> {
     source: S,
     goal: Option<Goal>,
-    bound: Bound,
-    strict: bool,
-    drop: bool,
-    fit: bool,
-    min_angle: Option<f64>,
+    refinement: Refinement,
     keep_points: Option<PathBuf>,
     breaklines: Option<PathBuf>,
     tile: u32,
@@ -178,11 +176,7 @@ impl<S> TinBuilder<S> {
         Self {
             source,
             goal: None,
-            bound: Bound::Samples,
-            strict: false,
-            drop: true,
-            fit: false,
-            min_angle: None,
+            refinement: Refinement::default(),
             keep_points: None,
             breaklines: None,
             tile: USUAL_TILE,
@@ -214,26 +208,26 @@ impl<S> TinBuilder<S> {
     /// Of what the error is promised: of all samples (so it is unless told otherwise), or of the lines
     /// between them as well.
     pub fn bound(mut self, bound: Bound) -> Self {
-        self.bound = bound;
+        self.refinement.bound = bound;
         self
     }
 
     /// Insert one largest error at a time, as the paper has it: slower, and more vertices.
     pub fn strict(mut self, strict: bool) -> Self {
-        self.strict = strict;
+        self.refinement.strict = strict;
         self
     }
 
     /// Drop vertices that later ones made redundant (so it is unless told otherwise).
     pub fn drop_redundant(mut self, drop: bool) -> Self {
-        self.drop = drop;
+        self.refinement.drop = drop;
         self
     }
 
     /// Let vertices lie above or below their samples, up to the tolerance, where that takes fewer of them: a
     /// tenth to a third fewer, mostly a fifth, in some five times the time. The bound is kept all the same.
     pub fn fit(mut self, fit: bool) -> Self {
-        self.fit = fit;
+        self.refinement.fit = fit;
         self
     }
 
@@ -252,7 +246,7 @@ impl<S> TinBuilder<S> {
     /// # }
     /// ```
     pub fn min_angle(mut self, degrees: f64) -> Self {
-        self.min_angle = Some(degrees);
+        self.refinement.min_angle = Some(degrees);
         self
     }
 
@@ -298,10 +292,10 @@ impl<S> TinBuilder<S> {
         self
     }
 
-    /// The names of the files of points and of lines.
-    fn kept(&self) -> Result<[Option<String>; 2]> {
+    fn refinement(&self) -> Result<Refinement> {
         let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
-        Ok([name(&self.keep_points)?, name(&self.breaklines)?])
+        let [keep_points, breaklines] = [name(&self.keep_points)?, name(&self.breaklines)?];
+        Ok(Refinement { keep_points, breaklines, ..self.refinement.clone() })
     }
 
     /// Cells along the side of a tile, 16 to 8192; 512 unless told otherwise. The mesh depends on it, and the
@@ -322,19 +316,8 @@ impl<S> TinBuilder<S> {
         build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
     ) -> Result<Tin> {
         let (goal, resources) = (self.goal()?, &self.run.resources()?);
-        let [kept, lines] = self.kept()?;
-        let job = BuildJob {
-            goal,
-            bound: self.bound,
-            strict: self.strict,
-            drop: self.drop,
-            fit: self.fit,
-            min_angle: self.min_angle,
-            tile: self.tile,
-            keep_points: kept.as_deref(),
-            breaklines: lines.as_deref(),
-            resources,
-        };
+        let refinement = &self.refinement()?;
+        let job = BuildJob { goal, refinement, tile: self.tile, resources };
         let kept = Kept::default();
         let built = build(Box::new(kept.clone()), &job)?;
         Ok(kept.into_tin(built))
@@ -423,19 +406,12 @@ impl TinBuilder<&Grid> {
     }
 
     fn job(&self, output: PathBuf) -> Result<TinJob> {
-        let [keep_points, breaklines] = self.kept()?;
         Ok(TinJob {
             reading: self.source.reading.clone(),
             format: self.format.clone(),
             overwrite: self.run.overwrite,
             split: self.split,
-            bound: self.bound,
-            strict: self.strict,
-            drop: self.drop,
-            fit: self.fit,
-            min_angle: self.min_angle,
-            keep_points,
-            breaklines,
+            refinement: self.refinement()?,
             tile: self.tile,
             resources: self.run.resources()?,
             ..TinJob::new(self.source.inputs.clone(), output, self.goal()?)

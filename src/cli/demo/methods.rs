@@ -11,7 +11,7 @@ use crate::cli::shared::{Outcome, report, say, text};
 use crate::cli::tin;
 use crate::error::{Error, Result};
 use crate::jobs::convert;
-use crate::jobs::tin::{Goal, Textbook, TinJob};
+use crate::jobs::tin::{Goal, Refinement, Textbook, TinJob};
 use crate::jobs::verify::Verdict;
 use crate::jobs::view::{Panel, SheetJob, ViewJob, run_sheet};
 use crate::jobs::{self, Cancel, Progress, Resources};
@@ -86,7 +86,8 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
     let made = |way: &Way| {
         let job = mesh(&grid, &folder.join(way.file), &resources)?;
-        let job = TinJob { goal: Goal::MaxError(TOLERANCE), fit: way.fit, ..job };
+        let refinement = Refinement { fit: way.fit, ..job.refinement };
+        let job = TinJob { goal: Goal::MaxError(TOLERANCE), refinement, ..job };
         row(way, &job, progress, cancel)
     };
     let methods = WAYS.iter().map(made).collect::<Result<Vec<Row>>>()?;

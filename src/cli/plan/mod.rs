@@ -138,13 +138,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
     let tin = TinJob {
         reading: args.grid.reading(),
         format: Some(format.name.to_owned()),
-        bound: args.method.bound,
-        strict: args.method.strict,
-        drop: !args.method.no_drop,
-        fit: args.method.fit,
-        min_angle: args.method.min_angle,
-        keep_points: args.method.keep_points.clone(),
-        breaklines: args.method.breaklines.clone(),
+        refinement: args.method.refinement(),
         tile: args.method.tile(),
         ..TinJob::new(args.input.clone(), args.folder.join("mesh"), Goal::MaxError(args.max_error))
     };

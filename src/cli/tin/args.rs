@@ -8,7 +8,7 @@ use crate::cli::shared::{args, check, many, names, parse, points};
 use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
 use crate::jobs::placing::Placing;
-use crate::jobs::tin::{Goal, TILE_CELLS, USUAL_TILE};
+use crate::jobs::tin::{Goal, Refinement, TILE_CELLS, USUAL_TILE};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -148,6 +148,18 @@ pub(crate) struct Method {
 }
 
 impl Method {
+    pub(crate) fn refinement(&self) -> Refinement {
+        Refinement {
+            bound: self.bound,
+            strict: self.strict,
+            drop: !self.no_drop,
+            fit: self.fit,
+            min_angle: self.min_angle,
+            keep_points: self.keep_points.clone(),
+            breaklines: self.breaklines.clone(),
+        }
+    }
+
     /// Cells along the side of a tile.
     pub(crate) fn tile(&self) -> u32 {
         self.tile.unwrap_or(USUAL_TILE)

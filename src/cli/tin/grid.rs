@@ -92,8 +92,6 @@ fn job(args: &Args) -> Result<TinJob> {
     Ok(TinJob {
         input: args.input.clone().into(),
         reading: args.grid.reading(),
-        keep_points: args.method.keep_points.clone(),
-        breaklines: args.method.breaklines.clone(),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -101,11 +99,7 @@ fn job(args: &Args) -> Result<TinJob> {
         solid_base,
         placing,
         goal: args.goal.goal()?,
-        bound: args.method.bound,
-        strict: args.method.strict,
-        drop: !args.method.no_drop,
-        fit: args.method.fit,
-        min_angle: args.method.min_angle,
+        refinement: args.method.refinement(),
         tile: args.method.tile(),
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),
@@ -121,8 +115,8 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         tolerance: Some(made.tolerance),
         bound: None,
         min_angle: None,
-        keep_points: job.keep_points.clone(),
-        breaklines: job.breaklines.clone(),
+        keep_points: job.refinement.keep_points.clone(),
+        breaklines: job.refinement.breaklines.clone(),
         resources: job.resources.clone(),
     }
 }

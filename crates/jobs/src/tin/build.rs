@@ -2,17 +2,15 @@
 
 use std::path::Path;
 
-use super::angles::angle_bound;
-use super::job::{Goal, check_lines};
+use super::job::Goal;
 use super::layout::{Layout, checked_tile};
 use super::make::{Origin, header, in_input, open_tiled};
+use super::refinement::Refinement;
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
-use super::worker::{line_bytes, worker_bytes};
 use crate::kept::Features;
 use crate::memory::{self, Shares};
 use crate::{Cancel, Progress, Resources};
-use terrane_base::bound::Bound;
 use terrane_base::error::Result;
 use terrane_mesh::{MeshHeader, MeshSink};
 use terrane_raster::{GridSource, Inputs, OpenOptions};
@@ -23,37 +21,18 @@ use terrane_tin::Spec;
 pub struct BuildJob<'a> {
     /// What to reach.
     pub goal: Goal,
-    /// Of what the tolerance is promised.
-    pub bound: Bound,
-    /// Reference greedy instead of adaptive strides.
-    pub strict: bool,
-    /// Run the drop pass.
-    pub drop: bool,
-    /// Let vertices lie above or below their samples.
-    pub fit: bool,
-    /// The smallest angle that triangles may have in plan, in degrees.
-    pub min_angle: Option<f64>,
+    /// How.
+    pub refinement: &'a Refinement,
     /// Cells along a tile's side.
     pub tile: u32,
-    /// The name of a file of features; the sample nearest to each point of it stays a vertex.
-    pub keep_points: Option<&'a str>,
-    /// The name of a file of lines and polygons that edges follow.
-    pub breaklines: Option<&'a str>,
     /// What the job may use, beside what the source and the sink hold.
     pub resources: &'a Resources,
 }
 
 impl BuildJob<'_> {
-    fn features(&self) -> Result<Features> {
-        check_lines(self.breaklines.is_some(), self.min_angle)?;
-        Features::read(self.keep_points, self.breaklines, self.resources)
-    }
-
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
     fn worker(&self, features: &Features, tile: u32) -> u64 {
-        let keeps_all = self.goal.may_keep_all(self.min_angle);
-        let lines = self.breaklines.map_or(0, |_| line_bytes(tile));
-        features.bytes() + lines + worker_bytes(tile, keeps_all, self.fit)
+        features.bytes() + self.refinement.worker_bytes(self.goal, tile)
     }
 }
 
@@ -82,7 +61,7 @@ pub fn build(
     job.goal.check()?;
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
-    let features = job.features()?;
+    let features = job.refinement.features(job.resources)?;
     let worker = job.worker(&features, layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
     build_within((source, None, features), sink, job, shares, progress, cancel)
@@ -101,7 +80,7 @@ pub fn build_files(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let features = job.features()?;
+    let features = job.refinement.features(job.resources)?;
     let worker = |tile| job.worker(&features, tile);
     let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
     let clip = options.clip.as_ref().map(|clip| clip.path());
@@ -122,16 +101,7 @@ fn build_within(
     let kept = features.on(info)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let settings = Settings {
-        spec: Spec {
-            tolerance: 0.0,
-            bound: job.bound,
-            strict: job.strict,
-            drop: job.drop,
-            fit: job.fit,
-            min_angle: angle_bound(job.min_angle, &info.transform)?,
-            single_precision: None,
-            measure: true,
-        },
+        spec: job.refinement.spec(&info.transform)?,
         tile: job.tile,
         kept: &kept,
         threads: shares.threads,
@@ -144,7 +114,6 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    let [kept, lines] = [job.keep_points, job.breaklines].map(|name| name.map(Path::new));
-    let from = Origin { input: info.format, clip, kept, lines };
+    let from = Origin { input: info.format, clip, refinement: job.refinement };
     Ok(Built { tolerance, outcome, header: header(info, from, &settings.spec, 0.0) })
 }

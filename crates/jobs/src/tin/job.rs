@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::layout::USUAL_TILE;
+use super::refinement::Refinement;
 use crate::Resources;
-use crate::kept::Features;
 use crate::placing::Placing;
 use crate::reading::Reading;
-use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
 
@@ -26,11 +25,6 @@ pub enum Goal {
 }
 
 impl Goal {
-    /// Whether all samples may become vertices, if triangles are held to such an angle.
-    pub(super) fn may_keep_all(self, min_angle: Option<f64>) -> bool {
-        self == Self::MaxError(0.0) || min_angle.is_some()
-    }
-
     /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
     pub(super) fn check(self) -> Result<()> {
         match self {
@@ -47,16 +41,6 @@ impl Goal {
     }
 }
 
-/// Fails where breaklines are to meet under angles that are not theirs.
-pub(super) fn check_lines(has_lines: bool, min_angle: Option<f64>) -> Result<()> {
-    if has_lines && min_angle.is_some() {
-        let message = "breaklines may meet under any angle, so there is no smallest one";
-        return Err(Error::usage(message)
-            .remedy("leave one of --breaklines and --min-angle out, or pass --keep-points"));
-    }
-    Ok(())
-}
-
 /// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TinJob {
@@ -65,12 +49,6 @@ pub struct TinJob {
     /// What is read of it.
     #[serde(flatten)]
     pub reading: Reading,
-    /// The name of a file of features; the sample nearest to each point of it stays a vertex.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub keep_points: Option<String>,
-    /// The name of a file of lines and polygons that edges follow.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub breaklines: Option<String>,
     /// Mesh file to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -91,18 +69,9 @@ pub struct TinJob {
     /// What to reach.
     #[serde(flatten)]
     pub goal: Goal,
-    /// Of what the tolerance is promised.
-    pub bound: Bound,
-    /// Reference greedy instead of adaptive strides.
-    pub strict: bool,
-    /// Run the drop pass.
-    pub drop: bool,
-    /// Let vertices lie above or below their samples.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub fit: bool,
-    /// The smallest angle that triangles may have in plan, in degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub min_angle: Option<f64>,
+    /// How.
+    #[serde(flatten)]
+    pub refinement: Refinement,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Measure maximum error and RMSE for the report.
@@ -114,20 +83,11 @@ pub struct TinJob {
 }
 
 impl TinJob {
-    /// The points and breaklines to keep.
-    pub(super) fn features(&self) -> Result<Features> {
-        check_lines(self.breaklines.is_some(), self.min_angle)?;
-        let [points, lines] = [&self.keep_points, &self.breaklines].map(Option::as_deref);
-        Features::read(points, lines, &self.resources)
-    }
-
     /// The job with everything else at its default, errors measured.
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
         Self {
             input: input.into(),
             reading: Reading::default(),
-            keep_points: None,
-            breaklines: None,
             output: output.into(),
             format: None,
             overwrite: false,
@@ -135,11 +95,7 @@ impl TinJob {
             solid_base: None,
             placing: Placing::default(),
             goal,
-            bound: Bound::default(),
-            strict: false,
-            drop: true,
-            fit: false,
-            min_angle: None,
+            refinement: Refinement::default(),
             tile: USUAL_TILE,
             measure: true,
             resources: Resources::default(),

@@ -3,16 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::angles::angle_bound;
 use super::estimate::Size;
 use super::height_origin::height_origin;
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
+use super::refinement::Refinement;
 use super::report::{FlawReport, TinReport};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use super::units::{horizontal_unit, vertical_unit};
-use super::worker::{line_bytes, worker_bytes};
 use crate::beside;
 use crate::figures::Figures;
 use crate::input::grid_stats;
@@ -30,7 +29,7 @@ use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
-use terrane_tin::{AngleBound, Spec};
+use terrane_tin::Spec;
 
 /// Runs a job from file to file.
 ///
@@ -66,14 +65,14 @@ pub(super) struct Opened {
     pub(super) shares: Shares,
     /// Samples that stay vertices, and breaklines.
     pub(super) kept: Kept,
-    /// What angles triangles may have.
-    pub(super) min_angle: Option<AngleBound>,
+    /// What the kernel is told, for whatever tolerance.
+    spec: Spec,
 }
 
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
-        let features = job.features()?;
+        let features = job.refinement.features(&job.resources)?;
         let held = features.bytes();
         let mut opened = Self::with(job, || open(job, held))?;
         opened.kept = features.on(opened.source.info())?;
@@ -92,8 +91,11 @@ impl Opened {
         let info = source.info();
         let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
         let kept = Kept::default();
-        let min_angle = angle_bound(job.min_angle, &info.transform)?;
-        Ok(Self { source, format, height_origin, placed, notes, shares, kept, min_angle })
+        let spec = job.refinement.spec(&info.transform)?;
+        let mut opened = Self { source, format, height_origin, placed, notes, shares, kept, spec };
+        opened.spec.single_precision = opened.rounding();
+        opened.spec.measure = job.measure;
+        Ok(opened)
     }
 }
 
@@ -109,9 +111,7 @@ impl Opened {
 /// the grid.
 fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
-    let lines = |tile| job.breaklines.as_ref().map_or(0, |_| line_bytes(tile));
-    let keeps_all = job.goal.may_keep_all(job.min_angle);
-    let worker = |tile| held + lines(tile) + worker_bytes(tile, keeps_all, job.fit);
+    let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile);
     open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
 }
 
@@ -179,11 +179,8 @@ impl Maker<'_> {
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
         let clip = job.reading.clip.as_deref().map(path_of);
-        let [kept, lines] =
-            [&job.keep_points, &job.breaklines].map(|name| name.as_deref().map(path_of));
         let input = &job.input.to_string();
-        let from =
-            Origin { input, clip: clip.as_deref(), kept: kept.as_deref(), lines: lines.as_deref() };
+        let from = Origin { input, clip: clip.as_deref(), refinement: &job.refinement };
         let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -288,16 +285,7 @@ impl Maker<'_> {
     }
 
     pub(super) fn spec(&self, tolerance: f64) -> Spec {
-        Spec {
-            tolerance,
-            bound: self.job.bound,
-            strict: self.job.strict,
-            drop: self.job.drop,
-            fit: self.job.fit,
-            min_angle: self.opened.min_angle,
-            single_precision: self.opened.rounding(),
-            measure: self.job.measure,
-        }
+        Spec { tolerance, ..self.opened.spec }
     }
 
     fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
@@ -348,9 +336,9 @@ impl Maker<'_> {
             method: None,
             triangulation: None,
             tolerance,
-            bound: job.bound,
-            fit: job.fit,
-            min_angle: job.min_angle,
+            bound: job.refinement.bound,
+            fit: job.refinement.fit,
+            min_angle: job.refinement.min_angle,
             max_error: measured(outcome.max_error),
             rmse: measured((outcome.square_sum / surface).sqrt()),
             samples: layout.samples(),
@@ -365,7 +353,8 @@ impl Maker<'_> {
             breaklines: self.opened.kept.lines().report(outcome.apart.count),
             apart: (outcome.apart.count > 0)
                 .then(|| FlawReport::of(outcome.apart, &info.transform)),
-            thin_triangles: job.min_angle.map(|_| FlawReport::of(outcome.thin, &info.transform)),
+            thin_triangles: (job.refinement.min_angle)
+                .map(|_| FlawReport::of(outcome.thin, &info.transform)),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
@@ -386,13 +375,11 @@ impl Maker<'_> {
     }
 }
 
-/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to, of points to keep, and
-/// of breaklines.
+/// Where a mesh comes from: the names of its grid and of polygons that this was clipped to, and what was asked.
 pub(super) struct Origin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<&'a Path>,
-    pub(super) kept: Option<&'a Path>,
-    pub(super) lines: Option<&'a Path>,
+    pub(super) refinement: &'a Refinement,
 }
 
 /// What a file of the mesh is told of it.
@@ -415,8 +402,9 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
-    let kept = from.kept.map(|path| format!("keep points {}", beside::label(path)));
-    let lines = from.lines.map(|path| format!("breaklines {}", beside::label(path)));
+    let [kept, lines] = from.refinement.files().map(|name| name.map(path_of));
+    let kept = kept.map(|path| format!("keep points {}", beside::label(&path)));
+    let lines = lines.map(|path| format!("breaklines {}", beside::label(&path)));
     let source = format!("source {}", from.input);
     let more = [bound, fitted, angle, clip, kept, lines].into_iter().flatten();
     [source, error].into_iter().chain(more).collect()

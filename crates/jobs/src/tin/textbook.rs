@@ -45,7 +45,7 @@ pub fn run_by(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    if job.keep_points.is_some() || job.breaklines.is_some() {
+    if job.refinement.files() != [None; 2] {
         let message = format!("the method {} keeps no points or breaklines", by.method.name);
         return Err(Error::usage(message).remedy("leave them out, or the method"));
     }

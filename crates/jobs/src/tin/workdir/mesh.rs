@@ -24,7 +24,7 @@ use crate::tin::make::{Maker, Opened, in_input};
 use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
 use crate::tin::tally::Tally;
-use crate::tin::worker::{Stock, line_bytes, worker_bytes};
+use crate::tin::worker::Stock;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
@@ -101,10 +101,8 @@ impl Mesh {
     pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let worker =
-            worker_bytes(strips.layout().side(), job.goal.may_keep_all(job.min_angle), job.fit);
-        let lines = job.breaklines.as_ref().map_or(0, |_| line_bytes(strips.layout().side()));
-        let thread_memory = worker + lines + opened.kept.bytes();
+        let worker = job.refinement.worker_bytes(job.goal, strips.layout().side());
+        let thread_memory = worker + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
         let samples = self.samples();
@@ -291,8 +289,7 @@ pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
     let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
-    let kept = [&job.keep_points, &job.breaklines].into_iter().flatten();
-    let kept = kept.flat_map(|name| beside::files(name));
+    let kept = job.refinement.files().into_iter().flatten().flat_map(beside::files);
     all.iter().filter(is_file).map(path).chain(job.reading.files()).chain(kept).collect()
 }
 

@@ -15,6 +15,7 @@ pub(super) use object::{ObjectWriter, Record};
 use super::estimate::Estimator;
 use super::job::{Goal, TinJob};
 use super::make::{Maker, Opened, in_input};
+use super::refinement::Refinement;
 use super::report::{Clock, StageReport, TinReport};
 use crate::beside;
 use crate::plan::{self, DiskCheck, PLAN, Plan};
@@ -105,13 +106,14 @@ fn plan_checked(
     }
     let reading = job.job.reading.absolute()?;
     let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
-    let tin = TinJob {
-        input: job.job.input.resolve()?,
-        reading,
-        keep_points: absolute(&job.job.keep_points)?,
-        breaklines: absolute(&job.job.breaklines)?,
-        ..job.job.clone()
+    let asked = &job.job.refinement;
+    let refinement = Refinement {
+        keep_points: absolute(&asked.keep_points)?,
+        breaklines: absolute(&asked.breaklines)?,
+        ..asked.clone()
     };
+    let input = job.job.input.resolve()?;
+    let tin = TinJob { input, reading, refinement, ..job.job.clone() };
     let opened = Opened::new(&tin)?;
     let maker = Maker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
