@@ -79,6 +79,17 @@ fn every_format_and_a_budget_hold_them() {
     assert_eq!(made["verify"]["passed"], true);
 }
 
+/// Where a seam's patch is as narrow as without lines, one vertex here is left without an edge along its line.
+#[test]
+fn no_edge_is_missing_where_many_lines_cross_seams() {
+    let place = Place::new();
+    let land = "synth:rough,size=514,seed=143";
+    place.ok(&["contour", land, "-o", "c.fgb", "--interval", "10", "--tolerance", "5"]);
+    let lines = ["--breaklines", "c.fgb"];
+    let make = ["tin", land, "o.ply", "--max-error", "3", "--tile", "128", "--verify"];
+    place.ok(&[&make[..], &lines].concat());
+}
+
 #[test]
 fn plans_threads_and_memory_leave_no_trace() {
     let lines = tempfile::tempdir().unwrap();

@@ -164,30 +164,31 @@ struct Gap {
 }
 
 /// Inserts samples until vertices on paths are joined, as far as that can be; a sample that a triangle holds
-/// where it `may` be. After each round `settle` brings back what else is promised of the mesh. What a
-/// frozen border keeps from being joined is left so (1,500 random meshes have none). Each round is linear in the
-/// triangles and the samples of paths.
+/// where it `may` be. After each round `settle` brings back what else is promised of the mesh. Returns how many
+/// are not joined because they may not be. Each round is linear in the triangles and the samples of paths.
 pub(super) fn follow(
     (lines, field): (&[Stretch], &Field),
     mesh: &mut Mesh,
     edges: &mut Edges,
     may: impl Fn(&Mesh, u32, Local) -> bool,
     mut settle: impl FnMut(&mut Mesh),
-) {
+) -> u64 {
     let (mut star, mut gaps) = (Vec::new(), Vec::new());
     loop {
         edges.find(lines, field, mesh);
         gaps.clear();
         lines.iter().for_each(|line| edges.gaps(line, &mut gaps));
-        let mut is_done = true;
+        let (mut is_done, mut left) = (true, 0);
         for gap in &gaps {
             let Some(holder) = edges.holder(gap, mesh) else { continue };
             star.clear();
-            let is_in = may(mesh, holder, gap.middle) && mesh.insert(holder, gap.middle, &mut star);
-            is_done &= !is_in;
+            match may(mesh, holder, gap.middle) {
+                true => is_done &= !mesh.insert(holder, gap.middle, &mut star),
+                false => left += 1,
+            }
         }
         if is_done {
-            return;
+            return left;
         }
         settle(mesh);
     }

@@ -290,4 +290,6 @@ pub struct PatchMesh {
     pub left: Vec<Local>,
     /// Triangles that have too small an angle still, which a neighbouring or larger patch may mend.
     pub thin: u64,
+    /// Pairs of neighbouring vertices on paths that no edge joins still, which a larger patch may mend.
+    pub apart: u64,
 }

@@ -57,7 +57,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         thin = angles::thin(bound, mesh).len() as u64;
     }
     let lines = (input.lines, &*field);
-    breaklines::follow(lines, mesh, edges, may, settle);
+    let apart = breaklines::follow(lines, mesh, edges, may, settle);
     let mut stays = input.kept.to_vec();
     breaklines::vertices(lines, mesh, edges, &mut stays);
     stays.sort_unstable();
@@ -71,7 +71,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
         even_out(&judge, mesh, (&border, &stays), adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
-    PatchMesh { left, thin, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
+    PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
 }
 
 impl PatchInput<'_> {

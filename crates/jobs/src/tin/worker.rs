@@ -202,6 +202,7 @@ impl<'a> Worker<'a> {
             if is_widest && !is_done {
                 return Err(unbounded());
             }
+            let is_done = is_done && patch.apart == 0;
             let is_done = is_done && (is_widest || !self.is_thin(seam, tile, along, &patch)?);
             if is_widest || (is_done && !frontier.is_open()) {
                 return self.settle(seam, tile, rect, &patch, &frontier);
