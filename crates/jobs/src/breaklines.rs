@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_tin::Segment;
+use terrane_tin::{Segment, Stretch};
 
 /// Ends of a segment: columns and rows, each below 2^31.
 type Ends = [[u32; 2]; 2];
@@ -67,7 +67,7 @@ impl Breaklines {
 
     /// Most bytes of those of lines with so many vertices, with what a worker lists of them.
     pub fn most_bytes(vertices: usize) -> u64 {
-        (vertices * (size_of::<Ends>() + size_of::<terrane_tin::Stretch>())) as u64
+        (vertices * (size_of::<Ends>() + size_of::<Segment>() + size_of::<Stretch>())) as u64
     }
 
     /// Bytes held.
@@ -75,8 +75,17 @@ impl Breaklines {
         (size_of_val(&self.segments[..]) + size_of_val(&self.groups[..])) as u64
     }
 
+    /// About how many vertices they have, and hardly more, in a mesh that has so many of so many samples without
+    /// them (measured: 1.8 for each that a line of its length would meet, and those at the ends).
+    pub fn vertices_in(&self, vertices: u64, samples: u64) -> u64 {
+        let density = vertices as f64 / samples.max(1) as f64;
+        let met = 2.0 * self.steps() as f64 * density.sqrt();
+        let most = 2 * self.segments.len() as u64 + met as u64;
+        most.min(samples - vertices.min(samples))
+    }
+
     /// Steps of all paths.
-    pub fn steps(&self) -> u64 {
+    fn steps(&self) -> u64 {
         let steps = |[a, b]: &Ends| u64::from(a[0].abs_diff(b[0])) + u64::from(a[1].abs_diff(b[1]));
         self.segments.iter().map(steps).sum()
     }
@@ -138,27 +147,41 @@ fn bounds(segments: &[Ends]) -> Ends {
     [[least(0), least(1)], [most(0), most(1)]]
 }
 
-/// The part of a segment over the cells around samples (Liang & Barsky 1984), from sample to sample.
+/// The part of a segment over the cells around samples, from sample to sample: the same in both directions.
 fn clipped([a, b]: [[f64; 2]; 2], size: [u32; 2]) -> Option<Ends> {
-    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    if !a.iter().chain(&b).all(|at| at.is_finite()) {
+        return None;
+    }
+    let [mut a, mut b] = if [a[1], a[0]] <= [b[1], b[0]] { [a, b] } else { [b, a] };
+    // Sutherland & Hodgman (1974), side by side.
     for axis in [0, 1] {
-        let (start, step) = (a[axis], b[axis] - a[axis]);
-        let (low, high) = (-0.5 - start, f64::from(size[axis]) - 0.5 - start);
-        if !step.is_finite() || step == 0.0 && !(low <= 0.0 && high > 0.0) {
+        let most = f64::from(size[axis]) - 0.5;
+        if a[axis].max(b[axis]) < -0.5 || a[axis].min(b[axis]) >= most {
             return None;
         }
-        if step != 0.0 {
-            let [near, far] = if step > 0.0 { [low, high] } else { [high, low] };
-            (from, to) = (from.max(near / step), to.min(far / step));
+        for side in [-0.5, most] {
+            let is_beyond = |at: f64| if side < 0.0 { at < side } else { at > side };
+            match [a, b].map(|at| is_beyond(at[axis])) {
+                [true, false] => a = crossing(a, b, axis, side),
+                [false, true] => b = crossing(b, a, axis, side),
+                _ => {}
+            }
         }
     }
-    let sample = |t: f64| {
-        [0, 1].map(|axis| {
-            let at = if t == 1.0 { b[axis] } else { a[axis] + t * (b[axis] - a[axis]) };
-            (at + 0.5).floor().clamp(0.0, f64::from(size[axis] - 1)) as u32
-        })
+    let nearest = |at: [f64; 2]| {
+        [0, 1].map(|axis| (at[axis] + 0.5).floor().clamp(0.0, f64::from(size[axis] - 1)) as u32)
     };
-    (from <= to).then(|| [sample(from), sample(to)])
+    Some([nearest(a), nearest(b)])
+}
+
+/// Where the segment from `a` to `b` meets a side. Halves, as differences of what is far apart may not be numbers.
+fn crossing(a: [f64; 2], b: [f64; 2], axis: usize, side: f64) -> [f64; 2] {
+    let [from, to] = [a, b].map(|at| at.map(|at| at / 2.0));
+    let share = (side / 2.0 - from[axis]) / (to[axis] - from[axis]);
+    let other = 1 - axis;
+    let mut at = [side; 2];
+    at[other] = (from[other] + share * (to[other] - from[other])) * 2.0;
+    at
 }
 
 #[cfg(test)]
@@ -175,16 +198,45 @@ mod tests {
             ([-10.0, 2.0], [20.0, 2.0], Some([[0, 2], [10, 2]])),
             ([20.0, 2.0], [-10.0, 2.0], Some([[10, 2], [0, 2]])),
             ([5.0, -6.0], [5.0, 3.0], Some([[5, 0], [5, 3]])),
-            ([-5.0, 0.0], [5.0, 10.0], Some([[0, 5], [0, 5]])),
+            ([-5.0, 0.0], [5.0, 10.0], Some([[0, 5], [1, 5]])),
             ([-6.0, 0.0], [4.0, 11.0], None),
             ([-0.6, 1.0], [-0.6, 4.0], None),
             ([-0.5, 1.0], [-0.5, 4.0], Some([[0, 1], [0, 4]])),
             ([10.5, 1.0], [10.5, 4.0], None),
             ([3.0, 3.0], [3.0, 3.0], Some([[3, 3], [3, 3]])),
+            ([-1e22, 2.0], [1e22, 2.0], Some([[0, 2], [10, 2]])),
+            ([-1e308, 2.0], [1e308, 2.0], Some([[0, 2], [10, 2]])),
             ([f64::NAN, 1.0], [3.0, 1.0], None),
             ([1.0, 1.0], [f64::INFINITY, 1.0], None),
         ] {
-            assert_eq!(clipped([a, b], size), expected, "{a:?} {b:?}");
+            let sorted = |ends: Option<Ends>| ends.map(|[a, b]| [a.min(b), a.max(b)]);
+            assert_eq!(sorted(clipped([a, b], size)), sorted(expected), "{a:?} {b:?}");
+        }
+    }
+
+    proptest! {
+        /// Its twin looks at many positions along it.
+        #[test]
+        fn the_part_of_a_segment_on_the_grid_is_the_same_in_both_directions(
+            a in [-30..60_i32, -30..60_i32], b in [-30..60_i32, -30..60_i32],
+            size in [2..20_u32, 2..20_u32], share in 0.2..3.0
+        ) {
+            let [a, b] = [a, b].map(|at| at.map(|at| f64::from(at) * share));
+            let found = clipped([a, b], size);
+            prop_assert_eq!(found, clipped([b, a], size));
+            let on = (0..=4000).map(|i| f64::from(i) / 4000.0).filter_map(|t| {
+                let at = [0, 1].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+                let inside = |axis: usize| at[axis] >= -0.5 && at[axis] < f64::from(size[axis]) - 0.5;
+                (inside(0) && inside(1)).then_some(at)
+            });
+            let on: Vec<_> = on.collect();
+            if let (Some(first), Some(last)) = (on.first(), on.last()) {
+                let [from, to] = found.unwrap();
+                let near = |at: &[f64; 2], end: [u32; 2]| {
+                    (0..2).all(|axis| (at[axis] - f64::from(end[axis])).abs() < 0.6)
+                };
+                prop_assert!(near(first, from) && near(last, to) || near(first, to) && near(last, from));
+            }
         }
     }
 

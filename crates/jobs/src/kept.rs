@@ -74,8 +74,9 @@ impl Points {
             for leaf in feature.geometry.leaves() {
                 let xy = &leaf.coordinates().xy;
                 if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
-                    return Err(Error::bad_input("a point is no line")
-                        .remedy("pass points with --keep-points"));
+                    return Err(Error::bad_input("a point is no line").remedy(
+                        "put points into a file of their own, and pass it with --keep-points",
+                    ));
                 }
                 let first = at.len();
                 at.extend_from_slice(xy);

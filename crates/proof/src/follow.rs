@@ -7,6 +7,8 @@
 //! and if all samples are vertices where the path, or the surface under it, begins or ends. Then edges run
 //! along the whole of it.
 
+use std::ops::Range;
+
 use super::Part;
 use super::domain::Domain;
 use super::surface::Surface;
@@ -28,52 +30,64 @@ impl Line {
         Self { start, end }
     }
 
-    /// Most bytes that it takes in a domain.
-    pub fn bytes_in(self, domain: &Domain) -> u64 {
-        let steps = [0, 1].map(|axis| self.end[axis].abs_diff(self.start[axis]));
-        let sides = u64::from(domain.rect.width) + u64::from(domain.rect.height);
-        size_of::<Self>() as u64 + (steps[0] + steps[1] + 1).min(sides) * size_of::<Stop>() as u64
+    /// Columns and rows from start to end.
+    fn whole(&self) -> [i64; 2] {
+        [0, 1].map(|axis| self.end[axis] - self.start[axis])
     }
 
-    /// Columns and rows gone from the start, where a sample is on the way to the end.
-    fn gone(&self, at: [i64; 2]) -> Option<[i64; 2]> {
-        let along = |axis: usize| {
-            let [whole, gone] = [self.end[axis], at[axis]].map(|to| to - self.start[axis]);
-            let gone = gone * whole.signum();
-            let rest = whole.abs() - gone;
-            (gone >= 0 && rest >= 0 && (whole != 0 || at[axis] == self.start[axis])).then_some(gone)
-        };
-        Some([along(0)?, along(1)?])
+    fn steps(&self) -> i64 {
+        self.whole().iter().map(|whole| whole.abs()).sum()
     }
 
-    /// True when the path has gone so many columns and rows at some time.
-    fn comes_to(&self, [cols, rows]: [i64; 2]) -> bool {
-        let whole = [0, 1].map(|axis| i128::from(self.end[axis] - self.start[axis]).abs());
-        let (steps, all) = (i128::from(cols + rows), whole[0] + whole[1]);
-        let twice_off = 2 * (steps * whole[0] - i128::from(cols) * all);
-        all == 0 || (-all <= twice_off && twice_off < all)
+    /// The sample after so many steps.
+    fn at(&self, step: i64) -> [i64; 2] {
+        let (whole, steps) = (self.whole(), i128::from(self.steps().max(1)));
+        let cols = (2 * i128::from(step) * i128::from(whole[0].abs()) + steps) / (2 * steps);
+        let gone = [cols as i64, step - cols as i64];
+        [0, 1].map(|axis| self.start[axis] + gone[axis] * whole[axis].signum())
     }
 
     /// After how many steps the path comes to a sample, if it does.
     fn place(&self, at: [i64; 2]) -> Option<i64> {
-        let gone = self.gone(at).filter(|&gone| self.comes_to(gone))?;
-        Some(gone[0] + gone[1])
+        let step = (at[0] - self.start[0]).abs() + (at[1] - self.start[1]).abs();
+        (step <= self.steps() && self.at(step) == at).then_some(step)
     }
 
-    /// All samples of the path, step by step.
-    fn samples(self) -> impl Iterator<Item = [i64; 2]> {
-        let mut next = Some(self.start);
-        std::iter::from_fn(move || {
-            let at = next?;
-            let steps = [0, 1].map(|axis| {
-                let mut on = at;
-                on[axis] += (self.end[axis] - self.start[axis]).signum();
-                on
-            });
-            next = steps.into_iter().find(|&on| on != at && self.place(on).is_some());
-            Some(at)
-        })
+    /// The steps that are in a domain: rows and columns only grow, or only fall, along a path.
+    fn steps_in(&self, domain: &Domain) -> Range<i64> {
+        let rect = domain.rect;
+        let first = [rect.col, rect.row].map(i64::from);
+        let beyond = [rect.end_col(), rect.end_row()].map(i64::from);
+        let (mut from, mut to) = (0, self.steps() + 1);
+        for axis in [0, 1] {
+            let falls = self.whole()[axis] < 0;
+            let gone = |step: i64| if falls { -self.at(step)[axis] } else { self.at(step)[axis] };
+            let [low, high] = if falls {
+                [1 - beyond[axis], 1 - first[axis]]
+            } else {
+                [first[axis], beyond[axis]]
+            };
+            from = least(from, to, |step| gone(step) >= low);
+            to = least(from, to, |step| gone(step) >= high);
+        }
+        from..to
     }
+
+    /// Most bytes that it takes in a domain.
+    pub fn bytes_in(&self, domain: &Domain) -> u64 {
+        let steps = self.steps_in(domain);
+        size_of::<Self>() as u64 + (steps.end - steps.start) as u64 * size_of::<Stop>() as u64
+    }
+}
+
+/// The first number of a range for which a test holds that holds for all after it; its end if there is none.
+fn least(from: i64, to: i64, holds: impl Fn(i64) -> bool) -> i64 {
+    let (mut from, mut to) = (from, to);
+    while from < to {
+        let middle = from.midpoint(to);
+        if holds(middle) { to = middle } else { from = middle + 1 }
+    }
+    from
 }
 
 /// A sample of a part on one of its lines.
@@ -101,34 +115,17 @@ pub(crate) struct Follow<'a> {
 impl<'a> Follow<'a> {
     pub(crate) fn new(part: &'a Part<'a>, surface: &Surface) -> Self {
         let mut stops = Vec::new();
-        for (line, &path) in part.lines.iter().enumerate() {
-            let mut before = false;
-            let mut samples = path.samples().peekable();
-            let mut step = 0;
-            while let Some([col, row]) = samples.next() {
-                let at = Position::sample(col, row);
-                if !part.domain.owns(at) {
-                    // What led here is seen again where it matters: a step is judged from both of its ends.
-                    before = samples.peek().is_some_and(|&to| {
-                        part.domain.owns(Position::sample(to[0], to[1]))
-                            && surface.borders([col, row], to)
-                    });
-                    step += 1;
-                    continue;
-                }
-                let goes_on = samples.peek().is_some_and(|&to| surface.borders([col, row], to));
-                let has_to_be = surface.has_sample(at) && !(before && goes_on);
-                stops.push(Stop {
-                    at,
-                    line,
-                    step,
-                    goes_on,
-                    has_to_be,
-                    is_vertex: false,
-                    has_edge: false,
-                });
-                before = goes_on;
-                step += 1;
+        for (line, path) in part.lines.iter().enumerate() {
+            let borders = |step: i64| {
+                (0..path.steps()).contains(&step)
+                    && surface.borders(path.at(step), path.at(step + 1))
+            };
+            for step in path.steps_in(&part.domain) {
+                let [col, row] = path.at(step);
+                let (at, goes_on) = (Position::sample(col, row), borders(step));
+                let has_to_be = surface.has_sample(at) && !(goes_on && borders(step - 1));
+                let (is_vertex, has_edge) = (false, false);
+                stops.push(Stop { at, line, step, goes_on, has_to_be, is_vertex, has_edge });
             }
         }
         stops.sort_unstable_by_key(|stop| (stop.at, stop.line));
@@ -178,10 +175,15 @@ impl<'a> Follow<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrane_base::geom::Rect;
+
+    fn samples(a: [u32; 2], b: [u32; 2]) -> Vec<[i64; 2]> {
+        let line = Line::between(a, b);
+        (0..=line.steps()).map(|step| line.at(step)).collect()
+    }
 
     #[test]
     fn a_path_keeps_to_the_nearest_columns() {
-        let samples = |a, b| Line::between(a, b).samples().collect::<Vec<_>>();
         assert_eq!(samples([4, 7], [4, 7]), [[4, 7]]);
         assert_eq!(samples([2, 5], [4, 5]), [[2, 5], [3, 5], [4, 5]]);
         assert_eq!(samples([2, 7], [2, 5]), [[2, 5], [2, 6], [2, 7]]);
@@ -201,10 +203,28 @@ mod tests {
     #[test]
     fn a_sample_beside_a_path_is_not_on_it() {
         let line = Line::between([0, 0], [2, 5]);
-        let on: Vec<_> = line.samples().collect();
+        let on = samples([0, 0], [2, 5]);
         for (col, row) in (-2..5).flat_map(|col| (-2..8).map(move |row| (col, row))) {
             let expected = on.iter().position(|&at| at == [col, row]).map(|step| step as i64);
             assert_eq!(line.place([col, row]), expected, "{col} {row}");
+        }
+    }
+
+    #[test]
+    fn a_domain_has_the_steps_over_its_samples() {
+        let ends = [[3, 40], [31, 2], [90, 61], [0, 0], [50, 2], [3, 3], [31, 90]];
+        for (a, b) in ends.into_iter().flat_map(|a| ends.map(|b| (a, b))) {
+            let line = Line::between(a, b);
+            for rect in [Rect::new(5, 7, 20, 30), Rect::new(0, 0, 4, 4), Rect::new(30, 60, 61, 40)]
+            {
+                let domain = Domain { rect, grid: [100, 100] };
+                let inside = |&step: &i64| {
+                    let [col, row] = line.at(step);
+                    rect.contains(col as u32, row as u32)
+                };
+                let expected: Vec<_> = (0..=line.steps()).filter(inside).collect();
+                assert_eq!(line.steps_in(&domain).collect::<Vec<_>>(), expected, "{a:?} {b:?}");
+            }
         }
     }
 }

@@ -5,7 +5,7 @@
 //! that two vertices on a path are joined by an edge where none lies between them, so that edges run along the
 //! path and no other edge crosses it.
 //!
-//! Where an edge is missing, the sample in the middle of that part of the path becomes a vertex (a conforming
+//! Where an edge is missing, a sample in the middle of that part of the path becomes a vertex (a conforming
 //! triangulation, as in Edelsbrunner & Tan 1993): the mesh stays Delaunay, tiles and seams are as without, and
 //! lines that cross get a vertex in common. It ends because a step of a path is an edge of every Delaunay
 //! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
@@ -157,10 +157,19 @@ pub(super) struct Edges {
 
 /// Two vertices on a path that no edge joins.
 #[derive(Clone, Copy, Debug)]
-struct Gap {
-    /// The sample in the middle of the path between them.
-    middle: Local,
-    ends: [Local; 2],
+struct Gap<'a> {
+    line: &'a Stretch,
+    steps: [u64; 2],
+}
+
+impl Gap<'_> {
+    /// The samples between the two, the middle first.
+    fn samples(&self) -> impl Iterator<Item = Local> + '_ {
+        let [from, to] = self.steps;
+        let middle = from.midpoint(to);
+        let apart = (0..=to - middle).flat_map(move |off| [middle + off, middle.wrapping_sub(off)]);
+        apart.filter(move |step| (from + 1..to).contains(step)).map(|step| self.line.at(step))
+    }
 }
 
 /// Inserts samples until vertices on paths are joined, as far as that can be; a sample that a triangle holds
@@ -180,11 +189,15 @@ pub(super) fn follow(
         lines.iter().for_each(|line| edges.gaps(line, &mut gaps));
         let (mut is_done, mut left) = (true, 0);
         for gap in &gaps {
-            let Some(holder) = edges.holder(gap, mesh) else { continue };
-            star.clear();
-            match may(mesh, holder, gap.middle) {
-                true => is_done &= !mesh.insert(holder, gap.middle, &mut star),
-                false => left += 1,
+            let held = gap.samples().filter_map(|at| Some((edges.holder(gap, at, mesh)?, at)));
+            let mut held = held.peekable();
+            let is_there = held.peek().is_some();
+            match held.find(|&(holder, at)| may(mesh, holder, at)) {
+                Some((holder, at)) => {
+                    star.clear();
+                    is_done &= !mesh.insert(holder, at, &mut star);
+                }
+                None => left += u64::from(is_there),
             }
         }
         if is_done {
@@ -247,11 +260,12 @@ impl Edges {
         self.all[place..].iter().take_while(move |edge| edge.0 == from).map(|edge| edge.2)
     }
 
-    /// The triangle that holds the middle of a gap, if it can be seen from one around its ends: beside voids and
+    /// The triangle that holds a sample in a gap, if it can be seen from one around its ends: beside voids and
     /// borders not from all of them.
-    fn holder(&self, gap: &Gap, mesh: &Mesh) -> Option<u32> {
-        gap.ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
-            match walk(mesh, half_edge >> 2, gap.middle.lattice()) {
+    fn holder(&self, gap: &Gap<'_>, at: Local, mesh: &Mesh) -> Option<u32> {
+        let ends = gap.steps.map(|step| gap.line.at(step));
+        ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
+            match walk(mesh, half_edge >> 2, at.lattice()) {
                 Reached::Triangle(holder) => Some(holder),
                 Reached::Border(_) => None,
             }
@@ -268,13 +282,13 @@ impl Edges {
 
     /// Appends the gaps of a stretch. Steps are never gaps: where both samples are vertices, all that there can be
     /// is an edge.
-    fn gaps(&self, line: &Stretch, gaps: &mut Vec<Gap>) {
+    fn gaps<'a>(&self, line: &'a Stretch, gaps: &mut Vec<Gap<'a>>) {
         let steps = (line.first..).zip(line.samples());
         let is_vertex = |&(_, at): &(u64, Local)| self.vertices.contains(self.index(at));
         let mut vertices = steps.filter(is_vertex).peekable();
         while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
             if next > step + 1 && !self.joins(at, to) {
-                gaps.push(Gap { middle: line.at(step.midpoint(next)), ends: [at, to] });
+                gaps.push(Gap { line, steps: [step, next] });
             }
         }
     }

@@ -143,7 +143,7 @@ impl<J> Checker<'_, J> {
         match domain.halves() {
             Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
             None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
-                Err(too_crowded(domain, triangles, need))
+                Err(too_crowded(domain, triangles, lines, need))
             }
             None => {
                 let _alone = lock(&self.crowded);
@@ -254,9 +254,13 @@ fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Ta
 /// Triangles of a part are numbered with their corners in `u32`.
 pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
 
-fn too_crowded(domain: Domain, triangles: u64, need: u64) -> Error {
+fn too_crowded(domain: Domain, triangles: u64, lines: u64, need: u64) -> Error {
     let Rect { col, row, width, height } = domain.rect;
-    let what = format!("{triangles} triangles touch the {width} x {height} samples there");
+    let beside = match lines >> 20 {
+        0 => String::new(),
+        mib => format!(", with breaklines of {mib} MiB,"),
+    };
+    let what = format!("{triangles} triangles touch the {width} x {height} samples there{beside}");
     Error::new(ErrorKind::Resource, format!("{what}, which takes {} MiB", need >> 20))
         .at(format!("column {col}, row {row}"))
         .remedy("raise --memory")

@@ -124,7 +124,8 @@ fn plan_checked(
     let size = Estimator::thorough(&*opened.source, layout, cancel)
         .and_then(|mut estimator| estimator.size_at_most(&spec))
         .map_err(in_input)?;
-    let size = size.with(opened.kept.count() + opened.kept.lines().steps());
+    let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
+    let size = size.with(opened.kept.count() + on_lines);
     let mesh = Mesh::new(&tin, &opened, job.cut)?;
     let (files, needs) = (mesh::files(&tin, &*opened.source), mesh.needs(size, &opened)?);
     Plan::new(mesh, files, needs, &job.skipped)?.put(&job.folder)?;
