@@ -36,8 +36,8 @@ pub trait Wedge<V>: Copy {
     /// Keeps the directions that pass `p`, and says what it did.
     fn step(&mut self, p: &V) -> Step;
 
-    /// How far the direction of `p` is outside the wedge, in no unit: not above 0 where [`Wedge::step`]
-    /// would say [`Step::Ends`].
+    /// How far `p` is beside the wedge, in no unit: not above 0 where [`Wedge::step`] would say
+    /// [`Step::Ends`], and hardly anywhere else.
     fn outside(&self, p: &V) -> f64;
 
     /// Which of its sides the last step cut, as bits below [`MOST_SIDES`].
@@ -55,7 +55,7 @@ pub trait Wedge<V>: Copy {
 /// Vertices whose directions are looked at side by side.
 const LANES: usize = 8;
 
-/// The first vertex of `points` whose direction is in the wedge, and whose [`Wedge::span2`] is not below
+/// The first vertex of `points` that is not beside the wedge, and whose [`Wedge::span2`] is not below
 /// `least_span2`.
 #[inline]
 pub(super) fn first_inside<V, W: Wedge<V>>(
@@ -324,8 +324,7 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
         let slack = SLACK * (v[0].abs() + v[1].abs());
         let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
         let beside = larger(left.left, -right.left) - slack;
-        let outside = larger(beside, -(left.ahead + right.ahead));
-        if !L::IS_UNIFORM && k[0] <= 0.0 { 0.0 } else { outside }
+        if !L::IS_UNIFORM && k[0] <= 0.0 { 0.0 } else { beside }
     }
 
     #[inline(always)]
