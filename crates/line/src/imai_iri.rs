@@ -9,8 +9,12 @@
 //! - A vertex needs no look when nothing unvisited is in its reach. Where the wedge of one vertex ended,
 //!   the few vertices that cut it usually end that of its neighbours as well: a bound on the reach for
 //!   the price of three steps.
-//! - Where few vertices in reach are unvisited, each is tested for itself, first against the vertex that
-//!   spoiled the last segment to it.
+//! - A wedge narrowed by some of the vertices has all directions that pass all of them. Those few narrow
+//!   it nearly as far as all would, so of the unvisited vertices within the bound hardly one is left in
+//!   it, and directions are compared side by side. What is left is tested for itself, first against
+//!   the vertex that spoiled the last segment to it; what spoils it narrows the wedge, and tells how
+//!   far off a segment must end at least.
+//! - Long segments are tested against regions of vertices.
 //!
 //! Segments whose ends are as far apart as anything they pass are taken on the word of the wedge; when
 //! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
@@ -24,8 +28,8 @@
 
 use super::cone::cone;
 use super::metric::{Metric, larger};
-use super::regions::last_above;
-use super::wedge::{MOST_SIDES, Step, Wedge};
+use super::regions::{Regions, farthest_beyond, last_above};
+use super::wedge::{MOST_SIDES, Step, Wedge, first_inside};
 use super::{Scratch, first_beyond, keep_short};
 
 /// No vertex.
@@ -42,8 +46,11 @@ pub(super) struct Node {
     next: u32,
 }
 
-/// Unvisited vertices are tested one by one when they are fewer than this share of those in reach.
-const FEW: usize = 6;
+/// Where the first unvisited vertex is less than so many vertices away, all narrow the wedge.
+const NEAR: usize = 4;
+
+/// Segments over more vertices are tested against regions of them.
+const LONG: usize = 128;
 
 /// Vertices looked at, for each of the line's, before the second search is given up.
 const LOOKS: u64 = 2000;
@@ -90,17 +97,50 @@ pub fn imai_iri<V: Copy, M: Metric<V>>(
     }
 }
 
-/// Vertices that leave no direction from some vertex.
+/// Vertices that leave no direction from some vertex, ascending: the last to cut each side, and the one
+/// after which nothing was left.
 #[derive(Clone, Copy)]
-struct Witness {
-    /// The last to cut each side.
-    cutters: [u32; MOST_SIDES],
-    /// The one after which nothing was left.
-    killer: u32,
+struct Witness([u32; MOST_SIDES + 1]);
+
+impl Witness {
+    const NONE: Self = Self([NONE; MOST_SIDES + 1]);
+
+    /// Notes who cut which sides.
+    #[inline(always)]
+    fn note(&mut self, mut cuts: u32, by: usize) {
+        while cuts != 0 {
+            self.0[cuts.trailing_zeros() as usize] = by as u32;
+            cuts &= cuts - 1;
+        }
+    }
+}
+
+/// What may be seen from a vertex past some others.
+struct View<W> {
+    wedge: W,
+    /// The least squared distance of what may be seen.
+    least_span2: f64,
+    /// Who narrowed the wedge.
+    witness: Witness,
+    /// True when others than the last witness did.
+    is_new: bool,
+}
+
+impl<W> View<W> {
+    /// Narrows the wedge by vertex `i`.
+    #[inline(always)]
+    fn pass<V>(&mut self, points: &[V], i: usize) -> Step
+    where
+        W: Wedge<V>,
+    {
+        let step = self.wedge.step(&points[i]);
+        self.witness.note(self.wedge.cuts(), i);
+        step
+    }
 }
 
 /// A breadth-first search under way.
-struct Search<'a, V, M> {
+struct Search<'a, V: Copy, M: Metric<V>> {
     metric: &'a M,
     points: &'a [V],
     tolerance: f64,
@@ -109,6 +149,10 @@ struct Search<'a, V, M> {
     /// Vertices of the next layer.
     found: &'a mut Vec<u32>,
     witness: Witness,
+    /// A vertex that spoiled segments, farther off than others.
+    outermost: usize,
+    /// Made for the first long segment.
+    tree: Option<Regions<M::Region>>,
     /// Looks left, when every segment is held against the formula.
     looks: Option<u64>,
 }
@@ -127,10 +171,18 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         nodes.clear();
         nodes.extend((0..points.len() as u32).map(|i| Node { parent: NONE, spoiler: 0, next: i }));
         found.clear();
-        let witness = Witness { cutters: [NONE; MOST_SIDES], killer: 0 };
-        let tolerance2 = tolerance * tolerance;
-        let mut search =
-            Self { metric, points, tolerance, tolerance2, nodes, found, witness, looks };
+        let mut search = Self {
+            metric,
+            points,
+            tolerance,
+            tolerance2: tolerance * tolerance,
+            nodes,
+            found,
+            witness: Witness::NONE,
+            outermost: 0,
+            tree: None,
+            looks,
+        };
         search.visit(0, 0);
         search.reach(points.len() - 1, layer);
         let is_found = search.is_visited(points.len() - 1);
@@ -201,62 +253,115 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         if first >= self.points.len() {
             return;
         }
-        match self.bound(from) {
-            Some(end) if end <= first => {}
-            Some(end) if self.are_few(from, first, end) => self.test_each(from, first, end),
-            _ => self.sweep(from),
+        match first - from < NEAR {
+            true => self.sweep(from),
+            false => self.seek(from, first),
         }
     }
 
-    /// An end of the reach of `from`: no segment from it goes there or beyond.
-    fn bound(&self, from: usize) -> Option<usize> {
-        let Witness { cutters, killer } = self.witness;
-        if killer as usize <= from {
-            return None;
-        }
-        let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
-        for cutter in cutters.into_iter().filter(|i| *i != NONE && *i as usize > from) {
-            if wedge.step(&self.points[cutter as usize]) == Step::Stops {
-                // Any two vertices spoil what passes both; the killer lies beyond all cutters.
-                return Some(killer as usize);
-            }
-        }
-        let step = wedge.step(&self.points[killer as usize]);
-        (step == Step::Stops).then_some(killer as usize)
-    }
-
-    /// True when few vertices of `first..end` are unvisited.
-    fn are_few(&mut self, from: usize, first: usize, end: usize) -> bool {
-        let mut left = (end - from) / FEW;
+    /// Visits what `from` can reach of the unvisited vertices, `first` and later, with a wedge that only
+    /// the last witness narrows, and what spoils a segment; and beyond the witness all of them.
+    fn seek(&mut self, from: usize, first: usize) {
+        let mut view = self.view(from, first);
         let mut at = first;
-        while at < end && left > 0 {
-            at = self.unvisited(at + 1);
-            left -= 1;
+        let is_known = |i: &usize| *i > from && *i < NONE as usize;
+        for known in self.witness.0.map(|i| i as usize).into_iter().filter(is_known) {
+            if at <= known && !self.try_all(from, at, known + 1, &mut view) {
+                return;
+            }
+            at = at.max(known + 1);
+            if view.pass(self.points, known) == Step::Stops {
+                if view.is_new {
+                    self.stop(view.witness, known);
+                }
+                return;
+            }
         }
-        at >= end
+        at = self.unvisited(at);
+        while at < self.points.len() {
+            let step = view.pass(self.points, at);
+            if step == Step::Stops {
+                return self.stop(view.witness, at);
+            }
+            if step == Step::Ends && !self.try_one(from, at, &mut view) {
+                return;
+            }
+            at = self.unvisited(at + 1);
+        }
     }
 
-    fn test_each(&mut self, from: usize, first: usize, end: usize) {
-        let mut to = first;
-        while to < end {
-            if self.is_valid(from, to) {
-                self.visit(to, from);
+    /// All directions from `from`, for segments that end at `first` or later.
+    fn view(&self, from: usize, first: usize) -> View<M::Wedge> {
+        let wedge = M::Wedge::new(&self.points[from], self.tolerance);
+        let is_passed = (from + 1..first).contains(&self.outermost);
+        let least_span2 =
+            if is_passed { wedge.least_span2(&self.points[self.outermost]) } else { 0.0 };
+        View { wedge, least_span2, witness: Witness::NONE, is_new: false }
+    }
+
+    /// Tries the segments to the unvisited vertices of `at..end` that are in view: `false` when nothing
+    /// is in view after that.
+    fn try_all(
+        &mut self,
+        from: usize,
+        mut at: usize,
+        end: usize,
+        view: &mut View<M::Wedge>,
+    ) -> bool {
+        loop {
+            at = self.unvisited(at);
+            if at >= end {
+                return true;
             }
-            to = self.unvisited(to + 1);
+            let run = &self.points[at..end];
+            let Some(inside) = first_inside(&view.wedge, view.least_span2, run) else {
+                return true;
+            };
+            at += inside;
+            if !self.is_visited(at) && !self.try_one(from, at, view) {
+                return false;
+            }
+            at += 1;
         }
+    }
+
+    /// Tries the segment to `to`: `false` when what spoils it leaves no direction.
+    fn try_one(&mut self, from: usize, to: usize, view: &mut View<M::Wedge>) -> bool {
+        if self.is_valid(from, to) {
+            self.visit(to, from);
+            return true;
+        }
+        let spoiler = self.nodes[to].spoiler as usize;
+        view.is_new = true;
+        let least_span2 = view.wedge.least_span2(&self.points[spoiler]);
+        if least_span2 > view.least_span2 {
+            view.least_span2 = least_span2;
+            self.outermost = spoiler;
+        }
+        let is_left = view.pass(self.points, spoiler) != Step::Stops;
+        if !is_left {
+            self.stop(view.witness, spoiler);
+        }
+        is_left
+    }
+
+    /// Keeps the witness of a wedge of which `killer` left nothing.
+    fn stop(&mut self, mut witness: Witness, killer: usize) {
+        witness.0[MOST_SIDES] = killer as u32;
+        witness.0.sort_unstable();
+        self.witness = witness;
     }
 
     /// Narrows the wedge of `from` until nothing is left.
     fn sweep(&mut self, from: usize) {
         let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
-        let mut cutters = [NONE; MOST_SIDES];
+        let mut witness = Witness::NONE;
         let mut span2 = 0.0;
         for to in from + 1..self.points.len() {
             let p = &self.points[to];
             let step = wedge.step(p);
             if step == Step::Stops {
-                self.witness = Witness { cutters, killer: to as u32 };
-                return;
+                return self.stop(witness, to);
             }
             let span = wedge.span2(p);
             let is_outermost = span >= span2;
@@ -266,11 +371,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
             {
                 self.visit(to, from);
             }
-            let mut cuts = wedge.cuts();
-            while cuts != 0 {
-                cutters[cuts.trailing_zeros() as usize] = to as u32;
-                cuts &= cuts - 1;
-            }
+            witness.note(wedge.cuts(), to);
         }
     }
 
@@ -289,6 +390,15 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
             if *looks == 0 {
                 return false;
             }
+        }
+        if to - from > LONG {
+            let tree = self.tree.get_or_insert_with(|| Regions::new::<V, M>(points));
+            let farthest =
+                farthest_beyond::<V, M>(&segment, points, tree, from + 1, to, tolerance2);
+            if let Some((i, _)) = farthest {
+                self.nodes[to].spoiler = i as u32;
+            }
+            return farthest.is_none();
         }
         let limit = M::within(&segment, self.tolerance2);
         let mut end = to;
@@ -327,7 +437,9 @@ mod tests {
                 tolerance2: 1.0,
                 nodes: &mut [Node { parent: NONE, spoiler: 0, next: 0 }; 12],
                 found: &mut Vec::new(),
-                witness: Witness { cutters: [NONE; MOST_SIDES], killer: 0 },
+                witness: Witness::NONE,
+                outermost: 0,
+                tree: None,
                 looks,
             };
             assert_eq!(search.is_valid(3, 10), expected, "{looks:?}");
@@ -355,7 +467,9 @@ mod tests {
                 tolerance2: 1.0,
                 nodes: &mut nodes,
                 found: &mut Vec::new(),
-                witness: Witness { cutters: [NONE; MOST_SIDES], killer: 0 },
+                witness: Witness::NONE,
+                outermost: 0,
+                tree: None,
                 looks: Some(100),
             };
             assert!(!search.is_valid(from, 10));

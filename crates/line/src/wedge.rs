@@ -15,7 +15,7 @@
 use std::marker::PhantomData;
 
 use super::Xy;
-use super::metric::Located;
+use super::metric::{Located, larger, smaller};
 
 /// What a vertex does to a wedge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,12 +36,46 @@ pub trait Wedge<V>: Copy {
     /// Keeps the directions that pass `p`, and says what it did.
     fn step(&mut self, p: &V) -> Step;
 
+    /// How far `p` is beside the wedge, in no unit: not above 0 where [`Wedge::step`] would say
+    /// [`Step::Ends`], and hardly anywhere else.
+    fn outside(&self, p: &V) -> f64;
+
     /// Which of its sides the last step cut, as bits below [`MOST_SIDES`].
     fn cuts(&self) -> u32;
+
+    /// The least [`Wedge::span2`] of the end of a segment that passes `p`: what ends nearer to the anchor
+    /// leaves `p` beyond its end by more than the tolerance. 0 where that is not known.
+    fn least_span2(&self, p: &V) -> f64;
 
     /// The squared distance of `p` from the anchor, or 0 where no vertex can lie beyond the end of a
     /// segment.
     fn span2(&self, p: &V) -> f64;
+}
+
+/// Vertices whose directions are looked at side by side.
+const LANES: usize = 8;
+
+/// The first vertex of `points` that is not beside the wedge, and whose [`Wedge::span2`] is not below
+/// `least_span2`.
+#[inline]
+pub(super) fn first_inside<V, W: Wedge<V>>(
+    wedge: &W,
+    least_span2: f64,
+    points: &[V],
+) -> Option<usize> {
+    let outside = |p: &V| larger(wedge.outside(p), least_span2 - wedge.span2(p));
+    let chunks = points.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for (n, chunk) in chunks.enumerate() {
+        let mut lanes = [0.0; LANES];
+        for (lane, p) in lanes.iter_mut().zip(chunk) {
+            *lane = outside(p);
+        }
+        if lanes.iter().fold(f64::INFINITY, |least, lane| smaller(*lane, least)) <= 0.0 {
+            return lanes.iter().position(|x| *x <= 0.0).map(|lane| n * LANES + lane);
+        }
+    }
+    rest.iter().position(|p| outside(p) <= 0.0).map(|i| points.len() - rest.len() + i)
 }
 
 /// Most sides a wedge has.
@@ -214,6 +248,14 @@ impl<V, L: Look<V>> DiscWedge<V, L> {
     }
 }
 
+/// The square of the distance of a vertex, less the tolerance and what rounding may do: by the triangle
+/// inequality, no place nearer to the anchor is within the tolerance of it.
+#[inline(always)]
+fn least_square(span2: f64, tolerance: f64) -> f64 {
+    let least = (span2.sqrt() * (1.0 - SLACK) - tolerance * (1.0 + SLACK)).max(0.0);
+    least * least * (1.0 - SLACK)
+}
+
 /// True when a direction lies between two rays, rounding allowed for.
 fn is_between(direction: Xy, [left, right]: [Xy; 2]) -> bool {
     let bisector = [left[0] + right[0], left[1] + right[1]];
@@ -272,8 +314,27 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
     }
 
     #[inline(always)]
+    fn outside(&self, p: &V) -> f64 {
+        let (v, k) = L::look(&self.anchor, p);
+        let Some(rays) = self.rays else { return 0.0 };
+        if L::IS_UNIFORM && self.tolerance == 0.0 {
+            let is_inside = cross(rays[0], v) == 0.0 && dot(rays[0], v) > 0.0 || v == [0.0; 2];
+            return if is_inside { 0.0 } else { 1.0 };
+        }
+        let slack = SLACK * (v[0].abs() + v[1].abs());
+        let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
+        let beside = larger(left.left, -right.left) - slack;
+        if !L::IS_UNIFORM && k[0] <= 0.0 { 0.0 } else { beside }
+    }
+
+    #[inline(always)]
     fn cuts(&self) -> u32 {
         self.cuts
+    }
+
+    #[inline(always)]
+    fn least_span2(&self, p: &V) -> f64 {
+        if L::IS_UNIFORM { least_square(self.span2(p), self.tolerance) } else { 0.0 }
     }
 
     #[inline(always)]
@@ -306,8 +367,16 @@ impl Wedge<[f64; 3]> for SpaceWedge {
         }
     }
 
+    fn outside(&self, p: &[f64; 3]) -> f64 {
+        larger(larger(self.xy.outside(p), self.yz.outside(p)), self.zx.outside(p))
+    }
+
     fn cuts(&self) -> u32 {
         self.xy.cuts | self.yz.cuts << 2 | self.zx.cuts << 4
+    }
+
+    fn least_span2(&self, p: &[f64; 3]) -> f64 {
+        least_square(self.span2(p), self.xy.tolerance)
     }
 
     fn span2(&self, p: &[f64; 3]) -> f64 {
@@ -353,8 +422,19 @@ impl Wedge<Xy> for SlopeWedge {
     }
 
     #[inline(always)]
+    fn outside(&self, p: &Xy) -> f64 {
+        let slope = (p[1] - self.anchor[1]) * (1.0 / (p[0] - self.anchor[0]));
+        larger(self.low - slope, slope - self.high) - SLACK * slope.abs()
+    }
+
+    #[inline(always)]
     fn cuts(&self) -> u32 {
         self.cuts
+    }
+
+    #[inline(always)]
+    fn least_span2(&self, _: &Xy) -> f64 {
+        0.0
     }
 
     #[inline(always)]

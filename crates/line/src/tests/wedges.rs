@@ -1,7 +1,7 @@
 //! Wedges against angles and slopes.
 
 use super::*;
-use crate::wedge::{EllipseWedge, PlaneWedge, SlopeWedge, SpaceWedge, Step, Wedge};
+use crate::wedge::{EllipseWedge, PlaneWedge, SlopeWedge, SpaceWedge, Step, Wedge, first_inside};
 use std::f64::consts::{PI, TAU};
 
 /// The angles that are left, in units of the coordinates: right and left; none while all are.
@@ -81,8 +81,64 @@ fn way() -> impl Strategy<Value = Vec<Xy>> {
     )
 }
 
+/// A vertex is inside where a segment may end, and one that is nearer than another lets one end leaves
+/// that other beyond its end.
+struct LooksLikeSteps;
+
+impl Check for LooksLikeSteps {
+    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+        let mut wedge = M::Wedge::new(&points[0], tolerance);
+        let mut least_span2 = 0.0_f64;
+        for (i, p) in points.iter().enumerate().skip(1) {
+            let (before, ahead) = (wedge, &points[i..]);
+            let may_end = |p: &V| before.outside(p) <= 0.0 && before.span2(p) >= least_span2;
+            let found = first_inside(&before, least_span2, ahead);
+            assert_eq!(found, ahead.iter().position(may_end), "from vertex {i} on");
+            let step = wedge.step(p);
+            if step == Step::Stops {
+                break;
+            }
+            // Behind a wedge of one direction, so near that it passes, nothing is beside it.
+            if before.outside(p) > 0.0 || wedge.span2(p) > tolerance * tolerance {
+                assert_eq!(before.outside(p) <= 0.0, step == Step::Ends, "vertex {i}");
+            }
+            let least = wedge.least_span2(p);
+            for end in ahead.iter().filter(|end| wedge.span2(end) < least) {
+                assert!(metric.distance2(p, &points[0], end) > tolerance * tolerance);
+            }
+            least_span2 = least_span2.max(least);
+        }
+    }
+}
+
+/// With a radius of 5 at 13, segments end no nearer than 8; but for rounding.
+#[test]
+fn segments_end_no_nearer_than_what_they_pass() {
+    let near = |square: f64| (square - 64.0).abs() < 1e-10 && square < 64.0;
+    let wedge = PlaneWedge::new(&[1.0, 1.0], 5.0);
+    assert!(near(wedge.least_span2(&[6.0, 13.0])) && wedge.least_span2(&[4.0, 4.0]) == 0.0);
+    let wedge = SpaceWedge::new(&[1.0, 1.0, 1.0], 5.0);
+    assert!(near(wedge.least_span2(&[4.0, 5.0, 13.0])));
+    // Metres differ from vertex to vertex, and in a profile nothing is beyond an end.
+    let place = |lon: f64| Located::new([lon, 60.0]);
+    assert_eq!(EllipseWedge::new(&place(0.0), 5.0).least_span2(&place(1.0)), 0.0);
+    assert_eq!(SlopeWedge::new(&[0.0; 2], 5.0).least_span2(&[99.0, 0.0]), 0.0);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn looks_are_like_steps(line in way(), tolerance in 0.05..4.0) {
+        LooksLikeSteps.everywhere(&line, tolerance);
+    }
+
+    #[test]
+    fn looks_are_like_steps_on_short_lines(line in short_line(), tolerance in tolerance()) {
+        if !line.is_empty() {
+            LooksLikeSteps.everywhere(&line, tolerance);
+        }
+    }
 
     #[test]
     fn a_wedge_has_the_angles_that_pass_all(line in way(), tolerance in 0.05..4.0) {
