@@ -158,6 +158,7 @@ impl<'a> Worker<'a> {
         self.kept.sort_unstable();
         let kept = (&self.kept[..], &self.lines[..]);
         let input = tile_input(layout, tile, self.window.heights(), kept);
+        let input = TileInput { spacing: self.spacing(), ..input };
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         let tally = Tally { valid: *valid, isolated: *isolated, suspects, ..Tally::default() };
@@ -192,12 +193,15 @@ impl<'a> Worker<'a> {
         for reach in layout.reaches() {
             let zone = Zone::new(&layout, seam, tile, reach, along);
             self.extract(&zone)?;
+            let is_widest = reach == layout.widest_reach();
+            if !is_widest && self.is_last_of_lines(seam, &zone) {
+                continue;
+            }
             let Some(rect) = rect_around(&self.triangles, zone.limits(), &layout) else { continue };
             self.read(rect)?;
             self.look_up_heights(rect)?;
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             let frontier = self.frontier(&patch, rect, &zone)?;
-            let is_widest = reach == layout.widest_reach();
             let is_done = seam != Seam::Corner || patch.left.is_empty();
             if is_widest && !is_done {
                 return Err(unbounded());
@@ -209,6 +213,19 @@ impl<'a> Worker<'a> {
             }
         }
         Ok(())
+    }
+
+    /// True around a corner near breaklines. Nobody comes after that patch, and what others have left of a line may
+    /// be anywhere it can reach.
+    fn is_last_of_lines(&self, seam: Seam, zone: &Zone) -> bool {
+        seam == Seam::Corner && self.job.settings.kept.lines().near(zone.limits()).next().is_some()
+    }
+
+    /// How far posts are apart. Half as far where lines are followed: a sample may have to be inserted anywhere on
+    /// them, and what that changes has to be in a patch.
+    fn spacing(&self) -> u32 {
+        let most = self.job.layout.spacing();
+        if self.job.settings.kept.lines().is_empty() { most } else { (most / 2).max(1) }
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
@@ -279,7 +296,7 @@ impl<'a> Worker<'a> {
             seam_col,
             seam_row,
             grid_ends: layout.grid_ends(rect),
-            spacing: layout.spacing(),
+            spacing: self.spacing(),
             kept: &self.kept,
             lines: &self.lines,
         };
