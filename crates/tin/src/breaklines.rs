@@ -2,8 +2,8 @@
 //!
 //! What follows a segment of a line is a *path*: samples from one end of it to the other, each a step along a
 //! row or a column from the one before, none further than 0.71 cells from the straight segment. Promised is
-//! that two vertices on a path are joined by an edge where none lies between them, so that edges run along the
-//! path and no other edge crosses it.
+//! that from each vertex on a path an edge goes on to one further along it, so that edges run along the whole of
+//! it. Made is a little more: neighbouring vertices on a path are joined.
 //!
 //! Where an edge is missing, a sample in the middle of that part of the path becomes a vertex (a conforming
 //! triangulation, as in Edelsbrunner & Tan 1993): the mesh stays Delaunay, tiles and seams are as without, and
