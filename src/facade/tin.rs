@@ -39,6 +39,7 @@ pub struct Tin {
     tolerance: f64,
     max_error: f64,
     rmse: f64,
+    unmet: Option<String>,
     header: MeshHeader,
 }
 
@@ -58,6 +59,21 @@ impl Tin {
         height: u32,
     ) -> Result<TinBuilder<ArrayGrid<'_>>> {
         ArrayGrid::new(heights, width, height).map(TinBuilder::of)
+    }
+
+    /// What was asked for and is not so, in words: a few triangles with a smaller angle than
+    /// [`min_angle`](TinBuilder::min_angle), or vertices on [`breaklines`](TinBuilder::breaklines) without an edge
+    /// along them. `None` of nearly every mesh. The bound of the error always holds.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let tin = terrane::open("synth:rough,size=129,seed=7")?.tin().max_error(5.0).min_angle(20.0).build()?;
+    /// assert_eq!(tin.unmet(), None);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn unmet(&self) -> Option<&str> {
+        self.unmet.as_deref()
     }
 
     /// Positions, x, y and z in the units of the grid.
@@ -433,7 +449,7 @@ impl Kept {
     fn into_tin(self, built: Built) -> Tin {
         let mut lists = lock(&self.0);
         let Lists { vertices, triangles } = std::mem::take(&mut *lists);
-        let Built { tolerance, outcome, header } = built;
+        let Built { tolerance, outcome, unmet, header } = built;
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         Tin {
             vertices,
@@ -441,6 +457,7 @@ impl Kept {
             tolerance,
             max_error: outcome.max_error,
             rmse: (outcome.square_sum / surface).sqrt(),
+            unmet,
             header,
         }
     }

@@ -23,6 +23,17 @@ fn stored(path: &std::path::Path) -> (Vec<[f64; 3]>, Vec<[u64; 3]>) {
     (vertices, triangles)
 }
 
+/// One of three lands in 1,400 where a triangle is left, with tiles as small as hardly anybody chooses.
+#[test]
+fn a_mesh_in_memory_tells_what_is_not_as_it_was_asked_for() {
+    let land = terrane::open("synth:salt,size=570,seed=265").unwrap();
+    let make = || land.tin().max_error(10.0).tile(32).drop_redundant(false);
+    let tin = make().min_angle(26.5).build().unwrap();
+    let told = tin.unmet().unwrap();
+    assert!(told.starts_with("1 triangles have a smaller angle than 26.5 degrees"), "{told}");
+    assert_eq!(make().build().unwrap().unmet(), None);
+}
+
 #[test]
 fn arrays_and_files_give_one_mesh_however_it_is_made() {
     let folder = tempfile::tempdir().unwrap();

@@ -6,6 +6,7 @@ use super::job::Goal;
 use super::layout::{Layout, checked_tile};
 use super::make::{Origin, header, in_input, open_tiled};
 use super::refinement::Refinement;
+use super::report::{FlawReport, unmet};
 use super::run::{Outcome, Settings};
 use super::seek::{Seeker, run_stage};
 use crate::kept::Features;
@@ -43,6 +44,8 @@ pub struct Built {
     pub tolerance: f64,
     /// What the run counted, errors measured.
     pub outcome: Outcome,
+    /// What was asked for and is not so, in words.
+    pub unmet: Option<String>,
     /// What files of the mesh are to be told of it.
     pub header: MeshHeader,
 }
@@ -115,5 +118,7 @@ fn build_within(
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
     let from = Origin { input: info.format, clip, refinement: job.refinement };
-    Ok(Built { tolerance, outcome, header: header(info, from, &settings.spec, 0.0) })
+    let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
+    let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
+    Ok(Built { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
 }

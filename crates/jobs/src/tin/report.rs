@@ -115,21 +115,30 @@ impl FlawReport {
     }
 }
 
+/// What was asked for and is not so, in words, by the triangles that are too thin and the vertices that lack an edge
+/// along a breakline.
+pub(super) fn unmet(
+    thin: Option<FlawReport>,
+    apart: Option<FlawReport>,
+    min_angle: Option<f64>,
+) -> Option<String> {
+    let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
+        let FlawReport { count, first } = flaws?;
+        let [x, y] = first?;
+        Some(format!(
+            "{count} {what}, the first one at x {x}, y {y}; choose a larger --tile{remedy}"
+        ))
+    };
+    let least = min_angle.unwrap_or_default();
+    let angle = format!("triangles have a smaller angle than {least} degrees");
+    let lines = "vertices on breaklines have no edge along them".to_owned();
+    told(thin, angle, ", or a smaller --min-angle").or_else(|| told(apart, lines, ""))
+}
+
 impl TinReport {
     /// What was asked for and is not so, in words.
     pub fn unmet(&self) -> Option<String> {
-        let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
-            let FlawReport { count, first } = flaws?;
-            let [x, y] = first?;
-            Some(format!(
-                "{count} {what}, the first one at x {x}, y {y}; choose a larger --tile{remedy}"
-            ))
-        };
-        let least = self.min_angle.unwrap_or_default();
-        let angle = format!("triangles have a smaller angle than {least} degrees");
-        let lines = "vertices on breaklines have no edge along them".to_owned();
-        told(self.thin_triangles, angle, ", or a smaller --min-angle")
-            .or_else(|| told(self.apart, lines, ""))
+        unmet(self.thin_triangles, self.apart, self.min_angle)
     }
 
     /// Notes the time it all took.
