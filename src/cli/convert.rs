@@ -10,6 +10,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::input::is_synthetic;
+use crate::jobs::reading::Reading;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::raster::{SampleType, write};
 
@@ -51,6 +52,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
           value_parser = parse::bbox)]
     bbox: Option<[f64; 4]>,
+    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
+    /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    water: Option<String>,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -98,7 +103,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
-        reading: args.grid.reading(),
+        reading: Reading { water: args.water.clone(), ..args.grid.reading() },
         bbox: args.bbox,
         sample_type: args.sample_type,
         out_nodata: args.out_nodata,
@@ -143,5 +148,6 @@ pub(super) fn check(job: &ConvertJob) -> Result<()> {
     format.check(&job.creation)?;
     check::not_inputs(job.input.names(), &[&job.output])?;
     check::not_among(job.reading.clip.as_slice(), &[&job.output])?;
+    check::not_among(job.reading.water.as_slice(), &[&job.output])?;
     check::new_file(&job.output, job.overwrite)
 }

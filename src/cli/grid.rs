@@ -85,6 +85,10 @@ struct Model {
     /// returns, or auto: by class if there are any, else by filter [default: auto]
     #[arg(long, value_name = "HOW", value_enum)]
     ground: Option<GroundName>,
+    /// Water of a file of features, made level in --dtm: polygons are lakes, as high as their lowest bank, and
+    /// those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    #[arg(long, value_name = "FILE", value_parser = names::any(), requires = "dtm")]
+    water: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -251,6 +255,7 @@ fn job(args: &Args) -> Result<GridJob> {
         stats: preset.map_or(job.stats, |preset| vec![preset.band()]),
         preset,
         ground: args.model.ground(),
+        water: args.model.water.clone(),
         overwrite: args.out.overwrite,
         ..job
     };
@@ -283,6 +288,7 @@ impl Wanted {
             stats: stat.0.clone(),
             preset: None,
             ground: GroundFrom::Auto,
+            water: None,
             placement: Placement {
                 cell: cells.cell,
                 align: cells.align,
@@ -324,8 +330,10 @@ impl Args {
         self.wanted.cells.like.as_deref().map_or(Ok(()), check::input)?;
         check::not_among(&files, &[&self.output])?;
         check::new_file(&self.output, overwrite)?;
-        let like = self.wanted.cells.like.iter().cloned().collect();
-        let read = [files, self.wanted.points.files()?, like].concat();
+        let beside = self.wanted.cells.like.iter().chain(&self.model.water);
+        let beside: Vec<_> = beside.cloned().collect();
+        check::not_among(&beside, &[&self.output])?;
+        let read = [files, self.wanted.points.files()?, beside].concat();
         check::report(report, &read, &[&self.output], overwrite)
     }
 }
@@ -369,8 +377,12 @@ pub(super) fn summary(r: &GridReport) -> String {
             ),
         ),
         ("bands", bands(r)),
-        ("file", format!("{}, {}, {}", text::bytes(r.output_bytes), r.format, r.sample_type)),
     ];
+    rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
+    rows.push((
+        "file",
+        format!("{}, {}, {}", text::bytes(r.output_bytes), r.format, r.sample_type),
+    ));
     let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
     let stages = r.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
     let rate = text::rate(r.points_per_second, "points");

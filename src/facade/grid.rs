@@ -103,6 +103,31 @@ impl Grid {
         Self::open(self.inputs, Reading { clip, ..self.reading })
     }
 
+    /// The same with level water: the polygons of a file of features are lakes, as high as their lowest bank, and
+    /// those that a line of the file runs within are rivers, which fall along it (drawn downstream) and are nowhere
+    /// above their banks. Levels are found when it is first read, in time linear in the samples near water; edges
+    /// of a mesh made of it follow the banks.
+    ///
+    /// # Errors
+    /// A file that cannot be read, of another reference system, with points, without polygons, or none on the grid.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// let lake = folder.path().join("lake.wkt");
+    /// std::fs::write(&lake, "POLYGON ((500300 4749700, 500700 4749700, 500500 4749300))").unwrap();
+    /// std::fs::write(lake.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?.water(&lake)?;
+    /// let wet = dem.heights(terrane::Rect::new(48, 36, 5, 5))?;
+    /// assert!(wet.iter().all(|height| *height == wet[0]));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn water(self, file: impl AsRef<Path>) -> Result<Self> {
+        let water = Some(name_of(file.as_ref().to_path_buf())?);
+        Self::open(self.inputs, Reading { water, ..self.reading })
+    }
+
     /// Size, place, reference system and storage.
     pub fn info(&self) -> &GridInfo {
         self.source.info()

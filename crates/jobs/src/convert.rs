@@ -25,7 +25,9 @@ use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{beside_grid, path_of};
 use terrane_raster::write::{self, GridFormat, GridSink, WriteOptions};
-use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
+use terrane_raster::{
+    self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType, WaterReport,
+};
 
 /// A grid-to-grid job.
 #[derive(Clone, Debug)]
@@ -118,6 +120,9 @@ pub struct ConvertReport {
     /// Lowest and highest valid height; absent when there is none.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
+    /// What became of water.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<WaterReport>,
     /// What of the grid the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,
@@ -135,7 +140,10 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
-    copy(source.as_ref(), job, progress, cancel)
+    let report = copy(source.as_ref(), job, progress, cancel)?;
+    let water = options.water.and_then(|water| water.report());
+    let notes = report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes));
+    Ok(ConvertReport { notes: notes.collect(), water, ..report })
 }
 
 /// As [`run`], from a grid that is open already (`job.input` is only named in the report).

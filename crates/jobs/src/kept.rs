@@ -1,6 +1,7 @@
 //! What a mesh has to keep of files of features: samples nearest to points, which are vertices, and breaklines.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -9,31 +10,45 @@ use crate::beside::Beside;
 use crate::breaklines::Breaklines;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
-use terrane_raster::GridInfo;
+use terrane_raster::{GridInfo, Water};
 
 /// What a mesh has to keep, where it is in the world.
 #[derive(Default)]
 pub struct Features {
     points: Option<Points>,
     lines: Option<Points>,
+    water: Option<Arc<Water>>,
 }
 
 impl Features {
-    /// Reads the files of points and of breaklines of these names.
+    /// Reads the files of points and of breaklines of these names; the banks of `water` are breaklines, too.
     ///
     /// # Errors
     /// Whatever the reader of a format finds; a file without a point, or without a line; more points than a
     /// quarter of the memory holds.
-    pub fn read(points: Option<&str>, lines: Option<&str>, resources: &Resources) -> Result<Self> {
+    pub fn read(
+        points: Option<&str>,
+        lines: Option<&str>,
+        water: Option<&Arc<Water>>,
+        resources: &Resources,
+    ) -> Result<Self> {
         Ok(Self {
+            water: water.cloned(),
             points: points.map(|name| Points::read(name, "point", resources)).transpose()?,
             lines: lines.map(|name| Points::read(name, "line", resources)).transpose()?,
         })
     }
 
+    /// True where there are lines for edges to follow.
+    pub(crate) fn has_lines(&self) -> bool {
+        self.lines.is_some() || self.water.is_some()
+    }
+
     /// Most bytes that all of it takes.
     pub fn bytes(&self) -> u64 {
-        let lines = self.lines.as_ref().map_or(0, |lines| Breaklines::most_bytes(lines.at.len()));
+        let lines = self.lines.as_ref().map_or(0, |lines| lines.at.len());
+        let banks = self.water.as_ref().map_or(0, |water| water.vertices());
+        let lines = Breaklines::most_bytes(lines + banks);
         self.points.as_ref().map_or(0, |points| bytes(points.at.len())) + lines
     }
 
@@ -45,6 +60,9 @@ impl Features {
         let mut kept = self.points.map_or_else(|| Ok(Kept::default()), |points| points.on(grid))?;
         if let Some(lines) = self.lines {
             kept.lines = lines.along(grid)?;
+        }
+        if let Some(water) = self.water {
+            kept.lines = kept.lines.and_banks(water.banks(grid)?, water.path());
         }
         Ok(kept)
     }
@@ -189,7 +207,7 @@ impl Kept {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        bytes(self.samples.len()) + self.lines.bytes()
+        bytes(self.samples.len()) + self.lines.paths().bytes()
     }
 
     /// Number of samples.

@@ -27,6 +27,7 @@ pub mod survey;
 pub mod tin;
 pub mod verify;
 pub mod view;
+mod water;
 mod workers;
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! How a grid is read: its band, its voids, and the polygons it is clipped to.
+//! How a grid is read: its band, its voids, its water, and the polygons it is clipped to.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::Resources;
 use crate::beside::{self, Beside};
 use crate::plan::as_text;
+use crate::water;
 use terrane_base::error::{Error, Result};
 use terrane_raster::{Clip, ClipRings, OpenOptions};
 use terrane_vector::Feature;
@@ -23,24 +24,28 @@ pub struct Reading {
     /// The name of a file with the polygons that the grid is clipped to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clip: Option<String>,
+    /// The name of a file with water, which is made level.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub water: Option<String>,
 }
 
 impl Default for Reading {
     /// The first band, with the files' own nodata value, all of it.
     fn default() -> Self {
-        Self { band: 1, nodata: None, clip: None }
+        Self { band: 1, nodata: None, clip: None, water: None }
     }
 }
 
 impl Reading {
-    /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons; of TopoJSON those of
-    /// its first object.
+    /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons, and all water; of
+    /// TopoJSON those of its first object.
     ///
     /// # Errors
     /// Whatever the reader of the polygons' format finds; a feature with anything else than polygons in it, by
-    /// its number; a file without a ring; more edges than half of the memory holds.
+    /// its number, or with a point among water; a file without a ring; more edges than half of the memory holds.
     pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<OpenOptions> {
         let clip = self.clip.as_deref().map(|name| polygons(name, resources)).transpose()?;
+        let water = self.water.as_deref().map(|name| water::read(name, resources)).transpose()?;
         let Resources { threads, temp_dir, .. } = resources.clone();
         Ok(OpenOptions {
             band: self.band,
@@ -49,18 +54,20 @@ impl Reading {
             threads,
             temp_dir,
             clip,
+            water,
         })
     }
 
     /// The same wherever the process works.
     pub(crate) fn absolute(&self) -> Result<Self> {
         let clip = self.clip.as_deref().map(beside::absolute).transpose()?;
-        Ok(Self { clip, ..self.clone() })
+        let water = self.water.as_deref().map(beside::absolute).transpose()?;
+        Ok(Self { clip, water, ..self.clone() })
     }
 
-    /// The file of polygons, and what else is read of it.
+    /// The files of polygons and of water, and what else is read with them.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
-        self.clip.as_deref().map_or_else(Vec::new, beside::files)
+        self.clip.iter().chain(&self.water).flat_map(|name| beside::files(name)).collect()
     }
 }
 

@@ -65,6 +65,7 @@ pub mod store;
 mod strided;
 mod synth;
 mod usgs;
+mod water;
 mod window;
 mod world;
 pub mod write;
@@ -89,6 +90,7 @@ use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::registry::Named;
 use terrane_files as file;
 use terrane_files::format::{Format, by_extension};
+pub use water::{Water, WaterFeatures, WaterReport};
 use window::Window;
 
 /// How samples are stored in the file.
@@ -272,13 +274,23 @@ pub struct OpenOptions {
     /// What [`open_all`] clips the grid to: all samples outside are voids. Its bytes are taken off
     /// `cache_bytes`.
     pub clip: Option<Arc<Clip>>,
+    /// Water that [`open_all`] makes level, before it clips. Its bytes are taken off `cache_bytes`, too.
+    pub water: Option<Arc<Water>>,
 }
 
 impl Default for OpenOptions {
     /// The first band, on all cores.
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads, temp_dir: None, clip: None }
+        Self {
+            band: 1,
+            nodata: None,
+            cache_bytes: 256 << 20,
+            threads,
+            temp_dir: None,
+            clip: None,
+            water: None,
+        }
     }
 }
 
@@ -345,6 +357,10 @@ pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn Grid
     let open = |options: &OpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),
         _ => mosaic::open(inputs, options),
+    };
+    let open = |options: &OpenOptions| match &options.water {
+        Some(water) => water::levelled(water, options, open),
+        None => open(options),
     };
     match &options.clip {
         Some(clip) => clip::clipped(clip, options, open),

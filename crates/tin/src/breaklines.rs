@@ -11,94 +11,12 @@
 //! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
 //! way a segment runs, so that borders may be shared.
 
-use std::ops::RangeInclusive;
-
 use super::Local;
 use super::angles::{Reached, walk};
 use super::field::Field;
 use super::mesh::{Mesh, State};
 use terrane_base::bits::BitSet;
-
-/// A straight part of a breakline, from sample to sample, and its path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Segment {
-    from: [i64; 2],
-    to: [i64; 2],
-}
-
-impl Segment {
-    /// Between two samples (column, row), in either order.
-    pub fn new(a: [i64; 2], b: [i64; 2]) -> Self {
-        let is_first = (a[1], a[0]) <= (b[1], b[0]);
-        let [from, to] = if is_first { [a, b] } else { [b, a] };
-        Self { from, to }
-    }
-
-    /// The same where positions are counted from `origin`.
-    pub fn seen_from(&self, origin: [i64; 2]) -> Self {
-        let moved = |at: [i64; 2]| [0, 1].map(|axis| at[axis] - origin[axis]);
-        Self { from: moved(self.from), to: moved(self.to) }
-    }
-
-    /// Columns and rows from end to end.
-    fn spans(&self) -> [u64; 2] {
-        [0, 1].map(|axis| self.to[axis].abs_diff(self.from[axis]))
-    }
-
-    /// Steps of the path from end to end.
-    pub fn steps(&self) -> u64 {
-        self.spans().into_iter().sum()
-    }
-
-    /// The sample after so many steps.
-    pub fn at(&self, step: u64) -> [i64; 2] {
-        let all = u128::from(self.steps());
-        let cols = match all {
-            0 => 0,
-            _ => (2 * u128::from(step) * u128::from(self.spans()[0]) + all) / (2 * all),
-        };
-        let gone = [cols as u64, step - cols as u64];
-        [0, 1].map(|axis| {
-            let on = if self.to[axis] < self.from[axis] { -1 } else { 1 };
-            self.from[axis] + on * gone[axis] as i64
-        })
-    }
-
-    /// After how many steps the path comes to a sample, if it does.
-    pub fn step_of(&self, at: [i64; 2]) -> Option<u64> {
-        let step = [0, 1].map(|axis| at[axis].abs_diff(self.from[axis])).into_iter().sum();
-        (step <= self.steps() && self.at(step) == at).then_some(step)
-    }
-
-    /// The steps at which the path is between two samples, the upper left and the lower right.
-    pub fn within(&self, low: [i64; 2], high: [i64; 2]) -> Option<RangeInclusive<u64>> {
-        let (mut first, mut last) = (0, self.steps());
-        for axis in [0, 1] {
-            let is_forward = self.to[axis] >= self.from[axis];
-            let (is_before, is_after): (&dyn Fn(i64) -> bool, &dyn Fn(i64) -> bool) =
-                match is_forward {
-                    true => (&|at| at < low[axis], &|at| at > high[axis]),
-                    false => (&|at| at > high[axis], &|at| at < low[axis]),
-                };
-            first = self.first_step(first, last, |at| !is_before(at[axis]))?;
-            last = match self.first_step(first, last, |at| is_after(at[axis])) {
-                Some(beyond) => beyond.checked_sub(1).filter(|&last| last >= first)?,
-                None => last,
-            };
-        }
-        Some(first..=last)
-    }
-
-    /// The first step of some at which a test holds, which holds at all steps after that.
-    fn first_step(&self, from: u64, to: u64, holds: impl Fn([i64; 2]) -> bool) -> Option<u64> {
-        let (mut low, mut high) = (from, to + 1);
-        while low < high {
-            let middle = low.midpoint(high);
-            if holds(self.at(middle)) { high = middle } else { low = middle + 1 }
-        }
-        (low <= to).then_some(low)
-    }
-}
+use terrane_base::geom::Segment;
 
 /// A part of a segment's path, whose samples all lie in a tile or patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -25,7 +25,7 @@ mod tile;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Rounding;
 
-pub use breaklines::{Segment, Stretch, goes_on};
+pub use breaklines::{Stretch, goes_on};
 pub use order::sort_by_position;
 pub use patch::mend_patch;
 pub use tile::{Scratch, triangulate_tile};

@@ -33,7 +33,8 @@ pub(crate) struct Grid {
 impl Grid {
     /// What is asked to be read.
     pub(crate) fn reading(&self) -> Reading {
-        Reading { band: self.band.unwrap_or(1), nodata: self.nodata, clip: self.clip.clone() }
+        let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
+        Reading { band, nodata: self.nodata, clip, water: None }
     }
 
     /// Options for opening each file of the grid within `resources`.
@@ -41,7 +42,7 @@ impl Grid {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
         let Reading { band, nodata, .. } = self.reading();
-        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None }
+        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None, water: None }
     }
 
     /// The same with the polygons that the whole grid is clipped to.

@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::jobs::breaklines::BreaklinesReport;
 use crate::jobs::kept::KeptReport;
 use crate::jobs::placing::Placed;
+use crate::raster::WaterReport;
 
 /// "1,234,567".
 pub(crate) fn count(n: u64) -> String {
@@ -174,6 +175,28 @@ pub(crate) fn breaklines(lines: &BreaklinesReport) -> String {
     };
     let followed = if lines.apart == 0 { "followed" } else { "NOT followed by all edges" };
     format!("{} segments of {}, {followed}{outside}", count(lines.segments), lines.file)
+}
+
+/// What became of water: "3 lakes and 1 river of a.shp, level from 10.5 to 84".
+pub(crate) fn water(water: &WaterReport) -> String {
+    let many = |n: u64, one: &str| format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" });
+    let mut line = format!(
+        "{} and {} of {}",
+        many(water.lakes, "lake"),
+        many(water.rivers, "river"),
+        water.file
+    );
+    if let Some([low, high]) = water.levels.map(|levels| levels.map(number)) {
+        line += &format!(", level from {low} to {high}");
+    }
+    if water.dug > 0.0 {
+        let dug = number(water.dug);
+        line += &format!("; up to {dug} below the lowest bank, as banks are lower upstream");
+    }
+    if water.outside > 0 {
+        line += &format!("; {} outside of the grid", count(water.outside));
+    }
+    line
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".

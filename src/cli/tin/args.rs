@@ -142,6 +142,10 @@ pub(crate) struct Method {
     /// sample to sample
     #[arg(long, value_name = "FILE", value_parser = names::any(), conflicts_with = "min_angle")]
     pub(crate) breaklines: Option<String>,
+    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, and those that a
+    /// line of the file runs within are rivers, falling along it (drawn downstream). Edges follow the banks
+    #[arg(long, value_name = "FILE", value_parser = names::any(), conflicts_with_all = ["min_angle", "fit"])]
+    pub(crate) water: Option<String>,
     /// Cells along the side of a tile, 16 to 8192 [default: 512]
     #[arg(long, value_name = "CELLS", value_parser = tile_cells())]
     pub(crate) tile: Option<u32>,
@@ -158,6 +162,11 @@ impl Method {
             keep_points: self.keep_points.clone(),
             breaklines: self.breaklines.clone(),
         }
+    }
+
+    /// The files that it reads.
+    pub(crate) fn files(&self) -> impl Iterator<Item = String> {
+        self.keep_points.iter().chain(&self.breaklines).chain(&self.water).cloned()
     }
 
     /// Cells along the side of a tile.

@@ -79,6 +79,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--min-angle", args.method.min_angle.is_some()),
         ("--keep-points", args.method.keep_points.is_some()),
         ("--breaklines", args.method.breaklines.is_some()),
+        ("--water", args.method.water.is_some()),
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),

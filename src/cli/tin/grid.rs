@@ -9,6 +9,7 @@ use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
+use crate::jobs::reading::Reading;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tin::{self, TinJob, TinReport};
 use crate::jobs::verify::VerifyJob;
@@ -63,7 +64,7 @@ fn job(args: &Args) -> Result<TinJob> {
     let usual = args.split.tiles.map(|_| "PLY");
     let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
     let mut files = args.grid.read_with(raster::files(&args.input)?);
-    files.extend(args.method.keep_points.iter().chain(&args.method.breaklines).cloned());
+    files.extend(args.method.files());
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -91,7 +92,7 @@ fn job(args: &Args) -> Result<TinJob> {
     }
     Ok(TinJob {
         input: args.input.clone().into(),
-        reading: args.grid.reading(),
+        reading: Reading { water: args.method.water.clone(), ..args.grid.reading() },
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,
@@ -149,6 +150,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
     }));
     rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
     rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines))));
+    rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));

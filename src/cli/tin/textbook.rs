@@ -68,6 +68,7 @@ impl Chosen {
             ("--min-angle", args.method.min_angle.is_some()),
             ("--keep-points", args.method.keep_points.is_some()),
             ("--breaklines", args.method.breaklines.is_some()),
+            ("--water", args.method.water.is_some()),
             ("--tile", args.method.tile.is_some()),
             ("--bound surface", args.method.bound == Bound::Surface),
         ];

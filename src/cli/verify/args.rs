@@ -41,6 +41,9 @@ pub(crate) struct Args {
     /// Lines and polygons of this file, that edges have to follow, as in terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) breaklines: Option<String>,
+    /// Water of this file, that has to be level, and whose banks edges have to follow, as in terrane tin
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) water: Option<String>,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -125,7 +128,8 @@ impl Args {
         let angle = given("--min-angle", self.min_angle.is_some());
         let kept = given("--keep-points", self.keep_points.is_some());
         let lines = given("--breaklines", self.breaklines.is_some());
-        match bound.or(angle).or(kept).or(lines) {
+        let water = given("--water", self.water.is_some());
+        match bound.or(angle).or(kept).or(lines).or(water) {
             None => Ok(()),
             Some((option, given)) => {
                 Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
+use crate::jobs::reading::Reading;
 use crate::jobs::sift::Sifted;
 use crate::jobs::verify::{self, OfGrid, VerifyJob, VerifyReport};
 use crate::raster;
@@ -23,13 +24,13 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.source.iter().try_for_each(|raster| check_kinds(&args.mesh, raster))?;
     args.grid.check_all(&args.source)?;
     let mut read = args.grid.read_with(raster::files(&args.source)?);
-    read.extend(args.keep_points.iter().chain(&args.breaklines).cloned());
+    read.extend(args.keep_points.iter().chain(&args.breaklines).chain(&args.water).cloned());
     read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.source.clone().into(),
-        reading: args.grid.reading(),
+        reading: Reading { water: args.water.clone(), ..args.grid.reading() },
         tolerance: args.max_error,
         bound: args.bound,
         min_angle: args.min_angle,

@@ -6,11 +6,10 @@ use std::sync::{Arc, Mutex};
 use terrane_base::Error;
 use terrane_base::Result;
 use terrane_base::geom::predicates::in_circle;
-use terrane_base::geom::{Affine, Point3, Rect};
+use terrane_base::geom::{Affine, Point3, Rect, Segment};
 use terrane_jobs::kept::Kept;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_tin::Segment;
 
 /// A grid whose heights are a function of the position; NaN is void.
 pub(crate) struct FunctionGrid {

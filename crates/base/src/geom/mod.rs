@@ -3,6 +3,7 @@
 mod affine;
 mod crs;
 mod decimal;
+mod path;
 pub mod plane;
 mod point;
 pub mod predicates;
@@ -15,6 +16,7 @@ mod tests;
 pub use affine::Affine;
 pub use crs::{Crs, GeoKeys, is_geographic, metres_in, wkt};
 pub use decimal::Decimal;
+pub use path::{Ends, Paths, Segment, cut};
 pub use point::{Frame, Point, REACH, is_within};
 pub use rect::Rect;
 pub use rounding::Rounding;

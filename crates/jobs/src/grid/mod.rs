@@ -5,6 +5,7 @@ mod blocks;
 mod budget;
 mod extent;
 mod feed;
+mod level;
 mod make;
 mod neighbours;
 pub mod plan;
@@ -55,6 +56,9 @@ pub struct GridJob {
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
     #[serde(skip)]
     pub ground: GroundFrom,
+    /// The name of a file with water, which is made level, for a model of the ground.
+    #[serde(skip)]
+    pub water: Option<String>,
     /// Where the cells lie.
     pub placement: Placement,
     /// Whose conventions are followed.
@@ -103,6 +107,7 @@ impl GridJob {
             stats,
             preset: None,
             ground: GroundFrom::default(),
+            water: None,
             placement: Placement::new([cell; 2]),
             compat: Compat::None,
             radius: None,
@@ -232,6 +237,10 @@ impl GridJob {
             return Err(Error::usage("no statistic is asked for").remedy("add --stat mean"));
         }
         self.preset.map_or(Ok(()), |preset| preset::check(preset, self))?;
+        if self.water.is_some() && self.preset != Some(Preset::Dtm) {
+            return Err(Error::usage("--water is for models of the ground")
+                .remedy("leave it out, or pass --dtm"));
+        }
         self.placement.check(self.compat)?;
         self.check_idle()?;
         terrane_files::atomic::refuse_existing(&self.output, self.overwrite)
@@ -248,6 +257,9 @@ const PLAIN: &str = "GTiff";
 /// counted.
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
+    if let Some(water) = &job.water {
+        return level::run(job, water, progress, cancel);
+    }
     let start = Instant::now();
     let cloud = cloud::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);

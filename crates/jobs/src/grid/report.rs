@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::figures::Figures;
 use terrane_cloud::Census;
+use terrane_raster::WaterReport;
 
 /// What a cloud-to-grid job did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -33,6 +34,9 @@ pub struct GridReport {
     /// Points kept that lie in no cell of the grid.
     pub outside_grid: u64,
     pub bands: Vec<BandReport>,
+    /// What became of water.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<WaterReport>,
     /// What is odd about the cloud, or what the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,

@@ -33,7 +33,8 @@ pub struct BuildJob<'a> {
 impl BuildJob<'_> {
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
     fn worker(&self, features: &Features, tile: u32) -> u64 {
-        features.bytes() + self.refinement.worker_bytes(self.goal, tile)
+        let worker = self.refinement.worker_bytes(self.goal, tile, features.has_lines());
+        features.bytes() + worker
     }
 }
 
@@ -64,10 +65,10 @@ pub fn build(
     job.goal.check()?;
     let info = source.info();
     let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
-    let features = job.refinement.features(job.resources)?;
+    let features = job.refinement.features(None, job.resources)?;
     let worker = job.worker(&features, layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)?;
-    build_within((source, None, features), sink, job, shares, progress, cancel)
+    build_within((source, [None; 2], features), sink, job, shares, progress, cancel)
 }
 
 /// As [`build`], of files, whose decoded blocks have their share of the memory.
@@ -83,16 +84,19 @@ pub fn build_files(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let features = job.refinement.features(job.resources)?;
+    let features = job.refinement.features(options.water.as_ref(), job.resources)?;
     let worker = |tile| job.worker(&features, tile);
     let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
-    let clip = options.clip.as_ref().map(|clip| clip.path());
-    let built = build_within((&*source, clip, features), sink, job, shares, progress, cancel);
+    let beside = [
+        options.clip.as_ref().map(|clip| clip.path()),
+        options.water.as_ref().map(|water| water.path()),
+    ];
+    let built = build_within((&*source, beside, features), sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
 
 fn build_within(
-    (source, clip, features): (&dyn GridSource, Option<&Path>, Features),
+    (source, [clip, water], features): (&dyn GridSource, [Option<&Path>; 2], Features),
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     shares: Shares,
@@ -117,7 +121,7 @@ fn build_within(
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    let from = Origin { input: info.format, clip, refinement: job.refinement };
+    let from = Origin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
     let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
     Ok(Built { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })

@@ -3,8 +3,8 @@
 use super::tally::Flaws;
 use crate::breaklines::Breaklines;
 use terrane_base::bits::BitSet;
-use terrane_base::geom::Rect;
-use terrane_tin::{Segment, Triangle, goes_on};
+use terrane_base::geom::{Rect, Segment};
+use terrane_tin::{Triangle, goes_on};
 
 /// A sample, counted from the first of a tile: neighbours are as large.
 type At = [i16; 2];
@@ -26,7 +26,7 @@ impl Joints {
         self.fans.clear();
         self.segments.clear();
         let origin = [rect.col, rect.row].map(i64::from);
-        self.segments.extend(lines.near(rect).map(|segment| segment.seen_from(origin)));
+        self.segments.extend(lines.paths().near(rect).map(|segment| segment.seen_from(origin)));
         self.rect = (!self.segments.is_empty()).then_some(rect);
         if self.rect.is_some() {
             self.on.reset(rect.len());

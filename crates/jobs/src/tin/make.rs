@@ -1,6 +1,7 @@
 //! The whole job: open, check, find the tolerance, triangulate into the file, report.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::estimate::Size;
@@ -15,7 +16,7 @@ use super::units::{horizontal_unit, vertical_unit};
 use crate::beside;
 use crate::figures::Figures;
 use crate::input::grid_stats;
-use crate::kept::Kept;
+use crate::kept::{Features, Kept};
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
 use crate::{Cancel, Progress, Resources, peak_memory};
@@ -28,7 +29,7 @@ use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
-use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport};
 use terrane_tin::Spec;
 
 /// Runs a job from file to file.
@@ -65,6 +66,8 @@ pub(super) struct Opened {
     pub(super) shares: Shares,
     /// Samples that stay vertices, and breaklines.
     pub(super) kept: Kept,
+    /// What is made level.
+    water: Option<Arc<Water>>,
     /// What the kernel is told, for whatever tolerance.
     spec: Spec,
 }
@@ -72,9 +75,10 @@ pub(super) struct Opened {
 impl Opened {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
-        let features = job.refinement.features(&job.resources)?;
-        let held = features.bytes();
-        let mut opened = Self::with(job, || open(job, held))?;
+        let options = options(job)?;
+        let features = job.refinement.features(options.water.as_ref(), &job.resources)?;
+        let mut opened = Self::with(job, || open(job, &options, &features))?;
+        opened.water = options.water;
         opened.kept = features.on(opened.source.info())?;
         Ok(opened)
     }
@@ -92,7 +96,9 @@ impl Opened {
         let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
         let kept = Kept::default();
         let spec = job.refinement.spec(&info.transform)?;
-        let mut opened = Self { source, format, height_origin, placed, notes, shares, kept, spec };
+        let water = None;
+        let mut opened =
+            Self { source, format, height_origin, placed, notes, shares, kept, water, spec };
         opened.spec.single_precision = opened.rounding();
         opened.spec.measure = job.measure;
         Ok(opened)
@@ -107,12 +113,13 @@ impl Opened {
     }
 }
 
-/// Opens the input of `job` and divides its memory, of which so many bytes are held; a tile is not larger than
-/// the grid.
-fn open(job: &TinJob, held: u64) -> Result<memory::Opened> {
+/// Opens the input of `job` and divides its memory, of which `features` are held; a tile is not larger than the
+/// grid.
+fn open(job: &TinJob, options: &OpenOptions, features: &Features) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
-    let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile);
-    open_tiled(&job.input, &options(job)?, job.tile, worker, &job.resources)
+    let (held, follows) = (features.bytes(), features.has_lines());
+    let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile, follows);
+    open_tiled(&job.input, options, job.tile, worker, &job.resources)
 }
 
 /// How to open the input of `job`.
@@ -178,9 +185,15 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let clip = job.reading.clip.as_deref().map(path_of);
+        let [clip, water] =
+            [&job.reading.clip, &job.reading.water].map(|name| name.as_deref().map(path_of));
         let input = &job.input.to_string();
-        let from = Origin { input, clip: clip.as_deref(), refinement: &job.refinement };
+        let from = Origin {
+            input,
+            clip: clip.as_deref(),
+            water: water.as_deref(),
+            refinement: &job.refinement,
+        };
         let mut header = header(info, from, &spec, height);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -324,6 +337,10 @@ impl Maker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         let measured = |value: f64| job.measure.then_some(value);
+        let water = self.opened.water.as_ref().and_then(|water| water.report());
+        let rising = water.iter().flat_map(WaterReport::notes);
+        let notes = self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt());
+        let notes = notes.chain(rising).collect();
         Ok(TinReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
@@ -351,6 +368,7 @@ impl Maker<'_> {
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
             keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
             breaklines: self.opened.kept.lines().report(outcome.apart.count),
+            water,
             apart: (outcome.apart.count > 0)
                 .then(|| FlawReport::of(outcome.apart, &info.transform)),
             thin_triangles: (job.refinement.min_angle)
@@ -358,7 +376,7 @@ impl Maker<'_> {
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
             placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
-            notes: self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt()).collect(),
+            notes,
             tiles: layout.tiles(),
             tile_cells: layout.side(),
             trials,
@@ -375,10 +393,12 @@ impl Maker<'_> {
     }
 }
 
-/// Where a mesh comes from: the names of its grid and of polygons that this was clipped to, and what was asked.
+/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to and of its water, and what
+/// was asked.
 pub(super) struct Origin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<&'a Path>,
+    pub(super) water: Option<&'a Path>,
     pub(super) refinement: &'a Refinement,
 }
 
@@ -402,11 +422,12 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
+    let water = from.water.map(|path| format!("water {}", beside::label(path)));
     let [kept, lines] = from.refinement.files().map(|name| name.map(path_of));
     let kept = kept.map(|path| format!("keep points {}", beside::label(&path)));
     let lines = lines.map(|path| format!("breaklines {}", beside::label(&path)));
     let source = format!("source {}", from.input);
-    let more = [bound, fitted, angle, clip, kept, lines].into_iter().flatten();
+    let more = [bound, fitted, angle, clip, water, kept, lines].into_iter().flatten();
     [source, error].into_iter().chain(more).collect()
 }
 

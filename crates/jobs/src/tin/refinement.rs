@@ -1,5 +1,7 @@
 //! How a mesh of a grid is refined, whatever its goal and wherever it goes.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::angles::angle_bound;
@@ -10,6 +12,7 @@ use crate::kept::Features;
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
+use terrane_raster::Water;
 use terrane_tin::Spec;
 
 /// What is asked of a mesh beside its goal. A plan notes it as it is.
@@ -70,15 +73,28 @@ impl Refinement {
     /// Reads the points and breaklines to keep.
     ///
     /// # Errors
-    /// Files that cannot be read, and breaklines where angles are limited: they may meet under any.
-    pub(super) fn features(&self, resources: &Resources) -> Result<Features> {
+    /// Files that cannot be read; breaklines where angles are limited, as they may meet under any; level water
+    /// where heights may be others.
+    pub(super) fn features(
+        &self,
+        water: Option<&Arc<Water>>,
+        resources: &Resources,
+    ) -> Result<Features> {
         if self.breaklines.is_some() && self.min_angle.is_some() {
             let message = "breaklines may meet under any angle, so there is no smallest one";
             return Err(Error::usage(message)
                 .remedy("leave one of --breaklines and --min-angle out, or pass --keep-points"));
         }
+        if water.is_some() && self.min_angle.is_some() {
+            let message = "banks of water may meet under any angle, so there is no smallest one";
+            return Err(Error::usage(message).remedy("leave one of --water and --min-angle out"));
+        }
+        if water.is_some() && self.fit {
+            let message = "vertices above or below their samples would not leave water level";
+            return Err(Error::usage(message).remedy("leave one of --water and --fit out"));
+        }
         let [points, lines] = self.files();
-        Features::read(points, lines, resources)
+        Features::read(points, lines, water, resources)
     }
 
     /// The names of the files of points and of breaklines.
@@ -86,11 +102,12 @@ impl Refinement {
         [&self.keep_points, &self.breaklines].map(Option::as_deref)
     }
 
-    /// Most bytes of a worker on tiles of `tile` cells, without what all hold together.
-    pub(super) fn worker_bytes(&self, goal: Goal, tile: u32) -> u64 {
+    /// Most bytes of a worker on tiles of `tile` cells, without what all hold together, that `follows` lines or
+    /// not.
+    pub(super) fn worker_bytes(&self, goal: Goal, tile: u32, follows: bool) -> u64 {
         // Any sample may become a vertex to reach these.
         let keeps_all = goal == Goal::MaxError(0.0) || self.min_angle.is_some();
-        let lines = self.breaklines.as_ref().map_or(0, |_| line_bytes(tile));
+        let lines = if follows { line_bytes(tile) } else { 0 };
         lines + worker_bytes(tile, keeps_all, self.fit)
     }
 }

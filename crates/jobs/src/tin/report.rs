@@ -11,6 +11,7 @@ use crate::kept::KeptReport;
 use crate::placing::Placed;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
+use terrane_raster::WaterReport;
 
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -77,6 +78,9 @@ pub struct TinReport {
     /// What became of breaklines, and
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
+    /// What became of water.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<WaterReport>,
     /// where edges do not follow them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub apart: Option<FlawReport>,

@@ -49,6 +49,12 @@ pub fn run_by(
         let message = format!("the method {} keeps no points or breaklines", by.method.name);
         return Err(Error::usage(message).remedy("leave them out, or the method"));
     }
+    if job.reading.water.is_some() {
+        let message = format!("the method {} follows no banks of water", by.method.name);
+        return Err(Error::usage(message).remedy(
+            "leave --water or the method out, or flatten the grid first: terrane convert --water",
+        ));
+    }
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let opened = Opened::with(job, || open(job, by.method).map_err(named))?;

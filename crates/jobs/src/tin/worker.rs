@@ -21,12 +21,12 @@ use super::workdir::Record;
 use super::writer::{Collect, Part};
 use super::zone::{Frontier, Zone, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rect};
+use terrane_base::geom::{Point3, Rect, Segment};
 use terrane_files::fault::{self, Point};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Segment, Spec, Stretch, TileInput,
+    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Spec, Stretch, TileInput,
     TileMesh, Triangle, mend_patch, triangulate_tile,
 };
 
@@ -218,14 +218,15 @@ impl<'a> Worker<'a> {
     /// True around a corner near breaklines. Nobody comes after that patch, and what others have left of a line may
     /// be anywhere it can reach.
     fn is_last_of_lines(&self, seam: Seam, zone: &Zone) -> bool {
-        seam == Seam::Corner && self.job.settings.kept.lines().near(zone.limits()).next().is_some()
+        seam == Seam::Corner
+            && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
     /// How far posts are apart. Half as far where lines are followed: a sample may have to be inserted anywhere on
     /// them, and what that changes has to be in a patch.
     fn spacing(&self) -> u32 {
         let most = self.job.layout.spacing();
-        if self.job.settings.kept.lines().is_empty() { most } else { (most / 2).max(1) }
+        if self.job.settings.kept.lines().paths().is_empty() { most } else { (most / 2).max(1) }
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
@@ -456,7 +457,7 @@ impl<'a> Worker<'a> {
     /// Lists the parts of breaklines in `rect`, by positions there.
     fn list_lines(&mut self, rect: Rect) {
         let origin = [rect.col, rect.row].map(i64::from);
-        let near = self.job.settings.kept.lines().near(rect);
+        let near = self.job.settings.kept.lines().paths().near(rect);
         let stretch = |line: Segment| Stretch::of(line.seen_from(origin), rect.width, rect.height);
         self.lines.clear();
         self.lines.extend(near.filter_map(stretch));

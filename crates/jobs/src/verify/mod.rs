@@ -86,7 +86,8 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     };
     check_grid(&*grid).map_err(|e| e.in_file(Path::new(&job.raster.to_string())))?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
-    let kept = Features::read(points, lines, &job.resources)?.on(grid.info())?;
+    let water = options.water.as_ref();
+    let kept = Features::read(points, lines, water, &job.resources)?.on(grid.info())?;
     let asked = Asked { tolerance, bound, min_angle, kept: &kept };
     let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
     let mut report = checked.map_err(|e| match e.kind() {
@@ -104,6 +105,12 @@ fn tell_of_files(mesh: &MeshInfo, job: &VerifyJob, verdict: &mut Verdict) {
     if let Some(clip) = stated_text(mesh, CLIP).filter(|_| job.reading.clip.is_none()) {
         let told =
             format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");
+        verdict.failures.extend((!verdict.passed).then_some(told));
+    }
+    if let Some(file) = stated_text(mesh, WATER).filter(|_| job.reading.water.is_none()) {
+        verdict.judged = false;
+        verdict.not_judged.push(format!("whether the water of {file} is level (--water)"));
+        let told = format!("the mesh states that the water of {file} is level: pass --water");
         verdict.failures.extend((!verdict.passed).then_some(told));
     }
     if let Some(file) = stated_text(mesh, KEPT).filter(|_| job.keep_points.is_none()) {
@@ -178,6 +185,7 @@ const TOLERANCE: &str = "max error";
 const ANGLE: &str = "min angle";
 const BOUND: &str = "bound";
 const CLIP: &str = "clip";
+const WATER: &str = "water";
 const KEPT: &str = "keep points";
 const LINES: &str = "breaklines";
 const FITTED: &str = "fitted";

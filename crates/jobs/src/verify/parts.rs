@@ -134,7 +134,7 @@ impl<J> Checker<'_, J> {
         let (triangles, positions) = self.count(domain, bucket)?;
         let samples = domain.rect.len() as u64;
         let kept = samples.min(self.context.asked.kept.count()) * size_of::<Position>() as u64;
-        let lines = self.context.asked.kept.lines().ends_near(domain.rect);
+        let lines = self.context.asked.kept.lines().paths().ends_near(domain.rect);
         let lines: u64 = lines.map(|[a, b]| Line::between(a, b).bytes_in(&domain)).sum();
         let need = kept + lines + (self.need)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
@@ -206,7 +206,7 @@ impl<J> Checker<'_, J> {
         let mut kept: Vec<_> =
             kept.map(|[col, row]| Position::sample(col.into(), row.into())).collect();
         kept.sort_unstable();
-        let near = self.context.asked.kept.lines().ends_near(domain.rect);
+        let near = self.context.asked.kept.lines().paths().ends_near(domain.rect);
         let lines: Vec<_> = near.map(|[a, b]| Line::between(a, b)).collect();
         let map = self.context.grid.info().transform;
         let steps = [[map.a, map.d], [map.b, map.e]];

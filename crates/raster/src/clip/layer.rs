@@ -1,11 +1,11 @@
 //! A grid in front of another: what lies outside the polygons is void.
 
-use std::ops::{ControlFlow, Range};
-use std::path::PathBuf;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Clip;
-use super::scan::Scan;
+use super::scan::{Labelled, Scan};
 use crate::window::{Sample, Window};
 use crate::{GridInfo, GridSource, OpenOptions};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -28,10 +28,7 @@ pub(crate) fn clipped(
     options: &OpenOptions,
     open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let held = clip.held(options.threads);
-    let room =
-        (options.cache_bytes as u64).checked_sub(held).ok_or_else(|| too_large(clip, held))?;
-    let cache_bytes = usize::try_from(room).unwrap_or(usize::MAX);
+    let cache_bytes = cache_beside(clip.held(options.threads), options, ("polygons", &clip.path))?;
     let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     info.crs.check_same(&clip.crs, "polygons").map_err(|e| e.in_file(&clip.path))?;
@@ -47,14 +44,23 @@ pub(crate) fn clipped(
     }
 }
 
-fn too_large(clip: &Clip, held: u64) -> Error {
-    let mib = held.div_ceil(1 << 20);
-    let message = format!("its polygons take {mib} MiB, more than is left for what is read");
-    // The least share of the memory that is for what is read is a quarter, beside the program.
-    Error::new(ErrorKind::Resource, message).in_file(&clip.path).remedy(format!(
-        "pass --memory {}M or more, or simplify them with terrane line",
-        4 * mib + 64
-    ))
+/// The bytes that are left for decoded blocks beside `held` ones of `what`, of a file.
+pub(crate) fn cache_beside(
+    held: u64,
+    options: &OpenOptions,
+    (what, path): (&str, &Path),
+) -> Result<usize> {
+    let too_large = || {
+        let mib = held.div_ceil(1 << 20);
+        let message = format!("its {what} take {mib} MiB, more than is left for what is read");
+        // The least share of the memory that is for what is read is a quarter, beside the program.
+        Error::new(ErrorKind::Resource, message).in_file(path).remedy(format!(
+            "pass --memory {}M or more, or simplify them with terrane line",
+            4 * mib + 64
+        ))
+    };
+    let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;
+    Ok(usize::try_from(room).unwrap_or(usize::MAX))
 }
 
 impl Clipped {
@@ -64,7 +70,7 @@ impl Clipped {
 
     /// True when a sample of `rect` stays.
     fn holds_any(&self, rect: Rect) -> bool {
-        let see = |_, inside: &[Range<u32>]| match inside {
+        let see = |_, inside: &[Labelled]| match inside {
             [] => ControlFlow::Continue(()),
             _ => ControlFlow::Break(()),
         };
@@ -81,8 +87,8 @@ impl Clipped {
         let mut window = Window::new(&self.info, rect, out)?;
         let _ = self.scan(rect).rows(|row, inside| {
             let row = window.row(rect, row);
-            let starts = std::iter::once(0).chain(inside.iter().map(|range| range.end));
-            let ends = inside.iter().map(|range| range.start).chain([rect.width]);
+            let starts = std::iter::once(0).chain(inside.iter().map(|(_, range)| range.end));
+            let ends = inside.iter().map(|(_, range)| range.start).chain([rect.width]);
             for (start, end) in starts.zip(ends) {
                 row[start as usize..end as usize].fill(H::VOID);
             }

@@ -14,7 +14,8 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::path::{Path, PathBuf};
 
-pub(crate) use layer::clipped;
+pub(crate) use layer::{cache_beside, clipped};
+pub(crate) use scan::{Labelled, Scan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, plane};
 

@@ -11,28 +11,40 @@ use super::{Clip, Edge, Xy};
 use terrane_base::geom::{Affine, Rect, plane};
 
 /// A window of samples that is looked at, and the lists for a row of it.
-pub(super) struct Scan<'a> {
+pub(crate) struct Scan<'a> {
     clip: &'a Clip,
+    /// What features are told apart by; `None` where they are not.
+    labels: Option<&'a [u32]>,
     map: Affine,
     rect: Rect,
     /// The edges at the height of the row.
     active: Vec<u32>,
     /// Where samples of a feature are from then on inside, or outside again.
     turns: Vec<(u32, u32)>,
-    /// Columns inside, those on borders by themselves; at last in order and apart.
-    inside: Vec<Range<u32>>,
+    /// Labels and columns inside, those on borders by themselves; at last in order and apart.
+    inside: Vec<Labelled>,
 }
 
+/// Columns of a row inside of features with a label.
+pub(crate) type Labelled = (u32, Range<u32>);
+
 impl<'a> Scan<'a> {
-    pub(super) fn new(clip: &'a Clip, map: Affine, rect: Rect) -> Self {
-        Self { clip, map, rect, active: Vec::new(), turns: Vec::new(), inside: Vec::new() }
+    /// All features together, with the label 0.
+    pub(crate) fn new(clip: &'a Clip, map: Affine, rect: Rect) -> Self {
+        let (active, turns, inside) = (Vec::new(), Vec::new(), Vec::new());
+        Self { clip, labels: None, map, rect, active, turns, inside }
+    }
+
+    /// Those of each label by themselves; features have one each, in the order in which they were begun.
+    pub(crate) fn labelled(self, labels: &'a [u32]) -> Self {
+        Self { labels: Some(labels), ..self }
     }
 
     /// Shows for each row, by its number in the window, the columns of the window that are inside, in order
-    /// and apart, until `see` breaks it off. Rows come in an order of their own.
-    pub(super) fn rows<B>(
+    /// and apart for each label, until `see` breaks it off. Rows come in an order of their own.
+    pub(crate) fn rows<B>(
         mut self,
-        mut see: impl FnMut(u32, &[Range<u32>]) -> ControlFlow<B>,
+        mut see: impl FnMut(u32, &[Labelled]) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
         let Affine { b, d, e, .. } = self.map;
         let has_rows = b == 0.0 && d == 0.0;
@@ -71,8 +83,9 @@ impl<'a> Scan<'a> {
         self.turns.sort_unstable();
         for of_feature in self.turns.chunk_by(|a, b| a.0 == b.0) {
             let end = |pair: &[(u32, u32)]| pair.get(1).map_or(self.rect.width, |turn| turn.1);
-            let ranges = of_feature.chunks(2).map(|pair| pair[0].1..end(pair));
-            self.inside.extend(ranges.filter(|range| !range.is_empty()));
+            let label = label(self.labels, of_feature[0].0);
+            let ranges = of_feature.chunks(2).map(|pair| (label, pair[0].1..end(pair)));
+            self.inside.extend(ranges.filter(|(_, range)| !range.is_empty()));
         }
         join(&mut self.inside);
     }
@@ -92,7 +105,8 @@ impl<'a> Scan<'a> {
             }
             before..after
         };
-        self.inside.extend((!border.is_empty()).then_some(border));
+        let label = label(self.labels, feature);
+        self.inside.extend((!border.is_empty()).then_some((label, border)));
     }
 
     /// The first column of a row that is not before an edge that crosses it, and the first one after it.
@@ -137,44 +151,51 @@ impl<'a> Scan<'a> {
 
     /// A row of samples that are decided by themselves.
     fn look_at_each(&mut self, row: u32) {
+        let mut features = Vec::new();
         for col in 0..self.rect.width {
-            if self.covers(self.position(col, row)) {
-                match self.inside.last_mut() {
-                    Some(last) if last.end == col => last.end += 1,
-                    _ => self.inside.push(col..col + 1),
-                }
-            }
+            features.clear();
+            self.clip.features_at(self.position(col, row), &mut self.turns, &mut features);
+            let labelled = features.iter().map(|&of| (label(self.labels, of), col..col + 1));
+            self.inside.extend(labelled);
         }
+        join(&mut self.inside);
     }
+}
 
-    fn covers(&mut self, at: Xy) -> bool {
-        let edges = &self.clip.edges;
-        self.turns.clear();
+fn label(labels: Option<&[u32]>, feature: u32) -> u32 {
+    labels.map_or(0, |labels| labels[feature as usize - 1])
+}
+
+impl Clip {
+    /// Appends the features that hold a position, or have it on their border: some more than once.
+    pub(crate) fn features_at(&self, at: Xy, turns: &mut Vec<(u32, u32)>, out: &mut Vec<u32>) {
+        turns.clear();
         let mut next = 0;
         while let Some(edge) =
-            self.clip.reaching(next, at[1]).filter(|edge| edges[*edge].low[1] <= at[1])
+            self.reaching(next, at[1]).filter(|edge| self.edges[*edge].low[1] <= at[1])
         {
-            let Edge { low, high, feature } = edges[edge];
+            let Edge { low, high, feature } = self.edges[edge];
             let is_between = low[0].min(high[0]) <= at[0] && at[0] <= low[0].max(high[0]);
             match plane::orient(low, high, at) {
-                Ordering::Equal if is_between => return true,
-                Ordering::Less if at[1] < high[1] => self.turns.push((feature, 0)),
+                Ordering::Equal if is_between => out.push(feature),
+                Ordering::Less if at[1] < high[1] => turns.push((feature, 0)),
                 _ => {}
             }
             next = edge + 1;
         }
-        self.turns.sort_unstable();
-        self.turns.chunk_by(|a, b| a.0 == b.0).any(|of_feature| of_feature.len() % 2 == 1)
+        turns.sort_unstable();
+        let odd = turns.chunk_by(|a, b| a.0 == b.0).filter(|of| of.len() % 2 == 1);
+        out.extend(odd.map(|of| of[0].0));
     }
 }
 
-/// Puts ranges in order and joins those that meet.
-fn join(ranges: &mut Vec<Range<u32>>) {
-    ranges.sort_unstable_by_key(|range| range.start);
+/// Puts ranges in order and joins those of a label that meet.
+pub(crate) fn join(ranges: &mut Vec<Labelled>) {
+    ranges.sort_unstable_by_key(|(label, range)| (*label, range.start));
     ranges.dedup_by(|next, last| {
-        let meets = next.start <= last.end;
+        let meets = next.0 == last.0 && next.1.start <= last.1.end;
         if meets {
-            last.end = last.end.max(next.end);
+            last.1.end = last.1.end.max(next.1.end);
         }
         meets
     });

@@ -184,7 +184,7 @@ fn a_window_is_done_with_the_edges_at_its_height() {
     let scan = Scan::new(&clip, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
     let _ = scan.rows(|_, inside| {
         rows += 1;
-        assert_eq!(inside, std::slice::from_ref(&(0..6)));
+        assert_eq!(inside, [(0, 0..6)]);
         ControlFlow::<()>::Continue(())
     });
     assert_eq!(rows, 16);

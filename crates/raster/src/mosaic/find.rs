@@ -132,14 +132,8 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
     if is_vrt(name)? {
         let path = &*path_of(name);
         let share = nest.family.pool.share();
-        let options = OpenOptions {
-            band,
-            nodata,
-            cache_bytes: share,
-            threads: 1,
-            temp_dir: None,
-            clip: None,
-        };
+        let options =
+            OpenOptions { band, nodata, cache_bytes: share, threads: 1, ..OpenOptions::default() };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
         return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
@@ -172,7 +166,8 @@ fn open_file(
     let pool = &family.pool;
     let with = |cache_bytes| {
         let temp_dir = family.temp_dir.clone();
-        let options = OpenOptions { band, nodata, cache_bytes, threads: 1, temp_dir, clip: None };
+        let alone = OpenOptions { threads: 1, ..OpenOptions::default() };
+        let options = OpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
         let grid = crate::open(name, &options)?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;

@@ -13,11 +13,11 @@ use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
 use terrane_base::bound::Bound;
-use terrane_base::geom::Rounding;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+use terrane_base::geom::{Rounding, Segment};
 use terrane_tin::{
-    Heights, Local, PatchInput, PatchMesh, Scratch, Segment, Spec, Stretch, TileInput, TileMesh,
-    Triangle, mend_patch, triangulate_tile,
+    Heights, Local, PatchInput, PatchMesh, Scratch, Spec, Stretch, TileInput, TileMesh, Triangle,
+    mend_patch, triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.

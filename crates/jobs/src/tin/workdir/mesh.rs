@@ -101,7 +101,10 @@ impl Mesh {
     pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let worker = job.refinement.worker_bytes(job.goal, strips.layout().side());
+        let worker = {
+            let follows = !opened.kept.lines().paths().is_empty();
+            job.refinement.worker_bytes(job.goal, strips.layout().side(), follows)
+        };
         let thread_memory = worker + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;

@@ -1,0 +1,109 @@
+//! Places along the centre lines of a river.
+
+use super::Xy;
+
+/// The lines of a river, segment by segment.
+#[derive(Debug)]
+pub(super) struct Axis {
+    segments: Vec<Reach>,
+    /// Bounds of each [`Self::GROUP`] of them.
+    groups: Vec<[Xy; 2]>,
+}
+
+/// A segment of a line.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    ends: [Xy; 2],
+    line: u32,
+    /// Where it begins, and how long it is, in stations.
+    start: f64,
+    length: f64,
+}
+
+/// Where a line is nearest to a position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub(super) line: u32,
+    /// Stations from its beginning on.
+    pub(super) along: f64,
+}
+
+impl Axis {
+    const GROUP: usize = 16;
+
+    /// Of lines and their numbers; of which some have a length.
+    pub(super) fn new<'a>(lines: impl Iterator<Item = (u32, &'a [Xy])>, station: f64) -> Self {
+        let mut segments = Vec::new();
+        for (line, at) in lines {
+            let mut start = 0.0;
+            for pair in at.windows(2) {
+                let length = distance(pair[0], pair[1]) / station;
+                segments.push(Reach { ends: [pair[0], pair[1]], line, start, length });
+                start += length;
+            }
+        }
+        let groups = segments.chunks(Self::GROUP).map(bounds).collect();
+        Self { segments, groups }
+    }
+
+    /// The place nearest to `at`, the first of several. What was found last, if it is not far, makes it quick; it
+    /// changes nothing.
+    pub(super) fn nearest(&self, at: Xy, last: &mut usize) -> Place {
+        let mut best = *last;
+        let (mut share, mut least) = self.segments[best].nearest(at);
+        for (group, bounds) in self.groups.iter().enumerate() {
+            // What rounding may hide is far less.
+            let slack = 1e-9 * (distance(bounds[0], bounds[1]) + least);
+            if beyond(at, bounds) > least + slack {
+                continue;
+            }
+            let first = group * Self::GROUP;
+            for (number, segment) in (first..).zip(self.segments[first..].iter().take(Self::GROUP))
+            {
+                let (there, far) = segment.nearest(at);
+                if (far, number) < (least, best) {
+                    (best, share, least) = (number, there, far);
+                }
+            }
+        }
+        *last = best;
+        let Reach { line, start, length, .. } = self.segments[best];
+        Place { line, along: start + share * length }
+    }
+}
+
+impl Reach {
+    /// The share of it that lies before what is nearest to `at`, and how far that is.
+    fn nearest(&self, at: Xy) -> (f64, f64) {
+        let [a, b] = self.ends.map(|end| [end[0] - at[0], end[1] - at[1]]);
+        let on = [b[0] - a[0], b[1] - a[1]];
+        let square = on[0] * on[0] + on[1] * on[1];
+        let share = match square > 0.0 {
+            true => (-(a[0] * on[0] + a[1] * on[1]) / square).clamp(0.0, 1.0),
+            false => 0.0,
+        };
+        (share, (a[0] + share * on[0]).hypot(a[1] + share * on[1]))
+    }
+}
+
+/// Stations of a line from end to end.
+pub(super) fn length(line: &[Xy], station: f64) -> f64 {
+    line.windows(2).map(|pair| distance(pair[0], pair[1]) / station).sum()
+}
+
+fn distance(a: Xy, b: Xy) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+fn bounds(segments: &[Reach]) -> [Xy; 2] {
+    let all = || segments.iter().flat_map(|segment| segment.ends);
+    let least = |axis: usize| all().map(|at| at[axis]).fold(f64::INFINITY, f64::min);
+    let most = |axis: usize| all().map(|at| at[axis]).fold(f64::NEG_INFINITY, f64::max);
+    [[least(0), least(1)], [most(0), most(1)]]
+}
+
+/// How far a position lies from bounds.
+fn beyond(at: Xy, [low, high]: &[Xy; 2]) -> f64 {
+    let off = |axis: usize| (low[axis] - at[axis]).max(at[axis] - high[axis]).max(0.0);
+    off(0).hypot(off(1))
+}

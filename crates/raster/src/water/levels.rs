@@ -1,0 +1,375 @@
+//! How high water is: banks are looked at once, then levels go down along lines and lakes.
+
+use std::collections::HashMap;
+
+use super::axis::{Axis, length};
+use super::mask::Mask;
+use super::profile::{Profile, Stations, rises};
+use super::{Water, WaterReport, Xy};
+use crate::{GridInfo, GridSource, SampleType};
+use terrane_base::bits::BitSet;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+
+/// Samples along the side of a window in which banks are looked at.
+const SIDE: u32 = 256;
+/// Stations of all lines together: where cells would make more, stations are longer.
+const STATIONS: u64 = 1 << 14;
+
+/// Most bytes that stations, and a window, take.
+pub(super) fn held(line_vertices: usize) -> u64 {
+    let window = u64::from(SIDE + 2).pow(2) * (size_of::<f64>() as u64 + 1);
+    most_stations(line_vertices) * 64 + 2 * window
+}
+
+fn most_stations(line_vertices: usize) -> u64 {
+    STATIONS + 4 * line_vertices as u64
+}
+
+/// The level of all water of a grid.
+#[derive(Debug)]
+pub(super) struct Levels {
+    pub(super) mask: Mask,
+    rounding: Rounding,
+    lakes: Vec<f64>,
+    /// Of each body that is a river.
+    axes: Vec<Option<Axis>>,
+    profiles: Vec<Profile>,
+    found: Found,
+}
+
+/// What banks tell.
+#[derive(Debug)]
+struct Found {
+    /// The lowest bank of each body.
+    lowest: Vec<f64>,
+    /// True for bodies with a sample.
+    is_there: Vec<bool>,
+    /// The lowest banks along each line.
+    stations: Vec<Stations>,
+    /// From where to where along each line there is water.
+    reaches: Vec<Option<[f64; 2]>>,
+}
+
+impl Levels {
+    /// Those of `water` on `grid`. Reads all samples near water once.
+    ///
+    /// # Errors
+    /// As [`Mask::new`]; lines that run in a circle; water without a bank; what reading fails with.
+    pub(super) fn new(water: &Water, grid: &dyn GridSource) -> Result<Self> {
+        let info = grid.info();
+        let mask = Mask::new(water, info)?;
+        let lines: Vec<_> = water.features.lines().collect();
+        let station = station(info, &lines);
+        let axis = |numbers: &Vec<u32>| {
+            let of_body = numbers.iter().map(|&number| (number, lines[number as usize]));
+            (!numbers.is_empty()).then(|| Axis::new(of_body, station))
+        };
+        let axes: Vec<_> = water.bodies.iter().map(axis).collect();
+        let found = Found::new(grid, &mask, &axes, lines.len())?;
+        let network = Network::new(water, &mask, info, &lines, station);
+        let (lakes, profiles) =
+            network.solve(&found.lowest, &found.stations).map_err(|e| e.in_file(&water.path))?;
+        let rounding = Rounding::of(info);
+        let levels = Self { mask, rounding, lakes, axes, profiles, found };
+        levels.check(water).map_err(|e| e.in_file(&water.path))?;
+        Ok(levels)
+    }
+
+    /// Fails where nothing tells of the level of a body that has samples.
+    fn check(&self, water: &Water) -> Result<()> {
+        for (body, lines) in water.bodies.iter().enumerate() {
+            let is_unknown = match lines[..] {
+                [] => self.lakes[body].is_infinite(),
+                _ => lines.iter().any(|&line| self.profiles[line as usize].is_unknown()),
+            };
+            if is_unknown && self.found.is_there[body] {
+                let area = water.body_of.iter().position(|&of| of as usize == body);
+                let number = area.unwrap_or_default() + 1;
+                return Err(Error::bad_input("water without a bank: no valid sample is beside it")
+                    .at(format_args!("polygon {number}"))
+                    .remedy("take a grid with its bank, or leave the polygon out"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The level of a body at a position; of a river with what was nearest last.
+    pub(super) fn at(&self, body: u32, at: Xy, last: &mut usize) -> f64 {
+        let level = match &self.axes[body as usize] {
+            None => self.lakes[body as usize],
+            Some(axis) => {
+                let place = axis.nearest(at, last);
+                self.profiles[place.line as usize].at(place.along)
+            }
+        };
+        self.rounding.down(level)
+    }
+
+    /// True where a body has one level.
+    pub(super) fn is_level(&self, body: u32) -> bool {
+        self.axes[body as usize].is_none()
+    }
+
+    /// What became of the water.
+    pub(super) fn report(&self, water: &Water) -> WaterReport {
+        let Found { is_there, stations, reaches, .. } = &self.found;
+        let there = |body: &u32| is_there[*body as usize];
+        let bodies = water.bodies.len() as u32;
+        let rivers = (0..bodies).filter(there).filter(|&body| water.is_river(body)).count() as u64;
+        let all = (0..bodies).filter(there).count() as u64;
+        let lakes = (0..bodies).filter(there).filter(|&body| !water.is_river(body));
+        let of_lakes = lakes.map(|body| self.lakes[body as usize]);
+        let reaches = reaches.iter().zip(&self.profiles);
+        let of_rivers = reaches.flat_map(|(reach, profile)| {
+            reach.into_iter().flatten().map(|&along| profile.at(along))
+        });
+        let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+        for level in of_lakes.chain(of_rivers).map(|level| self.rounding.down(level)) {
+            (low, high) = (low.min(level), high.max(level));
+        }
+        let dug = stations.iter().zip(&self.profiles).flat_map(|(stations, profile)| {
+            stations.iter().map(|(&at, lowest)| lowest - profile.at(f64::from(at)))
+        });
+        let rising = (1..).zip(stations).filter(|(_, stations)| rises(stations));
+        WaterReport {
+            file: water.path.display().to_string(),
+            lakes: all - rivers,
+            rivers,
+            outside: u64::from(bodies) - all,
+            levels: (low <= high).then_some([low, high]),
+            dug: dug.fold(0.0, f64::max),
+            rising: rising.map(|(number, _)| number).collect(),
+        }
+    }
+}
+
+/// How long stations are: as cells are wide, or longer where they would be too many.
+fn station(info: &GridInfo, lines: &[&[Xy]]) -> f64 {
+    let vertices = lines.iter().map(|line| line.len()).sum();
+    let cell = info.transform.determinant().abs().sqrt();
+    let all: f64 = lines.iter().map(|line| length(line, 1.0)).sum();
+    cell.max(all / most_stations(vertices) as f64)
+}
+
+impl Found {
+    fn new(
+        grid: &dyn GridSource,
+        mask: &Mask,
+        axes: &[Option<Axis>],
+        lines: usize,
+    ) -> Result<Self> {
+        let bodies = axes.len();
+        let mut found = Self {
+            lowest: vec![f64::INFINITY; bodies],
+            is_there: vec![false; bodies],
+            stations: vec![Stations::new(); lines],
+            reaches: vec![None; lines],
+        };
+        let GridInfo { width, height, .. } = *grid.info();
+        let mut heights = Vec::new();
+        for row in (0..height).step_by(SIDE as usize) {
+            for col in (0..width).step_by(SIDE as usize) {
+                let core = Rect::new(col, row, SIDE.min(width - col), SIDE.min(height - row));
+                if mask.may_be_in(core) {
+                    found.look_at((grid, mask, axes), core, &mut heights)?;
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// Looks at the water in `core`, and what is around it.
+    fn look_at(
+        &mut self,
+        (grid, mask, axes): (&dyn GridSource, &Mask, &[Option<Axis>]),
+        core: Rect,
+        heights: &mut Vec<f64>,
+    ) -> Result<()> {
+        let info = grid.info();
+        let (col, row) = (core.col.saturating_sub(1), core.row.saturating_sub(1));
+        let end_col = (core.end_col() + 1).min(info.width);
+        let end_row = (core.end_row() + 1).min(info.height);
+        let rect = Rect::new(col, row, end_col - col, end_row - row);
+        let rows = mask.rows(rect);
+        if rows.iter().all(Vec::is_empty) {
+            return Ok(());
+        }
+        heights.resize(rect.len(), 0.0);
+        grid.read_f64(rect, heights)?;
+        let width = rect.width as usize;
+        let mut is_water = BitSet::new(rect.len());
+        for (row, runs) in rows.iter().enumerate() {
+            let cols = runs.iter().flat_map(|(_, cols)| cols.clone());
+            for col in cols {
+                is_water.insert(row * width + col as usize);
+            }
+        }
+        let lowest_beside = |col: u32, row: u32| {
+            let (cols, rows) = (col.saturating_sub(1)..=col + 1, row.saturating_sub(1)..=row + 1);
+            let beside = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
+            let beside = beside.filter(|&(col, row)| col < rect.width && row < rect.height);
+            let number = beside.map(|(col, row)| row as usize * width + col as usize);
+            let banks = number.filter(|&number| !is_water.contains(number));
+            banks.map(|number| heights[number]).fold(f64::INFINITY, f64::min)
+        };
+        for (row, runs) in (0..rect.height).zip(&rows) {
+            for &(body, ref cols) in runs {
+                let mut last = 0;
+                for col in cols.clone().filter(|col| core.contains(rect.col + col, rect.row + row))
+                {
+                    let at = [rect.col + col, rect.row + row].map(f64::from);
+                    let at = info.transform.apply(at[0], at[1]);
+                    let axis = axes[body as usize].as_ref();
+                    self.note((body, axis), at, lowest_beside(col, row), &mut last);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes a sample of a body, and its lowest bank.
+    fn note(&mut self, (body, axis): (u32, Option<&Axis>), at: Xy, bank: f64, last: &mut usize) {
+        self.is_there[body as usize] = true;
+        let lowest = &mut self.lowest[body as usize];
+        *lowest = lowest.min(bank);
+        let Some(axis) = axis else { return };
+        let place = axis.nearest(at, last);
+        let [from, to] = self.reaches[place.line as usize].unwrap_or([place.along; 2]);
+        self.reaches[place.line as usize] = Some([from.min(place.along), to.max(place.along)]);
+        if bank.is_finite() {
+            let stations = &mut self.stations[place.line as usize];
+            let lowest = stations.entry(place.along as u32).or_insert(bank);
+            *lowest = lowest.min(bank);
+        }
+    }
+}
+
+/// Lines from node to node: a lake, or where lines begin and end.
+struct Network {
+    /// From where, to where, and how long, in stations.
+    lines: Vec<([usize; 2], f64)>,
+    /// Nodes: first one for each body.
+    nodes: usize,
+    bodies: usize,
+}
+
+impl Network {
+    fn new(water: &Water, mask: &Mask, info: &GridInfo, lines: &[&[Xy]], station: f64) -> Self {
+        let bodies = water.bodies.len();
+        let mut numbers: HashMap<[u64; 2], usize> = HashMap::new();
+        let mut node = |at: Xy| {
+            let [col, row] = info.transform.invert(at[0], at[1]).map(|c| (c + 0.5).floor());
+            let is_on = (0.0..f64::from(info.width)).contains(&col)
+                && (0.0..f64::from(info.height)).contains(&row);
+            let here = if is_on { mask.at([col as u32, row as u32]) } else { Vec::new() };
+            if let Some(lake) = here.into_iter().find(|&body| !water.is_river(body)) {
+                return lake as usize;
+            }
+            let next = bodies + numbers.len();
+            *numbers.entry(at.map(|c| (c + 0.0).to_bits())).or_insert(next)
+        };
+        let lines: Vec<_> = lines
+            .iter()
+            .map(|line| ([line[0], line[line.len() - 1]].map(&mut node), length(line, station)))
+            .collect();
+        Self { lines, nodes: bodies + numbers.len(), bodies }
+    }
+
+    /// The level of each lake, and along each line, infinite where nothing tells of one.
+    fn solve(&self, lowest: &[f64], stations: &[Stations]) -> Result<(Vec<f64>, Vec<Profile>)> {
+        let order = self.downstream()?;
+        let mut levels = vec![f64::INFINITY; self.nodes];
+        // Rivers' own numbers are no nodes that a line has.
+        levels[..self.bodies].copy_from_slice(lowest);
+        let mut profiles = vec![Profile::default(); self.lines.len()];
+        for &line in &order {
+            let ([from, to], length) = self.lines[line];
+            profiles[line] = Profile::new(levels[from], &stations[line]);
+            levels[to] = levels[to].min(profiles[line].at(length));
+        }
+        // Where nothing upstream tells of a level, what is downstream does.
+        let is_open: Vec<_> = levels.iter().map(|level| level.is_infinite()).collect();
+        for &line in order.iter().rev() {
+            let ([from, to], _) = self.lines[line];
+            if profiles[line].is_unknown() {
+                profiles[line] = Profile::new(levels[to], &Stations::new());
+            }
+            if is_open[from] {
+                let known = if levels[from].is_finite() { levels[from] } else { f64::NEG_INFINITY };
+                levels[from] = known.max(profiles[line].at(0.0));
+            }
+        }
+        levels.truncate(self.bodies);
+        Ok((levels, profiles))
+    }
+
+    /// The lines, each after all that end where it begins (Kahn 1962).
+    fn downstream(&self) -> Result<Vec<usize>> {
+        let mut ending = vec![0_usize; self.nodes];
+        let mut beginning: Vec<Vec<usize>> = vec![Vec::new(); self.nodes];
+        for (number, &([from, to], _)) in self.lines.iter().enumerate() {
+            ending[to] += 1;
+            beginning[from].push(number);
+        }
+        let mut open: Vec<usize> = (0..self.nodes).filter(|&node| ending[node] == 0).collect();
+        let mut order = Vec::with_capacity(self.lines.len());
+        while let Some(node) = open.pop() {
+            for &line in &beginning[node] {
+                order.push(line);
+                let ([_, to], _) = self.lines[line];
+                ending[to] -= 1;
+                if ending[to] == 0 {
+                    open.push(to);
+                }
+            }
+        }
+        match (0..self.lines.len()).find(|&line| ending[self.lines[line].0[1]] > 0) {
+            None => Ok(order),
+            Some(line) => {
+                Err(Error::bad_input("the line is part of a circle, or downstream of one")
+                    .at(format_args!("line {}", line + 1))
+                    .remedy("draw centre lines downstream, each from one end to another"))
+            }
+        }
+    }
+}
+
+/// What the samples of a grid can be.
+#[derive(Clone, Copy, Debug)]
+enum Rounding {
+    /// Any `f64`,
+    None,
+    /// any `f32`, or
+    Single,
+    /// whole numbers, of which a height is so many times more, and that much higher.
+    Whole { scale: f64, offset: f64 },
+}
+
+impl Rounding {
+    fn of(info: &GridInfo) -> Self {
+        use SampleType::{F16, F32, F64};
+        let GridInfo { scale, offset, .. } = *info;
+        match info.sample_type {
+            F16 | F32 if info.exact_in_f32() => Self::Single,
+            F16 | F32 | F64 => Self::None,
+            _ => Self::Whole { scale, offset },
+        }
+    }
+
+    /// What a sample can be that is nearest to a height, or for whole numbers is not above it.
+    fn down(self, height: f64) -> f64 {
+        match self {
+            Self::None => height,
+            Self::Single => f64::from(height as f32),
+            Self::Whole { scale, offset } => {
+                let stored = (height - offset) / scale;
+                let whole = if scale < 0.0 { stored.ceil() } else { stored.floor() };
+                // What is a whole number already may have become a little less.
+                let near = stored.round();
+                let is_near = (stored - near).abs() < 1e-6;
+                (if is_near { near } else { whole }) * scale + offset
+            }
+        }
+    }
+}
