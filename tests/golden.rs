@@ -90,6 +90,8 @@ fn make_inputs(place: &Place) {
     let points = (0..40).map(|i| format!("({} {})", 500_003 + i * 31, 4_749_996 - i * 173 % 1100));
     let points = format!("MULTIPOINT ({})", points.collect::<Vec<_>>().join(", "));
     place.write("in/points.wkt", points).write("in/points.prj", "EPSG:32631");
+    let water = "POLYGON ((500100 4749950, 500620 4749900, 500560 4749400, 500100 4749950), (500400 4749800, 500500 4749800, 500450 4749700, 500400 4749800))\nPOLYGON ((500020 4749300, 501000 4748900, 501350 4749020, 501350 4748940, 501000 4748820, 500020 4749210, 500020 4749300))\nLINESTRING (500020 4749255, 501000 4748860, 501350 4748980)";
+    place.write("in/water.wkt", water).write("in/water.prj", "EPSG:32631");
     place.write("in/areas.wkt", areas).write("in/areas.prj", "EPSG:4326");
     for job in INPUTS {
         run(job, &place.path("in")).unwrap();
@@ -264,6 +266,12 @@ fn jobs() -> Vec<String> {
         let lines = "--breaklines ../in/areas.wkt";
         add(format!("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 {lines}{how}"));
     }
+    for how in ["", " --bound surface"] {
+        let water = "--water ../in/water.wkt";
+        add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {water}{how}"));
+    }
+    add("convert ../in/rough.tif o.tif --water ../in/water.wkt".into());
+    add("convert synth:integer,width=143,height=117,seed=3 o.tif --water ../in/water.wkt".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

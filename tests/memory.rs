@@ -147,6 +147,20 @@ fn make_inputs(place: &Place) {
     place.write("walks.wkt", walk).write("walks.prj", "EPSG:32631");
     let follow = ["--breaklines", "walks.wkt", "--max-error", "20", "-q"];
     place.ok(&[&["tin", "large.tif", "followed.ply"], &follow[..]].concat());
+    // Ponds all over, in rows of rivers.
+    let pond = |i: u64| {
+        let (x, y) = (500_100 + i % 90 * 310, 4_749_900 - i / 90 * 450);
+        format!("POLYGON (({x} {y}, {} {y}, {} {}, {x} {y}))\n", x + 205, x + 95, y - 190)
+    };
+    let river = |i: u64| {
+        let (y, [x0, x1]) = (4_749_600 - i * 450, [500_000, 528_000]);
+        let area = format!("POLYGON (({x0} {y}, {x1} {y}, {x1} {}, {x0} {0}, {x0} {y}))", y - 60);
+        format!("{area}\nLINESTRING ({x0} {}, {x1} {0})\n", y - 30)
+    };
+    let ponds = (0..5_400).map(pond).chain((0..60).map(river)).collect::<String>();
+    place.write("ponds.wkt", ponds).write("ponds.prj", "EPSG:32631");
+    let flat = ["--water", "ponds.wkt", "--max-error", "20", "-q"];
+    place.ok(&[&["tin", "large.tif", "flat.ply"], &flat[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
@@ -162,6 +176,8 @@ const JOBS: &[&str] = &[
     "tin large.tif o.ply --max-error 20 --tile 256 --keep-points points.csv",
     "tin large.tif o.ply --max-error 20 --tile 256 --breaklines walks.wkt",
     "tin large.tif o.ply --max-error 20 --tile 128 --breaklines walks.wkt",
+    "tin large.tif o.ply --max-error 20 --tile 256 --water ponds.wkt",
+    "convert large.tif o.tif --water ponds.wkt",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --fit",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --min-angle 26",
     "tin dem.tif o.ply --max-error 0 --tile 256 --fit --bound surface",
@@ -184,6 +200,7 @@ const JOBS: &[&str] = &[
     "verify part.ply large.tif --clip square.wkt",
     "verify kept.ply large.tif --keep-points points.csv",
     "verify followed.ply large.tif --breaklines walks.wkt",
+    "verify flat.ply large.tif --water ponds.wkt",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",

@@ -37,3 +37,4 @@ mod tin_fit;
 mod tin_keep;
 mod tin_limits;
 mod tin_methods;
+mod water;

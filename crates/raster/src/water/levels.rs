@@ -282,6 +282,13 @@ impl Network {
         let mut levels = vec![f64::INFINITY; self.nodes];
         // Rivers' own numbers are no nodes that a line has.
         levels[..self.bodies].copy_from_slice(lowest);
+        // A line from a lake into the same lake is as high as that.
+        let of_lake = |&line: &usize| self.is_of_lake(line);
+        let side_lines: Vec<_> = (0..self.lines.len()).filter(of_lake).collect();
+        for &line in &side_lines {
+            let lake = &mut levels[self.lines[line].0[0]];
+            *lake = stations[line].values().copied().fold(*lake, f64::min);
+        }
         let mut profiles = vec![Profile::default(); self.lines.len()];
         for &line in &order {
             let ([from, to], length) = self.lines[line];
@@ -300,15 +307,26 @@ impl Network {
                 levels[from] = known.max(profiles[line].at(0.0));
             }
         }
+        for line in side_lines {
+            profiles[line] = Profile::new(levels[self.lines[line].0[0]], &Stations::new());
+        }
         levels.truncate(self.bodies);
         Ok((levels, profiles))
     }
 
-    /// The lines, each after all that end where it begins (Kahn 1962).
+    fn is_of_lake(&self, line: usize) -> bool {
+        let [from, to] = self.lines[line].0;
+        from == to && from < self.bodies
+    }
+
+    /// The lines, each after all that end where it begins (Kahn 1962), but those of one lake.
     fn downstream(&self) -> Result<Vec<usize>> {
         let mut ending = vec![0_usize; self.nodes];
         let mut beginning: Vec<Vec<usize>> = vec![Vec::new(); self.nodes];
         for (number, &([from, to], _)) in self.lines.iter().enumerate() {
+            if self.is_of_lake(number) {
+                continue;
+            }
             ending[to] += 1;
             beginning[from].push(number);
         }

@@ -154,6 +154,11 @@ fn levels_go_on_from_line_to_line_and_through_lakes() {
     }
     let report = all.report().unwrap();
     assert_eq!((report.lakes, report.rivers, report.dug), (1, 2, 10.0));
+    // A side line of the lake has its level.
+    let mut with_side = lines.to_vec();
+    with_side.push(vec![[25.0, 2.0], [25.0, 0.0], [35.0, 0.0], [35.0, 2.0]]);
+    let found = levelled_heights(land(), &water(&info, &areas, &with_side), 64).unwrap();
+    assert_eq!(found[4 * 60 + 30], 50.0);
     let circle = [lines[0].clone(), vec![[20.0, 4.0], [30.0, 8.0], [10.0, 4.0]]];
     let error = levelled_heights(land(), &water(&info, &areas[..1], &circle), 64).unwrap_err();
     assert!(error.to_string().contains("circle"), "{error}");
