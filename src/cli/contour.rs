@@ -158,7 +158,7 @@ fn job(args: &Args) -> Result<ContourJob> {
     check::new_file(&args.output, overwrite)?;
     check::report(report.as_deref(), &files, &[&args.output], overwrite)?;
     let job = ContourJob {
-        reading: args.grid.reading(),
+        reading: args.grid.reading(None),
         format,
         overwrite,
         tolerance: args.simple.tolerance,

@@ -10,7 +10,6 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
 use crate::jobs::input::is_synthetic;
-use crate::jobs::reading::Reading;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::raster::{SampleType, write};
 
@@ -103,7 +102,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = ConvertJob {
         format: args.format.clone(),
         creation: args.co.clone(),
-        reading: Reading { water: args.water.clone(), ..args.grid.reading() },
+        reading: args.grid.reading(args.water.as_ref()),
         bbox: args.bbox,
         sample_type: args.sample_type,
         out_nodata: args.out_nodata,

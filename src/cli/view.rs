@@ -82,7 +82,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     view::check_width(args.width)?;
     let job = ViewJob {
         input: args.input.clone().into(),
-        reading: args.grid.reading(),
+        reading: args.grid.reading(None),
         output: args.output.clone(),
         overwrite: args.overwrite,
         width: args.width,

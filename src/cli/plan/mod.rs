@@ -136,7 +136,7 @@ fn job(args: &TinArgs) -> Result<PlanJob> {
     args.grid.check_all(&args.input)?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {
-        reading: args.grid.reading(),
+        reading: args.grid.reading(args.method.water.as_ref()),
         format: Some(format.name.to_owned()),
         refinement: args.method.refinement(),
         tile: args.method.tile(),

@@ -31,23 +31,23 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// What is asked to be read.
-    pub(crate) fn reading(&self) -> Reading {
+    /// What is asked to be read, with the water of a file.
+    pub(crate) fn reading(&self, water: Option<&String>) -> Reading {
         let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
-        Reading { band, nodata: self.nodata, clip, water: None }
+        Reading { band, nodata: self.nodata, clip, water: water.cloned() }
     }
 
     /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
-        let Reading { band, nodata, .. } = self.reading();
+        let Reading { band, nodata, .. } = self.reading(None);
         OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None, water: None }
     }
 
     /// The same with the polygons that the whole grid is clipped to.
     pub(crate) fn clipped(&self, resources: &Resources) -> Result<OpenOptions> {
-        self.reading().options(resources, cache_beside(resources.memory))
+        self.reading(None).options(resources, cache_beside(resources.memory))
     }
 
     /// All files that are read where `files` are those of the grid.

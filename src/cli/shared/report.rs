@@ -61,6 +61,9 @@ pub(crate) fn plain(report: &impl Serialize) -> String {
     let title = format!("{} -> {}", name("input"), name("output"));
     let mut rows = text::rows(&told);
     rows.retain(|(key, _)| key != "input" && key != "output");
+    if let Ok(water) = serde_json::from_value(told["water"].clone()) {
+        rows.push(("water".to_owned(), text::water(&water)));
+    }
     let notes = told["notes"].as_array().into_iter().flatten();
     rows.extend(
         notes.map(|note| ("note".to_owned(), note.as_str().unwrap_or_default().to_owned())),

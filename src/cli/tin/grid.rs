@@ -9,7 +9,6 @@ use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
-use crate::jobs::reading::Reading;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tin::{self, TinJob, TinReport};
 use crate::jobs::verify::VerifyJob;
@@ -92,7 +91,7 @@ fn job(args: &Args) -> Result<TinJob> {
     }
     Ok(TinJob {
         input: args.input.clone().into(),
-        reading: Reading { water: args.method.water.clone(), ..args.grid.reading() },
+        reading: args.grid.reading(args.method.water.as_ref()),
         output: args.output.clone(),
         format: Some(format.name.to_owned()),
         overwrite: args.overwrite,

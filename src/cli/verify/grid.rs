@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
-use crate::jobs::reading::Reading;
 use crate::jobs::sift::Sifted;
 use crate::jobs::verify::{self, OfGrid, VerifyJob, VerifyReport};
 use crate::raster;
@@ -30,7 +29,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = VerifyJob {
         mesh: args.mesh.clone(),
         raster: args.source.clone().into(),
-        reading: Reading { water: args.water.clone(), ..args.grid.reading() },
+        reading: args.grid.reading(args.water.as_ref()),
         tolerance: args.max_error,
         bound: args.bound,
         min_angle: args.min_angle,

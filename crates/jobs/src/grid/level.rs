@@ -30,7 +30,7 @@ pub(super) fn run(
         .prefix(".terrane-")
         .tempdir_in(folder)
         .map_err(|e| Error::write(folder, e))?;
-    let bare = temporary.path().join("ground");
+    let bare = temporary.path().join("ground.tif");
     let ground = GridJob {
         output: bare.clone(),
         format: Some(FORMAT.to_owned()),
