@@ -130,8 +130,8 @@ fn a_river_falls_along_its_line_and_is_level_across() {
 fn levels_go_on_from_line_to_line_and_through_lakes() {
     // A river into a lake, and one out of it, whose banks alone would be higher.
     let bank = |col: u32| match col {
-        ..20 => 50.0,
-        20..40 => 55.0,
+        ..18 => 50.0,
+        18..40 => 55.0,
         _ => 60.0,
     };
     let land = || Land::new(60, 9, |col, _| bank(col));
@@ -177,6 +177,19 @@ fn lakes_that_share_a_side_are_one() {
     let two = water(&info, &apart, &[]);
     let found = levelled_heights(land(), &two, 64).unwrap();
     assert_eq!((found[4 * 30 + 5], found[4 * 30 + 15]), (89.0, 79.0));
+}
+
+#[test]
+fn the_lowest_holds_where_lakes_overlap() {
+    let land = || Land::new(30, 9, |col, _| f64::from(100 - col));
+    let info = land().info;
+    let lakes = [box_of([3.0, 2.0], [12.0, 6.0]), box_of([9.0, 3.0], [20.0, 5.0])];
+    for order in [[0, 1], [1, 0]] {
+        let both = water(&info, &order.map(|i| lakes[i].clone()), &[]);
+        let found = levelled_heights(land(), &both, 64).unwrap();
+        let level = |col: usize| found[4 * 30 + col];
+        assert_eq!([level(5), level(10), level(15)], [87.0, 79.0, 79.0], "{order:?}");
+    }
 }
 
 #[test]
