@@ -197,6 +197,8 @@ impl Found {
         }
         heights.resize(rect.len(), 0.0);
         grid.read_f64(rect, heights)?;
+        // All that was touched: a column of samples is as many pages as a tile has.
+        grid.release(rect);
         let width = rect.width as usize;
         let mut is_water = BitSet::new(rect.len());
         for (row, runs) in rows.iter().enumerate() {

@@ -56,10 +56,9 @@ pub struct WaterFeatures {
 }
 
 impl WaterFeatures {
-    /// Bytes that a vertex takes: once where it is in the world, once where it is on the grid, and in the
-    /// index of the sides.
-    pub const VERTEX_BYTES: u64 =
-        2 * ClipRings::EDGE_BYTES + 2 * size_of::<Xy>() as u64 + 2 * size_of::<Ends>() as u64;
+    /// Bytes that a vertex takes at the most (measured): where it is in the world and on the grid, with the indexes of
+    /// sides, which are made one after the other.
+    pub const VERTEX_BYTES: u64 = 320;
 
     /// Begins another polygon.
     ///

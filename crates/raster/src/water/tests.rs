@@ -1,3 +1,5 @@
+//! Hand-made water, and any against twins that look at each sample by itself.
+
 use super::*;
 use crate::{GridSource, SampleType};
 use proptest::prelude::*;
