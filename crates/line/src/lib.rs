@@ -34,8 +34,8 @@ pub type Xy = [f64; 2];
 pub struct Scratch {
     /// Ends of ranges still to be looked at.
     ends: Vec<usize>,
-    /// Vertices at which a segment may end.
-    candidates: Vec<u32>,
+    /// Vertices at which three segments may end.
+    candidates: [Vec<u32>; 3],
     /// What the shortest path knows of each vertex.
     nodes: Vec<imai_iri::Node>,
     /// Vertices of one layer of the search, and of the next.

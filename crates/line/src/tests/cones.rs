@@ -3,19 +3,24 @@
 use super::*;
 use crate::cone::cone;
 
-/// From each anchor to the last vertex that a segment may go to, by trying all.
+/// From each anchor to the last vertex that a segment may go to, or to one an eighth before it from which the next
+/// segment goes further, by trying all.
 fn greedy<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
     let holds = |from: usize, to: usize| {
         let square = |i: usize| metric.distance2(&points[i], &points[from], &points[to]);
         (from + 1..to).all(|i| square(i) <= tolerance * tolerance)
     };
-    let mut kept: Vec<u32> = (0..points.len() as u32).take(1).collect();
-    while let Some(&anchor) = kept.last().filter(|last| **last as usize + 1 < points.len()) {
-        let from = anchor as usize;
-        let ends = (from + 1..points.len()).rev().find(|to| holds(from, *to));
-        kept.extend(ends.map(|to| to as u32));
+    let end = points.len().saturating_sub(1);
+    let last = |from: usize, most: usize| (from + 1..=most).rev().find(|to| holds(from, *to));
+    let furthest = |from: usize| last(from, end).unwrap_or(end);
+    let mut kept: Vec<_> = (0..points.len()).take(1).collect();
+    while let Some(&anchor) = kept.last().filter(|last| **last < end) {
+        let far = furthest(anchor);
+        let near = last(anchor, far - (far - anchor).div_ceil(8));
+        let is_better = |near: usize| furthest(far) < end && furthest(near) > furthest(far);
+        kept.push(near.filter(|&near| is_better(near)).unwrap_or(far));
     }
-    kept
+    kept.into_iter().map(|at| at as u32).collect()
 }
 
 struct SameAsGreedy;
