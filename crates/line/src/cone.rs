@@ -11,7 +11,8 @@
 //! The furthest end is not always the best: where the next segment begins decides how far that goes.
 //! So two ends are looked at, the furthest and the last one an eighth of the segment before it, and
 //! taken is the one whose own segment ends further on. That segment is looked for once, as it is the
-//! next to be ended: twice the work of one end, and a third to a half less of what is kept above the fewest vertices.
+//! next to be ended: twice the work of one end, for a third to two thirds less of what is kept above the
+//! fewest vertices.
 
 use super::metric::Metric;
 use super::wedge::{Step, Wedge};
