@@ -72,7 +72,7 @@ pub use terrane_jobs::plan::TaskReport;
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};
-pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType};
+pub use terrane_raster::{ArraySample, GridInfo, Inputs, SampleType, WaterReport};
 
 /// The code of the tutorial, tested with that of the documentation.
 #[cfg(doctest)]

@@ -7,6 +7,7 @@ use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
 use terrane_base::{Error, Result};
 use terrane_cloud::{self as cloud, CloudInfo, Filter, OpenOptions};
+use terrane_files::name_of;
 use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
 use terrane_jobs::grid::plan::{PlanGridJob, plan_grid};
@@ -158,6 +159,7 @@ pub struct GridBuilder<'a> {
     cloud: &'a Cloud,
     stats: String,
     preset: Option<Preset>,
+    water: Option<PathBuf>,
     placement: Placement,
     radius: Option<f64>,
     max_edge: Option<f64>,
@@ -176,6 +178,7 @@ impl<'a> GridBuilder<'a> {
             cloud,
             stats: "mean".to_owned(),
             preset: None,
+            water: None,
             placement: Placement::new([cell; 2]),
             radius: None,
             max_edge: None,
@@ -196,6 +199,26 @@ impl<'a> GridBuilder<'a> {
     /// of the one above the other.
     pub fn model(mut self, model: Preset) -> Self {
         self.preset = Some(model);
+        self
+    }
+
+    /// In a model of the ground, level water: the polygons of a file of features are lakes, and those that a line of
+    /// the file runs within are rivers, as for a [`Grid`](crate::Grid::water).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [file, path] = ["lake.wkt", "dtm.tif"].map(|name| folder.path().join(name));
+    /// std::fs::write(&file, "POLYGON ((500010 4750010, 500040 4750010, 500030 4750040))").unwrap();
+    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+    /// let made = cloud.grid(1.0).model(terrane::Preset::Dtm).water(&file).write(&path)?;
+    /// assert_eq!(made.water.unwrap().lakes, 1);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn water(mut self, file: impl Into<PathBuf>) -> Self {
+        self.water = Some(file.into());
         self
     }
 
@@ -275,6 +298,7 @@ impl<'a> GridBuilder<'a> {
         Ok(GridJob {
             cloud: self.cloud.options.clone(),
             preset: self.preset,
+            water: self.water.clone().map(name_of).transpose()?,
             placement: self.placement.clone(),
             radius: self.radius,
             max_edge: self.max_edge,
