@@ -49,6 +49,7 @@ impl Reading {
             threads,
             temp_dir,
             clip,
+            colours: false,
         })
     }
 

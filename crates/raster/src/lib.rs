@@ -272,13 +272,16 @@ pub struct OpenOptions {
     /// What [`open_all`] clips the grid to: all samples outside are voids. Its bytes are taken off
     /// `cache_bytes`.
     pub clip: Option<Arc<Clip>>,
+    /// The colours of a PNG are bands: it is not asked how they tell heights.
+    pub colours: bool,
 }
 
 impl Default for OpenOptions {
     /// The first band, on all cores.
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-        Self { band: 1, nodata: None, cache_bytes: 256 << 20, threads, temp_dir: None, clip: None }
+        let (cache_bytes, temp_dir) = (256 << 20, None);
+        Self { band: 1, nodata: None, cache_bytes, threads, temp_dir, clip: None, colours: false }
     }
 }
 

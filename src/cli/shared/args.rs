@@ -36,12 +36,17 @@ impl Grid {
         Reading { band: self.band.unwrap_or(1), nodata: self.nodata, clip: self.clip.clone() }
     }
 
+    /// The band, if it was named.
+    pub(crate) fn named_band(&self) -> Option<u32> {
+        self.band
+    }
+
     /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
         let Reading { band, nodata, .. } = self.reading();
-        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None }
+        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None, colours: false }
     }
 
     /// The same with the polygons that the whole grid is clipped to.

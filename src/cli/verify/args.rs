@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::bound::Bound;
-use crate::cli::shared::{args, many, names, parse, points};
+use crate::cli::shared::{args, bands, many, names, parse, points};
 use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
@@ -47,6 +47,8 @@ pub(crate) struct Args {
     pub(crate) grid: args::Grid,
     #[command(flatten)]
     pub(crate) points: points::Points,
+    #[command(flatten)]
+    pub(crate) bands: bands::Given,
     #[command(flatten)]
     pub(crate) lines: Promises,
     /// Write the report to this JSON file
@@ -125,7 +127,8 @@ impl Args {
         let angle = given("--min-angle", self.min_angle.is_some());
         let kept = given("--keep-points", self.keep_points.is_some());
         let lines = given("--breaklines", self.breaklines.is_some());
-        match bound.or(angle).or(kept).or(lines) {
+        let bands = given("--bands", self.bands.is_given());
+        match bound.or(angle).or(kept).or(lines).or(bands) {
             None => Ok(()),
             Some((option, given)) => {
                 Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))

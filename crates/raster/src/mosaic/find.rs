@@ -25,6 +25,8 @@ pub(super) struct Family {
     vrt_bytes: AtomicU64,
     /// Folder for what has to be unpacked first.
     temp_dir: Option<PathBuf>,
+    /// See [`OpenOptions::colours`].
+    colours: bool,
 }
 
 /// A file that can be opened at any time.
@@ -73,6 +75,7 @@ impl Family {
             members: AtomicU64::new(0),
             vrt_bytes: AtomicU64::new(0),
             temp_dir: options.temp_dir.clone(),
+            colours: options.colours,
         })
     }
 
@@ -139,6 +142,7 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
             threads: 1,
             temp_dir: None,
             clip: None,
+            colours: nest.family.colours,
         };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
@@ -172,7 +176,8 @@ fn open_file(
     let pool = &family.pool;
     let with = |cache_bytes| {
         let temp_dir = family.temp_dir.clone();
-        let options = OpenOptions { band, nodata, cache_bytes, threads: 1, temp_dir, clip: None };
+        let (threads, clip, colours) = (1, None, family.colours);
+        let options = OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip, colours };
         let grid = crate::open(name, &options)?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
