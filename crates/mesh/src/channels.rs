@@ -89,6 +89,23 @@ impl MeshFormat {
     }
 }
 
+/// What a mesh of several bands states, fact by fact: `info` tells the last comment of a file only.
+const STATED: [&str; 4] = ["max error", "bands", "weights", "heights"];
+
+/// The channels of a mesh and what its comments state of them, as facts.
+pub(crate) fn facts(names: &[String], comments: &[String]) -> Vec<(String, String)> {
+    if names.is_empty() {
+        return Vec::new();
+    }
+    let fact = |key: &&str| {
+        let rest =
+            |comment: &String| comment.strip_prefix(key)?.strip_prefix(' ').map(str::to_owned);
+        Some(((*key).to_owned(), comments.iter().find_map(rest)?))
+    };
+    let channels = ("channels".to_owned(), names.join(", "));
+    std::iter::once(channels).chain(STATED.iter().filter_map(fact)).collect()
+}
+
 /// Fails unless there is a value for each channel of so many vertices, and each can be stored.
 pub(crate) fn check_values(channels: &[Channel], vertices: usize, values: &[f64]) -> Result<()> {
     if values.len() != vertices * channels.len() {

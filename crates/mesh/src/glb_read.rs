@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::channels::{COLOURS, from_linear, from_opacity, linear};
+use crate::channels::{COLOURS, facts, from_linear, from_opacity, linear};
 use crate::glb::{
     BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_z_up,
 };
@@ -155,7 +155,9 @@ impl GlbSource {
         let mut info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
         if parts > 0 {
             info.channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
-            info.details.push(("channels".to_owned(), info.channels.join(", ")));
+            let comments = info.details.iter().filter(|(key, _)| key == "comment");
+            let comments: Vec<String> = comments.map(|(_, text)| text.clone()).collect();
+            info.details.extend(facts(&info.channels, &comments));
         }
         Ok(Self { input, positions, indices, colours, parts, light: linear(), info })
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::channels::facts;
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
 use crate::sink::{Counts, Encoder, FileSink};
@@ -151,7 +152,7 @@ impl PlySource {
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
         let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
         let names: Vec<String> = header.channels.iter().map(|(name, _)| name.clone()).collect();
-        let channels = (!names.is_empty()).then(|| ("channels".to_owned(), names.join(", ")));
+        let channels = facts(&names, &header.comments);
         let info = MeshInfo {
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
             crs: header.crs.clone(),
