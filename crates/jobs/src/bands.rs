@@ -129,7 +129,8 @@ impl Bands {
     }
 }
 
-fn label(bands: &[u32]) -> String {
+/// Numbers as they are given: "1,2,3".
+pub(crate) fn label(bands: &[u32]) -> String {
     bands.iter().map(u32::to_string).collect::<Vec<_>>().join(",")
 }
 

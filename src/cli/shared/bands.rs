@@ -15,7 +15,7 @@ pub(crate) struct Given {
     /// those of --band, if it is among them, and 0 else
     #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     bands: Vec<u32>,
-    /// How much an error in each band counts [default: 1 each]
+    /// How much an error in each band counts [default: 1 each; of a proof, what the mesh states]
     #[arg(long, value_name = "W,..", value_delimiter = ',', value_parser = parse::positive, requires = "bands")]
     weights: Vec<f64>,
 }
@@ -44,7 +44,7 @@ impl Given {
         match options.iter().find(|(_, given)| self.is_given() && *given) {
             None => Ok(()),
             Some((option, _)) => Err(Error::usage(format!("--bands has no {option}"))
-                .remedy(format!("leave {option} out, or make a mesh of one band with --band"))),
+                .remedy(format!("leave {option} out, or name one band with --band"))),
         }
     }
 }

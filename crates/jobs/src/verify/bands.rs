@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::found::Verdict;
 use super::report::{Place, VerifyReport};
 use super::{Asked, VerifyJob, stated, stated_text, stated_tolerance, verify};
-use crate::bands::{Bands, Joined};
+use crate::bands::{Bands, Joined, label};
 use crate::memory::cache_beside;
 use crate::{Cancel, Progress};
 use terrane_base::bound::Bound;
@@ -201,6 +201,11 @@ fn heights(info: &MeshInfo, asked: &AskedBands) -> Result<Heights> {
 
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
 fn bands(info: &MeshInfo, asked: &AskedBands) -> Result<Bands> {
+    let label = label(&asked.bands);
+    if let Some(text) = stated(info, BANDS).filter(|text| *text != label) {
+        let message = format!("the mesh states that it was made of bands {text}, not {label}");
+        return Err(Error::usage(message).remedy(format!("pass --bands {text}")));
+    }
     let weights = match (asked.weights.is_empty(), stated(info, WEIGHTS)) {
         (true, Some(text)) => {
             let weights = text.split(',').map(|weight| weight.parse().ok()).collect();
@@ -213,13 +218,6 @@ fn bands(info: &MeshInfo, asked: &AskedBands) -> Result<Bands> {
         _ => asked.weights.clone(),
     };
     let bands = Bands::new(&asked.bands, &weights, asked.heights)?;
-    let label = bands.label();
-    if let Some(text) = stated(info, BANDS).filter(|text| *text != label) {
-        return Err(Error::usage(format!(
-            "the mesh states that it was made of bands {text}, not {label}"
-        ))
-        .remedy(format!("pass --bands {text}")));
-    }
     let names = info.channels.iter().map(String::as_str);
     let expected = bands.list().iter().map(|(band, _)| format!("band_{band}"));
     let is_colour = mesh::is_colour(names) && info.channels.len() == bands.list().len();
