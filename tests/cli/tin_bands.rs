@@ -285,7 +285,7 @@ fn what_makes_no_sense_is_refused_by_name() {
     refused(&format!("{job} 1,2,2"), &["band 2 is there twice"]);
     refused(
         &format!("{job} 1,4"),
-        &["band 4 is out of range: the file has 3 bands", "from 1 to 3"],
+        &["photo.tif: band 4 is out of range: the file has 3 bands", "from 1 to 3"],
     );
     refused(&format!("{job} 0,1"), &["--bands", "0 is not in"]);
     refused(&format!("{job} 1,2 --weights 1"), &["1 weights for 2 bands"]);

@@ -135,9 +135,11 @@ pub(crate) fn label(bands: &[u32]) -> String {
 }
 
 fn out_of_range(band: u32, bands: u32) -> Error {
-    let noun = if bands == 1 { "band" } else { "bands" };
-    Error::usage(format!("band {band} is out of range: the file has {bands} {noun}"))
-        .remedy(format!("name bands from 1 to {bands} with --bands"))
+    let (noun, remedy) = match bands {
+        1 => ("band", "leave out --bands".to_owned()),
+        _ => ("bands", format!("name bands from 1 to {bands} with --bands")),
+    };
+    Error::usage(format!("band {band} is out of range: the file has {bands} {noun}")).remedy(remedy)
 }
 
 /// How the values of a band are stored at vertices, as far as its type tells.

@@ -1,6 +1,7 @@
 //! Several bands of a grid to one mesh: read whole, triangulated on one thread, written with their values at
 //! vertices.
 
+use std::path::Path;
 use std::time::Instant;
 
 use super::job::{Goal, TinJob};
@@ -52,7 +53,7 @@ pub fn run_bands(
 fn open(job: &TinJob, bands: &Bands) -> Result<memory::Opened> {
     let options = options(job)?;
     let all = memory::look_at(&job.input, &Bands::options(1, &options))?;
-    bands.check(all.info())?;
+    bands.check(all.info()).map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
     drop(all);
     let (first, _) = bands.list()[0];
     let whole = whole(bands);
@@ -227,7 +228,7 @@ impl Values<'_> {
                 "{} stores heights as 32-bit floats, which {height} is not, placed so",
                 maker.opened.format.name
             ))
-            .remedy("write PLY, or leave out --band for heights of 0")),
+            .remedy("write PLY, or leave out --band, or --size, --scale and --exaggerate")),
         }
     }
 
