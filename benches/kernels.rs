@@ -206,7 +206,7 @@ impl Mesh {
                 true => triangles.iter().map(|t| t.map(|id| point(id % SIDE, id / SIDE))).collect(),
                 false => Vec::new(),
             };
-            let batch = MeshBatch { vertices, triangles, corners: &corners };
+            let batch = MeshBatch { vertices, values: &[], triangles, corners: &corners };
             sink.push(batch).expect("room on the disk");
         }
         sink.finish().expect("room on the disk")
@@ -216,7 +216,14 @@ impl Mesh {
 fn header() -> MeshHeader {
     let bounds = [point(0, SIDE - 1), point(SIDE - 1, 0)];
     let origin = [bounds[0][0], bounds[0][1], 0.0];
-    MeshHeader { crs: Crs::default(), origin, scale: [1.0; 3], bounds, comments: Vec::new() }
+    MeshHeader {
+        crs: Crs::default(),
+        origin,
+        scale: [1.0; 3],
+        bounds,
+        comments: Vec::new(),
+        channels: Vec::new(),
+    }
 }
 
 fn point(col: u64, row: u64) -> Point3 {

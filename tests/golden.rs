@@ -15,7 +15,7 @@ use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use cli_support::Place;
+use cli_support::{Place, photograph};
 use serde_json::Value;
 use terrane_gridding as gridding;
 use terrane_jobs::REVISION;
@@ -43,7 +43,7 @@ const PASSING: [&str; 9] = [
 ];
 
 /// Folder of the inputs, as jobs see it.
-const INPUTS: [&str; 12] = [
+const INPUTS: [&str; 13] = [
     "synth rough,width=211,height=157,seed=3 rough.tif",
     "synth smooth,width=90,height=120,seed=4 smooth.tif",
     "synth cloud,size=60,density=6,seed=5 dense.laz",
@@ -56,6 +56,7 @@ const INPUTS: [&str; 12] = [
     "tin dense.laz cloud.ply --max-error 0.2 --class 2",
     "line coverage.geojson simple.geojson --tolerance 5 --topology",
     "contour smooth.tif -o contours.fgb --interval 20 --3d",
+    "tin photo.png photo.ply --bands 1,2,3 --max-error 12",
 ];
 
 /// Features of several kinds, with properties of every type, ids, heights and holes.
@@ -86,6 +87,7 @@ fn make_inputs(place: &Place) {
     place.write("in/degrees.asc", degrees());
     place.write("in/degrees.prj", "EPSG:4326");
     place.write("in/mixed.geojson", MIXED);
+    place.write("in/photo.png", photograph([97, 61], 3));
     let areas = "POLYGON ((7 46, 7.235 46.02, 7.205 46.175, 7 46), (7.1 46.06, 7.15 46.06, 7.15 46.1, 7.1 46.06))";
     let points = (0..40).map(|i| format!("({} {})", 500_003 + i * 31, 4_749_996 - i * 173 % 1100));
     let points = format!("MULTIPOINT ({})", points.collect::<Vec<_>>().join(", "));
@@ -272,6 +274,19 @@ fn jobs() -> Vec<String> {
     }
     add("convert ../in/rough.tif o.tif --water ../in/water.wkt".into());
     add("convert synth:integer,width=143,height=117,seed=3 o.tif --water ../in/water.wkt".into());
+    for more in [
+        "--max-error 9",
+        "--max-error 9 --weights 1,0.5,3",
+        "--max-vertices 200",
+        "--max-error 9 --band 2",
+    ] {
+        add(format!("tin ../in/photo.png o.ply --bands 1,2,3 {more}"));
+    }
+    add("tin ../in/photo.png o.ply --bands 3,1 --max-error 6 --nodata 3".into());
+    add("tin ../in/photo.png o.glb --bands 1,2,3 --max-error 9".into());
+    add("view ../in/photo.ply -o o.png --width 120".into());
+    add("info ../in/photo.ply --json".into());
+    add("verify ../in/photo.ply ../in/photo.png --bands 1,2,3 --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

@@ -10,7 +10,8 @@ use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
 use crate::jobs::view::{self, ViewJob, ViewReport};
 
-/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface)
+/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
+/// vertices have colours is drawn in these
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a

@@ -137,7 +137,7 @@ impl Tin {
     fn push(&self, sink: &mut dyn MeshSink) -> Result<()> {
         let wants_corners = sink.wants_corners();
         for vertices in self.vertices.chunks(BATCH) {
-            sink.push(MeshBatch { vertices, triangles: &[], corners: &[] })?;
+            sink.push(MeshBatch { vertices, values: &[], triangles: &[], corners: &[] })?;
         }
         for triangles in self.triangles.chunks(BATCH) {
             let place = |id: &u32| self.vertices[*id as usize];
@@ -145,7 +145,12 @@ impl Tin {
                 triangles.iter().filter(|_| wants_corners).map(|t| t.each_ref().map(place));
             let corners: Vec<_> = corners.collect();
             let triangles: Vec<_> = triangles.iter().map(|t| t.map(u64::from)).collect();
-            sink.push(MeshBatch { vertices: &[], triangles: &triangles, corners: &corners })?;
+            sink.push(MeshBatch {
+                vertices: &[],
+                values: &[],
+                triangles: &triangles,
+                corners: &corners,
+            })?;
         }
         Ok(())
     }

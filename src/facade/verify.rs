@@ -105,6 +105,7 @@ impl VerifyBuilder<'_, Grid> {
             min_angle: self.min_angle,
             keep_points: self.keep_points.map(name_of).transpose()?,
             breaklines: self.breaklines.map(name_of).transpose()?,
+            bands: None,
             resources: self.run.resources()?,
         };
         verify::run(&job, &*self.run.progress, &self.run.cancel)

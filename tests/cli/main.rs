@@ -31,6 +31,7 @@ mod resume;
 mod shapes;
 mod synth;
 mod tin_angle;
+mod tin_bands;
 mod tin_breaklines;
 mod tin_clip;
 mod tin_fit;

@@ -212,6 +212,7 @@ fn what_cannot_be_made_level_is_refused() {
     place.fails(&[&job[..], &["--fit"]].concat(), 2, &["--water", "--fit"]);
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);
     place.fails(&[&job[..], &["--method", "drop"]].concat(), 2, &["has no --water"]);
+    place.fails(&[&job[..], &["--bands", "1"]].concat(), 2, &["--bands has no --water"]);
     place.fails(
         &["contour", TERRAIN, "-o", "c.fgb", "--interval", "9", "--water", "water.geojson"],
         2,

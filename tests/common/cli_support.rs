@@ -130,3 +130,28 @@ pub fn batch() -> Place {
     place.write("f/b.geojson", r#"{"type":"LineStr"#).write("f/d.geojson", "{");
     place
 }
+
+/// A synthetic photograph: red, green, blue and opacity of a pixel; discs before a sky.
+pub fn colour(col: usize, row: usize) -> [u8; 4] {
+    let (x, y) = (col as i32, row as i32);
+    let discs =
+        [(30, 22, 15, [220, 60, 40]), (70, 44, 19, [40, 150, 70]), (58, 15, 9, [250, 220, 60])];
+    let sky = [110 + y, 160 + y / 2 + (x * 7 + y * 3) % 5, 230 - y - x / 4];
+    let of = |&(cx, cy, radius, base): &(i32, i32, i32, [i32; 3])| {
+        let far = (x - cx).pow(2) + (y - cy).pow(2);
+        (far < radius * radius).then(|| base.map(|c| c - c * far / (radius * radius) / 2))
+    };
+    let [red, green, blue] = discs.iter().rev().find_map(of).unwrap_or(sky).map(|c| c as u8);
+    [red, green, blue, 255 - (x / 2) as u8]
+}
+
+/// The photograph as a PNG, of three channels, or of four.
+pub fn photograph([width, height]: [usize; 2], channels: usize) -> Vec<u8> {
+    let pixels =
+        (0..width * height).flat_map(|i| colour(i % width, i / width).into_iter().take(channels));
+    let (mut out, data) = (Vec::new(), pixels.collect::<Vec<u8>>());
+    let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
+    encoder.set_color(if channels == 4 { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    out
+}

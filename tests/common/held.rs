@@ -42,7 +42,14 @@ pub(crate) fn header() -> MeshHeader {
     let crs = Crs { epsg: Some(32611), citation: Some("UTM zone 11N".into()), ..Crs::default() };
     let bounds = [[0.0, 0.0, f64::NAN], [0.0, 0.0, f64::NAN]];
     let scale = [1.0; 3];
-    MeshHeader { crs, origin: ORIGIN, scale, bounds, comments: vec!["max error 1.5 metre".into()] }
+    MeshHeader {
+        crs,
+        origin: ORIGIN,
+        scale,
+        bounds,
+        comments: vec!["max error 1.5 metre".into()],
+        channels: Vec::new(),
+    }
 }
 
 /// Writes `mesh` in batches: first all vertices and then all triangles, or both mixed when the
@@ -71,7 +78,7 @@ pub(crate) fn write(
         let corners: Vec<_> = triangles.iter().map(|ids| ids.map(corner)).collect();
         let corners = if sink.wants_corners() { corners.as_slice() } else { &[] };
         let vertices = some.unwrap_or_default();
-        sink.push(MeshBatch { vertices, triangles: &triangles, corners })?;
+        sink.push(MeshBatch { vertices, values: &[], triangles: &triangles, corners })?;
     }
 }
 

@@ -5,6 +5,7 @@ mod cli_support;
 #[path = "../common/held.rs"]
 mod held;
 
+mod channels;
 mod round_trip;
 mod solid;
 mod split;

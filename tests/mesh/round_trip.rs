@@ -87,7 +87,8 @@ fn positions_in_units_of_the_file_come_back() {
             let mut sink = (format.create)(&path, &header, &options).unwrap();
             let corners = if sink.wants_corners() { &corners[..] } else { &[] };
             let triangles = &degrees.triangles;
-            sink.push(mesh::MeshBatch { vertices: &vertices, triangles, corners }).unwrap();
+            sink.push(mesh::MeshBatch { vertices: &vertices, values: &[], triangles, corners })
+                .unwrap();
             sink.finish().unwrap();
             let source = mesh::open(&path).unwrap();
             let own = if format.single_precision { scale } else { [1.0; 3] };

@@ -64,7 +64,8 @@ fn a_solid_far_from_zero_has_its_base_where_it_was_asked_for() {
     let corners = [[[0.0, 0.0, 2e7 + 0.25], [30.0, 0.0, 2e7 - 0.5], [0.0, 30.0, 2e7]]];
     let mut sink = (stl().create)(&path, &header, &options).unwrap();
     let [vertices] = &corners;
-    let batch = mesh::MeshBatch { vertices, triangles: &[[0, 1, 2]], corners: &corners };
+    let batch =
+        mesh::MeshBatch { vertices, values: &[], triangles: &[[0, 1, 2]], corners: &corners };
     sink.push(batch).unwrap();
     sink.finish().unwrap();
     let source = mesh::open(&path).unwrap();
@@ -110,6 +111,7 @@ fn corners_must_come_with_the_triangles() {
     let mut sink = (stl().create)(&folder.path().join("a.stl"), &header, &options).unwrap();
     assert!(sink.wants_corners());
     let vertices = [held::ORIGIN; 3];
-    let batch = mesh::MeshBatch { vertices: &vertices, triangles: &[[0, 1, 2]], corners: &[] };
+    let batch =
+        mesh::MeshBatch { vertices: &vertices, values: &[], triangles: &[[0, 1, 2]], corners: &[] };
     assert_eq!(sink.push(batch).unwrap_err().kind(), ErrorKind::Usage);
 }

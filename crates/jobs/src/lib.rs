@@ -1,5 +1,6 @@
 //! Jobs: reading, computing and writing joined under one memory budget.
 
+pub mod bands;
 mod beside;
 pub mod breaklines;
 pub mod cloud_stats;

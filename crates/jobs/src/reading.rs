@@ -55,6 +55,7 @@ impl Reading {
             temp_dir,
             clip,
             water,
+            colours: false,
         })
     }
 

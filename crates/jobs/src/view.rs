@@ -3,7 +3,7 @@
 //!
 //! The lattice of heights is twice as fine as the picture: from a grid by averaging blocks of samples and
 //! interpolating between the means, from a mesh by filling triangles (the higher surface wins) as they
-//! stream by. Of a grid with more than 2^26 samples under the picture not all are read: each pixel gets
+//! stream by, with colours interpolated between vertices that have them. Of a grid with more than 2^26 samples under the picture not all are read: each pixel gets
 //! the mean of a square of samples in the middle of its block, as large as 2^22 samples in all allow and
 //! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
 //! decodes each block that a pixel falls into).
@@ -30,7 +30,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_raster::{Inputs, OpenOptions};
 use terrane_render::{
-    Coverage, Field, Frame, Light, MAX_PICTURE_SIDE, Painter, Style, natural_exaggeration,
+    Colours, Coverage, Field, Frame, Light, MAX_PICTURE_SIDE, Painter, Style, natural_exaggeration,
 };
 
 /// A picture to draw.
@@ -84,6 +84,14 @@ struct Drawn {
     frame: Frame,
     field: Field,
     edges: Option<Coverage>,
+    /// The surface's own, if it has any.
+    colours: Option<Colours>,
+}
+
+impl Drawn {
+    fn painter(&self, style: Style) -> Painter<'_> {
+        Painter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
+    }
 }
 
 /// Field pixels per picture pixel along each side: smooths outlines and facets.
@@ -91,6 +99,9 @@ const FINENESS: u32 = 2;
 /// Bytes a picture pixel takes at the peak: heights, those of the coarser grid they come from (up
 /// to four for each), edges, and colours.
 const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
+
+/// What it takes more where the surface has colours of its own.
+const COLOUR_BYTES: u64 = 4 * 4;
 
 /// Draws a picture.
 pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ViewReport> {
@@ -124,7 +135,7 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }
     let frame = Frame::fit(bounds, job.width, ground_scale(bounds, geographic));
-    within_memory(&frame, &job.resources)?;
+    within_memory(&frame, PIXEL_BYTES, &job.resources)?;
     Ok(frame)
 }
 
@@ -140,9 +151,9 @@ fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {
     [DEGREE_METRES * latitude.to_radians().cos(), DEGREE_METRES]
 }
 
-fn within_memory(frame: &Frame, resources: &Resources) -> Result<()> {
+fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Result<()> {
     let pixels = u64::from(frame.width) * u64::from(frame.height);
-    let need = pixels * PIXEL_BYTES;
+    let need = pixels * pixel_bytes;
     if need > resources.memory {
         let mib = need.div_ceil(1 << 20);
         let message = format!(
@@ -172,7 +183,7 @@ fn paint(
 ) -> Result<ViewReport> {
     let frame = &drawn.frame;
     let style = style(job, drawn);
-    let painter = Painter::new(&drawn.field, drawn.edges.as_ref(), style);
+    let painter = drawn.painter(style);
     let mut file = AtomicFile::create(&job.output, job.overwrite)?;
     let size = [painter.width(), painter.height()];
     let fill = |row, line: &mut [u8]| painter.row(row, line);

@@ -4,11 +4,14 @@ use std::path::Path;
 
 use serde_json::json;
 
+use crate::channels::{linear, opacity};
 use crate::glb_read::GlbSource;
 use crate::local::Local;
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text;
-use crate::{MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions};
+use crate::{
+    Carries, Channel, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions,
+};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::Out;
@@ -18,6 +21,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["glb"],
     about: "binary glTF 2.0, f32 relative to an origin in asset.extras, Y up",
     single_precision: true,
+    carries: Carries::Colours,
     most,
     create,
     open: |path| Ok(Box::new(GlbSource::open(path)?)),
@@ -56,7 +60,9 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let local = Local::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.comments.clone();
-    FileSink::create(path, options, GlbEncoder { local, crs, comments })
+    FORMAT.check_channels(&header.channels)?;
+    let (channels, light) = (header.channels.clone(), linear());
+    FileSink::create(path, options, GlbEncoder { local, crs, comments, channels, light })
 }
 
 struct GlbEncoder {
@@ -64,6 +70,10 @@ struct GlbEncoder {
     local: Local,
     crs: Option<String>,
     comments: Vec<String>,
+    /// Those of a colour, or none.
+    channels: Vec<Channel>,
+    /// What bytes of sRGB are in light.
+    light: [f32; 256],
 }
 
 /// World axes (x east, y north, z up) to those of glTF (x east, y up, z south).
@@ -91,9 +101,23 @@ impl GlbEncoder {
         if counts.vertices > 0 {
             let (low, high) =
                 (to_y_up([low[0], high[1], low[2]]), to_y_up([high[0], low[1], high[2]]));
-            add_mesh(&mut document, counts, low, high);
+            add_mesh(&mut document, counts, [low, high], self.channels.len());
         }
         document.to_string().into_bytes()
+    }
+
+    /// Position and colour of a vertex.
+    fn vertex_bytes(&self) -> usize {
+        VERTEX_BYTES + 4 * self.channels.len()
+    }
+
+    /// Red, green and blue in light, and opacity as it is.
+    fn push_colour(&self, values: &[f64], record: &mut Vec<u8>) {
+        for (place, &value) in values.iter().enumerate() {
+            // The sink has checked that it is a byte.
+            let share = if place < 3 { self.light[value as usize] } else { opacity(value) };
+            record.extend(share.to_le_bytes());
+        }
     }
 
     /// Bytes kept free for the JSON text: as many as the largest mesh could need.
@@ -105,11 +129,17 @@ impl GlbEncoder {
 }
 
 /// Completes a document with its mesh. A mesh without triangles becomes a set of points, because
-/// glTF has no empty index lists.
-fn add_mesh(document: &mut serde_json::Value, counts: Counts, low: [f32; 3], high: [f32; 3]) {
+/// glTF has no empty index lists. A colour of three or four channels lies behind the position of its vertex.
+fn add_mesh(
+    document: &mut serde_json::Value,
+    counts: Counts,
+    [low, high]: [[f32; 3]; 2],
+    channels: usize,
+) {
     let Counts { vertices, triangles } = counts;
+    let vertex_bytes = (VERTEX_BYTES + 4 * channels) as u64;
     let (position_bytes, index_bytes) =
-        (vertices * VERTEX_BYTES as u64, triangles * TRIANGLE_BYTES as u64);
+        (vertices * vertex_bytes, triangles * TRIANGLE_BYTES as u64);
     let mut views = vec![json!({
         "buffer": 0, "byteLength": position_bytes, "target": ARRAY_BUFFER,
     })];
@@ -130,14 +160,26 @@ fn add_mesh(document: &mut serde_json::Value, counts: Counts, low: [f32; 3], hig
         primitive["indices"] = 1.into();
         primitive["mode"] = TRIANGLES.into();
     }
-    document["scenes"] = json!([{ "nodes": [0] }]);
-    document["nodes"] = json!([{ "mesh": 0, "name": "terrain" }]);
-    document["meshes"] = json!([{ "name": "terrain", "primitives": [primitive] }]);
-    document["materials"] = json!([{
+    let mut material = json!({
         "name": "ground",
         "doubleSided": true,
         "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 },
-    }]);
+    });
+    if channels > 0 {
+        views[0]["byteStride"] = vertex_bytes.into();
+        primitive["attributes"]["COLOR_0"] = accessors.len().into();
+        accessors.push(json!({
+            "bufferView": 0, "byteOffset": VERTEX_BYTES, "componentType": FLOAT, "count": vertices,
+            "type": format!("VEC{channels}"),
+        }));
+    }
+    if channels == 4 {
+        material["alphaMode"] = "BLEND".into();
+    }
+    document["scenes"] = json!([{ "nodes": [0] }]);
+    document["nodes"] = json!([{ "mesh": 0, "name": "terrain" }]);
+    document["meshes"] = json!([{ "name": "terrain", "primitives": [primitive] }]);
+    document["materials"] = json!([material]);
     document["buffers"] = json!([{ "byteLength": position_bytes + index_bytes }]);
     document["bufferViews"] = views.into();
     document["accessors"] = accessors.into();
@@ -149,7 +191,11 @@ impl Encoder for GlbEncoder {
     }
 
     fn most(&self) -> MeshCapacity {
-        most()
+        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..most() }
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
     }
 
     /// Frame and JSON; spaces after the JSON take up the room that larger numbers would need. A
@@ -162,7 +208,8 @@ impl Encoder for GlbEncoder {
             room += 8;
         }
         json.resize(room, b' ');
-        let data = counts.vertices * VERTEX_BYTES as u64 + counts.triangles * TRIANGLE_BYTES as u64;
+        let vertices = counts.vertices * self.vertex_bytes() as u64;
+        let data = vertices + counts.triangles * TRIANGLE_BYTES as u64;
         let file = FRAME_BYTES + self.json_bytes() as u64 + data;
         let mut header = [MAGIC.as_slice(), &VERSION.to_le_bytes(), &word(file)].concat();
         header.extend([word(room as u64), *JSON_CHUNK].concat());
@@ -174,14 +221,24 @@ impl Encoder for GlbEncoder {
     }
 
     fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
-        let local = &mut self.local;
-        body.records(batch.vertices, |point| {
-            record(to_y_up(local.place(point)), f32::to_le_bytes)
-        })?;
+        if self.channels.is_empty() {
+            body.records(batch.vertices, |point| placed(&mut self.local, point))?;
+        } else {
+            let mut values = batch.values.chunks_exact(self.channels.len());
+            body.lines(batch.vertices, |point, bytes| {
+                bytes.extend(placed(&mut self.local, point));
+                values.next().into_iter().for_each(|colour| self.push_colour(colour, bytes));
+            })?;
+        }
         // The ids are below 2^32: the sink has checked them against a number of vertices that fits.
         tail.records(batch.triangles, |ids| record(*ids, |id| (id as u32).to_le_bytes()))?;
         self.local.check()
     }
+}
+
+/// The bytes of a position.
+fn placed(local: &mut Local, point: &Point3) -> [u8; 12] {
+    record(to_y_up(local.place(point)), f32::to_le_bytes)
 }
 
 /// A size below 2^32, as the sink has made sure.

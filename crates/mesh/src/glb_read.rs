@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use crate::channels::{COLOURS, facts, from_linear, from_opacity, linear};
 use crate::glb::{
     BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_z_up,
 };
@@ -75,6 +76,8 @@ fn triangles() -> u32 {
 struct Attributes {
     #[serde(rename = "POSITION")]
     position: Option<usize>,
+    #[serde(rename = "COLOR_0")]
+    colour: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -123,6 +126,12 @@ pub(super) struct GlbSource {
     positions: Option<Span>,
     /// `None` when every three vertices are a triangle, or when there is none.
     indices: Option<Span>,
+    /// Colours in f32.
+    colours: Option<Span>,
+    /// Channels of a colour: 3 or 4.
+    parts: usize,
+    /// What bytes of sRGB are in light.
+    light: [f32; 256],
     info: MeshInfo,
 }
 
@@ -141,8 +150,16 @@ impl GlbSource {
             return Err(input.bad(format!("{corners} corners are not whole triangles")));
         }
         let triangles = if is_points { 0 } else { corners / 3 };
-        let info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
-        Ok(Self { input, positions, indices, info })
+        let colours = primitive.map(|p| layout.colours(p, vertices)).transpose()?.flatten();
+        let (colours, parts) = colours.map_or((None, 0), |(span, parts)| (Some(span), parts));
+        let mut info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
+        if parts > 0 {
+            info.channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
+            let comments = info.details.iter().filter(|(key, _)| key == "comment");
+            let comments: Vec<String> = comments.map(|(_, text)| text.clone()).collect();
+            info.details.extend(facts(&info.channels, &comments));
+        }
+        Ok(Self { input, positions, indices, colours, parts, light: linear(), info })
     }
 }
 
@@ -163,6 +180,7 @@ fn info(asset: &Asset, vertices: u64, triangles: u64, indexed: bool) -> MeshInfo
         indexed,
         solid: false,
         crs: extras["crs"].as_str().map(str::to_owned),
+        channels: Vec::new(),
         details: generator.chain(comments).collect(),
     }
 }
@@ -271,6 +289,25 @@ impl<'a> Layout<'a> {
             return Err(self.unsupported("has positions that are not VEC3 of f32"));
         }
         self.span(accessor, 4, 3)
+    }
+
+    /// The colours of so many vertices and their channels, where they are in f32: others are left alone.
+    fn colours(&self, primitive: &Primitive, vertices: u64) -> Result<Option<(Span, usize)>> {
+        let Some(at) = primitive.attributes.colour else { return Ok(None) };
+        let accessor = self.accessor(at)?;
+        let parts = match accessor.shape.as_str() {
+            "VEC3" => 3,
+            "VEC4" => 4,
+            _ => return Ok(None),
+        };
+        if accessor.component_type != FLOAT {
+            return Ok(None);
+        }
+        if accessor.count != vertices {
+            let count = accessor.count;
+            return Err(self.bad(format!("has {count} colours for {vertices} vertices")));
+        }
+        Ok(Some((self.span(accessor, 4, parts as u64)?, parts)))
     }
 
     fn indices(&self, at: usize) -> Result<Span> {
@@ -384,6 +421,23 @@ impl MeshSource for GlbSource {
             let local = position(record).unwrap_or([f64::NAN; 3]);
             out[place] = to_world(to_z_up(local), self.info.origin, self.info.scale);
             check_position(first + place as u64, &out[place])
+        })
+    }
+
+    fn read_channels(&self, first: u64, out: &mut [f64]) -> Result<()> {
+        let vertices = out.len() / self.parts.max(1);
+        check_range("vertices", first, vertices, self.info.vertices)?;
+        let Some(span) = self.colours else { return Ok(()) };
+        self.elements(span, self.parts, first, vertices, |place, record| {
+            let (shares, _) = record.as_chunks::<4>();
+            let values = out[place * self.parts..].iter_mut().zip(shares).take(self.parts);
+            for (channel, (value, share)) in values.enumerate() {
+                let share = f32::from_le_bytes(*share);
+                let is_light = channel < 3;
+                *value =
+                    if is_light { from_linear(share, &self.light) } else { from_opacity(share) };
+            }
+            Ok(())
         })
     }
 

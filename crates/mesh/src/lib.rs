@@ -1,6 +1,7 @@
 //! Mesh files: one file per format (sink and reader side by side), and the registry that names them.
 
 mod capacity;
+mod channels;
 mod glb;
 mod glb_read;
 mod input;
@@ -23,6 +24,7 @@ use terrane_base::geom::{Crs, Point3};
 use terrane_base::registry::{Named, offered};
 use terrane_files::format::{self, Format};
 
+pub use channels::{Carries, Channel, ChannelKind, is_colour};
 pub use sidecar::{check_prj, prj_path, write_prj};
 
 /// Every mesh format. A new one is a file in this folder and a line here.
@@ -97,6 +99,8 @@ pub struct MeshHeader {
     pub bounds: [Point3; 2],
     /// Free text lines for the file's comments ("max error 1.5 metre", "source a.tif").
     pub comments: Vec<String>,
+    /// What vertices have beside their positions.
+    pub channels: Vec<Channel>,
 }
 
 /// A run of a mesh. Vertex ids count from 0 in the order vertices are pushed; a triangle may refer
@@ -106,6 +110,8 @@ pub struct MeshHeader {
 pub struct MeshBatch<'a> {
     /// New vertices.
     pub vertices: &'a [Point3],
+    /// The values of the header's channels, vertex by vertex.
+    pub values: &'a [f64],
     /// Triangles, as vertex ids.
     pub triangles: &'a [[u64; 3]],
     /// World positions of the triangles' corners, aligned with `triangles`; empty unless
@@ -140,6 +146,12 @@ pub trait MeshSource: Send + Sync {
 
     /// Reads triangles `first .. first + out.len()` as vertex ids, in file order.
     fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()>;
+
+    /// Reads the channels of vertices from `first` on, vertex by vertex: as many values as there are channels,
+    /// for each of `out.len()` / channels vertices.
+    fn read_channels(&self, first: u64, _out: &mut [f64]) -> Result<()> {
+        Err(Error::usage(format!("vertex {first} has no channels")))
+    }
 }
 
 /// What a mesh file says of itself.
@@ -165,6 +177,8 @@ pub struct MeshInfo {
     pub solid: bool,
     /// The `crs` comment, where the file has one.
     pub crs: Option<String>,
+    /// What vertices have beside their positions, by name: the three or four of a colour, or bands.
+    pub channels: Vec<String>,
     /// Free facts for `terrane info`.
     pub details: Vec<(String, String)>,
 }
@@ -193,6 +207,8 @@ pub struct MeshFormat {
     pub single_precision: bool,
     /// Most vertices and triangles the format can hold.
     pub most: fn() -> MeshCapacity,
+    /// What vertices can have beside their positions.
+    pub carries: Carries,
     /// Starts a file.
     pub create: fn(&Path, &MeshHeader, &SinkOptions) -> Result<Box<dyn MeshSink>>,
     /// Opens a file for reading.

@@ -7,7 +7,8 @@ use crate::obj_index::{Mark, SparseIndex};
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::{self, push_f64, push_u64};
 use crate::{
-    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
+    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
+    SinkOptions,
 };
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
@@ -18,6 +19,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["obj"],
     about: "Wavefront OBJ, f64 coordinates as text",
     single_precision: false,
+    carries: Carries::Nothing,
     most,
     create,
     open: |path| Ok(Box::new(ObjSource::open(path)?)),

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use crate::channels::facts;
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::text::comments;
 use crate::{
-    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
+    Carries, Channel, ChannelKind, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo,
+    MeshSink, MeshSource, SinkOptions,
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -18,6 +20,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["ply"],
     about: "binary little-endian PLY, f64 coordinates",
     single_precision: false,
+    carries: Carries::All,
     most,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
@@ -39,20 +42,33 @@ fn most() -> MeshCapacity {
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
-    FileSink::create(path, options, PlyEncoder { comments: comments(header) })
+    let channels = header.channels.clone();
+    FileSink::create(path, options, PlyEncoder { comments: comments(header), channels })
 }
 
 struct PlyEncoder {
     comments: Vec<String>,
+    channels: Vec<Channel>,
+}
+
+/// The line of the header for a channel.
+fn property(Channel { name, kind }: &Channel) -> String {
+    let scalar = match kind {
+        ChannelKind::Byte => "uchar",
+        ChannelKind::Single => "float",
+        ChannelKind::Double => "double",
+    };
+    format!("property {scalar} {name}\n")
 }
 
 impl PlyEncoder {
     fn text(&self, counts: Counts, padding: &str) -> String {
         let comments: String = self.comments.iter().map(|c| format!("comment {c}\n")).collect();
+        let channels: String = self.channels.iter().map(property).collect();
         let Counts { vertices, triangles } = counts;
         format!(
             "ply\nformat binary_little_endian 1.0\n{comments}comment {PADDING} {padding}\n\
-             element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n\
+             element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n{channels}\
              element face {triangles}\nproperty list uchar uint vertex_indices\nend_header\n"
         )
     }
@@ -67,6 +83,10 @@ impl Encoder for PlyEncoder {
         most()
     }
 
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
     /// A comment takes up the room that larger counts would need.
     fn header(&self, counts: Counts) -> Vec<u8> {
         let largest = Counts { vertices: u64::MAX, triangles: u64::MAX };
@@ -75,7 +95,16 @@ impl Encoder for PlyEncoder {
     }
 
     fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
-        body.records(batch.vertices, vertex_record)?;
+        if self.channels.is_empty() {
+            body.records(batch.vertices, vertex_record)?;
+        } else {
+            let mut values = batch.values.iter();
+            body.lines(batch.vertices, |point, record| {
+                record.extend(vertex_record(point));
+                let channels = self.channels.iter().zip(&mut values);
+                channels.for_each(|(channel, &value)| push(channel.kind, value, record));
+            })?;
+        }
         tail.records(batch.triangles, face_record)
     }
 }
@@ -87,6 +116,15 @@ fn vertex_record(point: &Point3) -> [u8; VERTEX_BYTES] {
         *slot = value.to_le_bytes();
     }
     bytes
+}
+
+/// Appends a value that its type holds: the sink has checked it.
+fn push(kind: ChannelKind, value: f64, record: &mut Vec<u8>) {
+    match kind {
+        ChannelKind::Byte => record.push(value as u8),
+        ChannelKind::Single => record.extend((value as f32).to_le_bytes()),
+        ChannelKind::Double => record.extend(value.to_le_bytes()),
+    }
 }
 
 /// The ids are below 2^32: the sink has checked them against a number of vertices that fits.
@@ -113,10 +151,13 @@ impl PlySource {
         let order = if header.big { "big" } else { "little" };
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
         let comments = header.comments.iter().map(|text| ("comment".to_owned(), text.clone()));
+        let names: Vec<String> = header.channels.iter().map(|(name, _)| name.clone()).collect();
+        let channels = facts(&names, &header.comments);
         let info = MeshInfo {
             single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
             crs: header.crs.clone(),
-            details: std::iter::once(encoding).chain(comments).collect(),
+            details: std::iter::once(encoding).chain(channels).chain(comments).collect(),
+            channels: names,
             ..MeshInfo::plain(FORMAT.name, header.vertices.count, header.faces.count)
         };
         Ok(Self { input, header, info })
@@ -208,6 +249,20 @@ impl MeshSource for PlySource {
         })
     }
 
+    fn read_channels(&self, first: u64, out: &mut [f64]) -> Result<()> {
+        let channels = &self.header.channels;
+        let vertices = out.len() / channels.len().max(1);
+        check_range("vertices", first, vertices, self.info.vertices)?;
+        self.records(self.header.vertices, first, vertices, |place, record| {
+            let values = out[place * channels.len()..].iter_mut();
+            for (value, (_, field)) in values.zip(channels) {
+                let bytes = record.get(field.offset as usize..).unwrap_or_default();
+                *value = field.scalar.read(bytes, self.header.big);
+            }
+            Ok(())
+        })
+    }
+
     fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
         check_range("triangles", first, out.len(), self.info.triangles)?;
         let native = self.is_native_face();
@@ -230,7 +285,8 @@ mod tests {
 
     #[test]
     fn the_header_keeps_its_length() {
-        let encoder = PlyEncoder { comments: vec!["crs EPSG:4326".to_owned()] };
+        let comments = vec!["crs EPSG:4326".to_owned()];
+        let encoder = PlyEncoder { comments, channels: Vec::new() };
         let length = encoder.header(Counts::default()).len();
         for n in [1, 12_345, u64::MAX] {
             let header = encoder.header(Counts { vertices: n, triangles: n / 2 });

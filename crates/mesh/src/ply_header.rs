@@ -1,5 +1,6 @@
 //! The header of a binary PLY file: its elements, and where vertices and faces lie.
 
+use crate::channels::{BAND, COLOURS};
 use crate::input::{Input, Lines};
 use crate::text;
 use terrane_base::error::{Error, Result};
@@ -106,6 +107,8 @@ pub(super) struct PlyHeader {
     pub(super) big: bool,
     pub(super) vertices: Span,
     pub(super) xyz: [Field; 3],
+    /// What vertices have beside: the bytes of a colour, and bands.
+    pub(super) channels: Vec<(String, Field)>,
     pub(super) faces: Span,
     /// The length of a face's list, which must be 3.
     pub(super) length: Field,
@@ -198,6 +201,7 @@ impl Parser {
             big,
             vertices: Span::default(),
             xyz: [nowhere; 3],
+            channels: Vec::new(),
             faces: Span::default(),
             length: nowhere,
             item: nowhere,
@@ -292,6 +296,7 @@ impl PlyHeader {
                 return Err(input.unsupported(format!("vertices have a whole number as {name}")));
             }
         }
+        self.channels = element.channels();
         Ok(stride)
     }
 
@@ -326,6 +331,19 @@ impl Element {
         let at = self.properties.iter().position(is_it)?;
         let offset = scalars(&self.properties[..at])?;
         Some(Field { offset, scalar: self.properties[at].item })
+    }
+
+    /// The properties that are channels, of an element without lists: red, green, blue and perhaps alpha where
+    /// they are bytes, and bands.
+    fn channels(&self) -> Vec<(String, Field)> {
+        let field = |name: &str| self.field(|p| p.name == name).map(|at| (name.to_owned(), at));
+        let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == Scalar::U8));
+        let [red, green, blue, alpha] = bytes;
+        let colour = red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
+        let alpha = alpha.filter(|_| colour.is_some());
+        let bands = self.properties.iter().filter(|p| p.name.starts_with(BAND));
+        let bands = bands.filter_map(|p| field(&p.name));
+        colour.into_iter().flatten().chain(alpha).chain(bands).collect()
     }
 
     fn refused(&self, input: &Input) -> Error {

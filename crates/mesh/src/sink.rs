@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use crate::{MeshBatch, MeshCapacity, MeshSink, SinkOptions, capacity};
+use crate::channels::check_values;
+use crate::{Channel, MeshBatch, MeshCapacity, MeshSink, SinkOptions, capacity};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{Out, folder_for};
@@ -32,6 +33,11 @@ pub(super) trait Encoder: Send {
     /// True when batches must come with corners.
     fn wants_corners(&self) -> bool {
         false
+    }
+
+    /// What vertices have beside their positions.
+    fn channels(&self) -> &[Channel] {
+        &[]
     }
 
     /// Encodes a batch that was found sound.
@@ -87,6 +93,7 @@ impl<E: Encoder + 'static> FileSink<E> {
         capacity::check(name, &self.most, self.header_bytes, counts.vertices, counts.triangles)?;
         check_ids(batch.triangles, counts.vertices)?;
         check_finite(batch, self.counts.vertices)?;
+        check_values(self.encoder.channels(), batch.vertices.len(), batch.values)?;
         if self.encoder.wants_corners() && batch.corners.len() != batch.triangles.len() {
             return Err(Error::usage(format!("{name} needs the corners of every triangle")));
         }
@@ -180,7 +187,7 @@ mod tests {
     }
 
     fn batch<'a>(vertices: &'a [[f64; 3]], triangles: &'a [[u64; 3]]) -> MeshBatch<'a> {
-        MeshBatch { vertices, triangles, corners: &[] }
+        MeshBatch { vertices, values: &[], triangles, corners: &[] }
     }
 
     fn refused(vertices: &[[f64; 3]], triangles: &[[u64; 3]]) -> Error {

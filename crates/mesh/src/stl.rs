@@ -9,8 +9,8 @@ use crate::local::{Local, is_scale, to_world};
 use crate::sink::{Counts, Encoder, FileSink};
 use crate::solid::{Edge, Outline};
 use crate::{
-    MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource, SinkOptions,
-    capacity, text,
+    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
+    SinkOptions, capacity, text,
 };
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -21,6 +21,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["stl"],
     about: "binary STL, f32 relative to an origin in the header; optionally closed to a solid",
     single_precision: true,
+    carries: Carries::Nothing,
     most,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
@@ -284,6 +285,7 @@ impl StlSource {
             indexed: false,
             solid: known.is_some() && is_solid(&input, triangles)?,
             crs: None,
+            channels: Vec::new(),
             details: Vec::new(),
         };
         let stated = |key: &str| {

@@ -58,6 +58,7 @@ impl MeshInfo {
             indexed: true,
             solid: false,
             crs: None,
+            channels: Vec::new(),
             details: Vec::new(),
         }
     }

@@ -18,6 +18,7 @@
 //! ```
 
 mod candidate;
+mod channels;
 mod collapse;
 mod drop;
 mod exact;
@@ -37,6 +38,7 @@ mod tests;
 mod triangulation;
 mod vip;
 
+pub use channels::{Channels, Drawn, Measured, join_voids};
 pub use grid::{Grid, MOST_SIDE, Sample, check_sides};
 pub use registry::{METHODS, Method, Promise};
 pub use result::Tin;

@@ -28,15 +28,29 @@ impl<'a> Plane<'a> {
 
     /// How a sample of the closed triangle lies to it.
     pub(crate) fn offset(&self, at: Sample) -> Offset {
-        let [[a, b, c], q] = [self.corners.map(Sample::lattice), [at.lattice(); 3]];
-        let weights = [orient(b, c, q[0]), orient(c, a, q[1]), orient(a, b, q[2])].map(i64::abs);
-        Offset { weights: lowest(weights), heights: self.heights, height: self.grid.sample(at) }
+        self.offset_by(weights_in(self.corners, at), at)
+    }
+
+    /// The same, by the sample's [`weights_in`] this triangle: they are the same for all channels.
+    pub(crate) fn offset_by(&self, weights: [i64; 3], at: Sample) -> Offset {
+        Offset { weights, heights: self.heights, height: self.grid.sample(at) }
+    }
+
+    /// The corners in the order that weights are in.
+    pub(crate) fn corners(&self) -> [Sample; 3] {
+        self.corners
     }
 
     /// The samples of the closed triangle in (row, column) order, and how they lie to it.
     pub(crate) fn offsets(&self) -> impl Iterator<Item = (Sample, Offset)> {
         samples_of(self.corners).map(|at| (at, self.offset(at)))
     }
+}
+
+/// Barycentric weights of a sample of the closed triangle, in lowest terms on an edge.
+pub(crate) fn weights_in(corners: [Sample; 3], at: Sample) -> [i64; 3] {
+    let ([a, b, c], q) = (corners.map(Sample::lattice), at.lattice());
+    lowest([orient(b, c, q), orient(c, a, q), orient(a, b, q)].map(i64::abs))
 }
 
 /// Weights of a sample on an edge without what they have in common, which differs from side to side.

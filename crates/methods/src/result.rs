@@ -29,16 +29,22 @@ impl Tin {
 
     /// A mesh of counter-clockwise triangles. Time O(n log n), memory a bit a sample beside the mesh.
     pub(crate) fn of_triangles(grid: &Grid<'_>, mut corners: Vec<[Sample; 3]>) -> Self {
-        corners.iter_mut().for_each(lowest_first);
-        corners.sort_unstable();
-        let mut vertices: Vec<Sample> = corners.iter().flatten().copied().collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let place = |at: Sample| vertices.partition_point(|&vertex| vertex < at) as u32;
-        let triangles = corners.iter().map(|corners| corners.map(place)).collect();
+        let (vertices, triangles) = connected(&mut corners);
         let (max_error, square_sum) = measure(grid, &corners);
         Self { vertices, triangles, max_error, square_sum, census: Census::of(grid) }
     }
+}
+
+/// Vertices in order, and triangles by their places; `corners` become sorted.
+pub(crate) fn connected(corners: &mut [[Sample; 3]]) -> (Vec<Sample>, Vec<[u32; 3]>) {
+    corners.iter_mut().for_each(lowest_first);
+    corners.sort_unstable();
+    let mut vertices: Vec<Sample> = corners.iter().flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let place = |at: Sample| vertices.partition_point(|&vertex| vertex < at) as u32;
+    let triangles = corners.iter().map(|corners| corners.map(place)).collect();
+    (vertices, triangles)
 }
 
 fn lowest_first(corners: &mut [Sample; 3]) {
@@ -48,7 +54,7 @@ fn lowest_first(corners: &mut [Sample; 3]) {
 
 /// The largest error, and the sum of squares, of which a sample on an edge is part once. Vertices that the
 /// output moves count, too.
-fn measure(grid: &Grid<'_>, triangles: &[[Sample; 3]]) -> (f64, f64) {
+pub(crate) fn measure(grid: &Grid<'_>, triangles: &[[Sample; 3]]) -> (f64, f64) {
     let mut seen = BitSet::new(grid.len());
     let (mut worst, mut sum) = (0.0, 0.0);
     for &corners in triangles {

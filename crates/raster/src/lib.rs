@@ -276,6 +276,8 @@ pub struct OpenOptions {
     pub clip: Option<Arc<Clip>>,
     /// Water that [`open_all`] makes level, before it clips. Its bytes are taken off `cache_bytes`, too.
     pub water: Option<Arc<Water>>,
+    /// The colours of a PNG are bands: it is not asked how they tell heights.
+    pub colours: bool,
 }
 
 impl Default for OpenOptions {
@@ -290,6 +292,7 @@ impl Default for OpenOptions {
             temp_dir: None,
             clip: None,
             water: None,
+            colours: false,
         }
     }
 }

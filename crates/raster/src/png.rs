@@ -1,5 +1,5 @@
 //! PNG heights: grayscale samples, or heights packed into red, green and blue (terrain-RGB and
-//! terrarium). Decoded once at opening, row by row, into a temporary file.
+//! terrarium), or the bands of a photograph, where colours are asked for. Decoded once at opening, row by row, into a temporary file.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -9,7 +9,7 @@ use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transfo
 use crate::file::{self, RawFile};
 use crate::spool::Spool;
 use crate::strided::{Layout, Strided};
-use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, only_band, prj, world};
+use crate::{GridInfo, GridSource, OpenOptions, RasterFormat, SampleType, prj, some_band, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
@@ -18,7 +18,7 @@ use terrane_base::limits;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "8 and 16-bit gray; terrain-RGB and terrarium by name or as terrarium:FILE",
+    about: "8 and 16-bit gray; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
     sniff: |head| head.starts_with(b"\x89PNG\r\n\x1a\n"),
     open: |path, options| open(path, None, options),
 };
@@ -90,12 +90,13 @@ struct Content {
     color: ColorType,
     wide: bool,
     nodata: Option<f64>,
+    /// Which of red, green, blue and alpha is the band, where colours are bands.
+    channel: Option<usize>,
 }
 
 type Picture<'a> = Reader<BufReader<file::Reader<'a>>>;
 
 fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) -> Result<Strided> {
-    only_band(options.band)?;
     let file = RawFile::open(path)?;
     let memory = Limits { bytes: MOST_MEMORY as usize };
     let mut decoder = Decoder::new_with_limits(BufReader::new(file.reader()), memory);
@@ -107,6 +108,7 @@ fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) 
     limits::check("width", u64::from(width), limits::MAX_SIDE)?;
     limits::check("height", u64::from(height), limits::MAX_SIDE)?;
     let content = Content::of(&picture, path, stated, options)?;
+    some_band(options.band, content.bands())?;
     check_size(&picture, file.size())?;
     let spool = spool_rows(&mut picture, &content, Spool::new(path, options.temp_dir.as_deref())?)?;
     let info = describe(path, (width, height), &content, &picture)?;
@@ -128,6 +130,11 @@ impl Content {
             return Err(Error::unsupported(format!("PNG samples of {bits} bits are no heights")));
         }
         let color = info.color_type;
+        let is_colour = matches!(color, ColorType::Rgb | ColorType::Rgba);
+        if is_colour && options.colours && stated.is_none() && !wide {
+            let channel = Some(options.band.saturating_sub(1) as usize);
+            return Ok(Self { packing: None, color, wide, nodata: options.nodata, channel });
+        }
         let packing = match color {
             ColorType::Grayscale | ColorType::GrayscaleAlpha => None,
             ColorType::Indexed => {
@@ -142,11 +149,16 @@ impl Content {
         // A gray picture can name one transparent value.
         let key = info.trns.as_deref().filter(|_| color == ColorType::Grayscale);
         let key = key.map(|bytes| bytes.iter().fold(0.0, |v, b| v * 256.0 + f64::from(*b)));
-        Ok(Self { packing, color, wide, nodata: options.nodata.or(key) })
+        Ok(Self { packing, color, wide, nodata: options.nodata.or(key), channel: None })
+    }
+
+    fn bands(&self) -> u32 {
+        self.channel.map_or(1, |_| self.color.samples() as u32)
     }
 
     fn has_alpha(&self) -> bool {
-        matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
+        // As a band of its own it makes nothing void.
+        self.channel.is_none() && matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
     }
 
     /// Samples that are packed or may be transparent need more room than they take in the picture.
@@ -160,6 +172,10 @@ impl Content {
 
     /// Appends a row of the picture to `out` as samples of [`sample_type`](Self::sample_type).
     fn convert(&self, row: &[u8], out: &mut Vec<u8>) {
+        if let Some(channel) = self.channel {
+            out.extend(row.chunks_exact(self.color.samples()).filter_map(|c| c.get(channel)));
+            return;
+        }
         match self.sample_type() {
             SampleType::U8 => out.extend_from_slice(row),
             SampleType::U16 => {
@@ -188,7 +204,10 @@ impl Content {
 fn ambiguous(path: &Path) -> Error {
     let name = path.display();
     Error::bad_input("an RGB PNG can hold heights in several ways, and its name does not tell")
-        .remedy(format!("give it as terrarium:{name} or terrain-rgb:{name}"))
+        .remedy(format!(
+            "give it as terrarium:{name} or terrain-rgb:{name}; of a photograph, terrane tin --bands 1,2,3 \
+             makes a mesh"
+        ))
 }
 
 /// Fails when the file is too short for the picture, or the picture too large.
@@ -251,6 +270,8 @@ fn describe(
     let (map, crs) = place(path, size)?;
     let nodata = if content.has_alpha() { Some(f64::from(TRANSPARENT)) } else { content.nodata };
     let packing = content.packing;
+    let plain = if content.channel.is_some() { "none: colours" } else { "gray" };
+    let heights = packing.map_or(plain, |p| p.name);
     let interlace = if picture.info().interlaced { "Adam7" } else { "none" };
     Ok(GridInfo {
         transform: map.unwrap_or(Affine::LATTICE),
@@ -262,9 +283,11 @@ fn describe(
         details: vec![
             ("compression".to_owned(), "deflate".to_owned()),
             ("colours".to_owned(), format!("{:?}", content.color)),
-            ("heights".to_owned(), packing.map_or("gray", |p| p.name).to_owned()),
+            ("heights".to_owned(), heights.to_owned()),
             ("interlace".to_owned(), interlace.to_owned()),
         ],
+        bands: content.bands(),
+        band: content.channel.map_or(1, |channel| channel as u32 + 1),
         ..GridInfo::plain(FORMAT.name, size.0, size.1, content.sample_type())
     })
 }
@@ -302,7 +325,8 @@ mod tests {
 
     #[test]
     fn alpha_and_nodata_are_void() {
-        let content = |color, wide, nodata| Content { packing: None, color, wide, nodata };
+        let content =
+            |color, wide, nodata| Content { packing: None, color, wide, nodata, channel: None };
         let rgba = content(ColorType::Rgba, false, Some(65793.0));
         assert_eq!(rgba.pack(&[1, 2, 3, 255]), 0x1_0203);
         assert_eq!(rgba.pack(&[1, 2, 3, 0]), TRANSPARENT);

@@ -1,7 +1,7 @@
 //! From heights and strokes to the rows of a picture.
 
 use crate::light::slope;
-use crate::{Coverage, Field, Light, Tint};
+use crate::{Colours, Coverage, Field, Light, Tint};
 
 /// How a picture is to look.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +34,7 @@ const BORDER: f64 = 2.0;
 pub struct Painter<'a> {
     field: &'a Field,
     edges: Option<&'a Coverage>,
+    colours: Option<&'a Colours>,
     tint: Tint,
     style: Style,
     /// Smoothed heights, to tell what stands out.
@@ -50,10 +51,25 @@ impl<'a> Painter<'a> {
         let stride = (field.width.max(field.height) / NEIGHBOURHOODS).max(1);
         let ground = smooth(&field.coarser(stride));
         let tint = Tint::of(field);
-        let mut painter =
-            Self { field, edges, tint, style, ground, stride, prominence: f32::INFINITY };
+        let mut painter = Self {
+            field,
+            edges,
+            colours: None,
+            tint,
+            style,
+            ground,
+            stride,
+            prominence: f32::INFINITY,
+        };
         painter.prominence = painter.usual_prominence();
         painter
+    }
+
+    /// Paints the surface's own colours, those of the field's pixels, in place of a tint by height: as they are
+    /// where it is level, and lit where it is not.
+    #[must_use]
+    pub fn coloured(self, colours: Option<&'a Colours>) -> Self {
+        Self { colours, ..self }
     }
 
     /// Picture columns.
@@ -82,12 +98,12 @@ impl<'a> Painter<'a> {
         let n = self.style.fineness;
         let (mut sum, mut valid) = ([0.0f32; 3], 0.0f32);
         for (dy, dx) in (0..n).flat_map(|dy| (0..n).map(move |dx| (dy, dx))) {
-            if let Some(colour) = self.colour(col * n + dx, row * n + dy) {
-                sum = [sum[0] + colour[0], sum[1] + colour[1], sum[2] + colour[2]];
-                valid += 1.0;
+            if let Some((colour, share)) = self.colour(col * n + dx, row * n + dy) {
+                (0..3).for_each(|i| sum[i] += colour[i] * share);
+                valid += share;
             }
         }
-        let paint = sum.map(|channel| channel / valid.max(1.0));
+        let paint = sum.map(|channel| if valid > 0.0 { channel / valid } else { channel });
         let opacity = valid / (n * n) as f32;
         let ink = self.edges.map_or(0.0, |edges| edges.at(col, row));
         let alpha = ink + opacity * (1.0 - ink);
@@ -95,8 +111,8 @@ impl<'a> Painter<'a> {
         ([over(0), over(1), over(2)], alpha)
     }
 
-    /// Tint and light of one field pixel; `None` where void.
-    fn colour(&self, col: usize, row: usize) -> Option<[f32; 3]> {
+    /// Tint and light of one field pixel, and its opacity; `None` where void.
+    fn colour(&self, col: usize, row: usize) -> Option<([f32; 3], f32)> {
         let z = self.field.at(col, row);
         if z.is_nan() {
             return None;
@@ -106,10 +122,15 @@ impl<'a> Painter<'a> {
             |rise: f32, ground: f64| (f64::from(rise) * self.style.exaggeration / ground) as f32;
         let [gx, gy] = self.style.ground;
         let lit = self.style.light.on(steep(right, gx), steep(up, gy));
+        if let Some(colours) = self.colours {
+            let (own, level) = (colours.at(col, row), self.style.light.on(0.0, 0.0));
+            let shade = |i: usize| f32::from(own[i]) / 255.0 * lighten(i, lit) / lighten(i, level);
+            return Some(([shade(0), shade(1), shade(2)], f32::from(own[3]) / 255.0));
+        }
         let ridge = RIDGE * (self.above_ground(z, col, row) / self.prominence).clamp(-1.0, 1.0);
         let tint = self.tint.colour(z);
         let shade = |i: usize| tint[i] * (1.0 + ridge) * lighten(i, lit);
-        Some([shade(0), shade(1), shade(2)])
+        Some(([shade(0), shade(1), shade(2)], 1.0))
     }
 
     /// Height above the smoothed ground, fading out towards the border, where the ground is that
@@ -195,6 +216,28 @@ mod tests {
         edges.stroke([0.0, 1.5], [4.0, 1.5], 1.0, 1.0);
         let picture = paint(&field, Some(&edges), 1);
         assert!(picture[4 * 4] < 40 && picture[0] > 120);
+    }
+
+    #[test]
+    fn own_colours_are_as_they_are_where_it_is_level_and_lit_where_it_is_not() {
+        let colours = {
+            let mut colours = Colours::none(8, 8);
+            (0..64).for_each(|i| colours.put(i % 8, i / 8, [200.0, 100.0, 3.0, 255.0]));
+            colours.put(0, 0, [200.0, 100.0, 3.0, 127.5]);
+            colours
+        };
+        let painted = |slope: f32| {
+            let z = (0..64).map(|i| slope * (i % 8 + i / 8) as f32).collect();
+            let field = Field { width: 8, height: 8, z };
+            let painter = Painter::new(&field, None, style(1)).coloured(Some(&colours));
+            let mut out = vec![0; 8 * 4];
+            painter.row(0, &mut out);
+            out
+        };
+        let level = painted(0.0);
+        assert_eq!(level[..4], [200, 100, 3, 128], "half transparent");
+        assert_eq!(level[4..8], [200, 100, 3, 255]);
+        assert!(painted(1.0)[4] > 200 && painted(-1.0)[4] < 200);
     }
 
     #[test]

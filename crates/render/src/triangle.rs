@@ -1,6 +1,6 @@
 //! Fills a triangle of a surface into a field of heights.
 
-use crate::Field;
+use crate::{Colours, Field};
 
 /// Corners closer to a pixel centre than this (relative to the triangle's size) still cover it, so
 /// that no pinholes open between neighbours.
@@ -10,6 +10,32 @@ const SLACK: f64 = 1e-9;
 /// there already, the higher one stays. `corners` are (column, row, height) in picture positions.
 /// Triangles that are empty, or not finite, leave no mark. Cost: rows touched + pixels covered.
 pub fn fill_triangle(field: &mut Field, corners: [[f64; 3]; 3]) {
+    fill(field, corners, |_, _| ());
+}
+
+/// The same of a triangle whose corners have colours (red, green, blue and opacity, 0 to 255), which are
+/// interpolated between them (Gouraud 1971), in the space that they are in.
+pub fn fill_coloured(
+    field: &mut Field,
+    colours: &mut Colours,
+    corners: [[f64; 3]; 3],
+    rgba: [[f64; 4]; 3],
+) {
+    let channel = |i: usize| {
+        let [a, b, c] = [0, 1, 2].map(|k| [corners[k][0], corners[k][1], rgba[k][i]]);
+        Plane::through([a, b, c])
+    };
+    let [Some(red), Some(green), Some(blue), Some(opacity)] = [0, 1, 2, 3].map(channel) else {
+        return;
+    };
+    fill(field, corners, |col, row| {
+        let (x, y) = (col as f64 + 0.5, row as f64 + 0.5);
+        colours.put(col, row, [&red, &green, &blue, &opacity].map(|plane| plane.height(x, y)));
+    });
+}
+
+/// Fills the heights of a triangle; `top` hears of each pixel where it is on top of all before.
+fn fill(field: &mut Field, corners: [[f64; 3]; 3], mut top: impl FnMut(usize, usize)) {
     let Some(plane) = Plane::through(corners) else { return };
     let rows = clip(corners.map(|c| c[1]), field.height);
     for row in rows {
@@ -20,7 +46,10 @@ pub fn fill_triangle(field: &mut Field, corners: [[f64; 3]; 3]) {
         for col in clip([from, to, to], width) {
             let z = plane.height(col as f64 + 0.5, y) as f32;
             let old = &mut line[col];
-            *old = if z.is_finite() { old.max(z) } else { *old };
+            if z.is_finite() && (old.is_nan() || z > *old) {
+                *old = z;
+                top(col, row);
+            }
         }
     }
 }
@@ -121,6 +150,30 @@ mod tests {
             fill_slowly(&mut slow, [a, b, c]);
             prop_assert_eq!(bits(&fast), bits(&slow));
         }
+    }
+
+    #[test]
+    fn colours_are_interpolated_and_the_higher_surface_has_its_own() {
+        let (mut field, mut colours) = (Field::void(4, 4), Colours::none(4, 4));
+        let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let ramp = |[x, y]: [f64; 2]| [x * 10.0, y * 10.0, 200.0, 255.0];
+        let mut draw = |ids: [usize; 3], z: f64, colour: &dyn Fn([f64; 2]) -> [f64; 4]| {
+            let corners = ids.map(|id| [square[id][0], square[id][1], z]);
+            fill_coloured(&mut field, &mut colours, corners, ids.map(|id| colour(square[id])));
+        };
+        draw([0, 1, 2], 0.0, &ramp);
+        draw([0, 2, 3], 0.0, &ramp);
+        draw([0, 1, 2], -1.0, &|_| [1.0; 4]);
+        for (col, row) in (0..16).map(|i| (i % 4, i / 4)) {
+            let of = |at: usize| 10 * at as u8 + 5;
+            assert_eq!(colours.at(col, row), [of(col), of(row), 200, 255], "{col}, {row}");
+        }
+        let mut over = |z| {
+            let flat = [[0.0, 0.0, z], [9.0, 0.0, z], [0.0, 9.0, z]];
+            fill_coloured(&mut field, &mut colours, flat, [[7.0, f64::NAN, 300.0, -4.0]; 3]);
+        };
+        over(1.0);
+        assert_eq!(colours.at(0, 0), [5, 5, 200, 255], "a colour that is no number is not drawn");
     }
 
     #[test]

@@ -37,12 +37,18 @@ impl Grid {
         Reading { band, nodata: self.nodata, clip, water: water.cloned() }
     }
 
+    /// The band, if it was named.
+    pub(crate) fn named_band(&self) -> Option<u32> {
+        self.band
+    }
+
     /// Options for opening each file of the grid within `resources`.
     pub(crate) fn open_options(&self, resources: &Resources) -> OpenOptions {
         let cache_bytes = cache_beside(resources.memory);
         let (threads, temp_dir) = (resources.threads, resources.temp_dir.clone());
         let Reading { band, nodata, .. } = self.reading(None);
-        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, clip: None, water: None }
+        let usual = OpenOptions::default();
+        OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual }
     }
 
     /// The same with the polygons that the whole grid is clipped to.

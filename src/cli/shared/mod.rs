@@ -1,6 +1,7 @@
 //! What verbs share: arguments, checks before the work, and ways to tell.
 
 pub(crate) mod args;
+pub(crate) mod bands;
 pub(crate) mod check;
 pub(crate) mod lists;
 pub(crate) mod many;

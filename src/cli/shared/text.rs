@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
+use crate::jobs::bands::BandReport;
 use crate::jobs::breaklines::BreaklinesReport;
 use crate::jobs::kept::KeptReport;
 use crate::jobs::placing::Placed;
@@ -165,6 +166,12 @@ pub(crate) fn kept(kept: &KeptReport) -> String {
     let outside = more(kept.outside, "points are outside of the grid");
     let void = more(kept.without_surface, "samples have no surface");
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
+}
+
+/// The error in a band: "2 (weight 0.5): 19.5 at the most, RMSE 4.1".
+pub(crate) fn band(r: &BandReport) -> String {
+    let [most, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
+    format!("{} (weight {}): {most} at the most, RMSE {rmse}", r.band, number(r.weight))
 }
 
 /// What became of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic::refuse_existing;
 use crate::bound::Bound;
-use crate::cli::shared::{args, check, many, names, parse, points};
+use crate::cli::shared::{args, bands, check, many, names, parse, points};
 use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
 use crate::jobs::placing::Placing;
@@ -51,6 +51,8 @@ pub(crate) struct Args {
     pub(crate) method: Method,
     #[command(flatten)]
     pub(crate) textbook: textbook::Chosen,
+    #[command(flatten)]
+    pub(crate) bands: bands::Given,
     /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
     /// be removed when the mesh is there
     #[arg(long, value_name = "FOLDER", help_heading = "Resources", conflicts_with_all = ["max_vertices", "max_triangles"])]

@@ -83,6 +83,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),
+        ("--bands", args.bands.is_given()),
         ("--co", !args.co.is_empty()),
         ("--base", args.print.placing()?.base.is_some()),
     ];

@@ -9,11 +9,12 @@ use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
+use crate::jobs::bands::Bands;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::jobs::tin::{self, TinJob, TinReport};
 use crate::jobs::verify::VerifyJob;
 use crate::mesh;
-use crate::raster::{self, undeclared_nodata};
+use crate::raster::{self, OpenOptions, undeclared_nodata};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.points.refuse(&args.input[0])?;
@@ -22,8 +23,9 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
             .remedy("leave it out, or pass --workdir"));
     }
     args.textbook.check(args)?;
+    let bands = args.bands.bands(&args.grid)?;
     let resources = args.machine.resources();
-    let options = args.grid.open_options(&resources);
+    let options = OpenOptions { colours: bands.is_some(), ..args.grid.open_options(&resources) };
     let grids = many::Kind::Grids(&options);
     let mut args = args.clone();
     let mut stdin = pipes::Stdin::expect(&mut args.input, pipes::Holds::Grid, &resources)?;
@@ -34,22 +36,32 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let job = job(&args)?;
     stdin.gather(&mut args.input, cancel)?;
     let Sifted { names, skipped } = args.many.sift(args.input.clone(), grids, &resources)?;
-    make(&args, &TinJob { input: stdin.inputs(names), ..job }, &skipped, cancel)
+    let job = TinJob { input: stdin.inputs(names), ..job };
+    make(&args, (&job, bands.as_ref()), &skipped, cancel)
 }
 
-fn make(args: &Args, job: &TinJob, skipped: &[Skipped], cancel: &Cancel) -> Result<Outcome> {
+fn make(
+    args: &Args,
+    (job, bands): (&TinJob, Option<&Bands>),
+    skipped: &[Skipped],
+    cancel: &Cancel,
+) -> Result<Outcome> {
     let progress = args.show.progress();
     let made = match &args.workdir {
-        None => match args.textbook.by() {
-            None => tin::run(job, progress.as_ref(), cancel)?,
-            Some(by) => tin::run_by(job, &by, progress.as_ref(), cancel)?,
+        None => match (bands, args.textbook.by()) {
+            (Some(bands), _) => tin::run_bands(job, bands, progress.as_ref(), cancel)?,
+            (None, None) => tin::run(job, progress.as_ref(), cancel)?,
+            (None, Some(by)) => tin::run_by(job, &by, progress.as_ref(), cancel)?,
         },
         Some(folder) => {
             tin::run_in(folder, job, skipped, args.disk.check(), progress.as_ref(), cancel)?
         }
     };
     let checked = match args.verify {
-        true => Some(crate::jobs::verify::run(&proof(job, &made), progress.as_ref(), cancel)?),
+        true => {
+            let proof = VerifyJob { bands: args.bands.asked(&args.grid)?, ..proof(job, &made) };
+            Some(crate::jobs::verify::run(&proof, progress.as_ref(), cancel)?)
+        }
         false => None,
     };
     let unmet = made.unmet();
@@ -62,6 +74,11 @@ fn job(args: &Args) -> Result<TinJob> {
     args.grid.check_all(&args.input)?;
     let usual = args.split.tiles.map(|_| "PLY");
     let format = mesh::by_path(&args.output, args.format.as_deref().or(usual))?;
+    let is_plain = format.carries == mesh::Carries::Nothing;
+    if args.bands.is_given() && is_plain {
+        return Err(Error::usage(format!("{} has no room for --bands", format.name))
+            .remedy("write PLY, or GLB for three or four bands of 8 bits"));
+    }
     let mut files = args.grid.read_with(raster::files(&args.input)?);
     files.extend(args.method.files());
     check::not_among(&files, &[&args.output])?;
@@ -117,6 +134,7 @@ pub(crate) fn proof(job: &TinJob, made: &TinReport) -> VerifyJob {
         min_angle: None,
         keep_points: job.refinement.keep_points.clone(),
         breaklines: job.refinement.breaklines.clone(),
+        bands: None,
         resources: job.resources.clone(),
     }
 }
@@ -142,6 +160,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
         ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
+    rows.extend(r.bands.iter().map(|band| ("band", text::band(band))));
     rows.extend(textbook::told(r).map(|method| ("method", method)));
     rows.extend(r.min_angle.zip(r.thin_triangles).map(|(least, thin)| {
         let held = if thin.count == 0 { "held by all" } else { "missed by some" };

@@ -49,8 +49,11 @@ impl Chosen {
         }
     }
 
-    /// Fails when an option was given that the method does not know.
+    /// Fails when an option was given that the method does not know, or that is not for several bands.
     pub(crate) fn check(self, args: &Args) -> Result<()> {
+        args.bands.refuse_beside(&[("--method", self.method.is_some())])?;
+        args.bands.refuse_beside(&[("--triangulation", self.triangulation.is_some())])?;
+        args.bands.refuse_beside(&engine_options(args))?;
         let Some(Textbook { method, .. }) = self.by() else {
             return match self.triangulation {
                 Some(_) => Err(unknown("--triangulation", ENGINE)),
@@ -58,20 +61,8 @@ impl Chosen {
             };
         };
         let open = !method.takes_triangulation && self.triangulation.is_some();
-        let options = [
-            ("--triangulation", open),
-            ("--workdir", args.workdir.is_some()),
-            ("--split", args.split.tiles.is_some()),
-            ("--strict", args.method.strict),
-            ("--no-drop", args.method.no_drop),
-            ("--fit", args.method.fit),
-            ("--min-angle", args.method.min_angle.is_some()),
-            ("--keep-points", args.method.keep_points.is_some()),
-            ("--breaklines", args.method.breaklines.is_some()),
-            ("--water", args.method.water.is_some()),
-            ("--tile", args.method.tile.is_some()),
-            ("--bound surface", args.method.bound == Bound::Surface),
-        ];
+        let options = engine_options(args);
+        let options = [("--triangulation", open)].into_iter().chain(options);
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
             return Err(unknown(option, method.name));
         }
@@ -85,6 +76,23 @@ impl Chosen {
             _ => Ok(()),
         }
     }
+}
+
+/// Options that the engine alone knows, and whether they were given.
+fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
+    [
+        ("--workdir", args.workdir.is_some()),
+        ("--split", args.split.tiles.is_some()),
+        ("--strict", args.method.strict),
+        ("--no-drop", args.method.no_drop),
+        ("--fit", args.method.fit),
+        ("--min-angle", args.method.min_angle.is_some()),
+        ("--keep-points", args.method.keep_points.is_some()),
+        ("--breaklines", args.method.breaklines.is_some()),
+        ("--water", args.method.water.is_some()),
+        ("--tile", args.method.tile.is_some()),
+        ("--bound surface", args.method.bound == Bound::Surface),
+    ]
 }
 
 fn unknown(option: &str, method: &str) -> Error {

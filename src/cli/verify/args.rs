@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::bound::Bound;
-use crate::cli::shared::{args, many, names, parse, points};
+use crate::cli::shared::{args, bands, many, names, parse, points};
 use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
@@ -50,6 +50,8 @@ pub(crate) struct Args {
     pub(crate) grid: args::Grid,
     #[command(flatten)]
     pub(crate) points: points::Points,
+    #[command(flatten)]
+    pub(crate) bands: bands::Given,
     #[command(flatten)]
     pub(crate) lines: Promises,
     /// Write the report to this JSON file
@@ -129,7 +131,8 @@ impl Args {
         let kept = given("--keep-points", self.keep_points.is_some());
         let lines = given("--breaklines", self.breaklines.is_some());
         let water = given("--water", self.water.is_some());
-        match bound.or(angle).or(kept).or(lines).or(water) {
+        let bands = given("--bands", self.bands.is_given());
+        match bound.or(angle).or(kept).or(lines).or(water).or(bands) {
             None => Ok(()),
             Some((option, given)) => {
                 Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))

@@ -11,12 +11,19 @@ use crate::files::{name_of, path_of};
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
 use crate::jobs::sift::Sifted;
-use crate::jobs::verify::{self, OfGrid, VerifyJob, VerifyReport};
-use crate::raster;
+use crate::jobs::verify::{self, BandProof, OfGrid, VerifyJob, VerifyReport};
+use crate::raster::{self, OpenOptions};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let options = args.grid.open_options(&resources);
+    args.bands.refuse_beside(&[
+        ("--bound surface", args.bound == Some(Bound::Surface)),
+        ("--keep-points", args.keep_points.is_some()),
+        ("--breaklines", args.breaklines.is_some()),
+        ("--water", args.water.is_some()),
+    ])?;
+    let bands = args.bands.asked(&args.grid)?;
+    let options = OpenOptions { colours: bands.is_some(), ..args.grid.open_options(&resources) };
     let Sifted { names, skipped } =
         args.many.take(&args.source, many::Kind::Grids(&options), &resources)?;
     let args = &Args { source: names, ..args.clone() };
@@ -35,6 +42,7 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         min_angle: args.min_angle,
         keep_points: args.keep_points.clone(),
         breaklines: args.breaklines.clone(),
+        bands,
         resources,
     };
     let report = verify::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -59,7 +67,9 @@ fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
 
 /// A proof for people.
 pub(crate) fn summary(r: &VerifyReport) -> String {
-    let mut rows = vec![("surface", surface(r)), ("samples", samples(&r.of))];
+    let mut rows: Vec<_> = r.of.bands.iter().map(|proof| ("band", band(proof))).collect();
+    rows.extend(r.of.bands.is_empty().then(|| ("surface", surface(r))));
+    rows.push(("samples", samples(&r.of)));
     rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
     rows.extend(r.of.breaklines.as_ref().map(|lines| {
         let vertices = text::count(r.of.on_breaklines);
@@ -67,6 +77,17 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
     }));
     let off = told::off_vertices(r, "grid");
     told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
+}
+
+/// The error in a band.
+fn band(r: &BandProof) -> String {
+    let most = r.max_error.map_or("-".to_owned(), text::bound);
+    let over = text::count(r.over);
+    let allowed = r
+        .tolerance
+        .map_or(String::new(), |e| format!(", {} allowed, {over} samples over", text::number(e)));
+    let rmse = r.rmse.map_or(String::new(), |e| format!("; RMSE {}", text::number(e)));
+    format!("{} (weight {}): {most} at the most{allowed}{rmse}", r.band, text::number(r.weight))
 }
 
 /// The error on the lines between samples.

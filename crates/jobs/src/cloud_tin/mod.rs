@@ -307,7 +307,7 @@ fn header(
     ];
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
     let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
-    Ok(MeshHeader { crs, origin, scale: [1.0; 3], bounds, comments })
+    Ok(MeshHeader { crs, origin, scale: [1.0; 3], bounds, comments, channels: Vec::new() })
 }
 
 /// Fails where f32 does not tell one step from the next.

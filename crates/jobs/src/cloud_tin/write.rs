@@ -145,13 +145,13 @@ fn push(part: &Part, frame: &Frame, sink: &mut dyn MeshSink) -> Result<()> {
     let world = |p: &Point| frame.world(*p);
     for vertices in part.vertices.chunks(BATCH) {
         let vertices: Vec<Point3> = vertices.iter().map(world).collect();
-        sink.push(MeshBatch { vertices: &vertices, triangles: &[], corners: &[] })?;
+        sink.push(MeshBatch { vertices: &vertices, values: &[], triangles: &[], corners: &[] })?;
     }
     let mut corners = part.corners.chunks(BATCH);
     for triangles in part.triangles.chunks(BATCH) {
         let corners = corners.next().unwrap_or_default().iter();
         let corners: Vec<[Point3; 3]> = corners.map(|c| [0, 1, 2].map(|i| world(&c[i]))).collect();
-        sink.push(MeshBatch { vertices: &[], triangles, corners: &corners })?;
+        sink.push(MeshBatch { vertices: &[], values: &[], triangles, corners: &corners })?;
     }
     Ok(())
 }

@@ -27,7 +27,7 @@ use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_files::{folder_for, path_of};
 use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
-    self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
+    self as mesh, Channel, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport};
 use terrane_tin::Spec;
@@ -68,6 +68,8 @@ pub(super) struct Opened {
     pub(super) kept: Kept,
     /// What is made level.
     water: Option<Arc<Water>>,
+    /// What vertices have beside their positions.
+    pub(super) carried: Carried,
     /// What the kernel is told, for whatever tolerance.
     spec: Spec,
 }
@@ -94,11 +96,21 @@ impl Opened {
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
         let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
-        let kept = Kept::default();
+        let (kept, carried) = (Kept::default(), Carried::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
-        let mut opened =
-            Self { source, format, height_origin, placed, notes, shares, kept, water, spec };
+        let mut opened = Self {
+            source,
+            format,
+            height_origin,
+            placed,
+            notes,
+            shares,
+            kept,
+            water,
+            carried,
+            spec,
+        };
         opened.spec.single_precision = opened.rounding();
         opened.spec.measure = job.measure;
         Ok(opened)
@@ -110,6 +122,26 @@ impl Opened {
     pub(super) fn rounding(&self) -> Option<Rounding> {
         let scale = self.placed.scale[2];
         self.height_origin.map(|origin| Rounding { origin, scale })
+    }
+}
+
+/// What vertices have beside their positions, and what the mesh states of it.
+#[derive(Default)]
+pub(super) struct Carried {
+    pub(super) channels: Vec<Channel>,
+    pub(super) comments: Vec<String>,
+}
+
+impl Carried {
+    /// Tells the file of it: a tolerance of several bands has no unit.
+    fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
+        if self.channels.is_empty() {
+            return;
+        }
+        header.channels.clone_from(&self.channels);
+        header.comments.retain(|comment| !comment.starts_with(MAX_ERROR));
+        header.comments.push(format!("{MAX_ERROR}{tolerance}"));
+        header.comments.extend(self.comments.iter().cloned());
     }
 }
 
@@ -195,6 +227,7 @@ impl Maker<'_> {
             refinement: &job.refinement,
         };
         let mut header = header(info, from, &spec, height);
+        self.opened.carried.tell(&mut header, tolerance);
         header.scale = self.opened.placed.scale;
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
@@ -352,6 +385,7 @@ impl Maker<'_> {
             vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
             method: None,
             triangulation: None,
+            bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
             fit: job.refinement.fit,
@@ -412,12 +446,16 @@ pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64
         scale: [1.0; 3],
         bounds,
         comments: comments(from, spec, &unit),
+        channels: Vec::new(),
     }
 }
 
+/// What the comment that states a tolerance begins with.
+const MAX_ERROR: &str = "max error ";
+
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
 fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
-    let error = format!("max error {}{unit}", spec.tolerance);
+    let error = format!("{MAX_ERROR}{}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));

@@ -1,6 +1,7 @@
 //! The main job: a grid in, a seamless mesh with a proven error bound out.
 
 mod angles;
+mod bands;
 mod budget;
 mod build;
 mod container;
@@ -28,6 +29,7 @@ mod worker;
 mod writer;
 mod zone;
 
+pub use bands::run_bands;
 pub use build::{BuildJob, Built, build, build_files};
 pub use cost::{Cost, cost};
 pub use job::{Goal, TinJob};

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::tally::Flaws;
+use crate::bands::BandReport;
 use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
 use crate::kept::KeptReport;
@@ -42,6 +43,9 @@ pub struct TinReport {
     /// how it connects vertices, where it leaves that open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub triangulation: Option<String>,
+    /// The bands that the error is of, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<BandReport>,
     pub tolerance: f64,
     /// Of what it is promised.
     pub bound: Bound,

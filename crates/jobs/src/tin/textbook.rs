@@ -10,12 +10,13 @@ use super::window::Window;
 use crate::memory;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Affine, Point3, Rect};
+use terrane_base::geom::{Point3, Rect};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_methods::{
-    Census, Goal as MethodGoal, Grid, Method, Promise, Task, Tin, Triangulation,
+    Census, Goal as MethodGoal, Grid, MOST_SIDE, Method, Promise, Sample, Task, Tin, Triangulation,
 };
+use terrane_raster::OpenOptions;
 use terrane_tin::Spec;
 
 /// A way to make a mesh that is not the engine's own.
@@ -57,48 +58,60 @@ pub fn run_by(
     }
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
-    let opened = Opened::with(job, || open(job, by.method).map_err(named))?;
+    let whole = Whole {
+        what: by.method.name.to_owned(),
+        sample_bytes: by.method.sample_bytes,
+        otherwise: "leave --method out".to_owned(),
+    };
+    let opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
     let maker = Maker { job, opened: &opened, progress, cancel };
     let mut report = make(&maker, by).map_err(named)?;
     report.took(started.elapsed());
     Ok(report)
 }
 
+/// What holds a whole grid.
+pub(super) struct Whole {
+    /// What it is called.
+    pub(super) what: String,
+    /// Most bytes it takes for a sample, the result included.
+    pub(super) sample_bytes: u64,
+    /// What else can be done where the memory does not hold it.
+    pub(super) otherwise: String,
+}
+
 /// Opens the input where the memory holds all of it.
-fn open(job: &TinJob, method: &Method) -> Result<memory::Opened> {
-    let (options, resources) = (options(job)?, &job.resources);
-    let source = memory::look_at(&job.input, &options)?;
+pub(super) fn open(job: &TinJob, options: &OpenOptions, whole: &Whole) -> Result<memory::Opened> {
+    let resources = &job.resources;
+    let source = memory::look_at(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
-    terrane_methods::check_sides(width, height)?;
-    let worker = u64::from(width) * u64::from(height) * (method.sample_bytes + READ_BYTES);
+    terrane_methods::check_sides(width, height)
+        .map_err(|e| e.remedy(format!("{}: sides of {MOST_SIDE} fit", whole.otherwise)))?;
+    let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
     let least = memory::least(worker, source.block_bytes());
     if least > resources.memory {
-        return Err(too_large(method, [width, height], least, resources));
+        return Err(too_large(whole, [width, height], least, resources));
     }
-    memory::open(&job.input, &options, &Resources { threads: 1, ..resources.clone() }, worker)
+    memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
 }
 
 /// Bytes for a sample while the grid is read.
-const READ_BYTES: u64 = 20;
+pub(super) const READ_BYTES: u64 = 20;
 
-fn too_large(
-    method: &Method,
-    [width, height]: [u32; 2],
-    least: u64,
-    resources: &Resources,
-) -> Error {
+fn too_large(whole: &Whole, [width, height]: [u32; 2], least: u64, resources: &Resources) -> Error {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let room = resources.memory.saturating_sub(memory::least(0, 0));
-    let side = (room / (method.sample_bytes + READ_BYTES)).isqrt();
+    let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
         "{} holds the whole grid: {width} x {height} samples take {} MiB, {} MiB are allowed",
-        method.name,
+        whole.what,
         mib(least),
         resources.memory >> 20
     );
     Error::new(ErrorKind::Resource, message).remedy(format!(
-        "pass --memory {}M or more, or a grid of at most {side} x {side} samples, or leave --method out",
-        mib(least)
+        "pass --memory {}M or more, or a grid of at most {side} x {side} samples, or {}",
+        mib(least),
+        whole.otherwise
     ))
 }
 
@@ -115,8 +128,15 @@ fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
     let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
     maker.opened.format.check_capacity(tin.vertices.len() as u64, tin.triangles.len() as u64)?;
     let write = |sink, _| {
-        let output_bytes =
-            stages.time(maker, "write", || write(&grid, &tin, sink, &info.transform))?;
+        let to_world = &info.transform;
+        let position = |at: Sample| {
+            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
+            [x, y, grid.vertex(at)]
+        };
+        let (mesh, is_mirrored) = ((&*tin.vertices, &*tin.triangles), to_world.determinant() < 0.0);
+        let output_bytes = stages.time(maker, "write", || {
+            write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
+        })?;
         Ok(Outcome { suspects, output_bytes, stages: stages.0, ..outcome(&tin) })
     };
     let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
@@ -141,7 +161,7 @@ fn stated(goal: Goal, method: &Method, tin: &Tin) -> f64 {
 }
 
 /// Samples on the surface.
-fn surface(census: &Census) -> f64 {
+pub(super) fn surface(census: &Census) -> f64 {
     (census.valid - census.isolated).max(1) as f64
 }
 
@@ -165,17 +185,27 @@ fn read(maker: &Maker<'_>, window: &mut Window) -> Result<Vec<f64>> {
     if let Goal::MaxError(tolerance) = maker.job.goal {
         window.check_rounding(&Spec { ..maker.spec(tolerance) })?;
     }
-    let heights = window.heights();
-    let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
-    Ok(heights.f64.map_or_else(narrow, <[f64]>::to_vec))
+    Ok(all_heights(window))
 }
 
-fn triangulate(maker: &Maker<'_>, by: &Textbook, grid: Grid<'_>) -> Result<Tin> {
-    let goal = match maker.job.goal {
+/// All heights that a window has, exact.
+pub(super) fn all_heights(window: &Window) -> Vec<f64> {
+    let heights = window.heights();
+    let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
+    heights.f64.map_or_else(narrow, <[f64]>::to_vec)
+}
+
+/// The goal as methods know it.
+pub(super) fn asked(goal: Goal) -> MethodGoal {
+    match goal {
         Goal::MaxError(tolerance) => MethodGoal::MaxError(tolerance),
         Goal::MaxVertices(most) => MethodGoal::MaxVertices(most),
         Goal::MaxTriangles(most) => MethodGoal::MaxTriangles(most),
-    };
+    }
+}
+
+fn triangulate(maker: &Maker<'_>, by: &Textbook, grid: Grid<'_>) -> Result<Tin> {
+    let goal = asked(maker.job.goal);
     let pulse = || maker.cancel.check();
     (by.method.run)(&Task {
         triangulation: by.triangulation,
@@ -184,42 +214,45 @@ fn triangulate(maker: &Maker<'_>, by: &Textbook, grid: Grid<'_>) -> Result<Tin> 
     })
 }
 
-/// Vertices and then triangles, in batches, counter-clockwise in the world.
-fn write(
-    grid: &Grid<'_>,
-    tin: &Tin,
+/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` tells where samples lie
+/// there, `values` what else they have.
+pub(super) fn write<V: Iterator<Item = f64>>(
+    (samples, triangles): (&[Sample], &[[u32; 3]]),
+    position: impl Fn(Sample) -> Point3,
+    values: impl Fn(Sample) -> V,
     mut sink: Box<dyn MeshSink>,
-    to_world: &Affine,
+    is_mirrored: bool,
 ) -> Result<u64> {
-    let position = |id: u64| {
-        let at = tin.vertices[id as usize];
-        let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
-        [x, y, grid.vertex(at)]
-    };
-    for first in (0..tin.vertices.len()).step_by(BATCH) {
-        let last = tin.vertices.len().min(first + BATCH);
-        let vertices: Vec<Point3> = (first as u64..last as u64).map(position).collect();
-        sink.push(MeshBatch { vertices: &vertices, triangles: &[], corners: &[] })?;
+    for batch in samples.chunks(BATCH) {
+        let vertices: Vec<Point3> = batch.iter().map(|&at| position(at)).collect();
+        let values: Vec<f64> = batch.iter().flat_map(|&at| values(at)).collect();
+        let (vertices, values) = (&vertices, &values);
+        sink.push(MeshBatch { vertices, values, triangles: &[], corners: &[] })?;
     }
-    let is_mirrored = to_world.determinant() < 0.0;
-    for batch in tin.triangles.chunks(BATCH) {
+    for batch in triangles.chunks(BATCH) {
         let turned = |&[a, b, c]: &[u32; 3]| {
             (if is_mirrored { [a, c, b] } else { [a, b, c] }).map(u64::from)
         };
         let triangles: Vec<[u64; 3]> = batch.iter().map(turned).collect();
         let wanted = if sink.wants_corners() { &triangles[..] } else { &[] };
-        let corners: Vec<[Point3; 3]> = wanted.iter().map(|ids| ids.map(position)).collect();
-        sink.push(MeshBatch { vertices: &[], triangles: &triangles, corners: &corners })?;
+        let corners: Vec<[Point3; 3]> =
+            wanted.iter().map(|ids| ids.map(|id| position(samples[id as usize]))).collect();
+        sink.push(MeshBatch {
+            vertices: &[],
+            values: &[],
+            triangles: &triangles,
+            corners: &corners,
+        })?;
     }
     sink.finish()
 }
 
 /// What was done, and how long it took.
 #[derive(Default)]
-struct Stages(Vec<StageReport>);
+pub(super) struct Stages(pub(super) Vec<StageReport>);
 
 impl Stages {
-    fn time<T>(
+    pub(super) fn time<T>(
         &mut self,
         maker: &Maker<'_>,
         name: &str,

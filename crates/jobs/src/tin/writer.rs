@@ -158,13 +158,23 @@ impl Writer {
         match part {
             Part::Vertices(vertices) => {
                 totals.vertices += vertices.len() as u64;
-                self.sink.push(MeshBatch { vertices: &vertices, triangles: &[], corners: &[] })
+                self.sink.push(MeshBatch {
+                    vertices: &vertices,
+                    values: &[],
+                    triangles: &[],
+                    corners: &[],
+                })
             }
             Part::Triangles(Faces { ids, corners, max_error, square_sum }) => {
                 totals.triangles += ids.len() as u64;
                 totals.max_error = totals.max_error.max(max_error);
                 totals.square_sum += square_sum;
-                self.sink.push(MeshBatch { vertices: &[], triangles: &ids, corners: &corners })
+                self.sink.push(MeshBatch {
+                    vertices: &[],
+                    values: &[],
+                    triangles: &ids,
+                    corners: &corners,
+                })
             }
             Part::Saved(_) => Err(misplaced()),
         }

@@ -4,6 +4,7 @@
 //! the plane through temporary files; then each rectangle is checked by itself ([`terrane_proof`]). Nothing in the report but
 //! times and memory depends on threads, memory budget, or the order of work.
 
+mod bands;
 mod cloud;
 mod found;
 mod lines;
@@ -19,6 +20,7 @@ use std::time::Instant;
 
 use bytemuck::Pod;
 
+use crate::bands::Joined;
 use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{beside_program, cache_beside};
@@ -31,6 +33,7 @@ use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_proof::{Layout, Precision, Snapper};
 use terrane_raster::{self as raster, GridSource, Inputs};
 
+pub use bands::{AskedBands, BandProof};
 pub use cloud::{CloudVerifyJob, CloudVerifyReport, OfCloud, prove_cloud, verify_cloud};
 pub use found::{FaultReport, MeshReport, Original, Verdict};
 pub use lines::{LineVerifyJob, LineVerifyReport, verify_lines};
@@ -62,6 +65,8 @@ pub struct VerifyJob {
     pub keep_points: Option<String>,
     /// The name of a file of lines and polygons that edges have to follow.
     pub breaklines: Option<String>,
+    /// The bands that the mesh's channels are held to.
+    pub bands: Option<AskedBands>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -70,11 +75,52 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
+    let mut report = match &job.bands {
+        Some(bands) => {
+            bands::check_other(job)?;
+            let proof = bands::Proof { job, mesh: &*mesh, progress, cancel };
+            in_mesh(proof.run(bands), job)?
+        }
+        None => heights(&*mesh, job, progress, cancel)?,
+    };
+    tell_of_files(mesh.info(), job, &mut report.verdict);
+    let mesh = job.mesh.display().to_string();
+    let of = OfGrid { raster: job.raster.to_string(), ..report.of };
+    Ok(VerifyReport { mesh, of, ..report })
+}
+
+/// What is wrong with the mesh names it.
+fn in_mesh<T>(found: Result<T>, job: &VerifyJob) -> Result<T> {
+    found.map_err(|e| match e.kind() {
+        ErrorKind::BadInput => e.in_file(&job.mesh),
+        _ => e,
+    })
+}
+
+/// Proves the heights of a mesh.
+fn heights(
+    mesh: &dyn MeshSource,
+    job: &VerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<VerifyReport> {
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
-    let tolerance = match job.tolerance {
-        Some(tolerance) => Some(tolerance),
-        None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    let made_of = stated_text(mesh.info(), bands::BANDS);
+    let tolerance = match (job.tolerance, made_of) {
+        (Some(tolerance), _) => Some(tolerance),
+        // What it states is the tolerance of its bands.
+        (None, Some(_)) => None,
+        (None, None) => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
+    };
+    let grid = match made_of.filter(|_| bands::is_flat(mesh.info())) {
+        None => grid,
+        Some(label) if tolerance.is_some() => {
+            return Err(Error::usage("the mesh has no heights that could be so far off")
+                .in_file(&job.mesh)
+                .remedy(format!("pass --bands {label}")));
+        }
+        Some(_) => Joined::of(grid).flat(),
     };
     let bound = match job.bound {
         Some(bound) => bound,
@@ -89,19 +135,22 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let water = options.water.as_ref();
     let kept = Features::read(points, lines, water, &job.resources)?.on(grid.info())?;
     let asked = Asked { tolerance, bound, min_angle, kept: &kept };
-    let checked = verify(&*mesh, &*grid, asked, &job.resources, progress, cancel);
-    let mut report = checked.map_err(|e| match e.kind() {
-        ErrorKind::BadInput => e.in_file(&job.mesh),
-        _ => e,
-    })?;
-    tell_of_files(mesh.info(), job, &mut report.verdict);
-    let mesh = job.mesh.display().to_string();
-    let of = OfGrid { raster: job.raster.to_string(), ..report.of };
-    Ok(VerifyReport { mesh, of, ..report })
+    in_mesh(verify(mesh, &*grid, asked, &job.resources, progress, cancel), job)
 }
 
-/// Names files that the mesh was made with, as it states, and that were not given.
+/// Names bands and files that the mesh was made with, as it states, and that were not given.
 fn tell_of_files(mesh: &MeshInfo, job: &VerifyJob, verdict: &mut Verdict) {
+    if let Some(label) = stated_text(mesh, bands::BANDS).filter(|_| job.bands.is_none()) {
+        let told = format!(
+            "the mesh states that it was made of bands {label}, and voids of all: pass --bands {label}"
+        );
+        verdict.failures.extend((!verdict.passed).then_some(told));
+        verdict.judged = false;
+        if job.tolerance.is_none() {
+            verdict.not_judged.clear();
+        }
+        verdict.not_judged.push(bands::not_judged(label));
+    }
     if let Some(clip) = stated_text(mesh, CLIP).filter(|_| job.reading.clip.is_none()) {
         let told =
             format!("the mesh states that its grid was clipped to {clip}: pass it with --clip");

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::Context;
+use super::bands::BandProof;
 use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original};
 use super::vertices::VertexCounts;
 use crate::breaklines::BreaklinesReport;
@@ -100,6 +101,9 @@ pub struct OfGrid {
     /// samples where edges do not follow them.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_followed: FaultReport<Place>,
+    /// The bands that the error is of, where channels are held to several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<BandProof>,
     /// Samples of the grid by seconds.
     pub samples_per_second: f64,
 }

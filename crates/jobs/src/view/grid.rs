@@ -24,7 +24,7 @@ pub(super) fn draw(
     let plan = Plan::new(info, &frame);
     let coarse = plan.read(grid, &job.resources, progress, cancel)?;
     let field = workers(&job.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
-    Ok(Drawn { frame, field, edges: None })
+    Ok(Drawn { frame, field, edges: None, colours: None })
 }
 
 /// World rectangle around all cells: west, south, east, north.

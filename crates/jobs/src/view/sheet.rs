@@ -50,7 +50,7 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
         let drawn = drawn(&each, progress, cancel)?;
         let style = style(&each, &drawn);
         each.exaggeration = Some(style.exaggeration);
-        let painter = Painter::new(&drawn.field, drawn.edges.as_ref(), style);
+        let painter = drawn.painter(style);
         if sheet.is_none() {
             sheet = Some(Sheet::new(job, [painter.width(), painter.height()])?);
         }

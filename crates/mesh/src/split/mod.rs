@@ -265,7 +265,12 @@ impl Piece {
                 false => Vec::new(),
             };
             self.triangles += triangles.len() as u64;
-            let batch = MeshBatch { vertices: &vertices, triangles: &triangles, corners: &corners };
+            let batch = MeshBatch {
+                vertices: &vertices,
+                values: &[],
+                triangles: &triangles,
+                corners: &corners,
+            };
             self.sink.push(batch)?;
         }
         Ok(())

@@ -62,8 +62,15 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     details.push(("blocks".to_owned(), index.blocks.len().to_string()));
     let comments = index.comments.iter().map(|comment| ("comment".to_owned(), comment.clone()));
     details.extend(comments.filter(|comment| !info.details.contains(comment)));
-    let info =
-        MeshInfo { vertices: 3 * first, triangles: first, indexed: false, solid, details, ..info };
+    let info = MeshInfo {
+        vertices: 3 * first,
+        triangles: first,
+        indexed: false,
+        solid,
+        channels: Vec::new(),
+        details,
+        ..info
+    };
     Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
 }
 

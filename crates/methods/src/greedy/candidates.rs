@@ -6,6 +6,7 @@ use std::collections::BinaryHeap;
 
 use super::{GREEDY, Search, run};
 use crate::candidate::Candidate;
+use crate::grid::Sample;
 use crate::mesh::Mesh;
 use crate::registry::Method;
 use crate::task::Task;
@@ -22,33 +23,51 @@ pub(crate) const GREEDY_4: Method = Method {
 
 /// The worst sample of each triangle. What has changed since is told by the triangle's stamp and thrown
 /// away when it comes up.
-pub(super) struct Candidates {
+#[derive(Default)]
+pub(crate) struct Candidates {
     heap: BinaryHeap<(Candidate, u32, u32)>,
     stamps: Vec<u32>,
 }
 
-impl Search for Candidates {
-    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
-        let mut search = Self { heap: BinaryHeap::new(), stamps: Vec::new() };
-        search.update(task, mesh, &mesh.surface().collect::<Vec<_>>());
-        search
-    }
-
-    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
+impl Candidates {
+    /// Looks at triangles that are new, of which `worst` finds the worst samples.
+    pub(crate) fn look(
+        &mut self,
+        mesh: &Mesh,
+        fresh: &[u32],
+        worst: impl Fn([Sample; 3]) -> Option<Candidate>,
+    ) {
         self.stamps.resize(mesh.tris.len(), 0);
         for &t in fresh {
             self.stamps[t as usize] += 1;
-            let worst = Candidate::worst(task, mesh.tris[t as usize].corners);
+            let worst = worst(mesh.tris[t as usize].corners);
             self.heap.extend(worst.map(|worst| (worst, t, self.stamps[t as usize])));
         }
     }
 
-    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+    /// Takes the greatest candidate of all, and the triangle that holds it.
+    pub(crate) fn take(&mut self) -> Option<(Candidate, u32)> {
         loop {
             let (worst, t, stamp) = self.heap.pop()?;
             if self.stamps[t as usize] == stamp {
                 return Some((worst, t));
             }
         }
+    }
+}
+
+impl Search for Candidates {
+    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
+        let mut search = Self::default();
+        search.update(task, mesh, &mesh.surface().collect::<Vec<_>>());
+        search
+    }
+
+    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
+        self.look(mesh, fresh, |corners| Candidate::worst(task, corners));
+    }
+
+    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+        self.take()
     }
 }

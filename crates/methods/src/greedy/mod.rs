@@ -15,7 +15,7 @@ mod point_heap;
 
 pub(crate) use all_points::GREEDY_1;
 pub(crate) use by_triangle::GREEDY_2;
-pub(crate) use candidates::GREEDY_4;
+pub(crate) use candidates::{Candidates, GREEDY_4};
 pub(crate) use point_heap::GREEDY_3;
 
 use crate::candidate::Candidate;

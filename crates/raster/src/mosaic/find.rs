@@ -25,6 +25,8 @@ pub(super) struct Family {
     vrt_bytes: AtomicU64,
     /// Folder for what has to be unpacked first.
     temp_dir: Option<PathBuf>,
+    /// See [`OpenOptions::colours`].
+    colours: bool,
 }
 
 /// A file that can be opened at any time.
@@ -73,6 +75,7 @@ impl Family {
             members: AtomicU64::new(0),
             vrt_bytes: AtomicU64::new(0),
             temp_dir: options.temp_dir.clone(),
+            colours: options.colours,
         })
     }
 
@@ -132,8 +135,9 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
     if is_vrt(name)? {
         let path = &*path_of(name);
         let share = nest.family.pool.share();
-        let options =
-            OpenOptions { band, nodata, cache_bytes: share, threads: 1, ..OpenOptions::default() };
+        let colours = nest.family.colours;
+        let alone = OpenOptions { threads: 1, colours, ..OpenOptions::default() };
+        let options = OpenOptions { band, nodata, cache_bytes: share, ..alone };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
         return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
@@ -166,7 +170,8 @@ fn open_file(
     let pool = &family.pool;
     let with = |cache_bytes| {
         let temp_dir = family.temp_dir.clone();
-        let alone = OpenOptions { threads: 1, ..OpenOptions::default() };
+        let colours = family.colours;
+        let alone = OpenOptions { threads: 1, colours, ..OpenOptions::default() };
         let options = OpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
         let grid = crate::open(name, &options)?;
         let info = grid.info().clone();

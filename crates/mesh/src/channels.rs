@@ -1,0 +1,235 @@
+//! Numbers that vertices have beside their positions: colours, or the values of bands.
+
+use crate::{FORMATS, MeshFormat};
+use terrane_base::error::{Error, Result};
+
+/// How a channel is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChannelKind {
+    /// Whole numbers from 0 to 255.
+    Byte,
+    /// An f32.
+    Single,
+    /// An f64.
+    Double,
+}
+
+/// A number that every vertex has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// "red", "green", "blue", "alpha", or "band_7".
+    pub name: String,
+    /// How it is stored.
+    pub kind: ChannelKind,
+}
+
+/// What a format has room for at vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carries {
+    /// Positions alone.
+    Nothing,
+    /// Three or four bytes: a colour.
+    Colours,
+    /// Any channels.
+    All,
+}
+
+/// The names of a colour's channels.
+pub(crate) const COLOURS: [&str; 4] = ["red", "green", "blue", "alpha"];
+/// What the names of all others begin with.
+pub(crate) const BAND: &str = "band_";
+
+impl Channel {
+    /// The channels that bands become: three or four of bytes are a colour, and all others numbers.
+    pub fn of_bands(bands: &[(u32, ChannelKind)]) -> Vec<Self> {
+        let is_colour = matches!(bands.len(), 3 | 4)
+            && bands.iter().all(|(_, kind)| *kind == ChannelKind::Byte);
+        let channel = |(place, &(band, kind)): (usize, &(u32, ChannelKind))| match (kind, is_colour)
+        {
+            (_, true) => Self { name: COLOURS[place].to_owned(), kind },
+            (ChannelKind::Byte, _) => Self { name: named(band), kind: ChannelKind::Single },
+            _ => Self { name: named(band), kind },
+        };
+        bands.iter().enumerate().map(channel).collect()
+    }
+}
+
+fn named(band: u32) -> String {
+    format!("{BAND}{band}")
+}
+
+/// True for the channels of a colour.
+pub fn is_colour<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> bool {
+    matches!(names.len(), 3 | 4) && names.zip(COLOURS).all(|(name, colour)| name == colour)
+}
+
+impl MeshFormat {
+    /// Fails when the format has no room for these channels; the error names those that do.
+    pub fn check_channels(&self, channels: &[Channel]) -> Result<()> {
+        if self.holds(channels) {
+            return Ok(());
+        }
+        let others: Vec<&str> =
+            FORMATS.iter().filter(|format| format.holds(channels)).map(|f| f.name).collect();
+        let what = match self.carries {
+            Carries::Colours => "colours (three or four bands of 8 bits) at vertices alone",
+            _ => "no channels at vertices",
+        };
+        Err(Error::usage(format!("{} holds {what}", self.name))
+            .remedy(format!("write {}", others.join(" or "))))
+    }
+
+    fn holds(&self, channels: &[Channel]) -> bool {
+        let names = || channels.iter().map(|channel| channel.name.as_str());
+        match self.carries {
+            Carries::All => true,
+            Carries::Colours => channels.is_empty() || is_colour(names()),
+            Carries::Nothing => channels.is_empty(),
+        }
+    }
+}
+
+/// What a mesh of several bands states, fact by fact: `info` tells the last comment of a file only.
+const STATED: [&str; 4] = ["max error", "bands", "weights", "heights"];
+
+/// The channels of a mesh and what its comments state of them, as facts.
+pub(crate) fn facts(names: &[String], comments: &[String]) -> Vec<(String, String)> {
+    if names.is_empty() {
+        return Vec::new();
+    }
+    let fact = |key: &&str| {
+        let rest =
+            |comment: &String| comment.strip_prefix(key)?.strip_prefix(' ').map(str::to_owned);
+        Some(((*key).to_owned(), comments.iter().find_map(rest)?))
+    };
+    let channels = ("channels".to_owned(), names.join(", "));
+    std::iter::once(channels).chain(STATED.iter().filter_map(fact)).collect()
+}
+
+/// Fails unless there is a value for each channel of so many vertices, and each can be stored.
+pub(crate) fn check_values(channels: &[Channel], vertices: usize, values: &[f64]) -> Result<()> {
+    if values.len() != vertices * channels.len() {
+        let (given, needed) = (values.len(), vertices * channels.len());
+        return Err(Error::usage(format!("{given} values for {needed} channels of vertices")));
+    }
+    let fits = |kind: ChannelKind, value: f64| match kind {
+        ChannelKind::Byte => value == f64::from(value as u8),
+        ChannelKind::Single => value == f64::from(value as f32),
+        ChannelKind::Double => value.is_finite(),
+    };
+    let mut all = values.iter().zip(channels.iter().cycle());
+    match all.find(|(value, channel)| !fits(channel.kind, **value)) {
+        None => Ok(()),
+        Some((value, Channel { name, .. })) => {
+            Err(Error::bad_input(format!("a vertex has {value} as {name}, which its type is not")))
+        }
+    }
+}
+
+/// Bytes of the colours of sRGB in light, as glTF has them, by value.
+pub(crate) fn linear() -> [f32; 256] {
+    std::array::from_fn(|value| {
+        let c = value as f64 / 255.0;
+        (if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+    })
+}
+
+/// The value of a byte that light was made of: exact for what [`linear`] makes, and between two bytes else.
+pub(crate) fn from_linear(light: f32, table: &[f32; 256]) -> f64 {
+    match table.binary_search_by(|known| known.total_cmp(&light)) {
+        Ok(value) => value as f64,
+        Err(_) => {
+            let c = f64::from(light).clamp(0.0, 1.0);
+            255.0 * if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+        }
+    }
+}
+
+/// Opacity, of which a byte is a part of 255.
+pub(crate) fn opacity(value: f64) -> f32 {
+    (value / 255.0) as f32
+}
+
+/// The value of a byte that [`opacity`] was made of.
+pub(crate) fn from_opacity(share: f32) -> f64 {
+    let value = f64::from(share) * 255.0;
+    if opacity(value.round()) == share { value.round() } else { value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ChannelKind::{Byte, Double, Single};
+
+    #[test]
+    fn three_or_four_bytes_are_a_colour_and_all_else_numbers() {
+        let names = |bands: &[(u32, ChannelKind)]| {
+            let channels = Channel::of_bands(bands);
+            channels.into_iter().map(|c| (c.name, c.kind)).collect::<Vec<_>>()
+        };
+        let all = |kinds: &[(&str, ChannelKind)]| {
+            kinds.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect::<Vec<_>>()
+        };
+        let colour = all(&[("red", Byte), ("green", Byte), ("blue", Byte)]);
+        assert_eq!(names(&[(4, Byte), (3, Byte), (2, Byte)]), colour);
+        assert_eq!(names(&[(1, Byte), (2, Byte), (3, Byte), (9, Byte)])[3], ("alpha".into(), Byte));
+        assert_eq!(names(&[(1, Byte)]), all(&[("band_1", Single)]));
+        let mixed = all(&[("band_1", Single), ("band_2", Double), ("band_3", Single)]);
+        assert_eq!(names(&[(1, Byte), (2, Double), (3, Single)]), mixed);
+    }
+
+    #[test]
+    fn every_byte_comes_back_from_light_and_opacity() {
+        let table = linear();
+        assert!(table.windows(2).all(|pair| pair[0] < pair[1]));
+        assert_eq!((table[0], table[255]), (0.0, 1.0));
+        for value in 0..=255_u8 {
+            assert_eq!(from_linear(table[usize::from(value)], &table), f64::from(value));
+            assert_eq!(from_opacity(opacity(f64::from(value))), f64::from(value));
+        }
+        // Mid grey has a fifth of the light of white.
+        assert!((table[128] - 0.2159).abs() < 1e-4 && (table[10] - 0.003_035).abs() < 1e-6);
+        let between = from_linear(f32::midpoint(table[100], table[101]), &table);
+        assert!((100.4..100.6).contains(&between), "{between}");
+        assert!(from_linear(f32::NAN, &table).is_nan());
+    }
+
+    #[test]
+    fn values_that_cannot_be_stored_are_refused() {
+        let check = |kind, values: &[f64]| {
+            let channels = [Channel { name: "band_1".to_owned(), kind }];
+            check_values(&channels, 2, values)
+        };
+        assert!(check(Byte, &[0.0, 255.0]).is_ok() && check(Single, &[0.5, -7.0]).is_ok());
+        assert!(check(Double, &[0.1, 1e300]).is_ok());
+        for (kind, values) in [
+            (Byte, &[0.0, 256.0][..]),
+            (Byte, &[0.5, 1.0]),
+            (Byte, &[-1.0, 1.0]),
+            (Single, &[0.1, 1.0]),
+            (Double, &[f64::NAN, 1.0]),
+            (Single, &[f64::INFINITY.next_down(), 1.0]),
+            (Byte, &[1.0]),
+        ] {
+            assert!(check(kind, values).is_err(), "{kind:?} {values:?}");
+        }
+    }
+
+    #[test]
+    fn formats_say_what_they_have_room_for() {
+        let format = |name| FORMATS.iter().find(|format| format.name == name).unwrap();
+        let colour = Channel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
+        let number = Channel::of_bands(&[(1, Byte)]);
+        for name in ["PLY", "GLB"] {
+            assert!(format(name).check_channels(&colour).is_ok());
+        }
+        assert!(format("PLY").check_channels(&number).is_ok());
+        let told = |name, channels| format(name).check_channels(channels).unwrap_err().to_string();
+        assert!(told("GLB", &number).contains("GLB holds colours"));
+        assert!(told("GLB", &number).ends_with("write PLY"));
+        for name in ["STL", "OBJ"] {
+            assert!(told(name, &colour).contains("no channels"), "{}", told(name, &colour));
+            assert!(told(name, &colour).ends_with("write PLY or GLB"));
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Channels against the obvious: all samples of all triangles measured again for every vertex, by integers.
+
+use super::{Channels, Drawn, join_voids};
+use crate::grid::{Grid, Sample};
+use crate::mesh::{Mesh, State, check_surface};
+use crate::task::{Goal, Size, Task};
+use crate::tests::{Heights, check_cover, grids};
+use crate::{METHODS, Tin};
+use proptest::prelude::*;
+use terrane_base::geom::predicates::orient;
+
+/// Up to three planes of whole numbers over one grid, and weights in halves.
+#[derive(Clone, Debug)]
+struct Picture {
+    size: [u32; 2],
+    planes: Vec<Vec<f64>>,
+    halves: Vec<i64>,
+}
+
+impl Picture {
+    fn weights(&self) -> Vec<f64> {
+        self.halves.iter().map(|&halves| halves as f64 / 2.0).collect()
+    }
+
+    fn grid(&self) -> Grid<'_> {
+        Grid::new(self.size[0], self.size[1], &self.planes[0], None).unwrap()
+    }
+
+    /// The error of a sample over a triangle by the definition, in halves: a fraction.
+    fn error(&self, corners: [Sample; 3], at: Sample) -> Option<(i64, i64)> {
+        let ([a, b, c], q) = (corners.map(Sample::lattice), at.lattice());
+        let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
+        if weights.iter().any(|&weight| weight < 0) || corners.contains(&at) {
+            return None;
+        }
+        let place = |at: Sample| (at.row() * self.size[0] + at.col()) as usize;
+        let of = |(plane, halves): (&Vec<f64>, &i64)| {
+            let value = |at: Sample| plane[place(at)] as i64;
+            let sum: i64 = weights.iter().zip(corners).map(|(w, z)| w * value(z)).sum();
+            halves * (sum - orient(a, b, c) * value(at)).abs()
+        };
+        let most = self.planes.iter().zip(&self.halves).map(of).max()?;
+        Some((most, orient(a, b, c)))
+    }
+}
+
+fn pictures() -> impl Strategy<Value = Picture> {
+    (grids(), grids(), grids(), 1_usize..4, prop::collection::vec(1_i64..6, 3)).prop_map(
+        |(first, second, third, count, halves)| {
+            let Heights { width, height, values } = &first;
+            let like = |other: &Heights| {
+                let mut all = other.values.iter().copied().cycle();
+                (0..values.len()).map(|_| all.next().unwrap_or(0.0)).collect::<Vec<_>>()
+            };
+            let mut planes = vec![values.clone(), like(&second), like(&third)];
+            planes.truncate(count);
+            join_voids(&mut planes);
+            Picture { size: [*width, *height], planes, halves: halves[..count].to_vec() }
+        },
+    )
+}
+
+/// True when the fraction `a` is above `b`.
+fn is_above(a: (i64, i64), b: (i64, i64)) -> bool {
+    a.0 * b.1 > b.0 * a.1
+}
+
+/// The twin: of all samples the one with the largest error, and the first of equals, again and again.
+fn naive(picture: &Picture, goal: Goal, tolerance: i64) -> Vec<Sample> {
+    let grid = picture.grid();
+    let task = Task::new(grid, goal);
+    let mut mesh = Mesh::of_outline(&grid).unwrap();
+    let mut size = Size::of(&mesh, goal).unwrap();
+    let mut order = Vec::new();
+    loop {
+        let mut worst = None;
+        for at in grid.samples() {
+            let surface = (0..mesh.tris.len()).filter(|&t| mesh.tris[t].state == State::Surface);
+            let errors =
+                surface.filter_map(|t| Some((picture.error(mesh.tris[t].corners, at)?, t)));
+            for (error, t) in errors.filter(|(error, _)| is_above(*error, (tolerance, 1))) {
+                if worst.is_none_or(|(most, _, _)| is_above(error, most)) {
+                    worst = Some((error, at, t as u32));
+                }
+            }
+        }
+        let Some((_, at, t)) = worst else { return order };
+        if size.insert(&task, &mut mesh, t, at).is_none() {
+            return order;
+        }
+        order.push(at);
+    }
+}
+
+fn order(picture: &Picture, goal: Goal) -> (Vec<Sample>, Drawn) {
+    let weights = picture.weights();
+    let channels = Channels::new(picture.size, &picture.planes, &weights).unwrap();
+    let grid = picture.grid();
+    let (mut mesh, mut order) = (Mesh::of_outline(&grid).unwrap(), Vec::new());
+    channels.insert(&Task::new(grid, goal), &mut mesh, |at| order.push(at)).unwrap();
+    mesh.validate();
+    (order, channels.triangulate(goal, &|| Ok(())).unwrap())
+}
+
+proptest! {
+    #[test]
+    fn the_same_vertices_in_the_same_order_as_by_measuring_everything_again(
+        picture in pictures(), halves in prop_oneof![Just(0_i64), Just(1), Just(9), Just(26), Just(400)],
+        budget in prop::option::of(4_u64..60),
+    ) {
+        prop_assume!(check_surface(&picture.grid()).is_ok());
+        let (goal, halves) = match budget {
+            None => (Goal::MaxError(halves as f64 / 2.0), halves),
+            Some(most) => (Goal::MaxVertices(most), 0),
+        };
+        prop_assume!(Size::of(&Mesh::of_outline(&picture.grid())?, goal).is_ok());
+        let (found, drawn) = order(&picture, goal);
+        prop_assert_eq!(&found, &naive(&picture, goal, halves));
+        if let Some(most) = budget {
+            prop_assert!(drawn.vertices.len() as u64 <= most);
+        }
+    }
+
+    #[test]
+    fn what_is_promised_is_kept_by_every_channel_and_measured(
+        picture in pictures(), halves in prop_oneof![Just(0_i64), Just(1), Just(9), Just(26)],
+    ) {
+        prop_assume!(check_surface(&picture.grid()).is_ok());
+        let tolerance = halves as f64 / 2.0;
+        let (_, drawn) = order(&picture, Goal::MaxError(tolerance));
+        let Drawn { vertices, triangles, max_error, channels, census } = drawn;
+        prop_assert!(max_error <= tolerance);
+        let tin = Tin { vertices, triangles, max_error, square_sum: 0.0, census };
+        for ((plane, weight), found) in picture.planes.iter().zip(picture.weights()).zip(channels) {
+            let grid = Grid::new(picture.size[0], picture.size[1], plane, None).unwrap();
+            check_cover(&grid, &tin);
+            let (error, of) = crate::tests::worst(&grid, &tin);
+            prop_assert!(error as f64 * weight <= tolerance * of as f64);
+            prop_assert!((found.max_error - error as f64 / of as f64).abs() < 1e-12);
+            prop_assert!(found.max_error <= max_error / weight);
+        }
+    }
+
+    #[test]
+    fn one_channel_of_weight_1_is_greedy4(
+        picture in pictures(), tolerance in 0_u8..20, budget in prop::option::of(4_u64..60)
+    ) {
+        let grid = picture.grid();
+        prop_assume!(check_surface(&grid).is_ok());
+        let goal = budget.map_or(Goal::MaxError(f64::from(tolerance) * 0.7), Goal::MaxVertices);
+        prop_assume!(Size::of(&Mesh::of_outline(&grid)?, goal).is_ok());
+        let greedy4 = METHODS.iter().find(|method| method.name == "greedy4").unwrap();
+        let tin = (greedy4.run)(&Task::new(grid, goal)).unwrap();
+        let one = Channels::new(picture.size, &picture.planes[..1], &[1.0]).unwrap();
+        let drawn = one.triangulate(goal, &|| Ok(())).unwrap();
+        prop_assert_eq!((&drawn.vertices, &drawn.triangles), (&tin.vertices, &tin.triangles));
+        prop_assert_eq!(drawn.max_error, tin.max_error);
+        prop_assert_eq!(drawn.channels[0].square_sum, tin.square_sum);
+    }
+}
+
+#[test]
+fn a_stated_tolerance_is_kept_after_its_division_by_any_weight() {
+    let plane = |n: u32| (0..14 * 9).map(|i| f64::from(i * i % n) / 7.0).collect::<Vec<_>>();
+    let planes = [plane(31), plane(23)];
+    for weights in [[0.1, 3.0], [1.0 / 3.0, 7e-5], [1e200, 1e-200], [0.7, 0.7]] {
+        let channels = Channels::new([14, 9], &planes, &weights).unwrap();
+        let drawn = channels.triangulate(Goal::MaxVertices(40), &|| Ok(())).unwrap();
+        for (weight, found) in weights.iter().zip(&drawn.channels) {
+            assert!(found.max_error <= drawn.max_error / weight, "{weights:?}: {found:?}");
+        }
+        let again = channels.triangulate(Goal::MaxError(drawn.max_error), &|| Ok(())).unwrap();
+        assert!(again.max_error <= drawn.max_error);
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let planes = [vec![1.0; 4], vec![2.0, f64::NAN, 2.0, 2.0]];
+    let refused = |planes: &[Vec<f64>], weights: &[f64]| {
+        Channels::new([2, 2], planes, weights).unwrap_err().to_string()
+    };
+    assert!(refused(&[], &[]).contains("0 weights"));
+    assert!(refused(&planes, &[1.0]).contains("1 weights for 2 channels"));
+    for weight in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
+        assert!(refused(&planes[..1], &[weight]).contains("no weight"), "{weight}");
+    }
+    assert!(refused(&planes, &[1.0, 1.0]).contains("sample 1 is void in some channels only"));
+    let mut joined = planes.clone();
+    join_voids(&mut joined);
+    let channels = Channels::new([2, 2], &joined, &[1.0, 1.0]).unwrap();
+    let error = channels.triangulate(Goal::MaxError(1.0), &|| Ok(())).unwrap_err();
+    assert!(error.to_string().contains("four valid samples"));
+}

@@ -1,0 +1,25 @@
+//! Colours that a surface brings along, beside its heights.
+
+/// A colour for each pixel of a field: red, green, blue and opacity, in sRGB.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Colours {
+    width: usize,
+    rgba: Vec<[u8; 4]>,
+}
+
+impl Colours {
+    /// For a field of this size, all transparent.
+    pub fn none(width: usize, height: usize) -> Self {
+        Self { width, rgba: vec![[0; 4]; width * height] }
+    }
+
+    /// The colour at (`col`, `row`).
+    pub fn at(&self, col: usize, row: usize) -> [u8; 4] {
+        self.rgba[row * self.width + col]
+    }
+
+    /// Puts a colour of 0 to 255 there, rounded; what is no number is 0.
+    pub(crate) fn put(&mut self, col: usize, row: usize, colour: [f64; 4]) {
+        self.rgba[row * self.width + col] = colour.map(|value| value.round() as u8);
+    }
+}
