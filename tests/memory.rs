@@ -163,6 +163,9 @@ fn make_inputs(place: &Place) {
     place.ok(&[&["tin", "large.tif", "flat.ply"], &flat[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
+    place.ok(&["grid", "dense.laz", "bands.tif", "--cell", "1", "--stat", "mean,max,min", "-q"]);
+    let bands = ["--bands", "1,2,3", "--max-error", "1", "-q"];
+    place.ok(&[&["tin", "bands.tif", "bands.ply"], &bands[..]].concat());
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
     place.ok(&["line", "walk.fgb", "walked.fgb", "--tolerance", "5", "-q"]);
     place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
@@ -184,6 +187,7 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.stl --max-error 0 --tile 256",
     "tin dem.tif o.glb --max-error 0.2 --tile 256",
     "tin dem.tif o --max-error 1 --tile 256 --split 256",
+    "tin bands.tif o.ply --bands 1,2,3 --max-error 0",
     "grid dense.laz o.tif --cell 1 --stat mean,max",
     "grid dense.laz o.tif --cell 0.5 --stat p50",
     "grid dense.laz o.tif --cell 1 --stat idw",
@@ -201,6 +205,7 @@ const JOBS: &[&str] = &[
     "verify kept.ply large.tif --keep-points points.csv",
     "verify followed.ply large.tif --breaklines walks.wkt",
     "verify flat.ply large.tif --water ponds.wkt",
+    "verify bands.ply bands.tif --bands 1,2,3",
     "verify dense.ply dense.laz",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",

@@ -121,9 +121,8 @@ impl Levels {
         let lakes = (0..bodies).filter(there).filter(|&body| !water.is_river(body));
         let of_lakes = lakes.map(|body| self.lakes[body as usize]);
         let reaches = reaches.iter().zip(&self.profiles);
-        let of_rivers = reaches.flat_map(|(reach, profile)| {
-            reach.into_iter().flatten().map(|&along| profile.at(along))
-        });
+        let of_rivers = reaches
+            .flat_map(|(reach, profile)| reach.iter().flatten().map(|&along| profile.at(along)));
         let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
         for level in of_lakes.chain(of_rivers).map(|level| self.rounding.down(level)) {
             (low, high) = (low.min(level), high.max(level));

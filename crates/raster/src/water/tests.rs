@@ -267,7 +267,7 @@ proptest! {
         }
         let before = land.heights.clone();
         let line: Vec<_> = line.into_iter().map(|line| line.to_vec()).collect();
-        let all = water(&land.info, &[polygon.clone()], &line);
+        let all = water(&land.info, std::slice::from_ref(&polygon), &line);
         // Positions of a turned grid come back as other floats.
         let near_half = |c: f64| ((c + 0.5).fract() - 0.5).abs() > 0.499_999;
         prop_assume!(!turned || !polygon.iter().flatten().any(|&c| near_half(c)));
@@ -302,7 +302,7 @@ proptest! {
         let shifted: Vec<_> = polygon.iter().map(|at| at.map(|c| c + 45.0)).collect();
         let part = GridInfo::plain("test", 40, 30, SampleType::F32);
         let mask = |info: &GridInfo, polygon: &Vec<Xy>| {
-            mask::Mask::new(&water(info, &[polygon.clone()], &[]), info)
+            mask::Mask::new(&water(info, std::slice::from_ref(polygon), &[]), info)
         };
         let rect = |col, row| Rect::new(col, row, 40, 30);
         let of_whole = mask(&whole, &shifted).unwrap().rows(rect(45, 45));
