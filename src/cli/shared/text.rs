@@ -181,12 +181,16 @@ pub(crate) fn breaklines(lines: &BreaklinesReport) -> String {
         n => format!("; {} are outside of the grid", count(n)),
     };
     let followed = if lines.apart == 0 { "followed" } else { "NOT followed by all edges" };
-    format!("{} segments of {}, {followed}{outside}", count(lines.segments), lines.file)
+    format!("{} of {}, {followed}{outside}", many(lines.segments, "segment"), lines.file)
+}
+
+/// "1 lake", "1,200 lakes".
+fn many(n: u64, one: &str) -> String {
+    format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" })
 }
 
 /// What became of water: "3 lakes and 1 river of a.shp, level from 10.5 to 84".
 pub(crate) fn water(water: &WaterReport) -> String {
-    let many = |n: u64, one: &str| format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" });
     let mut line = format!(
         "{} and {} of {}",
         many(water.lakes, "lake"),

@@ -33,6 +33,7 @@ pub fn run_bands(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
+    textbook::refuse_water(job, "of several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let mut opened = Opened::with(job, || open(job, bands).map_err(named))?;

@@ -50,12 +50,7 @@ pub fn run_by(
         let message = format!("the method {} keeps no points or breaklines", by.method.name);
         return Err(Error::usage(message).remedy("leave them out, or the method"));
     }
-    if job.reading.water.is_some() {
-        let message = format!("the method {} follows no banks of water", by.method.name);
-        return Err(Error::usage(message).remedy(
-            "leave --water or the method out, or flatten the grid first: terrane convert --water",
-        ));
-    }
+    refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let whole = Whole {
@@ -78,6 +73,19 @@ pub(super) struct Whole {
     pub(super) sample_bytes: u64,
     /// What else can be done where the memory does not hold it.
     pub(super) otherwise: String,
+}
+
+/// Fails where water is to be level: `what` makes no edges along its banks.
+pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
+    match job.reading.water {
+        None => Ok(()),
+        Some(_) => {
+            let message = format!("the method {what} follows no banks of water");
+            Err(Error::usage(message).remedy(
+                "leave --water or the method out, or flatten the grid first: terrane convert --water",
+            ))
+        }
+    }
 }
 
 /// Opens the input where the memory holds all of it.

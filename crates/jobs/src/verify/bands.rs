@@ -248,6 +248,7 @@ pub(super) fn check_other(job: &VerifyJob) -> Result<()> {
         ("--bound surface", job.bound == Some(Bound::Surface)),
         ("--keep-points", job.keep_points.is_some()),
         ("--breaklines", job.breaklines.is_some()),
+        ("--water", job.reading.water.is_some()),
     ];
     match others.into_iter().find(|(_, given)| *given) {
         None => Ok(()),

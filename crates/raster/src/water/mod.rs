@@ -83,7 +83,7 @@ impl WaterFeatures {
         Ok(())
     }
 
-    /// Adds a centre line, drawn downstream.
+    /// Adds a centre line, drawn downstream; one without a length is none.
     ///
     /// # Errors
     /// A coordinate that is not finite.
@@ -91,8 +91,10 @@ impl WaterFeatures {
         if let Some(at) = line.iter().find(|at| !at.iter().all(|c| c.is_finite())) {
             return Err(Error::bad_input(format!("position {at:?} is not finite")));
         }
-        self.at[1].extend_from_slice(line);
-        self.line_ends.push(self.at[1].len());
+        if line.iter().any(|at| *at != line[0]) {
+            self.at[1].extend_from_slice(line);
+            self.line_ends.push(self.at[1].len());
+        }
         Ok(())
     }
 

@@ -213,6 +213,16 @@ fn what_cannot_be_told_is_refused() {
     features.begin_area().unwrap();
     assert!(features.push_ring(&[[0.0, f64::NAN]]).is_err());
     assert!(features.push_line(&[[0.0, f64::INFINITY]]).is_err());
+    // Lines without a length make no river of it.
+    for line in [&[][..], &[[5.0, -5.0]], &[[5.0, -5.0]; 3]] {
+        let mut features = WaterFeatures::default();
+        features.begin_area().unwrap();
+        features.push_ring(&[[2.0, -2.0], [6.0, -2.0], [6.0, -6.0], [2.0, -2.0]]).unwrap();
+        features.push_line(line).unwrap();
+        let lake = Arc::new(Water::new(features, Path::new("water.wkt"), Crs::default()));
+        levelled_heights(land(false), &lake, 64).unwrap();
+        assert_eq!(lake.report().unwrap().lakes, 1, "{line:?}");
+    }
 }
 
 #[test]
