@@ -204,6 +204,9 @@ pub(crate) fn water(water: &WaterReport) -> String {
         let dug = number(water.dug);
         line += &format!("; up to {dug} below the lowest bank, as banks are lower upstream");
     }
+    if water.without_bank > 0 {
+        line += &format!("; {} without a bank of their own", count(water.without_bank));
+    }
     if water.outside > 0 {
         line += &format!("; {} outside of the grid", count(water.outside));
     }

@@ -1,6 +1,6 @@
 //! How high water is: banks are looked at once, then levels go down along lines and lakes.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::axis::{Axis, length};
 use super::mask::Mask;
@@ -45,6 +45,8 @@ struct Found {
     lowest: Vec<f64>,
     /// True for bodies with a sample.
     is_there: Vec<bool>,
+    /// The bodies that a sample with a height is of, each such list once.
+    valid: BTreeSet<Vec<u32>>,
     /// The lowest banks along each line.
     stations: Vec<Stations>,
     /// From where to where along each line there is water.
@@ -76,25 +78,29 @@ impl Levels {
         Ok(levels)
     }
 
-    /// Fails where nothing tells of the level of a body that has samples.
-    fn check(&self, water: &Water) -> Result<()> {
-        for (body, lines) in water.bodies.iter().enumerate() {
-            let is_unknown = match lines[..] {
-                [] => self.lakes[body].is_infinite(),
-                _ => lines.iter().any(|&line| self.profiles[line as usize].is_unknown()),
-            };
-            if is_unknown && self.found.is_there[body] {
-                let area = water.body_of.iter().position(|&of| of as usize == body);
-                let number = area.unwrap_or_default() + 1;
-                return Err(Error::bad_input("water without a bank: no valid sample is beside it")
-                    .at(format_args!("polygon {number}"))
-                    .remedy("take a grid with its bank, or leave the polygon out"));
-            }
+    /// True where something tells of the level of a body.
+    fn is_known(&self, water: &Water, body: u32) -> bool {
+        match water.bodies[body as usize][..] {
+            [] => self.lakes[body as usize].is_finite(),
+            ref lines => lines.iter().all(|&line| {
+                let line = line as usize;
+                self.found.reaches[line].is_none() || !self.profiles[line].is_unknown()
+            }),
         }
-        Ok(())
     }
 
-    /// The level of a body at a position; of a river with what was nearest last.
+    /// Fails where nothing tells of the level of water whose samples have heights.
+    fn check(&self, water: &Water) -> Result<()> {
+        let is_left = |bodies: &&Vec<u32>| !bodies.iter().any(|&body| self.is_known(water, body));
+        let Some(bodies) = self.found.valid.iter().find(is_left) else { return Ok(()) };
+        let area = water.body_of.iter().position(|of| *of == bodies[0]).unwrap_or_default();
+        Err(Error::bad_input("water without a bank: no valid sample is beside it")
+            .at(format_args!("polygon {}", area + 1))
+            .remedy("take a grid with its bank, or leave the polygon out"))
+    }
+
+    /// The level of a body at a position, infinite where nothing tells of one; of a river with what was nearest
+    /// last.
     pub(super) fn at(&self, body: u32, at: Xy, last: &mut usize) -> f64 {
         let level = match &self.axes[body as usize] {
             None => self.lakes[body as usize],
@@ -124,7 +130,8 @@ impl Levels {
         let of_rivers = reaches
             .flat_map(|(reach, profile)| reach.iter().flatten().map(|&along| profile.at(along)));
         let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
-        for level in of_lakes.chain(of_rivers).map(|level| self.rounding.down(level)) {
+        let all_levels = of_lakes.chain(of_rivers).filter(|level| level.is_finite());
+        for level in all_levels.map(|level| self.rounding.down(level)) {
             (low, high) = (low.min(level), high.max(level));
         }
         let dug = stations.iter().zip(&self.profiles).flat_map(|(stations, profile)| {
@@ -136,6 +143,8 @@ impl Levels {
             lakes: all - rivers,
             rivers,
             outside: u64::from(bodies) - all,
+            without_bank: (0..bodies).filter(there).filter(|&b| !self.is_known(water, b)).count()
+                as u64,
             levels: (low <= high).then_some([low, high]),
             dug: dug.fold(0.0, f64::max),
             rising: rising.map(|(number, _)| number).collect(),
@@ -162,6 +171,7 @@ impl Found {
         let mut found = Self {
             lowest: vec![f64::INFINITY; bodies],
             is_there: vec![false; bodies],
+            valid: BTreeSet::new(),
             stations: vec![Stations::new(); lines],
             reaches: vec![None; lines],
         };
@@ -214,7 +224,22 @@ impl Found {
             let banks = number.filter(|&number| !is_water.contains(number));
             banks.map(|number| heights[number]).fold(f64::INFINITY, f64::min)
         };
+        let (mut here, mut before) = (Vec::new(), Vec::new());
         for (row, runs) in (0..rect.height).zip(&rows) {
+            let heights = &heights[row as usize * width..][..width];
+            let is_wet = |col: &u32| is_water.contains(row as usize * width + *col as usize);
+            for col in (0..rect.width).filter(is_wet).filter(|col| !heights[*col as usize].is_nan())
+            {
+                here.clear();
+                let of_sample = runs.iter().filter(|(_, cols)| cols.contains(&col));
+                here.extend(of_sample.map(|(body, _)| *body));
+                if here != before {
+                    before.clone_from(&here);
+                    if !self.valid.contains(&here) {
+                        self.valid.insert(here.clone());
+                    }
+                }
+            }
             for &(body, ref cols) in runs {
                 let mut last = 0;
                 for col in cols.clone().filter(|col| core.contains(rect.col + col, rect.row + row))

@@ -15,6 +15,7 @@
 //!   beside it: nothing floats.
 //! - **Networks**: lines that share an end go on from one another, a lake is not above a line that ends in it,
 //!   and a line that begins in one is not above it ([`levels`]).
+//! - Water in voids without a valid sample beside it stays void; with heights of its own it is refused.
 //! - Where bodies of water overlap, the lowest level holds. Polygons of one kind that share a side are one body.
 //! - Heights that the file may have are not looked at.
 
@@ -140,6 +141,8 @@ pub struct WaterReport {
     pub rivers: u64,
     /// Bodies without a sample on the grid.
     pub outside: u64,
+    /// Bodies in voids, without a valid sample beside them: they stay void.
+    pub without_bank: u64,
     /// Level of the lowest and of the highest sample of water.
     pub levels: Option<[f64; 2]>,
     /// The most that a river lies below all of its banks at some place: they were lower further upstream.

@@ -195,19 +195,33 @@ fn the_lowest_holds_where_lakes_overlap() {
 }
 
 #[test]
+fn water_in_voids_stays_void_and_water_in_water_takes_its_level() {
+    let land = || Land::new(30, 9, |col, _| if col < 15 { f64::from(50 - col) } else { f64::NAN });
+    let info = land().info;
+    let areas = [
+        box_of([2.0, 2.0], [10.0, 6.0]),
+        box_of([4.0, 3.0], [7.0, 5.0]),
+        box_of([20.0, 2.0], [27.0, 6.0]),
+    ];
+    let all = water(&info, &areas, &[]);
+    let found = levelled_heights(land(), &all, 64).unwrap();
+    let at = |col: usize| found[4 * 30 + col];
+    assert_eq!([at(3), at(5), at(9)], [39.0; 3]);
+    assert!(at(23).is_nan());
+    let report = all.report().unwrap();
+    assert_eq!((report.lakes, report.without_bank, report.levels), (3, 2, Some([39.0; 2])));
+}
+
+#[test]
 fn what_cannot_be_told_is_refused() {
-    let land = |void: bool| Land::new(9, 9, |_, _| if void { f64::NAN } else { 5.0 });
-    let info = land(false).info;
-    let lake = |high: Xy| water(&info, &[box_of([2.0, 2.0], high)], &[]);
-    let failed = |void: bool, lake: Arc<Water>| {
-        levelled_heights(land(void), &lake, 64).unwrap_err().to_string()
-    };
-    let error = failed(true, lake([6.0, 6.0]));
-    assert!(error.contains("polygon 1") && error.contains("without a bank"), "{error}");
+    let land = || Land::new(9, 9, |_, _| 5.0);
+    let info = land().info;
+    let failed = |lake: Arc<Water>| levelled_heights(land(), &lake, 64).unwrap_err().to_string();
     let far = water(&info, &[box_of([20.0, 2.0], [30.0, 6.0])], &[]);
-    assert!(failed(false, far).contains("no water of this file"));
+    assert!(failed(far).contains("no water of this file"));
     let all = water(&info, &[box_of([-5.0, -5.0], [30.0, 30.0])], &[]);
-    assert!(failed(false, all).contains("without a bank"));
+    let error = failed(all);
+    assert!(error.contains("polygon 1") && error.contains("without a bank"), "{error}");
     let mut features = WaterFeatures::default();
     assert!(features.push_ring(&[[0.0, 0.0]]).is_err());
     features.begin_area().unwrap();
@@ -220,7 +234,7 @@ fn what_cannot_be_told_is_refused() {
         features.push_ring(&[[2.0, -2.0], [6.0, -2.0], [6.0, -6.0], [2.0, -2.0]]).unwrap();
         features.push_line(line).unwrap();
         let lake = Arc::new(Water::new(features, Path::new("water.wkt"), Crs::default()));
-        levelled_heights(land(false), &lake, 64).unwrap();
+        levelled_heights(land(), &lake, 64).unwrap();
         assert_eq!(lake.report().unwrap().lakes, 1, "{line:?}");
     }
 }
