@@ -1,9 +1,9 @@
 //! `terrane tin` on point clouds.
 
-use crate::bound::Bound;
 use crate::cli::shared::many::Kind;
 use crate::cli::shared::{Outcome, check, points, report, text};
 use crate::cli::tin::args::Args;
+use crate::cli::tin::textbook::engine_options;
 use crate::cli::tin::told::{Told, errors, stages};
 use crate::cli::verify;
 use crate::cloud as clouds;
@@ -68,26 +68,16 @@ fn job(args: &Args) -> Result<CloudTinJob> {
 
 /// Fails when an option was given that is about grids.
 fn refuse_grid_options(args: &Args) -> Result<()> {
-    let options = [
-        ("--split", args.split.tiles.is_some()),
-        ("--workdir", args.workdir.is_some()),
+    let others = [
         ("--no-disk-check", args.disk.no_disk_check),
-        ("--bound surface", args.method.bound == Bound::Surface),
-        ("--strict", args.method.strict),
-        ("--no-drop", args.method.no_drop),
-        ("--fit", args.method.fit),
-        ("--min-angle", args.method.min_angle.is_some()),
-        ("--keep-points", args.method.keep_points.is_some()),
-        ("--breaklines", args.method.breaklines.is_some()),
-        ("--water", args.method.water.is_some()),
-        ("--tile", args.method.tile.is_some()),
         ("--method", args.textbook.method.is_some()),
         ("--triangulation", args.textbook.triangulation.is_some()),
         ("--bands", args.bands.is_given()),
         ("--co", !args.co.is_empty()),
         ("--base", args.print.placing()?.base.is_some()),
     ];
-    let given = options.into_iter().find(|(_, given)| *given).map(|(option, _)| option);
+    let mut options = engine_options(args).into_iter().chain(others);
+    let given = options.find(|(_, given)| *given).map(|(option, _)| option);
     let Some(option) = given.or(args.grid.given()) else { return Ok(()) };
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
         .in_file(&path_of(&args.input[0]))

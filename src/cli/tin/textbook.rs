@@ -79,7 +79,7 @@ impl Chosen {
 }
 
 /// Options that the engine alone knows, and whether they were given.
-fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
+pub(super) fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
     [
         ("--workdir", args.workdir.is_some()),
         ("--split", args.split.tiles.is_some()),
