@@ -7,11 +7,14 @@
 //! Measured: vertices dropped in the order of the error they leave, instead of that of the sweep, are as
 //! many to 0.1 %. Rounds of greedy and drop at 1.1 to 4 times the tolerance before the last one leave 1
 //! to 2.4 % fewer vertices for 20 to 110 % more time.
+//!
+//! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
 
 use super::exact::within;
 use super::field::Field;
 use super::greedy::Judge;
 use super::mesh::{Mesh, NONE, State, Tri, next};
+use super::refill::{self, Refill};
 use super::{AngleBound, Local};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
@@ -33,6 +36,9 @@ pub(super) struct Scratch {
     square_radius: f64,
     /// What the angles of triangles that take a vertex's place are held to.
     min_angle: Option<AngleBound>,
+    /// Set where these need not be Delaunay.
+    any: bool,
+    any_fill: Refill,
 }
 
 /// Tries to drop every vertex that is not settled, in the order of the triangles. A drop changes what its
@@ -88,6 +94,11 @@ impl Scratch {
         self.min_angle = bound;
     }
 
+    /// Lets any triangles take a vertex's place, or Delaunay ones alone.
+    pub(super) fn allow_any(&mut self, any: bool) {
+        self.any = any;
+    }
+
     /// True when the circle around a triangle is not too large: its radius is the product of the
     /// sides over four times the area.
     fn is_compact(&self, tri: &Tri) -> bool {
@@ -133,18 +144,30 @@ impl Scratch {
     ) -> Option<&[u32]> {
         let vertex = mesh.origin(half_edge);
         let is_droppable = self.gather(mesh, half_edge)
-            && self.refill()
-            && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
-            && self.vertex_stays_within(judge, vertex)
-            && self.diagonals_keep(judge)
-            && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none());
+            && if self.any { self.refill_by_any(judge, vertex) } else { self.refill_by_ears(judge, vertex) };
         is_droppable.then(|| self.replace(mesh))
+    }
+
+    /// Fills the ring with Delaunay ears. True when that keeps all that was asked for.
+    fn refill_by_ears(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
+        self.refill()
+            && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
+            && self.fill.iter().find_map(|tri| stays_within(judge, tri.corners, vertex)) == Some(true)
+            && self.diagonals_keep(judge)
+            && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none())
+    }
+
+    /// Fills the ring with the best triangles that keep all that was asked for. True when there are any.
+    fn refill_by_any(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
+        let outline = (&self.ring[..], &self.star[..]);
+        self.any_fill.fill(judge, self.min_angle, vertex, outline, &mut self.fill)
     }
 
     /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
     /// start and the half-edge beyond. False when the star is not closed or too large.
     fn gather(&mut self, mesh: &Mesh, half_edge: u32) -> bool {
-        if !mesh.star(half_edge, MAX_DEGREE, &mut self.star) {
+        let most = if self.any { refill::MAX_DEGREE } else { MAX_DEGREE };
+        if !mesh.star(half_edge, most, &mut self.star) {
             return false;
         }
         self.ring.clear();
@@ -192,26 +215,10 @@ impl Scratch {
         })
     }
 
-    /// The vertex itself is the sample most likely to be too far off: look at it first.
-    fn vertex_stays_within(&self, judge: &Judge<'_>, vertex: Local) -> bool {
-        let v = vertex.lattice();
-        let holds = |tri: &&Tri| {
-            let [a, b, c] = tri.corners.map(Local::lattice);
-            orient(a, b, v) >= 0 && orient(b, c, v) >= 0 && orient(c, a, v) >= 0
-        };
-        self.fill.iter().find(holds).is_some_and(|tri| {
-            let [a, b, c] = tri.corners.map(Local::lattice);
-            let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
-            let heights = judge.field.vertices(tri.corners);
-            within(weights, heights, judge.field.sample(vertex), judge.tolerance)
-        })
-    }
-
     /// True when the new edges are within the tolerance between samples, if that is asked for.
     fn diagonals_keep(&self, judge: &Judge<'_>) -> bool {
-        let Some(crossings) = judge.crossings else { return true };
         let ears = &self.fill[..self.fill.len() - 1];
-        ears.iter().all(|ear| crossings.worst(ear.corners[2], ear.corners[0]).is_none())
+        ears.iter().all(|ear| judge.edge_keeps([ear.corners[2], ear.corners[0]]))
     }
 
     fn replace(&mut self, mesh: &mut Mesh) -> &[u32] {
@@ -226,6 +233,16 @@ impl Scratch {
         self.star[self.fill.len()..].iter().for_each(|&id| mesh.remove(id));
         &self.star[..self.fill.len()]
     }
+}
+
+/// Whether a vertex that goes stays within the tolerance of a triangle that holds it; `None` where it does not. It
+/// is the sample most likely to be too far off: to look at it first spares looking at the others.
+pub(super) fn stays_within(judge: &Judge<'_>, corners: [Local; 3], vertex: Local) -> Option<bool> {
+    let ([a, b, c], v) = (corners.map(Local::lattice), vertex.lattice());
+    let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
+    let holds = weights.iter().all(|&weight| weight >= 0);
+    let heights = judge.field.vertices(corners);
+    holds.then(|| within(weights, heights, judge.field.sample(vertex), judge.tolerance))
 }
 
 #[cfg(test)]

@@ -45,6 +45,11 @@ impl<'a> Judge<'a> {
         Self { crossings: Some(crossings), ..*self }
     }
 
+    /// True when an edge is within the tolerance between samples, if that is asked for.
+    pub(super) fn edge_keeps(&self, [from, to]: [Local; 2]) -> bool {
+        self.crossings.is_none_or(|crossings| crossings.worst(from, to).is_none())
+    }
+
     /// The sample of triangle `p` to insert, or `None` when every sample of the decimated copy
     /// `level` is within the tolerance. At level 0 the answer is exact: scans in `f32` decide only
     /// where their rounding cannot matter.

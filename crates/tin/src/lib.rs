@@ -16,6 +16,7 @@ mod measure;
 mod mesh;
 mod order;
 mod patch;
+mod refill;
 mod rim;
 mod scan;
 pub mod scatter;
@@ -27,7 +28,7 @@ use terrane_base::geom::Rounding;
 
 pub use breaklines::{Stretch, goes_on};
 pub use order::sort_by_position;
-pub use patch::mend_patch;
+pub use patch::{mend_patch, reduce_patch};
 pub use tile::{Scratch, triangulate_tile};
 
 /// A lattice position inside a tile or patch: column and row below 2^14, packed so that integer
@@ -88,6 +89,8 @@ pub struct Spec {
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
+    /// Triangles need not be Delaunay inside a tile, where that takes fewer vertices: see [`reduce_patch`].
+    pub data_dependent: bool,
     /// Vertices may lie up to the tolerance above or below their samples, where that takes fewer of them.
     pub fit: bool,
     /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where

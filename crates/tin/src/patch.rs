@@ -27,16 +27,9 @@ use terrane_base::geom::predicates::in_circle;
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is
 /// linear in the triangles but for sorting them.
 pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
-    let (width, height) = (input.heights.width, input.heights.height);
-    scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
-    if spec.fit {
-        scratch.field.free_heights();
-        input.vertices.iter().for_each(|&(at, height)| scratch.field.move_vertex(at, height));
-    }
-    let mut sorted = input.triangles.to_vec();
-    sort_by_position(&mut sorted);
-    build(&mut scratch.mesh, &sorted);
+    let sorted = begin(input, spec, scratch);
     let Scratch { field, mesh, lists, rounds, drop, adjust, edges, used, scan } = scratch;
+    let [width, height] = [input.heights.width, input.heights.height];
     mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
     let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
@@ -72,6 +65,54 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
     PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
+}
+
+/// Drops the vertices whose stars can be filled within the tolerance by any triangles, Delaunay or not; where
+/// heights are free, moves others and tries again. What lies beside the border of the patch stays.
+///
+/// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is linear in the
+/// triangles but for sorting them, and of a star in the cube of its corners.
+pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+    let sorted = begin(input, spec, scratch);
+    let Scratch { field, mesh, drop, adjust, edges, used, scan, .. } = scratch;
+    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
+    if spec.bound == Bound::Surface {
+        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+    }
+    let mut stays = input.kept.to_vec();
+    breaklines::vertices((input.lines, field), mesh, edges, &mut stays);
+    drop.limit_angles(spec.min_angle);
+    drop.allow_any(true);
+    drop.settle(field, &stays);
+    drop::drop_redundant(&judge, mesh, drop);
+    adjust.reset(field, input.kept);
+    if spec.fit {
+        adjust.look_at(field, mesh, |_| true);
+        for _ in 0..adjust::ROUNDS {
+            if !adjust.sweep(&judge, mesh, spec.tolerance) {
+                break;
+            }
+            drop.settle(field, &stays);
+            drop::drop_redundant(&judge, mesh, drop);
+            adjust.look_at_changes(field, mesh);
+        }
+    }
+    drop.allow_any(false);
+    finish(mesh, &Border { field, input }, &sorted, spec, (adjust, used))
+}
+
+/// Brings the heights and the triangles of a patch, which are returned sorted.
+fn begin(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> Vec<Triangle> {
+    let [width, height] = [input.heights.width, input.heights.height];
+    scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
+    if spec.fit {
+        scratch.field.free_heights();
+        input.vertices.iter().for_each(|&(at, height)| scratch.field.move_vertex(at, height));
+    }
+    let mut sorted = input.triangles.to_vec();
+    sort_by_position(&mut sorted);
+    build(&mut scratch.mesh, &sorted);
+    sorted
 }
 
 impl PatchInput<'_> {

@@ -134,6 +134,7 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
 
 fn job(args: &TinArgs) -> Result<PlanJob> {
     args.grid.check_all(&args.input)?;
+    args.method.check_triangulation()?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;
     let tin = TinJob {
         reading: args.grid.reading(args.method.water.as_ref()),

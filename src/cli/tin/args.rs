@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use crate::atomic::refuse_existing;
 use crate::bound::Bound;
+use crate::cli::shared::lists::ENGINE;
 use crate::cli::shared::{args, bands, check, many, names, parse, points};
 use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
 use crate::jobs::placing::Placing;
 use crate::jobs::tin::{Goal, Refinement, TILE_CELLS, USUAL_TILE};
+use crate::methods::Triangulation;
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -133,6 +135,11 @@ pub(crate) struct Method {
     /// fewer, mostly a fifth; some five times slower). The error is kept all the same
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
+    /// Which triangles vertices get. delaunay; data-dependent: any that keep the error, where that takes fewer
+    /// vertices (a fifth fewer; half as slow again), and with a method below, edges flipped for the smaller sum of
+    /// largest errors; split3, with a method: nothing is ever flipped [default: delaunay]
+    #[arg(long, value_name = "NAME", value_parser = clap::value_parser!(Triangulation))]
+    pub(crate) triangulation: Option<Triangulation>,
     /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
     #[arg(long, value_name = "DEGREES", value_parser = parse::positive)]
     pub(crate) min_angle: Option<f64>,
@@ -154,12 +161,21 @@ pub(crate) struct Method {
 }
 
 impl Method {
+    /// Fails for a triangulation that the engine does not know.
+    pub(crate) fn check_triangulation(&self) -> Result<()> {
+        match self.triangulation {
+            Some(Triangulation::Split3) => Err(textbook::unknown("--triangulation split3", ENGINE)),
+            _ => Ok(()),
+        }
+    }
+
     pub(crate) fn refinement(&self) -> Refinement {
         Refinement {
             bound: self.bound,
             strict: self.strict,
             drop: !self.no_drop,
             fit: self.fit,
+            data_dependent: self.triangulation == Some(Triangulation::DataDependent),
             min_angle: self.min_angle,
             keep_points: self.keep_points.clone(),
             breaklines: self.breaklines.clone(),

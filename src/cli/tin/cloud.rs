@@ -71,7 +71,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
     let others = [
         ("--no-disk-check", args.disk.no_disk_check),
         ("--method", args.textbook.method.is_some()),
-        ("--triangulation", args.textbook.triangulation.is_some()),
+        ("--triangulation", args.method.triangulation.is_some()),
         ("--bands", args.bands.is_given()),
         ("--co", !args.co.is_empty()),
         ("--base", args.print.placing()?.base.is_some()),

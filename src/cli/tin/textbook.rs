@@ -5,7 +5,7 @@ use crate::cli::shared::lists::ENGINE;
 use crate::cli::tin::args::Args;
 use crate::error::{Error, Result};
 use crate::jobs::tin::{Goal, Textbook, TinReport};
-use crate::methods::{METHODS, Method, Triangulation};
+use crate::methods::{METHODS, Method};
 
 /// What was chosen.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -15,10 +15,6 @@ pub(crate) struct Chosen {
     /// memory [default: greedy]
     #[arg(long, value_name = "NAME", value_parser = parse_method)]
     pub(crate) method: Option<By>,
-    /// Which triangles vertices get, by methods that leave it open: delaunay, split3 (nothing is ever
-    /// flipped), data-dependent (flipped for the smaller sum of largest errors) [default: delaunay]
-    #[arg(long, value_name = "NAME", value_parser = clap::value_parser!(Triangulation))]
-    pub(crate) triangulation: Option<Triangulation>,
 }
 
 /// A method by name.
@@ -41,8 +37,8 @@ fn parse_method(name: &str) -> std::result::Result<By, String> {
 
 impl Chosen {
     /// The method, if it is not the engine's own.
-    pub(crate) fn by(self) -> Option<Textbook> {
-        let triangulation = self.triangulation.unwrap_or_default();
+    pub(crate) fn by(self, args: &Args) -> Option<Textbook> {
+        let triangulation = args.method.triangulation.unwrap_or_default();
         match self.method {
             Some(By::Textbook(method)) => Some(Textbook { method, triangulation }),
             Some(By::Engine) | None => None,
@@ -52,15 +48,12 @@ impl Chosen {
     /// Fails when an option was given that the method does not know, or that is not for several bands.
     pub(crate) fn check(self, args: &Args) -> Result<()> {
         args.bands.refuse_beside(&[("--method", self.method.is_some())])?;
-        args.bands.refuse_beside(&[("--triangulation", self.triangulation.is_some())])?;
+        args.bands.refuse_beside(&[("--triangulation", args.method.triangulation.is_some())])?;
         args.bands.refuse_beside(&engine_options(args))?;
-        let Some(Textbook { method, .. }) = self.by() else {
-            return match self.triangulation {
-                Some(_) => Err(unknown("--triangulation", ENGINE)),
-                None => Ok(()),
-            };
+        let Some(Textbook { method, .. }) = self.by(args) else {
+            return args.method.check_triangulation();
         };
-        let open = !method.takes_triangulation && self.triangulation.is_some();
+        let open = !method.takes_triangulation && args.method.triangulation.is_some();
         let options = engine_options(args);
         let options = [("--triangulation", open)].into_iter().chain(options);
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
@@ -95,9 +88,9 @@ pub(super) fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
     ]
 }
 
-fn unknown(option: &str, method: &str) -> Error {
+pub(super) fn unknown(option: &str, method: &str) -> Error {
     let instead = match option {
-        "--triangulation" => "leave it out, or choose a method that leaves the triangulation open",
+        "--triangulation" | "--triangulation split3" => "leave it out, or choose a method that leaves the triangulation open",
         "--max-vertices" | "--max-triangles" => "pass --max-error instead",
         _ => "leave it out, or leave out --method",
     };

@@ -149,6 +149,21 @@ impl Container {
         }
     }
 
+    /// The triangles that lie in the tile.
+    pub(super) fn within(&self, tile: TileId, layout: &Layout) -> Vec<Triangle> {
+        let inside = all_bounds(layout, tile);
+        let near = self.triangles.iter().filter(|t| inside.holds(&Bounds::of(t.corners)));
+        near.chain(&self.inner).copied().collect()
+    }
+
+    /// Puts a piece of the whole tile in the place of the triangles that lie in it.
+    pub(super) fn replace_within(&mut self, piece: Piece<'_>, tile: TileId, layout: &Layout) {
+        let inside = all_bounds(layout, tile);
+        self.triangles.retain(|t| !inside.holds(&Bounds::of(t.corners)));
+        self.inner.clear();
+        self.insert(piece, tile, layout);
+    }
+
     /// Lists the vertices in `rect` and their heights, relative to it; of one that is listed twice the last is
     /// right.
     pub(super) fn heights_in(
@@ -313,8 +328,16 @@ impl Spilled {
 
 /// The samples of a tile that are [`MARGIN`] cells away from its sides.
 pub(super) fn inner_bounds(layout: &Layout, tile: TileId) -> Bounds {
-    let rect = layout.rect(tile);
-    let span = |count: u32| [MARGIN as i32, count as i32 - 1 - MARGIN as i32];
+    bounds_within(layout.rect(tile), MARGIN as i32)
+}
+
+/// The samples of a tile.
+fn all_bounds(layout: &Layout, tile: TileId) -> Bounds {
+    bounds_within(layout.rect(tile), 0)
+}
+
+fn bounds_within(rect: Rect, margin: i32) -> Bounds {
+    let span = |count: u32| [margin, count as i32 - 1 - margin];
     Bounds { cols: span(rect.width), rows: span(rect.height) }
 }
 

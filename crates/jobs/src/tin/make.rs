@@ -29,6 +29,7 @@ use terrane_mesh::split::{self, Blocks};
 use terrane_mesh::{
     self as mesh, Channel, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
+use terrane_methods::Triangulation;
 use terrane_raster::{GridInfo, GridSource, Inputs, OpenOptions, Water, WaterReport};
 use terrane_tin::Spec;
 
@@ -384,7 +385,8 @@ impl Maker<'_> {
             horizontal_unit: horizontal_unit(&info.crs).to_owned(),
             vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
             method: None,
-            triangulation: None,
+            triangulation: (job.refinement.data_dependent)
+                .then(|| Triangulation::DataDependent.name().to_owned()),
             bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
@@ -458,6 +460,7 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let error = format!("{MAX_ERROR}{}{unit}", spec.tolerance);
     let bound = (spec.bound != Bound::Samples).then(|| format!("bound {}", spec.bound));
     let fitted = spec.fit.then(|| "fitted heights".to_owned());
+    let any = spec.data_dependent.then(|| "data-dependent triangulation".to_owned());
     let angle = spec.min_angle.map(|least| format!("min angle {}", least.degrees()));
     let clip = from.clip.map(|path| format!("clip {}", beside::label(path)));
     let water = from.water.map(|path| format!("water {}", beside::label(path)));
@@ -465,7 +468,7 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     let kept = kept.map(|path| format!("keep points {}", beside::label(&path)));
     let lines = lines.map(|path| format!("breaklines {}", beside::label(&path)));
     let source = format!("source {}", from.input);
-    let more = [bound, fitted, angle, clip, water, kept, lines].into_iter().flatten();
+    let more = [bound, fitted, any, angle, clip, water, kept, lines].into_iter().flatten();
     [source, error].into_iter().chain(more).collect()
 }
 

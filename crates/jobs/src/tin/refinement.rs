@@ -27,6 +27,9 @@ pub struct Refinement {
     /// Let vertices lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fit: bool,
+    /// Let triangles be others than Delaunay ones.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub data_dependent: bool,
     /// The smallest angle that triangles may have in plan, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,
@@ -45,6 +48,7 @@ impl Default for Refinement {
             strict: false,
             drop: true,
             fit: false,
+            data_dependent: false,
             min_angle: None,
             keep_points: None,
             breaklines: None,
@@ -56,14 +60,20 @@ impl Refinement {
     /// What the kernel is told on a grid with this map, errors measured; the tolerance is yet to be found.
     ///
     /// # Errors
-    /// An angle that the cells do not have.
+    /// An angle that the cells do not have; redundant vertices that are to be kept, and not.
     pub(super) fn spec(&self, map: &Affine) -> Result<Spec> {
+        if self.data_dependent && !self.drop {
+            let message = "which triangles are not Delaunay is found by dropping vertices";
+            return Err(Error::usage(message)
+                .remedy("leave one of --triangulation data-dependent and --no-drop out"));
+        }
         Ok(Spec {
             tolerance: 0.0,
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
             fit: self.fit,
+            data_dependent: self.data_dependent,
             min_angle: angle_bound(self.min_angle, map)?,
             single_precision: None,
             measure: true,

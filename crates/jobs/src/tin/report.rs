@@ -17,7 +17,7 @@ use terrane_raster::WaterReport;
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageReport {
-    /// Name: "read", "tiles", "seams", "write", "load"; of methods of the textbooks "method".
+    /// Name: "read", "tiles", "seams", "write", "reduce", "load"; of methods of the textbooks "method".
     pub name: String,
     /// Seconds spent in it, summed over threads.
     pub thread_seconds: f64,
@@ -168,6 +168,8 @@ pub(super) enum Stage {
     Tiles,
     Seams,
     Write,
+    /// What only a Delaunay mesh needs is dropped.
+    Reduce,
     /// From saved containers.
     Load,
 }
@@ -175,12 +177,12 @@ pub(super) enum Stage {
 /// Time and samples by stage, of one worker or summed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clock {
-    spent: [Duration; 5],
-    samples: [u64; 5],
+    spent: [Duration; 6],
+    samples: [u64; 6],
 }
 
 impl Clock {
-    const NAMES: [&str; 5] = ["read", "tiles", "seams", "write", "load"];
+    const NAMES: [&str; 6] = ["read", "tiles", "seams", "write", "reduce", "load"];
 
     /// Adds the time since `started` and `samples` to a stage.
     pub(super) fn add(&mut self, stage: Stage, started: Instant, samples: u64) {

@@ -345,6 +345,7 @@ mod tests {
                 strict: false,
                 drop: true,
                 fit: false,
+                data_dependent: false,
                 min_angle: None,
                 single_precision: None,
                 measure: false,

@@ -27,18 +27,20 @@ use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
     self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Spec, Stretch, TileInput,
-    TileMesh, Triangle, mend_patch, triangulate_tile,
+    TileMesh, Triangle, mend_patch, reduce_patch, triangulate_tile,
 };
 
-/// The two pure functions the pipeline is built around; tests plant faults here.
+/// The pure functions the pipeline is built around; tests plant faults here.
 #[derive(Clone, Copy)]
 pub(super) struct Kernel {
     pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
     pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
+    pub(super) reduce: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
 }
 
 impl Kernel {
-    pub(super) const GREEDY: Kernel = Kernel { tile: triangulate_tile, patch: mend_patch };
+    pub(super) const GREEDY: Kernel =
+        Kernel { tile: triangulate_tile, patch: mend_patch, reduce: reduce_patch };
 }
 
 /// What all workers of a running job share.
@@ -285,25 +287,56 @@ impl<'a> Worker<'a> {
     fn mend_rect(&mut self, seam: Seam, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
         let started = Instant::now();
         let layout = &self.job.layout;
-        let [seam_col, seam_row] = layout.seam_lines(seam, tile, rect);
+        let seams = layout.seam_lines(seam, tile, rect);
         let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
         let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
+        let patch = self.patch(self.job.kernel.patch, rect, &triangles, seams);
+        self.clock.add(Stage::Seams, started, rect.len() as u64);
+        patch
+    }
+
+    /// What `make` makes of triangles in `rect`, whose heights have been read.
+    fn patch(
+        &mut self,
+        make: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
+        rect: Rect,
+        triangles: &[Triangle],
+        [seam_col, seam_row]: [Option<u32>; 2],
+    ) -> PatchMesh {
         self.list_kept(rect);
         self.list_lines(rect);
         let input = PatchInput {
             heights: self.window.heights(),
             vertices: &self.vertices,
-            triangles: &triangles,
+            triangles,
             seam_col,
             seam_row,
-            grid_ends: layout.grid_ends(rect),
+            grid_ends: self.job.layout.grid_ends(rect),
             spacing: self.spacing(),
             kept: &self.kept,
             lines: &self.lines,
         };
-        let patch = (self.job.kernel.patch)(&input, &self.job.settings.spec, &mut self.scratch);
-        self.clock.add(Stage::Seams, started, rect.len() as u64);
-        patch
+        make(&input, &self.job.settings.spec, &mut self.scratch)
+    }
+
+    /// Drops vertices that only a Delaunay mesh needs: those whose triangles are all kept with the tile, and lie in
+    /// it. All that touches them is done by now, and no neighbour looks at anything that this changes: the
+    /// vertices of the neighbours, and which of them are in use, stay as they are.
+    fn reduce(&mut self, tile: TileId) -> Result<()> {
+        let layout = self.job.layout;
+        let rect = layout.rect(tile);
+        self.read(rect)?;
+        let started = Instant::now();
+        self.look_up_heights(rect)?;
+        let bytes = self.job.store.with(tile, |kept| kept.bytes())?;
+        let _room = self.job.store.reserve(2 * bytes, tile)?;
+        let triangles = self.job.store.with(tile, |kept| kept.within(tile, &layout))?;
+        let patch = self.patch(self.job.kernel.reduce, rect, &triangles, [None; 2]);
+        let PatchMesh { triangles, vertices, heights, .. } = &patch;
+        let piece = Piece { rect, triangles, vertices, heights };
+        self.job.store.with(tile, |kept| kept.replace_within(piece, tile, &layout))?;
+        self.clock.add(Stage::Reduce, started, layout.owned(tile).len() as u64);
+        Ok(())
     }
 
     /// What the mesh beyond a mended patch says to it.
@@ -358,6 +391,9 @@ impl<'a> Worker<'a> {
 
     /// Settles which vertices of a tile are in use, and writes them.
     fn gather(&mut self, tile: TileId) -> Result<()> {
+        if self.job.settings.spec.data_dependent {
+            self.reduce(tile)?;
+        }
         let started = Instant::now();
         let job = self.job;
         let layout = &job.layout;
