@@ -36,6 +36,7 @@ fn spec(tolerance: f64, drop: bool) -> Spec {
         strict: false,
         drop,
         fit: false,
+        data_dependent: false,
         min_angle: None,
         single_precision: None,
         measure: false,

@@ -20,6 +20,7 @@ struct Run {
     tolerance: f64,
     bound: Bound,
     fit: bool,
+    data_dependent: bool,
     /// In degrees.
     min_angle: Option<f64>,
     kept: Kept,
@@ -37,6 +38,7 @@ impl Default for Run {
             tolerance: 2.0,
             bound: Bound::Samples,
             fit: false,
+            data_dependent: false,
             min_angle: None,
             kept: Kept::default(),
             tile: 16,
@@ -59,6 +61,7 @@ impl Run {
                 strict: false,
                 drop: true,
                 fit: self.fit,
+                data_dependent: self.data_dependent,
                 min_angle: self
                     .min_angle
                     .map(|least| AngleBound::new(least, [1.0, 0.0], [0.0, -1.0])),
@@ -100,6 +103,9 @@ fn fine(col: u32, row: u32) -> f64 {
     1e8 + hills(col, row) + noise(row, col) * 0.1
 }
 
+/// Heights free or not, triangles others than Delaunay ones or not.
+const WAYS: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
+
 fn both_bounds(tolerance: f64) -> [(f64, Bound); 2] {
     Bound::ALL.map(|bound| (tolerance, bound))
 }
@@ -111,8 +117,8 @@ fn grids_of_all_sizes_become_seamless_surfaces() {
         for surface in [hills, holes, flat_sea] {
             for (tolerance, bound) in [0.0, 2.0, 1e6].into_iter().flat_map(both_bounds) {
                 let grid = FunctionGrid::new(width, height, surface);
-                for fit in [false, true] {
-                    let run = Run { tolerance, bound, fit, ..Run::default() };
+                for (fit, data_dependent) in WAYS {
+                    let run = Run { tolerance, bound, fit, data_dependent, ..Run::default() };
                     let (mesh, outcome) = run.on(&grid).unwrap();
                     validate(&mesh, &grid, tolerance);
                     assert_eq!(outcome.vertices, mesh.vertices.len() as u64);
@@ -142,18 +148,19 @@ fn full_size_tiles_meet_without_cracks() {
 
 #[test]
 fn bytes_do_not_depend_on_threads_memory_or_order() {
-    type Kind = (fn(u32, u32) -> f64, Bound, bool);
-    let kinds: [Kind; 4] = [
-        (hills, Bound::Samples, false),
-        (holes, Bound::Surface, false),
-        (flat_sea, Bound::Samples, true),
-        (hills, Bound::Surface, true),
+    type Kind = (fn(u32, u32) -> f64, Bound, (bool, bool));
+    let kinds: [Kind; 5] = [
+        (hills, Bound::Samples, WAYS[0]),
+        (holes, Bound::Surface, WAYS[2]),
+        (flat_sea, Bound::Samples, WAYS[1]),
+        (hills, Bound::Surface, WAYS[1]),
+        (hills, Bound::Samples, WAYS[3]),
     ];
     let lines =
         Breaklines::of(vec![[[3, 149], [130, 11]], [[130, 11], [0, 16]], [[40, 0], [33, 140]]]);
-    for (surface, bound, fit) in kinds {
+    for (surface, bound, (fit, data_dependent)) in kinds {
         let kept = Kept::default().with(lines.clone());
-        let usual = || Run { bound, fit, kept: kept.clone(), ..Run::default() };
+        let usual = || Run { bound, fit, data_dependent, kept: kept.clone(), ..Run::default() };
         let grid = FunctionGrid::new(131, 150, surface);
         let (mesh, alone) = usual().on(&grid).unwrap();
         for threads in [1, 2, 8] {
@@ -175,9 +182,11 @@ fn bytes_do_not_depend_on_threads_memory_or_order() {
 fn heights_wider_than_f32_come_out_exact() {
     let mut grid = FunctionGrid::new(60, 50, fine);
     grid.info.sample_type = terrane_raster::SampleType::F64;
-    for (fit, tolerance) in [(false, 2.0), (true, 2.0), (true, 0.2), (true, 10.0)] {
-        let (mesh, _) = Run { fit, tolerance, ..Run::default() }.on(&grid).unwrap();
-        validate(&mesh, &grid, tolerance * (1.0 + 1e-6));
+    for (fit, data_dependent) in WAYS {
+        for tolerance in [0.2, 2.0, 10.0] {
+            let run = Run { fit, data_dependent, tolerance, ..Run::default() };
+            validate(&run.on(&grid).unwrap().0, &grid, tolerance * (1.0 + 1e-6));
+        }
     }
 }
 
@@ -381,7 +390,19 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             .collect();
         let kept = kept.with(Breaklines::of(segments.clone()));
         let run = Run { tolerance, bound, fit, min_angle, kept, tile, ..Run::default() };
-        let (mesh, outcome) = match run.on(&grid) {
+        let checked = |run: &Run| -> Result<(Mesh, Outcome)> {
+            let (mesh, outcome) = run.on(&grid)?;
+            validate(&mesh, &grid, tolerance);
+            check_kept(&run.kept, &mesh, &grid, outcome.kept);
+            check_followed(&segments, &mesh, &grid);
+            assert_eq!(outcome.apart, Flaws::default(), "{name} (seed {seed})");
+            let thin = min_angle.map_or(0, |least| thin(&mesh, least));
+            assert_eq!(thin, outcome.thin.count, "{name} (seed {seed})");
+            // There are settings where some are left: then as many are told. None of these is one.
+            assert_eq!(thin, 0, "{name} (seed {seed}): {min_angle:?} degrees, tile {tile}");
+            Ok((mesh, outcome))
+        };
+        let (mesh, outcome) = match checked(&run) {
             Ok(made) => made,
             // No land is valid.
             Err(error) if error.kind() == ErrorKind::BadInput => {
@@ -390,14 +411,8 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             }
             Err(error) => panic!("{name} (seed {seed}): {error}"),
         };
-        validate(&mesh, &grid, tolerance);
-        check_kept(&run.kept, &mesh, &grid, outcome.kept);
-        check_followed(&segments, &mesh, &grid);
-        assert_eq!(outcome.apart, Flaws::default(), "{name} (seed {seed})");
-        let thin = min_angle.map_or(0, |least| thin(&mesh, least));
-        assert_eq!(thin, outcome.thin.count, "{name} (seed {seed})");
-        // There are settings where some are left: then as many are told. None of these is one.
-        assert_eq!(thin, 0, "{name} (seed {seed}): {min_angle:?} degrees, tile {tile}");
+        let (_, reduced) = checked(&Run { data_dependent: true, ..run }).unwrap();
+        assert!(reduced.vertices <= outcome.vertices, "{name} (seed {seed})");
         let edges = non_delaunay_edges(&mesh, &grid);
         if edges > 0 {
             wrong.push(format!(

@@ -144,7 +144,11 @@ impl Scratch {
     ) -> Option<&[u32]> {
         let vertex = mesh.origin(half_edge);
         let is_droppable = self.gather(mesh, half_edge)
-            && if self.any { self.refill_by_any(judge, vertex) } else { self.refill_by_ears(judge, vertex) };
+            && if self.any {
+                self.refill_by_any(judge, vertex)
+            } else {
+                self.refill_by_ears(judge, vertex)
+            };
         is_droppable.then(|| self.replace(mesh))
     }
 
@@ -152,7 +156,8 @@ impl Scratch {
     fn refill_by_ears(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
         self.refill()
             && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
-            && self.fill.iter().find_map(|tri| stays_within(judge, tri.corners, vertex)) == Some(true)
+            && self.fill.iter().find_map(|tri| stays_within(judge, tri.corners, vertex))
+                == Some(true)
             && self.diagonals_keep(judge)
             && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none())
     }

@@ -392,9 +392,22 @@ impl Tri {
 
 #[cfg(test)]
 impl Mesh {
-    /// Panics unless twins are mutual and share their edge, every triangle has positive area, and
-    /// every interior edge is Delaunay.
+    /// Panics unless the mesh is [sound](Self::validate_links) and every interior edge is Delaunay.
     pub(super) fn validate(&self) {
+        self.validate_links();
+        for half_edge in self.ids().flat_map(|id| 4 * id..4 * id + 3) {
+            let twin = self.twin(half_edge);
+            if twin != NONE {
+                let far = self.end((twin & !3) + next(twin & 3));
+                let [a, b, c] = self.tris[(half_edge >> 2) as usize].corners.map(Local::lattice);
+                let is_delaunay = in_circle(a, b, c, far.lattice()) <= 0;
+                assert!(is_delaunay, "half-edge {half_edge} is not Delaunay");
+            }
+        }
+    }
+
+    /// Panics unless twins are mutual and share their edge, and every triangle has positive area.
+    pub(super) fn validate_links(&self) {
         for id in self.ids() {
             let tri = &self.tris[id as usize];
             let [a, b, c] = tri.corners.map(Local::lattice);
@@ -420,9 +433,6 @@ impl Mesh {
         assert_eq!(other.twins[(twin & 3) as usize], 4 * id + edge, "twins of {id} disagree");
         let end = tri.corners[next(edge) as usize];
         assert_eq!(self.origin(twin), end, "twins of {id} have different ends");
-        let far = other.corners[prev(twin & 3) as usize].lattice();
-        let [a, b, c] = tri.corners.map(Local::lattice);
-        assert!(in_circle(a, b, c, far) <= 0, "edge {edge} of triangle {id} is not Delaunay");
     }
 
     /// Twice the area covered.

@@ -102,7 +102,8 @@ impl Refill {
             promises[apex] = at(from, apex).min(at(apex, to)).min(shape(corners(apex)));
         }
         loop {
-            let better = |best: usize, apex| if promises[apex] > promises[best] { apex } else { best };
+            let better =
+                |best: usize, apex| if promises[apex] > promises[best] { apex } else { best };
             let apex = (from + 1..to).fold(from, better);
             if promises[apex] <= 0.0 {
                 return NO_FILLING;
@@ -145,4 +146,95 @@ fn shape(corners: [Local; 3]) -> f64 {
     };
     let longest = square(0).max(square(1)).max(square(2));
     orient(at[0], at[1], at[2]) as f64 / longest as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Heights;
+    use crate::drop::Scratch;
+    use crate::field::Field;
+    use crate::greedy::{WorkLists, fit};
+    use crate::mesh::{Mesh, State};
+    use crate::scan::available;
+    use proptest::prelude::*;
+
+    const SIDE: u32 = 14;
+
+    /// True when every sample of a triangle is within the tolerance, in whole numbers.
+    fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
+        let [a, b, c] = corners.map(Local::lattice);
+        let z = field.vertices(corners).map(|z| z as i64);
+        (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE)).all(|at| {
+            let q = at.lattice();
+            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
+            let height = field.sample(at) as i64;
+            let off: i64 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
+            weights.iter().any(|&weight| weight < 0) || off.abs() <= tolerance * orient(a, b, c)
+        })
+    }
+
+    /// The shape of the worst triangle of the best filling of an outline, of all there are: the apex on the edge
+    /// from the last corner to the first is tried everywhere, and what is left on its two sides filled in turn.
+    fn best_of_all(outline: &[Local], keeps: &impl Fn([Local; 3]) -> bool) -> f64 {
+        let Some(last) = outline.len().checked_sub(1).filter(|&last| last > 1) else {
+            return f64::INFINITY;
+        };
+        let with_apex = |apex: usize| {
+            let corners = [outline[0], outline[apex], outline[last]];
+            let own = shape(corners);
+            if own <= 0.0 || !keeps(corners) {
+                return 0.0;
+            }
+            let sides = [&outline[..=apex], &outline[apex..]];
+            sides.iter().fold(own, |worst, side| worst.min(best_of_all(side, keeps)))
+        };
+        (1..last).map(with_apex).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        /// Each vertex is tried in turn; where the mesh was made for a smaller tolerance, many may go.
+        #[test]
+        fn a_vertex_goes_when_any_triangles_fill_its_star_and_the_best_do(
+            z in prop::collection::vec(0..24_u8, (SIDE * SIDE) as usize), tolerance in 6..16_u8,
+            finer in 0..5_u8, angle in prop_oneof![Just(None), (1.0..20.0_f64).prop_map(Some)]
+        ) {
+            let z: Vec<f32> = z.into_iter().map(f32::from).collect();
+            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = Field::default();
+            field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            let mut mesh = Mesh::default();
+            mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+            let judge = |tolerance: u8| Judge::of_samples(&field, available()[0].1, tolerance.into());
+            fit(&judge(tolerance - finer), &mut mesh, &mut WorkLists::default(), false);
+            let angle = angle.map(|least| AngleBound::new(least, [1.0, 0.0], [0.0, -1.0]));
+            let mut scratch = Scratch::default();
+            scratch.limit_angles(angle);
+            scratch.allow_any(true);
+            let mut star = Vec::new();
+            for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+                if mesh.tris[(half_edge >> 2) as usize].state == State::Free
+                    || !mesh.star(half_edge, 9, &mut star)
+                {
+                    continue;
+                }
+                let outline: Vec<Local> = star.iter().map(|&at| mesh.end(at)).collect();
+                let keeps = |corners: [Local; 3]| {
+                    angle.is_none_or(|bound| bound.holds(corners))
+                        && is_within(&field, corners, tolerance.into())
+                };
+                let expected = best_of_all(&outline, &keeps);
+                let vertex = mesh.origin(half_edge);
+                let found = scratch.try_drop(&judge(tolerance), &mut mesh, half_edge).map(<[u32]>::to_vec);
+                let worst = found.iter().flatten().map(|&id| shape(mesh.tris[id as usize].corners));
+                let worst = if found.is_some() { worst.fold(f64::INFINITY, f64::min) } else { 0.0 };
+                prop_assert_eq!(worst, expected, "{:?}", vertex);
+                prop_assert!(found.is_none_or(|filled| filled.len() + 2 == outline.len()));
+            }
+            mesh.validate_links();
+            prop_assert_eq!(mesh.double_area(), 2 * i64::from(SIDE - 1).pow(2));
+        }
+    }
 }

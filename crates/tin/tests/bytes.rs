@@ -31,6 +31,7 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
         strict: false,
         drop: true,
         fit: false,
+        data_dependent: false,
         min_angle: None,
         single_precision: None,
         measure: false,

@@ -90,7 +90,9 @@ pub(super) fn engine_options(args: &Args) -> [(&'static str, bool); 11] {
 
 pub(super) fn unknown(option: &str, method: &str) -> Error {
     let instead = match option {
-        "--triangulation" | "--triangulation split3" => "leave it out, or choose a method that leaves the triangulation open",
+        "--triangulation" | "--triangulation split3" => {
+            "leave it out, or choose a method that leaves the triangulation open"
+        }
         "--max-vertices" | "--max-triangles" => "pass --max-error instead",
         _ => "leave it out, or leave out --method",
     };

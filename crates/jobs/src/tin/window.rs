@@ -145,7 +145,7 @@ mod tests {
             strict: false,
             drop: true,
             fit: false,
-                data_dependent: false,
+            data_dependent: false,
             min_angle: None,
             measure: false,
         };

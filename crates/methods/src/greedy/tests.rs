@@ -128,6 +128,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         strict: true,
         drop: false,
         fit: false,
+        data_dependent: false,
         min_angle: None,
         single_precision: None,
         measure: false,

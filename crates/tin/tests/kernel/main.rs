@@ -71,6 +71,7 @@ fn spec(tolerance: f64) -> Spec {
         strict: false,
         drop: true,
         fit: false,
+        data_dependent: false,
         min_angle: None,
         single_precision: None,
         measure: true,
