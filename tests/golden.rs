@@ -115,6 +115,8 @@ fn jobs() -> Vec<String> {
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --strict"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --bound surface"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --fit"));
+        let any = "--triangulation data-dependent";
+        add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 {any}"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64 --tolerance 4"));
     }
@@ -261,7 +263,8 @@ fn jobs() -> Vec<String> {
     );
     add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit then run w -o o.ply".into());
     add("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 --clip ../in/areas.wkt".into());
-    for how in ["", " --fit", " --bound surface"] {
+    add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --triangulation data-dependent then run w -o o.ply".into());
+    for how in ["", " --fit", " --bound surface", " --triangulation data-dependent"] {
         let keep = "--keep-points ../in/points.wkt";
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {keep}{how}"));
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 --min-angle 25{how}"));

@@ -184,6 +184,8 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --fit",
     "tin dem.tif o.ply --max-error 0.2 --tile 256 --min-angle 26",
     "tin dem.tif o.ply --max-error 0 --tile 256 --fit --bound surface",
+    "tin dem.tif o.ply --max-error 0.2 --tile 256 --triangulation data-dependent",
+    "tin dem.tif o.ply --max-error 0 --tile 256 --triangulation data-dependent --fit",
     "tin dem.tif o.stl --max-error 0 --tile 256",
     "tin dem.tif o.glb --max-error 0.2 --tile 256",
     "tin dem.tif o --max-error 1 --tile 256 --split 256",

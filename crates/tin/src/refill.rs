@@ -61,6 +61,10 @@ impl Refill {
         fill: &mut Vec<Tri>,
     ) -> bool {
         let count = ring.len();
+        fill.clear();
+        if !may_go(judge, vertex, ring) {
+            return false;
+        }
         self.fillings.clear();
         self.fillings.resize(count * count, NO_FILLING);
         (1..count).for_each(|to| self.fillings[(to - 1) * count + to] = EDGE);
@@ -80,7 +84,6 @@ impl Refill {
                 }
             }
         }
-        fill.clear();
         if self.fillings[count - 1].shape <= 0.0 {
             return false;
         }
@@ -133,6 +136,16 @@ impl Refill {
             fill.push(Tri::new([from, apex, to].map(|at| ring[at].0), twins));
         }
     }
+}
+
+/// True when some triangle of three corners of the outline holds the vertex and keeps it within the tolerance: one of
+/// those has to be in the filling, and most vertices have none.
+fn may_go(judge: &Judge<'_>, vertex: Local, ring: &[(Local, u32)]) -> bool {
+    let count = ring.len();
+    let thirds = |a: usize, b: usize| (b + 1..count).map(move |c| [a, b, c]);
+    let all = (0..count).flat_map(|a| (a + 1..count).flat_map(move |b| thirds(a, b)));
+    let mut triangles = all.map(|corners| corners.map(|at| ring[at].0));
+    triangles.any(|corners| stays_within(judge, corners, vertex) == Some(true))
 }
 
 /// How far from thin a triangle is: twice its area by the square of its longest side, at most 0.87, and 0 or less
