@@ -5,7 +5,8 @@
 //! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 12 MiB |
 //! | each worker: the most a tile can need | given |
 //! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
-//! | what is left: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//! | that eighth: holes between them, as they come and go in any size and order | |
 //!
 //! Workers come first: a worker too many would break the budget, one too few costs time only, and
 //! what does not fit of the other two is read again or spilled. No result depends on it.
@@ -32,6 +33,9 @@ pub(crate) fn beside_program(memory: u64) -> u64 {
 pub fn cache_beside(memory: u64) -> usize {
     usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
 }
+
+/// One in so many bytes for unfinished mesh is left to the allocator.
+const SLACK: u64 = 8;
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +64,8 @@ pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
     let rest = memory - PROGRAM - worker * threads as u64;
     let cache = (rest / 2).min(MOST_CACHE);
-    Ok(Shares { threads, cache, mesh: rest - cache })
+    let mesh = rest - cache;
+    Ok(Shares { threads, cache, mesh: mesh - mesh / SLACK })
 }
 
 fn too_little(memory: u64, least: u64) -> Error {
@@ -153,7 +158,9 @@ mod tests {
         assert_eq!(shares(4096, 8).threads, 8);
         for memory in [66, 68, 128, 1000, 9000] {
             let Shares { threads, cache, mesh } = shares(memory, 8);
-            assert_eq!(PROGRAM + 48 * MIB * threads as u64 + cache + mesh, memory * MIB);
+            let left = memory * MIB - PROGRAM - 48 * MIB * threads as u64;
+            assert_eq!(cache, (left / 2).min(MOST_CACHE));
+            assert_eq!(mesh + (left - cache) / SLACK, left - cache);
         }
     }
 
