@@ -1,5 +1,7 @@
 //! Regions against the whole, and against the brute force of looking at every point.
 
+mod lines;
+
 use super::*;
 use crate::Silent;
 use crate::few::Few;
@@ -42,14 +44,28 @@ fn mesh(
     threads: usize,
     memory: u64,
 ) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
+    mesh_with(&OnCloud::default(), source, tolerance, region, threads, memory)
+}
+
+/// The same, with what is to be kept.
+fn mesh_with(
+    kept: &OnCloud,
+    source: &Few,
+    tolerance: f64,
+    region: u64,
+    threads: usize,
+    memory: u64,
+) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
     let folder = tempfile::tempdir().unwrap();
     let (progress, cancel) = (&Silent, &Cancel::default());
     let filling = Filling { threads, memory, folder: folder.path(), progress, cancel };
     let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
     let points = PointStore::fill(source, tiling, &filling).unwrap();
-    let regions = Regions::new(&points, &[], region);
-    let (kept, hull) = (OnCloud::default(), points.hull().unwrap());
-    let lines = Lines::new(&kept, hull.clone(), points.tiling());
+    let hull = points.hull().unwrap();
+    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
+    let regions = Regions::new(&points, &lines.by_square(points.tiling()), region);
+    lines.divide(&regions, points.tiling());
+    let nearest = nearest_points(kept, &points, &hull, source.info.bounds.unwrap()).unwrap();
     let work = Work {
         points: &points,
         regions: &regions,
@@ -66,7 +82,7 @@ fn mesh(
     let made = triangulate(
         &work,
         tolerance,
-        (&hull.corners(), &[]),
+        (&hull.corners(), &nearest.points),
         &FRAME,
         || Ok(boxed),
         &mut Clock::default(),
