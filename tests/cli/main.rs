@@ -34,6 +34,7 @@ mod tin_angle;
 mod tin_bands;
 mod tin_breaklines;
 mod tin_clip;
+mod tin_cloud_lines;
 mod tin_fit;
 mod tin_keep;
 mod tin_limits;

@@ -54,6 +54,12 @@ impl Features {
         Ok(Self { lines, ..Self::read(points, None, None, resources)? })
     }
 
+    /// Those of these points and lines.
+    #[cfg(test)]
+    pub(crate) fn of(points: Option<Points>, lines: Option<Points>) -> Self {
+        Self { points, lines, water: None }
+    }
+
     /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
     ///
     /// # Errors

@@ -82,6 +82,13 @@ impl OnCloud {
         self.lines_asked.is_some()
     }
 
+    /// The bounds of a cloud and of the heights that lines have over it.
+    pub(crate) fn and_heights(&self, [low, high]: [Point; 2]) -> [Point; 2] {
+        let heights = || self.lines.iter().filter_map(|line| line.heights).flatten();
+        let (least, most) = (heights().fold(low.z, i32::min), heights().fold(high.z, i32::max));
+        [Point { z: least, ..low }, Point { z: most, ..high }]
+    }
+
     /// Bytes held.
     pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.points[..]) + size_of_val(&self.lines[..])) as u64

@@ -54,7 +54,8 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let (mut rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, "cloud"));
+    let whole = if r.of.breaklines.is_some() { "cloud, or posts of breaklines" } else { "cloud" };
+    let (mut rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, whole));
     rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
     rows.extend(r.of.breaklines.as_ref().map(|lines| {
         let vertices = text::count(r.of.on_breaklines);

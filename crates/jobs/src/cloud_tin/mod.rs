@@ -234,7 +234,8 @@ pub(super) fn make(
 ) -> Result<CloudTinReport> {
     let info = source.info();
     let bounds = info.bounds.ok_or_else(no_surface)?;
-    let mut header = header(job, info, bounds, format)?;
+    let kept = features.on_cloud(info, bounds)?;
+    let mut header = header(job, info, kept.and_heights(bounds), format)?;
     let (placed, notes) =
         job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
     header.scale = placed.scale;
@@ -242,7 +243,6 @@ pub(super) fn make(
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
     let sink = || (format.create)(&job.output, &header, &options);
-    let kept = features.on_cloud(info, bounds)?;
     let memory = job.resources.memory.saturating_sub(kept.bytes());
     let division = Division::of(job.tolerance, &kept);
     let mut clock = Clock::default();

@@ -162,7 +162,8 @@ impl<'a> Context<'a> {
         work.set_aside(kept.bytes());
         let has_posts = !kept.has_lines() && stated_text(work.mesh.info(), LINES).is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
-        let placer = Placer::new(frame, bounds, mesh.origin, mesh.single_precision);
+        let reach = kept.and_heights(bounds);
+        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
         let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
         Ok(Self { work, source, bounds, placer, tolerance, bound, kept, has_posts })
     }
