@@ -110,9 +110,10 @@ pub(crate) struct Points {
 }
 
 impl Points {
-    /// Bytes for a point while a list of them grows, and for one with a height.
+    /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
+    /// cloud.
     const BYTES: u64 = 48;
-    const SOLID: u64 = 72;
+    const SOLID: u64 = 192;
 
     /// Reads all points, or those of lines and rings alone.
     fn read(name: &str, what: &str, resources: &Resources) -> Result<Self> {

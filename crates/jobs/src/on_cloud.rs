@@ -42,13 +42,17 @@ impl OnCloud {
     ) -> Result<Self> {
         let (mut kept, place) = (Self::default(), Lattice::new(info.frame, bounds));
         if let Some(points) = points {
-            info.crs.check_same(&points.crs, "points").map_err(|e| e.in_file(&points.path))?;
+            info.crs
+                .check_same_of("cloud", &points.crs, "points")
+                .map_err(|e| e.in_file(&points.path))?;
             kept.points = points.at.iter().filter_map(|&at| place.nearest(at)).collect();
             kept.points.sort_unstable();
             kept.points_asked = Some((points.path, points.at.len() as u64));
         }
         if let Some(lines) = lines {
-            info.crs.check_same(&lines.crs, "lines").map_err(|e| e.in_file(&lines.path))?;
+            info.crs
+                .check_same_of("cloud", &lines.crs, "lines")
+                .map_err(|e| e.in_file(&lines.path))?;
             kept.take_lines(lines, &place)?;
         }
         Ok(kept)

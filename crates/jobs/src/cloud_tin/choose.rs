@@ -61,7 +61,11 @@ pub(super) fn choose(
     kept: &[Point],
 ) -> Result<Chosen> {
     let empty = |bytes| PointStore::empty(*work.points.tiling(), work.folder, bytes);
-    let (vertices, posts) = (empty(work.vertex_bytes), empty(work.vertex_bytes / 4));
+    let of_posts = match work.lines.is_empty() && kept.is_empty() {
+        true => 0,
+        false => work.vertex_bytes / 4,
+    };
+    let (vertices, posts) = (empty(work.vertex_bytes - of_posts), empty(of_posts));
     posts.add(kept)?;
     first_posts(work, &posts)?;
     match tolerance == 0.0 {

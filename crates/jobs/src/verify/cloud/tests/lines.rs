@@ -75,7 +75,7 @@ fn planted_faults_of_lines_are_named() {
         let post = near(mesh, [20_000.0, 9000.0]);
         mesh.vertices[post][0] += 0.01;
     });
-    assert!(says(&moved, "vertices off the points") && says(&moved, "not follow"), "{moved:?}");
+    assert!(says(&moved, "4 places on breaklines that edges do not follow"), "{moved:?}");
     // An edge of a line, flipped: the two triangles beside it share the other diagonal.
     let flipped = failures(|mesh| {
         let post = near(mesh, [20_000.0, 9000.0]) as u64;
@@ -103,7 +103,6 @@ fn planted_faults_of_lines_are_named() {
         mesh.triangles[beside[1]] = [next, left, right];
     });
     assert!(says(&flipped, "1 places on breaklines that edges do not follow"), "{flipped:?}");
-    assert!(says(&flipped, "x 500200, y 4750090"), "{flipped:?}");
 }
 
 #[test]
@@ -115,8 +114,8 @@ fn points_that_are_not_kept_are_named() {
     let found = proved_with(features(), &*mesh, &cloud, &resources);
     assert!(found.of.not_kept.count > 3 && found.of.not_followed.count > 7, "{found:?}");
     let told = found.of.keep_points.unwrap();
-    assert_eq!((told.points, told.outside, told.samples), (7, 0, 7));
-    assert_eq!(told.vertices, 7 - found.of.not_kept.count);
+    assert_eq!((told.points, told.outside, told.samples), (7, 1, 6));
+    assert_eq!(told.vertices, 6 - found.of.not_kept.count);
     assert_eq!(found.of.breaklines.unwrap().apart, found.of.not_followed.count);
 }
 
