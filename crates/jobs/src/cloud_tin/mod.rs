@@ -14,7 +14,7 @@
 //! nothing to mend.
 //!
 //! **Why lines have vertices of their own.** Points of a cloud are where the laser happened to hit; a kerb or a dam is
-//! where it was measured. So a line is followed by posts on it ([`lines`]), not by paths over points as over the
+//! where it was measured. So a line is followed by posts on it (`lines`), not by paths over points as over the
 //! samples of a grid. Nothing is forced: the triangulation of points and posts stays the one Delaunay triangulation.
 
 mod choose;
