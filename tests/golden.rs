@@ -95,6 +95,9 @@ fn make_inputs(place: &Place) {
     let water = "POLYGON ((500100 4749950, 500620 4749900, 500560 4749400, 500100 4749950), (500400 4749800, 500500 4749800, 500450 4749700, 500400 4749800))\nPOLYGON ((500020 4749300, 501000 4748900, 501350 4749020, 501350 4748940, 501000 4748820, 500020 4749210, 500020 4749300))\nLINESTRING (500020 4749255, 501000 4748860, 501350 4748980)";
     place.write("in/water.wkt", water).write("in/water.prj", "EPSG:32631");
     place.write("in/areas.wkt", areas).write("in/areas.prj", "EPSG:4326");
+    let kerbs = "LINESTRING Z (499990 4750005 150, 500030.123 4750040 260, 500055 4750012 240)\n\
+                 POLYGON ((500010 4750010, 500050 4750010.5, 500045 4750052, 500010 4750010))";
+    place.write("in/kerbs.wkt", kerbs).write("in/kerbs.prj", "EPSG:32631");
     for job in INPUTS {
         run(job, &place.path("in")).unwrap();
     }
@@ -270,6 +273,10 @@ fn jobs() -> Vec<String> {
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 --min-angle 25{how}"));
         let lines = "--breaklines ../in/areas.wkt";
         add(format!("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 {lines}{how}"));
+    }
+    for error in [0.2, 0.0] {
+        let lines = "--breaklines ../in/kerbs.wkt --keep-points ../in/kerbs.wkt";
+        add(format!("tin ../in/dense.laz o.ply --max-error {error} {lines} --verify"));
     }
     for how in ["", " --bound surface"] {
         let water = "--water ../in/water.wkt";

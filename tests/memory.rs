@@ -163,6 +163,22 @@ fn make_inputs(place: &Place) {
     place.ok(&[&["tin", "large.tif", "flat.ply"], &flat[..]].concat());
     place.ok(&["tin", "dem.tif", "dem.ply", "--max-error", "0.5", "-q"]);
     place.ok(&["tin", "dense.laz", "dense.ply", "--max-error", "0.5", "-q"]);
+    // Short lines all over the dense cloud, half of them with heights.
+    let side = u64::from(dense) * 100;
+    let kerb = |i: u64| {
+        let cm = |at: u64, from: u64| format!("{}.{:02}", from + at / 100, at % 100);
+        let (x, y) = (i * 7919 % side, i * 104_729 % side);
+        let at = |dx, dy| format!("{} {}", cm(x + dx, 500_000), cm(y + dy, 4_750_000));
+        match i % 2 {
+            0 => format!("LINESTRING ({}, {})\n", at(0, 40), at(90, 0)),
+            _ => format!("LINESTRING Z ({} 200, {} 210)\n", at(0, 40), at(90, 0)),
+        }
+    };
+    place.write("kerbs.wkt", (0..40_000).map(kerb).collect::<String>());
+    place.write("kerbs.prj", "EPSG:32631");
+    let follow = ["--breaklines", "kerbs.wkt", "--keep-points", "kerbs.wkt", "-q"];
+    let kerbed = ["tin", "dense.laz", "kerbed.ply", "--max-error", "0.5"];
+    place.ok(&[&kerbed[..], &follow].concat());
     place.ok(&["grid", "dense.laz", "bands.tif", "--cell", "1", "--stat", "mean,max,min", "-q"]);
     let bands = ["--bands", "1,2,3", "--max-error", "1", "-q"];
     place.ok(&[&["tin", "bands.tif", "bands.ply"], &bands[..]].concat());
@@ -190,6 +206,8 @@ const JOBS: &[&str] = &[
     "tin dem.tif o.glb --max-error 0.2 --tile 256",
     "tin dem.tif o --max-error 1 --tile 256 --split 256",
     "tin bands.tif o.ply --bands 1,2,3 --max-error 0",
+    "tin dense.laz o.ply --max-error 0.5 --breaklines kerbs.wkt",
+    "tin dense.laz o.ply --max-error 0 --breaklines kerbs.wkt --keep-points kerbs.wkt",
     "grid dense.laz o.tif --cell 1 --stat mean,max",
     "grid dense.laz o.tif --cell 0.5 --stat p50",
     "grid dense.laz o.tif --cell 1 --stat idw",
@@ -209,6 +227,7 @@ const JOBS: &[&str] = &[
     "verify flat.ply large.tif --water ponds.wkt",
     "verify bands.ply bands.tif --bands 1,2,3",
     "verify dense.ply dense.laz",
+    "verify kerbed.ply dense.laz --breaklines kerbs.wkt --keep-points kerbs.wkt",
     "verify less.fgb coverage.fgb --tolerance 5 --topology",
     "verify walked.fgb walk.fgb --tolerance 5",
     "line coverage.fgb o.fgb --tolerance 5",

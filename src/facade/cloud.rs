@@ -86,7 +86,14 @@ impl Cloud {
     /// A triangle mesh of it, none of its points further from the mesh than a tolerance.
     pub fn tin(&self) -> CloudTinBuilder<'_> {
         let run = Run::default();
-        CloudTinBuilder { cloud: self, tolerance: None, format: None, run }
+        CloudTinBuilder {
+            cloud: self,
+            tolerance: None,
+            keep_points: None,
+            breaklines: None,
+            format: None,
+            run,
+        }
     }
 
     /// A grid with square cells of this side, in units of the reference system: statistics of the points
@@ -101,7 +108,7 @@ impl Cloud {
     }
 }
 
-/// A mesh of a cloud to be made: the Delaunay triangulation of some of its points.
+/// A mesh of a cloud to be made: the Delaunay triangulation of some of its points, and of posts on lines.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -116,6 +123,8 @@ impl Cloud {
 pub struct CloudTinBuilder<'a> {
     cloud: &'a Cloud,
     tolerance: Option<f64>,
+    keep_points: Option<PathBuf>,
+    breaklines: Option<PathBuf>,
     format: Option<String>,
     run: Run,
 }
@@ -130,11 +139,53 @@ impl CloudTinBuilder<'_> {
         self
     }
 
+    /// The point of the cloud nearest to each point of a file of features is a vertex; of lines and polygons it is
+    /// that nearest to each of their vertices.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [file, path] = ["peaks.wkt", "mesh.ply"].map(|name| folder.path().join(name));
+    /// std::fs::write(&file, "MULTIPOINT (500010 4750010, 500040.5 4750033)").unwrap();
+    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let made = cloud.tin().max_error(0.5).keep_points(&file).write(&path)?;
+    /// assert_eq!(made.keep_points.unwrap().vertices, 2);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
+        self.keep_points = Some(file.into());
+        self
+    }
+
+    /// Edges follow the lines and the rings of the polygons of a file of features, along posts of their own: at the
+    /// heights of the lines, if they have any, and else on the surface of all points.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [file, path] = ["kerb.wkt", "mesh.ply"].map(|name| folder.path().join(name));
+    /// std::fs::write(&file, "LINESTRING (500010 4750010, 500040.5 4750033, 500055 4750020)").unwrap();
+    /// std::fs::write(file.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?;
+    /// let made = cloud.tin().max_error(0.5).breaklines(&file).write(&path)?;
+    /// assert_eq!(made.breaklines.unwrap().apart, 0);
+    /// let proof = cloud.verify(&path).breaklines(&file).run()?;
+    /// assert!(proof.verdict.passed && proof.verdict.judged);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn breaklines(mut self, file: impl Into<PathBuf>) -> Self {
+        self.breaklines = Some(file.into());
+        self
+    }
+
     /// Makes the mesh and writes it, within the memory allowed.
     ///
     /// # Errors
-    /// No tolerance, or one that is none; points that are no surface; damage in the files; too little
-    /// memory; an output that exists or cannot be written; cancelled.
+    /// No tolerance, or one that is none; points that are no surface; features none of which is on the cloud; damage
+    /// in the files; too little memory; an output that exists or cannot be written; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<CloudTinReport> {
         let none = || Error::usage("the mesh has nothing to reach").remedy("say .max_error(...)");
         let job = CloudTinJob {
@@ -145,6 +196,8 @@ impl CloudTinBuilder<'_> {
             overwrite: self.run.overwrite,
             placing: Placing::default(),
             tolerance: self.tolerance.ok_or_else(none)?,
+            keep_points: self.keep_points.map(name_of).transpose()?,
+            breaklines: self.breaklines.map(name_of).transpose()?,
             measure: true,
             resources: self.run.resources()?,
         };

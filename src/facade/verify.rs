@@ -113,6 +113,20 @@ impl VerifyBuilder<'_, Grid> {
 }
 
 impl VerifyBuilder<'_, Cloud> {
+    /// Points that have to be vertices: the nearest one to each point of a file of features, as the mesh was made
+    /// with. Of a mesh that states such a file, it is not judged without it whether they are.
+    pub fn keep_points(mut self, file: impl Into<PathBuf>) -> Self {
+        self.keep_points = Some(file.into());
+        self
+    }
+
+    /// Lines and polygons that edges have to follow, as the mesh was made with. Of a mesh that states such a file,
+    /// it is not judged without it whether they do, and whether vertices are points.
+    pub fn breaklines(mut self, file: impl Into<PathBuf>) -> Self {
+        self.breaklines = Some(file.into());
+        self
+    }
+
     /// Proves the mesh.
     ///
     /// # Errors
@@ -123,6 +137,8 @@ impl VerifyBuilder<'_, Cloud> {
             inputs: self.against.inputs.clone(),
             options: self.against.options.clone(),
             tolerance: self.tolerance,
+            keep_points: self.keep_points.map(name_of).transpose()?,
+            breaklines: self.breaklines.map(name_of).transpose()?,
             resources: self.run.resources()?,
         };
         verify::verify_cloud(&job, &*self.run.progress, &self.run.cancel)

@@ -35,6 +35,7 @@ mod tin_bands;
 mod tin_breaklines;
 mod tin_clip;
 mod tin_data_dependent;
+mod tin_cloud_lines;
 mod tin_fit;
 mod tin_keep;
 mod tin_limits;

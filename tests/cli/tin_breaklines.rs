@@ -159,18 +159,6 @@ fn what_cannot_be_followed_is_refused() {
         place.fails(&[&job[..], &["--method", other]].concat(), 2, &["has no --breaklines"]);
     }
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--breaklines", "--min-angle"]);
-    place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
-    place.fails(
-        &[&["tin", "a.laz", "c.ply", "--max-error", "1"][..], &FOLLOW].concat(),
-        2,
-        &["--breaklines is for grids"],
-    );
-    place.ok(&["tin", "a.laz", "c.ply", "--max-error", "1"]);
-    place.fails(
-        &[&["verify", "c.ply", "a.laz"][..], &FOLLOW].concat(),
-        2,
-        &["--breaklines is for meshes of grids"],
-    );
     let over = [&["tin", TERRAIN, "roads.geojson", "-f", "PLY", "--overwrite"][..], &MAKE, &FOLLOW];
     place.fails(&over.concat(), 2, &["output is the input itself"]);
 }

@@ -149,18 +149,6 @@ fn what_cannot_be_kept_is_refused() {
         let args = ["tin", TERRAIN, "a.ply", "--max-error", "4"];
         place.fails(&[&args[..], &KEEP, other].concat(), 2, &["has no --keep-points"]);
     }
-    place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
-    place.fails(
-        &[&["tin", "a.laz", "c.ply", "--max-error", "1"][..], &KEEP].concat(),
-        2,
-        &["--keep-points is for grids"],
-    );
-    place.ok(&["tin", "a.laz", "c.ply", "--max-error", "1"]);
-    place.fails(
-        &[&["verify", "c.ply", "a.laz"][..], &KEEP].concat(),
-        2,
-        &["--keep-points is for meshes of grids"],
-    );
     let over = [&["tin", TERRAIN, "peaks.geojson", "-f", "PLY", "--overwrite"][..], &MAKE, &KEEP];
     place.fails(&over.concat(), 2, &["output is the input itself"]);
 }

@@ -140,8 +140,10 @@ fn full_size_tiles_meet_without_cracks() {
     ] {
         let grid = FunctionGrid::new(width, height, surface);
         for bound in Bound::ALL {
-            let run = Run { tile: 512, threads: 2, bound, ..Run::default() };
-            validate(&run.on(&grid).unwrap().0, &grid, run.tolerance);
+            for data_dependent in [false, true] {
+                let run = Run { tile: 512, threads: 2, bound, data_dependent, ..Run::default() };
+                validate(&run.on(&grid).unwrap().0, &grid, run.tolerance);
+            }
         }
     }
 }

@@ -8,8 +8,10 @@ use serde::{Deserialize, Serialize};
 use crate::Resources;
 use crate::beside::Beside;
 use crate::breaklines::Breaklines;
+use crate::on_cloud::OnCloud;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Rect};
+use terrane_base::geom::{Crs, Point, Rect};
+use terrane_cloud::CloudInfo;
 use terrane_raster::{GridInfo, Water};
 
 /// What a mesh has to keep, where it is in the world.
@@ -37,6 +39,33 @@ impl Features {
             points: points.map(|name| Points::read(name, "point", resources)).transpose()?,
             lines: lines.map(|name| Points::read(name, "line", resources)).transpose()?,
         })
+    }
+
+    /// The same of meshes of clouds: lines have the heights that their vertices have.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_for_cloud(
+        points: Option<&str>,
+        lines: Option<&str>,
+        resources: &Resources,
+    ) -> Result<Self> {
+        let lines = lines.map(|name| Points::read_solid(name, resources)).transpose()?;
+        Ok(Self { lines, ..Self::read(points, None, None, resources)? })
+    }
+
+    /// Those of these points and lines.
+    #[cfg(test)]
+    pub(crate) fn of(points: Option<Points>, lines: Option<Points>) -> Self {
+        Self { points, lines, water: None }
+    }
+
+    /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
+    ///
+    /// # Errors
+    /// Features in another system; heights beyond all bounds.
+    pub(crate) fn on_cloud(self, info: &CloudInfo, bounds: [Point; 2]) -> Result<OnCloud> {
+        OnCloud::new((self.points, self.lines), info, bounds)
     }
 
     /// True where there are lines for edges to follow.
@@ -69,25 +98,38 @@ impl Features {
 }
 
 /// Points of a file where they are in the world: those of its points, and the vertices of its lines and
-/// polygons. Heights they may have are not looked at.
-struct Points {
-    path: PathBuf,
-    crs: Crs,
-    at: Vec<[f64; 2]>,
+/// polygons.
+pub(crate) struct Points {
+    pub(crate) path: PathBuf,
+    pub(crate) crs: Crs,
+    pub(crate) at: Vec<[f64; 2]>,
+    /// Heights, where they were asked for; NaN where there is none.
+    pub(crate) z: Vec<f64>,
     /// Where each line or ring ends.
-    ends: Vec<u32>,
+    pub(crate) ends: Vec<u32>,
 }
 
 impl Points {
-    /// Bytes for a point while a list of them grows.
+    /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
+    /// cloud.
     const BYTES: u64 = 48;
+    const SOLID: u64 = 192;
 
     /// Reads all points, or those of lines and rings alone.
     fn read(name: &str, what: &str, resources: &Resources) -> Result<Self> {
+        Self::read_as(name, what, Self::BYTES, resources)
+    }
+
+    /// Reads those of lines and rings, with heights.
+    fn read_solid(name: &str, resources: &Resources) -> Result<Self> {
+        Self::read_as(name, "line", Self::SOLID, resources)
+    }
+
+    fn read_as(name: &str, what: &str, bytes: u64, resources: &Resources) -> Result<Self> {
         let wants_lines = what == "line";
         let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
-        let mut file = Beside::open(name, &format!("{what}s"), Self::BYTES, remedy)?;
-        let (mut at, mut ends) = (Vec::new(), Vec::new());
+        let mut file = Beside::open(name, &format!("{what}s"), bytes, remedy)?;
+        let (mut at, mut z, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         file.each((resources.memory / 4, resources), |feature| {
             for leaf in feature.geometry.leaves() {
                 let xy = &leaf.coordinates().xy;
@@ -98,6 +140,10 @@ impl Points {
                 }
                 let first = at.len();
                 at.extend_from_slice(xy);
+                if bytes == Self::SOLID {
+                    z.extend_from_slice(&leaf.coordinates().z);
+                    z.resize(at.len(), f64::NAN);
+                }
                 let parts = leaf.parts().scan(first, |end, part| {
                     *end += part.xy.len();
                     Some(*end as u32)
@@ -111,7 +157,7 @@ impl Points {
                 .in_file(&file.path)
                 .remedy(format!("name a file with the {what}s to keep")));
         }
-        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at, ends })
+        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at, z, ends })
     }
 
     /// The breaklines on a grid.
@@ -260,8 +306,8 @@ mod tests {
     }
 
     fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<Kept> {
-        let (path, crs, ends) = ("points.csv".into(), Crs::default(), Vec::new());
-        Points { path, crs, at, ends }.on(grid)
+        let (path, crs) = ("points.csv".into(), Crs::default());
+        Points { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
     }
 
     #[test]

@@ -19,6 +19,7 @@ pub mod input;
 pub mod kept;
 pub mod line;
 pub mod memory;
+mod on_cloud;
 pub mod placing;
 pub mod plan;
 mod points;

@@ -35,12 +35,12 @@ impl Line {
         [0, 1].map(|axis| self.end[axis] - self.start[axis])
     }
 
-    fn steps(&self) -> i64 {
+    pub(crate) fn steps(&self) -> i64 {
         self.whole().iter().map(|whole| whole.abs()).sum()
     }
 
     /// The sample after so many steps.
-    fn at(&self, step: i64) -> [i64; 2] {
+    pub(crate) fn at(&self, step: i64) -> [i64; 2] {
         let (whole, steps) = (self.whole(), i128::from(self.steps().max(1)));
         let cols = (2 * i128::from(step) * i128::from(whole[0].abs()) + steps) / (2 * steps);
         let gone = [cols as i64, step - cols as i64];
@@ -48,13 +48,13 @@ impl Line {
     }
 
     /// After how many steps the path comes to a sample, if it does.
-    fn place(&self, at: [i64; 2]) -> Option<i64> {
+    pub(crate) fn place(&self, at: [i64; 2]) -> Option<i64> {
         let step = (at[0] - self.start[0]).abs() + (at[1] - self.start[1]).abs();
         (step <= self.steps() && self.at(step) == at).then_some(step)
     }
 
     /// The steps that are in a domain: rows and columns only grow, or only fall, along a path.
-    fn steps_in(&self, domain: &Domain) -> Range<i64> {
+    pub(crate) fn steps_in(&self, domain: &Domain) -> Range<i64> {
         let rect = domain.rect;
         let first = [rect.col, rect.row].map(i64::from);
         let beyond = [rect.end_col(), rect.end_row()].map(i64::from);

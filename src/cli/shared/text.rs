@@ -157,13 +157,13 @@ fn plain(key: &str, value: &Value) -> Option<String> {
 }
 
 /// What became of points to keep: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
-pub(crate) fn kept(kept: &KeptReport) -> String {
+pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
     let more = |n: u64, what: &str| match n {
         0 => String::new(),
         n => format!("; {} {what}", count(n)),
     };
     let [vertices, points] = [kept.vertices, kept.points].map(count);
-    let outside = more(kept.outside, "points are outside of the grid");
+    let outside = more(kept.outside, &format!("points are outside of the {of}"));
     let void = more(kept.without_surface, "samples have no surface");
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
 }
@@ -175,10 +175,10 @@ pub(crate) fn band(r: &BandReport) -> String {
 }
 
 /// What became of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
-pub(crate) fn breaklines(lines: &BreaklinesReport) -> String {
+pub(crate) fn breaklines(lines: &BreaklinesReport, of: &str) -> String {
     let outside = match lines.outside {
         0 => String::new(),
-        n => format!("; {} are outside of the grid", count(n)),
+        n => format!("; {} are outside of the {of}", count(n)),
     };
     let followed = if lines.apart == 0 { "followed" } else { "NOT followed by all edges" };
     format!("{} of {}, {followed}{outside}", many(lines.segments, "segment"), lines.file)

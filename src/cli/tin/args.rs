@@ -143,12 +143,12 @@ pub(crate) struct Method {
     /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
     #[arg(long, value_name = "DEGREES", value_parser = parse::positive)]
     pub(crate) min_angle: Option<f64>,
-    /// Samples that stay vertices, at their heights: the nearest one to each point of a file of features, and to
-    /// each vertex of its lines and polygons, in the system of the grid
+    /// Samples or points of a cloud that stay vertices, at their heights: the nearest one to each point of a file of
+    /// features, and to each vertex of its lines and polygons, in the system of the grid or cloud
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) keep_points: Option<String>,
-    /// Lines and polygons of a file of features, in the system of the grid, that edges of the mesh follow, from
-    /// sample to sample
+    /// Lines and polygons of a file of features, in the system of the grid or cloud, that edges of the mesh follow,
+    /// from sample to sample; over a cloud along posts of their own, at the heights of the lines, if they have any
     #[arg(long, value_name = "FILE", value_parser = names::any(), conflicts_with = "min_angle")]
     pub(crate) breaklines: Option<String>,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, and those that a

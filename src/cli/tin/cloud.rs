@@ -29,7 +29,8 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         true => Some(verify_cloud(&proof(&job), progress.as_ref(), cancel)?),
         false => None,
     };
-    let told = Told { made: &made, checked: checked.as_ref(), skipped: &skipped, unmet: None };
+    let told =
+        Told { made: &made, checked: checked.as_ref(), skipped: &skipped, unmet: made.unmet() };
     told.tell(args, || summary(&made), verify::cloud::summary)
 }
 
@@ -40,6 +41,8 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
         inputs: job.inputs.clone(),
         options: job.options.clone(),
         tolerance: Some(job.tolerance),
+        keep_points: job.keep_points.clone(),
+        breaklines: job.breaklines.clone(),
         resources: job.resources.clone(),
     }
 }
@@ -48,9 +51,10 @@ fn proof(job: &CloudTinJob) -> CloudVerifyJob {
 fn job(args: &Args) -> Result<CloudTinJob> {
     let files = clouds::files(&args.input)?;
     let format = mesh::by_path(&args.output, args.format.as_deref())?;
-    check::not_among(&files, &[&args.output])?;
+    let beside: Vec<String> = args.method.files().collect();
+    let read = [files, args.points.files()?, beside].concat();
+    check::not_among(&read, &[&args.output])?;
     check::new_file(&args.output, args.overwrite)?;
-    let read = [files, args.points.files()?].concat();
     check::report(args.report.as_deref(), &read, &[&args.output], args.overwrite)?;
     let resources = args.machine.resources();
     Ok(CloudTinJob {
@@ -61,6 +65,8 @@ fn job(args: &Args) -> Result<CloudTinJob> {
         overwrite: args.overwrite,
         placing: args.print.placing()?,
         tolerance: args.goal.max_error()?,
+        keep_points: args.method.keep_points.clone(),
+        breaklines: args.method.breaklines.clone(),
         measure: args.show.json || args.report.is_some(),
         resources,
     })
@@ -76,7 +82,9 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--co", !args.co.is_empty()),
         ("--base", args.print.placing()?.base.is_some()),
     ];
-    let mut options = engine_options(args).into_iter().chain(others);
+    let of_both = ["--keep-points", "--breaklines"];
+    let engine = engine_options(args).into_iter().filter(|(option, _)| !of_both.contains(option));
+    let mut options = engine.chain(others);
     let given = options.find(|(_, given)| *given).map(|(option, _)| option);
     let Some(option) = given.or(args.grid.given()) else { return Ok(()) };
     Err(Error::usage(format!("{option} is for grids, and this is a point cloud"))
@@ -94,6 +102,9 @@ fn summary(r: &CloudTinReport) -> String {
         ("max error", errors(r.max_error, r.tolerance, r.rmse, &r.vertical_unit)),
         ("file", format!("{}, {}", text::bytes(r.output_bytes), r.format)),
     ];
+    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
+    let lines = r.breaklines.as_ref();
+    rows.extend(lines.map(|lines| ("breaklines", text::breaklines(lines, "cloud"))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     let rate = text::rate(r.points_per_second, "points");
     rows.extend(report::took(&r.run, Some(rate), &stages(&r.stages)));

@@ -170,8 +170,8 @@ pub(crate) fn summary(r: &TinReport) -> String {
         let held = if thin.count == 0 { "held by all" } else { "missed by some" };
         ("min angle", format!("{least} degrees, {held}"))
     }));
-    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept))));
-    rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines))));
+    rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
+    rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines, "grid"))));
     rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {

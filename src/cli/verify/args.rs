@@ -34,8 +34,8 @@ pub(crate) struct Args {
     /// mesh file states]
     #[arg(long, value_name = "DEGREES", value_parser = parse::positive)]
     pub(crate) min_angle: Option<f64>,
-    /// Samples that have to be vertices, at their heights: the nearest one to each point of this file, as in
-    /// terrane tin
+    /// Samples or points of the cloud that have to be vertices, at their heights: the nearest one to each point of
+    /// this file, as in terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) keep_points: Option<String>,
     /// Lines and polygons of this file, that edges have to follow, as in terrane tin
@@ -124,23 +124,32 @@ impl Promises {
 
 impl Args {
     /// Refuses what meshes of grids alone are held to, as `what` is proved.
-    pub(crate) fn refuse_of_grids(&self, what: &str) -> Result<()> {
+    pub(crate) fn refuse_of_surfaces(&self, what: &str) -> Result<()> {
         let bound = self.bound.map(|bound| ("--bound", format!("--bound {bound}")));
-        let given = |option: &'static str, is: bool| is.then(|| (option, option.to_owned()));
         let angle = given("--min-angle", self.min_angle.is_some());
-        let kept = given("--keep-points", self.keep_points.is_some());
-        let lines = given("--breaklines", self.breaklines.is_some());
         let water = given("--water", self.water.is_some());
         let bands = given("--bands", self.bands.is_given());
-        match bound.or(angle).or(kept).or(lines).or(water).or(bands) {
-            None => Ok(()),
-            Some((option, given)) => {
-                Err(Error::usage(format!("{given} is for meshes of grids, and {what}"))
-                    .in_file(&self.mesh)
-                    .remedy(format!("leave {option} out")))
-            }
-        }
+        self.refuse(bound.or(angle).or(water).or(bands), "grids", what)
     }
+
+    /// Refuses what meshes alone are held to, too, as `what` is proved.
+    pub(crate) fn refuse_of_meshes(&self, what: &str) -> Result<()> {
+        let kept = given("--keep-points", self.keep_points.is_some());
+        let lines = given("--breaklines", self.breaklines.is_some());
+        self.refuse(kept.or(lines), "grids and clouds", what)?;
+        self.refuse_of_surfaces(what)
+    }
+
+    fn refuse(&self, given: Option<(&str, String)>, of: &str, what: &str) -> Result<()> {
+        let Some((option, given)) = given else { return Ok(()) };
+        Err(Error::usage(format!("{given} is for meshes of {of}, and {what}"))
+            .in_file(&self.mesh)
+            .remedy(format!("leave {option} out")))
+    }
+}
+
+fn given(option: &'static str, is: bool) -> Option<(&'static str, String)> {
+    is.then(|| (option, option.to_owned()))
 }
 
 /// The error of a mesh and its original that have changed places.

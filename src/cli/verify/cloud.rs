@@ -30,14 +30,15 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
             .in_file(&path_of(&args.source[0]))
             .remedy(format!("leave {option} out")));
     }
-    args.refuse_of_grids("this is a point cloud")?;
+    args.refuse_of_surfaces("this is a point cloud")?;
     if !is_mesh(&name_of(args.mesh.clone())?)? {
         return Err(Error::bad_input("is a grid, not a mesh")
             .in_file(&args.mesh)
             .remedy("name a mesh, such as one made by `terrane tin`"));
     }
     let mesh = vec![name_of(args.mesh.clone())?];
-    let read = [clouds::files(&args.source)?, args.points.files()?, mesh].concat();
+    let beside = args.keep_points.iter().chain(&args.breaklines).cloned().collect();
+    let read = [clouds::files(&args.source)?, args.points.files()?, beside, mesh].concat();
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let resources = args.machine.resources();
     Ok(CloudVerifyJob {
@@ -45,13 +46,21 @@ fn job(args: &Args) -> Result<CloudVerifyJob> {
         inputs: args.source.clone(),
         options: args.points.open_options(&resources)?,
         tolerance: args.max_error,
+        keep_points: args.keep_points.clone(),
+        breaklines: args.breaklines.clone(),
         resources,
     })
 }
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let (rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, "cloud"));
+    let whole = if r.of.breaklines.is_some() { "cloud, or posts of breaklines" } else { "cloud" };
+    let (mut rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, whole));
+    rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
+    rows.extend(r.of.breaklines.as_ref().map(|lines| {
+        let vertices = text::count(r.of.on_breaklines);
+        ("breaklines", format!("{}, {vertices} vertices on them", text::breaklines(lines, "cloud")))
+    }));
     let unit = format!(" ({})", r.of.vertical_unit);
     told::summary(r, rows, off, &unit, text::rate(r.of.points_per_second, "points"))
 }

@@ -93,6 +93,9 @@ pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
             format!("all lie at {source} of the {of}, heights fitted")
         }
         _ if off == 0 => format!("all are {source} of the {of}"),
+        (off, _) if r.of.may_be_off() => {
+            format!("{off} off the {source}: posts of breaklines that were not given")
+        }
         (off, true) => format!("{off} off the {source}"),
         (off, false) => {
             format!("{off} off the {source}; no failure, because terrane did not write this mesh")

@@ -5,6 +5,9 @@
 //! points beyond the tolerance are inserted; where that changed anything, the regions that see it look
 //! again, until none finds a point. Each round is a function of the vertices before it, so the order
 //! of regions leaves no trace.
+//!
+//! Points to keep and the first posts of lines are vertices before any are chosen; further posts come in the same
+//! rounds, where edges do not follow a line.
 
 use std::sync::Mutex;
 
@@ -24,8 +27,10 @@ const BAND: i32 = 4;
 /// What a region found when it looked at the mesh.
 #[derive(Clone, Debug)]
 struct Look {
-    /// Points to become vertices.
+    /// Points and posts to become vertices.
     open: Vec<Point>,
+    /// Vertices from which no edge follows a line, and never will.
+    apart: Vec<[i32; 2]>,
     /// The part of the plane in which a new vertex may change what was seen.
     influence: Window,
     errors: Errors,
@@ -39,30 +44,78 @@ pub(super) struct Errors {
     pub(super) points: u64,
 }
 
-/// Chooses the vertices for the tolerance (in steps of z). The hull's corners are among them.
+/// What was chosen.
+pub(super) struct Chosen {
+    pub(super) vertices: PointStore,
+    pub(super) errors: Errors,
+    /// Vertices on lines without an edge that goes on, in order.
+    pub(super) apart: Vec<[i32; 2]>,
+}
+
+/// Chooses the vertices for the tolerance (in steps of z), all points where that is 0. The hull's corners are among
+/// them, and so are the points of `kept`.
 pub(super) fn choose(
     work: &Work<'_>,
     tolerance: f64,
     hull: &[Point],
-) -> Result<(PointStore, Errors)> {
-    let vertices = PointStore::empty(*work.points.tiling(), work.folder, work.vertex_bytes);
-    first_choice(work, tolerance, hull, &vertices)?;
-    let mut errors = settle(work, tolerance, hull, &vertices)?;
+    kept: &[Point],
+) -> Result<Chosen> {
+    let empty = |bytes| PointStore::empty(*work.points.tiling(), work.folder, bytes);
+    let of_posts = match work.lines.is_empty() && kept.is_empty() {
+        true => 0,
+        false => work.vertex_bytes / 4,
+    };
+    let (vertices, posts) = (empty(work.vertex_bytes - of_posts), empty(of_posts));
+    posts.add(kept)?;
+    first_posts(work, &posts)?;
+    match tolerance == 0.0 {
+        true => take_all(work, &vertices)?,
+        false => first_choice(work, tolerance, hull, &posts, &vertices)?,
+    }
+    add_all(&posts, &vertices)?;
+    drop(posts);
+    let (mut errors, mut apart) = settle(work, tolerance, hull, &vertices)?;
     // It was rounded up, and all points are known to be within.
     errors.most = errors.most.min(tolerance);
-    Ok((vertices, errors))
+    apart.sort_unstable();
+    Ok(Chosen { vertices, errors, apart })
+}
+
+/// Puts the posts there that every line has.
+fn first_posts(work: &Work<'_>, posts: &PointStore) -> Result<()> {
+    if work.lines.is_empty() {
+        return Ok(());
+    }
+    work.on_all(work.regions.all.len() as u64, |_, number| {
+        let (number, region) = (number as usize, &work.regions.all[number as usize]);
+        posts.add(&work.lines.of_region(number, work.points, region).first_posts()?)
+    })
+}
+
+/// Makes all points vertices.
+fn take_all(work: &Work<'_>, vertices: &PointStore) -> Result<()> {
+    add_all(work.points, vertices)
+}
+
+fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {
+    let mut points = Vec::new();
+    for square in (0..from.tiling().count()).filter(|&square| from.summary(square).is_some()) {
+        from.load_distinct(square, &mut points)?;
+        to.add(&points)?;
+    }
+    Ok(())
 }
 
 fn first_choice(
     work: &Work<'_>,
     tolerance: f64,
     hull: &[Point],
+    posts: &PointStore,
     vertices: &PointStore,
 ) -> Result<()> {
     work.progress.begin("choose", work.regions.all.len() as u64);
     let choose = |_: &mut (), number: u64| {
-        let region = work.regions.all[number as usize];
-        let chosen = choose_in(work.points, &region, tolerance, hull)?;
+        let chosen = choose_in(work, number as usize, tolerance, hull, posts)?;
         work.progress.advance(1);
         vertices.add(&chosen)
     };
@@ -73,11 +126,13 @@ fn first_choice(
 
 /// The vertices that a region chooses with the points around it, those of the hull among them.
 fn choose_in(
-    store: &PointStore,
-    region: &Region,
+    work: &Work<'_>,
+    number: usize,
     tolerance: f64,
     hull: &[Point],
+    posts: &PointStore,
 ) -> Result<Vec<Point>> {
+    let (store, region) = (work.points, &work.regions.all[number]);
     let tiling = store.tiling();
     let points = points_around(store, region)?;
     let is_own = |p: &Point| contains(region, tiling, *p);
@@ -85,10 +140,11 @@ fn choose_in(
     let Some(mut mesh) = Mesh::of_first(&rim) else {
         return Ok(points.into_iter().filter(is_own).collect());
     };
-    rim.iter().for_each(|&point| {
+    for &point in rim.iter().chain(&points_around(posts, region)?) {
         mesh.insert(point);
-    });
+    }
     Fit::new(&mut mesh, &points, tolerance).run();
+    work.lines.of_region(number, store, region).follow(&mut mesh)?;
     let mut chosen: Vec<Point> = mesh.points().iter().chain(hull).copied().filter(is_own).collect();
     chosen.sort_unstable();
     chosen.dedup();
@@ -117,8 +173,13 @@ fn settle(
     tolerance: f64,
     hull: &[Point],
     vertices: &PointStore,
-) -> Result<Errors> {
-    let unseen = Look { open: Vec::new(), influence: Window::ALL, errors: Errors::default() };
+) -> Result<(Errors, Vec<[i32; 2]>)> {
+    let unseen = Look {
+        open: Vec::new(),
+        apart: Vec::new(),
+        influence: Window::ALL,
+        errors: Errors::default(),
+    };
     let mut looks = vec![unseen; work.regions.all.len()];
     let mut due: Vec<usize> = (0..looks.len()).collect();
     while !due.is_empty() {
@@ -126,7 +187,7 @@ fn settle(
         let found = Mutex::new(Vec::new());
         let look = |_: &mut (), number: u64| {
             let region = due[number as usize];
-            let look = look_at(work, vertices, tolerance, hull, &work.regions.all[region])?;
+            let look = look_at(work, vertices, tolerance, hull, region)?;
             lock(&found).push((region, look));
             work.progress.advance(1);
             Ok(())
@@ -143,7 +204,8 @@ fn settle(
             .filter(|&i| changes.touch(looks[i].influence, vertices.tiling()))
             .collect();
     }
-    Ok(sum(&looks))
+    let errors = sum(&looks);
+    Ok((errors, looks.into_iter().flat_map(|look| look.apart).collect()))
 }
 
 fn look_at(
@@ -151,8 +213,9 @@ fn look_at(
     vertices: &PointStore,
     tolerance: f64,
     hull: &[Point],
-    region: &Region,
+    number: usize,
 ) -> Result<Look> {
+    let region = &work.regions.all[number];
     let mut local = RegionMesh::new(vertices, *region, hull)?;
     let influence = local.influence();
     let (mut points, mut square_points) = (Vec::new(), Vec::new());
@@ -162,9 +225,12 @@ fn look_at(
     }
     let mut fit = Fit::new(&mut local.mesh, &points, tolerance);
     let (most, squares) = if work.measure { fit.measure() } else { (0.0, 0.0) };
-    let open = fit.run();
+    let mut open = fit.run();
+    let (posts, apart) =
+        work.lines.of_region(number, work.points, region).follow(&mut local.mesh)?;
+    open.extend(posts);
     let errors = Errors { most, squares, points: points.len() as u64 };
-    Ok(Look { open, influence, errors })
+    Ok(Look { open, apart, influence, errors })
 }
 
 fn sum(looks: &[Look]) -> Errors {

@@ -12,8 +12,14 @@
 //! points along a border has to be constrained, and leaves slivers that must be mended afterwards.
 //! Choosing freely and letting the triangulation decide costs one more pass over the points and has
 //! nothing to mend.
+//!
+//! **Why lines have vertices of their own.** Points of a cloud are where the laser happened to hit; a kerb or a dam is
+//! where it was measured. So a line is followed by posts on it (`lines`), not by paths over points as over the
+//! samples of a grid. Nothing is forced: the triangulation of points and posts stays the one Delaunay triangulation.
 
 mod choose;
+mod keep;
+mod lines;
 mod region_mesh;
 mod regions;
 #[cfg(test)]
@@ -25,20 +31,27 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use self::choose::{Errors, choose};
+use self::choose::{Chosen, Errors, choose};
+use self::keep::{Nearest, nearest};
+use self::lines::Lines;
 use self::regions::Regions;
 use self::write::{Written, write};
+use crate::beside;
+use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
+use crate::kept::{Features, KeptReport};
 use crate::memory::PROGRAM;
+use crate::on_cloud::OnCloud;
 use crate::placing::{Placed, Placing};
 use crate::points::{Filling, PointStore, Tiling};
-use crate::tin::{StageReport, horizontal_unit, vertical_unit};
+use crate::tin::{FlawReport, StageReport, horizontal_unit, vertical_unit};
 use crate::{Cancel, Progress, Resources, peak_memory, workers};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Frame, Point, Point3};
 use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
+use terrane_delaunay::Hull;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
-use terrane_files::folder_for;
+use terrane_files::{folder_for, path_of};
 use terrane_mesh::{
     self as mesh, MeshFormat, MeshHeader, MeshSink, SinkOptions, check_prj, write_prj,
 };
@@ -60,10 +73,16 @@ struct Division {
 /// and no vertices wait beside the points.
 const CHOSEN: Division = Division { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
 const ALL: Division = Division { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
+/// The same where lines have posts beside them.
+const ALL_AND_POSTS: Division = Division { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
 
 impl Division {
-    fn of(tolerance: f64) -> &'static Self {
-        if tolerance == 0.0 { &ALL } else { &CHOSEN }
+    fn of(tolerance: f64, kept: &OnCloud) -> &'static Self {
+        match (tolerance == 0.0, kept.has_lines()) {
+            (false, _) => &CHOSEN,
+            (true, false) => &ALL,
+            (true, true) => &ALL_AND_POSTS,
+        }
     }
 }
 
@@ -87,6 +106,10 @@ pub struct CloudTinJob {
     pub placing: Placing,
     /// Largest vertical distance of any point from the mesh; 0 keeps every point.
     pub tolerance: f64,
+    /// The name of a file of features; the point of the cloud nearest to each point of it is a vertex.
+    pub keep_points: Option<String>,
+    /// The name of a file of lines and polygons that edges follow.
+    pub breaklines: Option<String>,
     /// Measure largest error and RMSE for the report.
     pub measure: bool,
     /// What the job may use.
@@ -112,6 +135,15 @@ pub struct CloudTinReport {
     pub points: Census,
     /// Points that lie above another one at the same position: they bind nothing.
     pub stacked_points: u64,
+    /// What became of points to keep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
+    /// What became of breaklines, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// vertices on them without an edge that goes on along the line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub apart: Option<FlawReport>,
     pub vertices: u64,
     pub triangles: u64,
     /// Vertices for each point that was kept.
@@ -131,10 +163,22 @@ pub struct CloudTinReport {
     pub notes: Vec<String>,
 }
 
+impl CloudTinReport {
+    /// What was asked for and is not so, in words.
+    pub fn unmet(&self) -> Option<String> {
+        let FlawReport { count, first } = self.apart?;
+        let [x, y] = first?;
+        Some(format!(
+            "{count} vertices on breaklines have no edge along them, the first one at x {x}, y {y}"
+        ))
+    }
+}
+
 /// What every stage works with.
 pub(super) struct Work<'a> {
     points: &'a PointStore,
     regions: &'a Regions,
+    lines: &'a Lines<'a>,
     threads: usize,
     /// Bytes of vertices that may wait in memory.
     vertex_bytes: u64,
@@ -168,7 +212,9 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     let source = cloud::source(&job.inputs, &job.options)?;
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
-    let mut report = make(job, &*source, format, progress, cancel)?;
+    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
+    let features = Features::read_for_cloud(points, lines, &job.resources)?;
+    let mut report = make(job, &*source, features, format, progress, cancel)?;
     report.files = source.files().len() as u64;
     report.notes.extend_from_slice(source.notes());
     report.notes.extend(source.info().crs.lost_in_wkt());
@@ -181,13 +227,15 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
 pub(super) fn make(
     job: &CloudTinJob,
     source: &dyn PointSource,
+    features: Features,
     format: &'static MeshFormat,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinReport> {
     let info = source.info();
     let bounds = info.bounds.ok_or_else(no_surface)?;
-    let mut header = header(job, info, bounds, format)?;
+    let kept = features.on_cloud(info, bounds)?;
+    let mut header = header(job, info, kept.and_heights(bounds), format)?;
     let (placed, notes) =
         job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
     header.scale = placed.scale;
@@ -195,24 +243,38 @@ pub(super) fn make(
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
     let sink = || (format.create)(&job.output, &header, &options);
+    let memory = job.resources.memory.saturating_sub(kept.bytes());
+    let division = Division::of(job.tolerance, &kept);
     let mut clock = Clock::default();
     let folder = folder_for(&job.output, job.resources.temp_dir.as_deref());
     let filling = Filling {
         threads: job.resources.threads.max(1),
-        memory: job.resources.memory / 8 * Division::of(job.tolerance).points,
+        memory: memory / 8 * division.points,
         folder,
         progress,
         cancel,
     };
     let points = PointStore::fill(source, Tiling::new(bounds, info.count), &filling)?;
     clock.lap("read", points.census().read);
-    let regions = Regions::new(&points, REGION_POINTS);
-    let threads = threads(job, regions.most_points())?;
-    let vertex_bytes = job.resources.memory / 8 * Division::of(job.tolerance).vertices;
+    let hull = points.hull()?;
+    if hull.is_flat() {
+        return Err(no_surface());
+    }
+    let mut lines = Lines::new(&kept, hull.clone(), points.tiling());
+    let followed = kept.followed(|line| lines.is_outside(line), 0)?;
+    let regions = Regions::new(&points, &lines.by_square(points.tiling()), REGION_POINTS);
+    lines.divide(&regions, points.tiling());
+    let nearest = nearest_points(&kept, &points, &hull, bounds)?;
+    let count = nearest.points.len() as u64;
+    let kept_points = kept.kept(nearest.beyond, count, count)?;
+    let held = kept.bytes() + lines.bytes();
+    let threads = threads(job, division, regions.most_points(), lines.most_bytes(), held)?;
+    let vertex_bytes = memory / 8 * division.vertices;
     let measure = job.measure;
     let work = Work {
         points: &points,
         regions: &regions,
+        lines: &lines,
         threads,
         vertex_bytes,
         measure,
@@ -221,10 +283,34 @@ pub(super) fn make(
         cancel,
     };
     let tolerance = in_steps(job.tolerance, info.frame.scale[2]);
-    let made = triangulate(&work, tolerance, &info.frame, sink, &mut clock)?;
+    let made = triangulate(
+        &work,
+        tolerance,
+        (&hull.corners(), &nearest.points),
+        &info.frame,
+        sink,
+        &mut clock,
+    )?;
     let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
     let report = report(job, info, &work, &made, format, prj, clock);
-    Ok(CloudTinReport { placed: Some(placed).filter(Placed::is_local), notes, ..report })
+    let apart = made.apart.len() as u64;
+    let breaklines = followed.map(|followed| BreaklinesReport { apart, ..followed });
+    let placed = Some(placed).filter(Placed::is_local);
+    Ok(CloudTinReport { placed, notes, keep_points: kept_points, breaklines, ..report })
+}
+
+/// The points nearest to those that are to be kept.
+fn nearest_points(
+    kept: &OnCloud,
+    points: &PointStore,
+    hull: &Hull,
+    [low, _]: [Point; 2],
+) -> Result<Nearest> {
+    let place = |at: &[u32; 2]| {
+        [(at[0], low.x), (at[1], low.y)].map(|(at, low)| low.saturating_add_unsigned(at))
+    };
+    let positions: Vec<[i32; 2]> = kept.points.iter().map(place).collect();
+    nearest(points, hull, &positions)
 }
 
 /// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
@@ -240,42 +326,49 @@ struct Made {
     errors: Errors,
     stacked: u64,
     spilled: u64,
+    /// Vertices on lines without an edge that goes on.
+    apart: Vec<[i32; 2]>,
 }
 
 fn triangulate(
     work: &Work<'_>,
     tolerance: f64,
+    (hull, nearest): (&[Point], &[Point]),
     frame: &Frame,
     sink: impl FnOnce() -> Result<Box<dyn MeshSink>>,
     clock: &mut Clock,
 ) -> Result<Made> {
     let kept = work.points.census().kept;
-    let hull = work.points.hull()?.corners();
-    if hull.len() < 3 {
-        return Err(no_surface());
-    }
-    if tolerance == 0.0 {
-        let written = write(work, work.points, &hull, frame, sink()?)?;
+    if tolerance == 0.0 && work.lines.is_empty() {
+        let written = write(work, work.points, hull, frame, sink()?)?;
         clock.lap("write", kept);
         let (stacked, spilled) = (kept - written.vertices, work.points.spilled());
-        return Ok(Made { written, errors: Errors::default(), stacked, spilled });
+        let apart = Vec::new();
+        return Ok(Made { written, errors: Errors::default(), stacked, spilled, apart });
     }
-    let (vertices, errors) = choose(work, tolerance, &hull)?;
+    let Chosen { vertices, errors, apart } = choose(work, tolerance, hull, nearest)?;
     clock.lap("choose", kept);
-    let written = write(work, &vertices, &hull, frame, sink()?)?;
+    let written = write(work, &vertices, hull, frame, sink()?)?;
     clock.lap("write", written.vertices);
     let spilled = work.points.spilled() + vertices.spilled();
-    Ok(Made { written, errors, stacked: kept - errors.points, spilled })
+    Ok(Made { written, errors, stacked: kept - errors.points, spilled, apart })
 }
 
-/// Workers that fit in what the points leave of the memory.
-fn threads(job: &CloudTinJob, most_points: u64) -> Result<usize> {
-    let Division { points, workers, point_bytes, .. } = Division::of(job.tolerance);
-    let (eighth, worker) = (job.resources.memory / 8, (most_points * point_bytes).max(1));
+/// Workers that fit in what the points leave of the memory, of which so many bytes are held all the while.
+fn threads(
+    job: &CloudTinJob,
+    division: &Division,
+    most_points: u64,
+    most_lines: u64,
+    held: u64,
+) -> Result<usize> {
+    let Division { points, workers, point_bytes, .. } = division;
+    let worker = (most_points * point_bytes + most_lines).max(1);
+    let eighth = job.resources.memory.saturating_sub(held) / 8;
     let fitting = (eighth * workers).saturating_sub(PROGRAM) / worker;
     if fitting == 0 || eighth * points < LEAST_SHARED {
         let eighth = (worker + PROGRAM).div_ceil(*workers).max(LEAST_SHARED.div_ceil(*points));
-        let needed = (8 * eighth).div_ceil(1 << 20);
+        let needed = (8 * eighth + held).div_ceil(1 << 20);
         let message = format!("at least {needed} MiB of memory are needed");
         return Err(Error::new(ErrorKind::Resource, message)
             .remedy(format!("pass --memory {needed}M or more")));
@@ -301,10 +394,14 @@ fn header(
         check_single(bounds, centre, format)?;
     }
     let unit = vertical_unit(&info.crs).map(|unit| format!(" {unit}")).unwrap_or_default();
-    let comments = vec![
+    let mut comments = vec![
         format!("source {}", job.inputs.join(" ")),
         format!("max error {}{unit}", job.tolerance),
     ];
+    let beside = [("keep points", &job.keep_points), ("breaklines", &job.breaklines)];
+    comments.extend(beside.into_iter().filter_map(|(what, name)| {
+        Some(format!("{what} {}", beside::label(&path_of(name.as_deref()?))))
+    }));
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
     let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
     Ok(MeshHeader { crs, origin, scale: [1.0; 3], bounds, comments, channels: Vec::new() })
@@ -382,6 +479,10 @@ fn report(
             wall_seconds: 0.0,
         },
         stages: clock.stages,
+        apart: made.apart.first().map(|&[x, y]| {
+            let [x, y, _] = info.frame.world(Point::new(x, y, 0));
+            FlawReport { count: made.apart.len() as u64, first: Some([x, y]) }
+        }),
         ..CloudTinReport::default()
     }
 }

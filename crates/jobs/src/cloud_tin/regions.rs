@@ -10,11 +10,11 @@ pub(super) struct Region {
     pub(super) low: [u32; 2],
     /// Column and row after the last.
     pub(super) end: [u32; 2],
-    /// Points in it.
+    /// Points in it, and pieces of lines.
     pub(super) points: u64,
 }
 
-/// All regions that hold points, in the order of a curve that keeps neighbours together.
+/// All regions that hold points or lines, in the order of a curve that keeps neighbours together.
 #[derive(Debug)]
 pub(super) struct Regions {
     pub(super) all: Vec<Region>,
@@ -38,9 +38,9 @@ impl Region {
 }
 
 impl Regions {
-    /// Divides the squares of a store: by halves of both sides while there are more than `most` points
-    /// and more than one square.
-    pub(super) fn new(store: &PointStore, most: u64) -> Self {
+    /// Divides the squares of a store, in each of which there are so many pieces of lines (none where that is empty):
+    /// by halves of both sides while there are more than `most` points and pieces, and more than one square.
+    pub(super) fn new(store: &PointStore, lines: &[u32], most: u64) -> Self {
         let counts = store.tiling().counts();
         let side = counts[0].max(counts[1]).next_power_of_two();
         let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; store.tiling().count()] };
@@ -49,7 +49,11 @@ impl Regions {
             let end = [0, 1].map(|axis| (low[axis] + side).min(counts[axis]));
             let mut region = Region { low, end, points: 0 };
             let squares = region.squares(store.tiling());
-            region.points = squares.filter_map(|s| Some(store.summary(s)?.count)).sum();
+            let held = |s: usize| {
+                let points = store.summary(s).map_or(0, |summary| summary.count);
+                points + lines.get(s).copied().map_or(0, u64::from)
+            };
+            region.points = squares.map(held).sum();
             if region.points > most && side > 1 {
                 blocks.extend(quarters(low, side / 2));
             } else if region.points > 0 {
@@ -65,12 +69,12 @@ impl Regions {
         self.all.push(region);
     }
 
-    /// The region of a square with points.
+    /// The region of a square with points or lines.
     pub(super) fn of(&self, square: usize) -> usize {
         self.of[square] as usize
     }
 
-    /// Points of the fullest region.
+    /// Points and pieces of lines of the fullest region.
     pub(super) fn most_points(&self) -> u64 {
         self.all.iter().map(|region| region.points).max().unwrap_or(0)
     }

@@ -1,5 +1,7 @@
 //! Regions against the whole, and against the brute force of looking at every point.
 
+mod lines;
+
 use super::*;
 use crate::Silent;
 use crate::few::Few;
@@ -42,15 +44,32 @@ fn mesh(
     threads: usize,
     memory: u64,
 ) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
+    mesh_with(&OnCloud::default(), source, tolerance, region, threads, memory)
+}
+
+/// The same, with what is to be kept.
+fn mesh_with(
+    kept: &OnCloud,
+    source: &Few,
+    tolerance: f64,
+    region: u64,
+    threads: usize,
+    memory: u64,
+) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
     let folder = tempfile::tempdir().unwrap();
     let (progress, cancel) = (&Silent, &Cancel::default());
     let filling = Filling { threads, memory, folder: folder.path(), progress, cancel };
     let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
     let points = PointStore::fill(source, tiling, &filling).unwrap();
-    let regions = Regions::new(&points, region);
+    let hull = points.hull().unwrap();
+    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
+    let regions = Regions::new(&points, &lines.by_square(points.tiling()), region);
+    lines.divide(&regions, points.tiling());
+    let nearest = nearest_points(kept, &points, &hull, source.info.bounds.unwrap()).unwrap();
     let work = Work {
         points: &points,
         regions: &regions,
+        lines: &lines,
         threads,
         vertex_bytes: memory,
         measure: true,
@@ -60,7 +79,15 @@ fn mesh(
     };
     let sink = Collected::default();
     let boxed: Box<dyn MeshSink> = Box::new(sink.clone());
-    let made = triangulate(&work, tolerance, &FRAME, || Ok(boxed), &mut Clock::default()).unwrap();
+    let made = triangulate(
+        &work,
+        tolerance,
+        (&hull.corners(), &nearest.points),
+        &FRAME,
+        || Ok(boxed),
+        &mut Clock::default(),
+    )
+    .unwrap();
     let (vertices, triangles) = sink.0.lock().unwrap().clone();
     let point = |v: &Point3| {
         let steps = [0, 1, 2].map(|axis| FRAME.steps(axis, v[axis]).round() as i32);
@@ -154,7 +181,7 @@ fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
     store.add(&source.points).unwrap();
     let hull = store.hull().unwrap().corners();
     let (mut state, mut beyond) = (3, 0);
-    for &region in &Regions::new(&store, 500).all {
+    for &region in &Regions::new(&store, &[], 500).all {
         let local = region_mesh::RegionMesh::new(&store, region, &hull).unwrap();
         let (influence, window) = (local.influence(), region.window(&tiling));
         let all = (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
@@ -205,11 +232,14 @@ fn few_points_and_lines_have_no_surface() {
             overwrite: false,
             placing: Default::default(),
             tolerance: 1.0,
+            keep_points: None,
+            breaklines: None,
             measure: false,
             resources: Resources::default(),
         };
         let format = mesh::by_path(&job.output, None).unwrap();
-        let error = make(&job, &source, format, &Silent, &Cancel::default()).unwrap_err();
+        let error = make(&job, &source, Features::default(), format, &Silent, &Cancel::default())
+            .unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());
     }

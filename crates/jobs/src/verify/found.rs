@@ -67,6 +67,11 @@ pub trait Original: Clone + Default + PartialEq + Serialize {
     /// Vertices that the original does not have.
     fn off_vertices(&self) -> FaultReport<Self::Place>;
 
+    /// True when vertices may be where the original has no points, for what is known.
+    fn may_be_off(&self) -> bool {
+        false
+    }
+
     /// True when vertices may lie above or below the original.
     fn is_fitted(&self) -> bool {
         false
@@ -258,7 +263,8 @@ impl<O: Original> MeshReport<O> {
             (self.unused_vertices, "unused vertices".to_owned()),
         ];
         // Of other meshes the bound may hold all the same.
-        let off = self.made_by_terrane.then(|| self.of.off_vertices());
+        let off = self.made_by_terrane && !self.of.may_be_off();
+        let off = off.then(|| self.of.off_vertices());
         let off = off.map(|fault| (fault, format!("vertices off the {points}")));
         [(self.over_tolerance, over)].into_iter().chain(cover).chain(topology).chain(off).collect()
     }

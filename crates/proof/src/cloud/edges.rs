@@ -2,9 +2,10 @@
 
 use std::mem::size_of;
 
-use super::Part;
+use super::follow::Stops;
 use super::plumb::position;
 use super::strips::Strips;
+use super::{Part, order};
 use crate::edges::{Corners, Meeting, compare_vertices};
 use crate::exact::double_area;
 use crate::{Position, Tally, Triangle, Vertex};
@@ -16,14 +17,22 @@ pub(super) const MORE_BYTES_PER_TRIANGLE: usize = 4 * size_of::<Position>();
 
 /// Judges the edges and vertices that `part` owns.
 pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
+    let (mut off, mut is_kept) = (Vec::new(), vec![false; part.kept.len()]);
     let corners = Corners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_vertex(part, at, heights, tally);
+            off.extend(off_points(part, at, heights));
+            keep(part, at, heights, &mut is_kept);
         }
     });
+    count_kept(part, &is_kept, tally);
+    let mut stops = Stops::new(part, &corners.positions);
+    off.retain(|&(at, z)| z.is_none_or(|z| !stops.may_be_post(at, z)));
+    off.into_iter().for_each(|(at, _)| tally.off_samples.add(at));
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
     corners.each_edge(|ends, meeting, _| {
+        stops.edge(ends);
         let is_owned = part.domain.owns(ends[0]);
         if is_owned {
             tally.edge(ends, meeting);
@@ -35,27 +44,60 @@ pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
             open.push(ends);
         }
     });
+    stops.finish(tally);
     t_junctions(part, corners.positions, &open, tally);
 }
 
-/// Counts a position with several heights, one that is not a point's, and one beyond the hull.
+/// Counts a position with several heights, and one beyond the hull.
 fn check_vertex(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tally) {
     if heights.iter().any(|&z| z != heights[0]) {
         tally.split_heights.add(at);
-    }
-    if !heights.iter().all(|&z| is_point(part.points, at, z)) {
-        tally.off_samples.add(at);
     }
     if !part.hull.contains(at) {
         tally.outside.add(at);
     }
 }
 
+/// A position where corners are not all at points, with the height that a post there would have: none where there are
+/// points or several heights.
+fn off_points(part: &Part<'_>, at: Position, heights: &[f64]) -> Option<(Position, Option<f64>)> {
+    if heights.iter().all(|&z| is_point(part.points, at, z)) {
+        return None;
+    }
+    let may_be_post =
+        heights.iter().all(|&z| z == heights[0]) && points_at(part.points, at).is_empty();
+    Some((at, may_be_post.then_some(heights[0])))
+}
+
+/// Notes which point to keep is a vertex here, at its height.
+fn keep(part: &Part<'_>, at: Position, heights: &[f64], is_kept: &mut [bool]) {
+    let found = part.kept.binary_search_by_key(&at, |&point| position(point));
+    if let Ok(place) = found {
+        let z = f64::from(part.kept[place].z);
+        is_kept[place] = heights.iter().all(|&height| height == z);
+    }
+}
+
+fn count_kept(part: &Part<'_>, is_kept: &[bool], tally: &mut Tally) {
+    debug_assert!(part.kept.is_sorted_by_key(order), "points to keep are in order");
+    for (&point, is_kept) in part.kept.iter().zip(is_kept) {
+        if part.domain.owns(position(point)) {
+            tally.kept += 1;
+            if !is_kept {
+                tally.not_kept.add(position(point));
+            }
+        }
+    }
+}
+
 /// True when one of `points` is exactly there.
 fn is_point(points: &[Point], at: Position, z: f64) -> bool {
-    let found = points.partition_point(|point| position(*point) < at);
-    let here = points[found..].iter().take_while(|point| position(**point) == at);
-    here.into_iter().any(|point| f64::from(point.z) == z)
+    points_at(points, at).iter().any(|point| f64::from(point.z) == z)
+}
+
+fn points_at(points: &[Point], at: Position) -> &[Point] {
+    let here = &points[points.partition_point(|point| position(*point) < at)..];
+    &here[..here.partition_point(|point| position(*point) == at)]
 }
 
 /// Counts the owned vertices strictly inside an edge of one triangle.

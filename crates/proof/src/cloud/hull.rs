@@ -160,6 +160,15 @@ impl Hull {
         self.sides.iter().map(|side| side.from)
     }
 
+    /// Its sides: a corner in steps (column, row), and the direction inward, of length 1.
+    pub(super) fn lines(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+        self.sides.iter().map(|side| {
+            let [dx, dy] = side.to.minus(side.from);
+            let length = (dx * dx + dy * dy).sqrt();
+            ([side.from.cols(), side.from.rows()], [-dy / length, dx / length])
+        })
+    }
+
     /// Twice its area, in the unit of [`Tally::double_area`](crate::Tally::double_area).
     pub fn double_area(&self) -> i128 {
         let first = self.sides[0].from;
@@ -179,7 +188,7 @@ impl Hull {
     }
 
     /// True inside and on the outline. O(log corners).
-    pub(super) fn contains(&self, at: Position) -> bool {
+    pub fn contains(&self, at: Position) -> bool {
         let (right, left) = self.sides.split_at(self.sides.partition_point(|s| !s.runs_back()));
         let rising = right.partition_point(|side| side.to.row <= at.row);
         let falling = left.partition_point(|side| side.to.row >= at.row);

@@ -7,7 +7,9 @@
 
 mod bound;
 mod edges;
+mod follow;
 mod hull;
+mod nearest;
 mod place;
 mod plane;
 mod plumb;
@@ -16,7 +18,9 @@ mod strips;
 mod tests;
 
 pub use bound::Bound;
+pub use follow::Track;
 pub use hull::{Hull, Wrap};
+pub use nearest::{Nearest, Sought};
 pub use place::Placer;
 
 use std::mem::size_of;
@@ -42,6 +46,10 @@ pub struct Part<'a> {
     pub hull: &'a Hull,
     /// Largest vertical distance allowed; `None` to measure only.
     pub bound: Option<Bound>,
+    /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
+    pub kept: &'a [Point],
+    /// Lines that edges have to follow, those that come to the domain at least.
+    pub lines: &'a [Track],
 }
 
 /// The order in which a [`Part`] wants its points: by y, then x, then z.

@@ -60,6 +60,8 @@ impl Case {
                 vertices: Some(&vertices),
                 hull: &hull,
                 bound: Some(self.bound()),
+                kept: &[],
+                lines: &[],
             };
             let mut tally = Tally::default();
             check(&part, &mut tally);

@@ -1,7 +1,9 @@
 //! The kernel for clouds: a mesh whose vertices are some of the points, and no point far from it.
 
+mod follow;
 mod greedy;
 mod mesh;
 
+pub use follow::{Course, Courses, Gaps};
 pub use greedy::{Fit, exceeds};
 pub use mesh::{GHOST, Mesh, Place, Triangle};

@@ -253,6 +253,11 @@ impl Crs {
 
     /// Fails unless a file with `what` is in the system of this grid, as far as both tell.
     pub fn check_same(&self, other: &Self, what: &str) -> Result<()> {
+        self.check_same_of("grid", other, what)
+    }
+
+    /// The same of a `whole` that need be no grid.
+    pub fn check_same_of(&self, whole: &str, other: &Self, what: &str) -> Result<()> {
         if self.agrees(other) {
             return Ok(());
         }
@@ -260,14 +265,15 @@ impl Crs {
         let remedy = match (self.is_named(), other.is_named()) {
             (true, true) => "bring both into one system".to_owned(),
             (true, false) => {
-                "if it is that of the grid, name it in the file or in a .prj beside it".to_owned()
+                format!("if it is that of the {whole}, name it in the file or in a .prj beside it")
             }
             _ => format!(
-                "name the system of the grid, or write the {what} as WKT or CSV, which need not name any"
+                "name the system of the {whole}, or write the {what} as WKT or CSV, which need not name any"
             ),
         };
-        let message =
-            format!("its coordinate reference system is {others}, and that of the grid is {own}");
+        let message = format!(
+            "its coordinate reference system is {others}, and that of the {whole} is {own}"
+        );
         Err(Error::bad_input(message).remedy(remedy))
     }
 

@@ -7,6 +7,7 @@
 //! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
 //! which is gathered anew while the points are read.
 
+mod kept;
 mod parts;
 mod points;
 mod report;
@@ -16,13 +17,15 @@ mod tests;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{Verdict, Work, open_mesh, stated_bound, stated_tolerance};
+use super::{KEPT, LINES, Verdict, Work, open_mesh, stated_bound, stated_text, stated_tolerance};
+use crate::kept::Features;
+use crate::on_cloud::OnCloud;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{self as cloud, OpenOptions, PointSource};
-use terrane_mesh::MeshSource;
+use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_proof::cloud::{Bound, Placer};
 
 pub use report::{CloudVerifyReport, OfCloud};
@@ -38,6 +41,10 @@ pub struct CloudVerifyJob {
     pub options: OpenOptions,
     /// Largest allowed vertical distance; what the mesh's comments say when `None`.
     pub tolerance: Option<f64>,
+    /// The name of a file of features; the point nearest to each point of it has to be a vertex.
+    pub keep_points: Option<String>,
+    /// The name of a file of lines and polygons that edges have to follow.
+    pub breaklines: Option<String>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -59,15 +66,19 @@ pub fn verify_cloud(
         None => stated_tolerance(mesh.info()).map_err(|e| e.in_file(&job.mesh))?,
     };
     let stated = stated_bound(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
+    let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
+    let features = Features::read_for_cloud(points, lines, &job.resources)?;
     let cloud = job.inputs.join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
-    let proved = prove_cloud(&*mesh, &*source, tolerance, &job.resources, progress, cancel);
+    let asked = (tolerance, features);
+    let proved = prove_cloud(&*mesh, &*source, asked, &job.resources, progress, cancel);
     let report = proved.map_err(|e| match e.kind() {
         ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.mesh),
         _ => e,
     })?;
+    let mut verdict = beside_stated(report.verdict, stated);
+    tell_of_files(mesh.info(), job, &mut verdict);
     let mesh = job.mesh.display().to_string();
-    let verdict = beside_stated(report.verdict, stated);
     Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, verdict, ..report })
 }
 
@@ -81,7 +92,20 @@ fn beside_stated(verdict: Verdict, stated: bound::Bound) -> Verdict {
     Verdict::of(verdict.failures, not_judged)
 }
 
-/// Proves `mesh` against the points of `source`; what the two hold themselves is not part of the
+/// Names files that the mesh was made with, as it states, and that were not given.
+fn tell_of_files(mesh: &MeshInfo, job: &CloudVerifyJob, verdict: &mut Verdict) {
+    let (points, lines) = (job.keep_points.is_none(), job.breaklines.is_none());
+    if let Some(file) = stated_text(mesh, KEPT).filter(|_| points) {
+        verdict.judged = false;
+        verdict.not_judged.push(format!("whether it keeps the points of {file} (--keep-points)"));
+    }
+    if let Some(file) = stated_text(mesh, LINES).filter(|_| lines) {
+        verdict.judged = false;
+        verdict.not_judged.push(format!("whether edges follow the lines of {file} (--breaklines)"));
+    }
+}
+
+/// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
 /// memory budget, of which this takes about half.
 ///
 /// # Errors
@@ -90,20 +114,22 @@ fn beside_stated(verdict: Verdict, stated: bound::Bound) -> Verdict {
 pub fn prove_cloud(
     mesh: &dyn MeshSource,
     source: &dyn PointSource,
-    tolerance: Option<f64>,
+    (tolerance, features): (Option<f64>, Features),
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let start = Instant::now();
     let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
-    let context = Context::new(work, source, tolerance)?;
+    let mut context = Context::new(work, source, tolerance, features)?;
     let layout = parts::layout(&context)?;
     let points = points::SpreadPoints::fill(&context, layout)?;
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
+    let kept = kept::KeptOn::new(&context, &points, hull, layout)?;
+    context.work.set_aside(kept.bytes());
     let spread = super::spread::Spread::fill(&context.work, &context.placer, layout)?;
-    let (tally, again) = parts::check(&context, &points, hull, &spread)?;
-    let mut report = report::report(&context, &points, hull, &spread, &tally);
+    let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
+    let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
     let spilled = points.bytes() + spread.bytes() + again;
     report.run = context.work.figures(start, resources, spilled);
     report.of.points_per_second = report.run.rate(report.of.points.read);
@@ -119,15 +145,27 @@ struct Context<'a> {
     placer: Placer,
     tolerance: Option<f64>,
     bound: Option<Bound>,
+    kept: OnCloud,
+    /// The mesh has posts on lines that are not given.
+    has_posts: bool,
 }
 
 impl<'a> Context<'a> {
-    fn new(work: Work<'a>, source: &'a dyn PointSource, tolerance: Option<f64>) -> Result<Self> {
+    fn new(
+        mut work: Work<'a>,
+        source: &'a dyn PointSource,
+        tolerance: Option<f64>,
+        features: Features,
+    ) -> Result<Self> {
         let bounds = surface_bounds(source)?;
+        let kept = features.on_cloud(source.info(), bounds)?;
+        work.set_aside(kept.bytes());
+        let has_posts = !kept.has_lines() && stated_text(work.mesh.info(), LINES).is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
-        let placer = Placer::new(frame, bounds, mesh.origin, mesh.single_precision);
+        let reach = kept.and_heights(bounds);
+        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
         let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
-        Ok(Self { work, source, bounds, placer, tolerance, bound })
+        Ok(Self { work, source, bounds, placer, tolerance, bound, kept, has_posts })
     }
 }
 

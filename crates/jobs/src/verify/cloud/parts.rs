@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::Context;
+use super::kept::KeptOn;
 use super::points::{SpreadPoints, position};
 use crate::verify::parts::MOST_TRIANGLES;
 use crate::verify::spread::Spread;
@@ -15,7 +16,7 @@ use crate::workers;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_files::{Buckets, lock};
-use terrane_proof::cloud::{self, Hull, Part};
+use terrane_proof::cloud::{self, Hull, Part, Track};
 use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
@@ -49,6 +50,7 @@ pub(super) fn check(
     points: &SpreadPoints,
     hull: &Hull,
     spread: &Spread,
+    kept: &KeptOn,
 ) -> Result<(Tally, u64)> {
     let (work, layout) = (&context.work, spread.layout);
     let all = Mutex::new(Tally::default());
@@ -60,7 +62,9 @@ pub(super) fn check(
     };
     work.progress.begin("prove", points.census.kept);
     let judge = |tally: &mut Tally, index| {
-        checker.check(&piles, index as usize, layout.domain(index), tally)?;
+        let (kept, lines) = kept.of(index);
+        let held = (&kept[..], &lines[..]);
+        checker.check(&piles, held, index as usize, layout.domain(index), tally)?;
         work.progress.advance(piles.points.len(index as usize));
         Ok(())
     };
@@ -103,6 +107,7 @@ impl Checker<'_> {
     fn check(
         &self,
         piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
         number: usize,
         domain: Domain,
         tally: &mut Tally,
@@ -112,23 +117,24 @@ impl Checker<'_> {
         let [points, triangles, positions] = piles.counts(number);
         let need = cloud::bytes_needed(points, triangles, positions);
         if need <= work.share && triangles <= MOST_TRIANGLES {
-            return self.check_whole(piles, number, domain, tally);
+            return self.check_whole(piles, held, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
-            return self.check_pieces(piles, number, &pieces, tally);
+            return self.check_pieces(piles, held, number, &pieces, tally);
         }
         if need > work.memory || triangles > MOST_TRIANGLES {
             return Err(self.too_crowded(domain, points, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.check_whole(piles, number, domain, tally)
+        self.check_whole(piles, held, number, domain, tally)
     }
 
     /// Spreads what a domain has over pieces of it, and checks those.
     fn check_pieces(
         &self,
         piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
         number: usize,
         pieces: &[Domain],
         tally: &mut Tally,
@@ -145,12 +151,19 @@ impl Checker<'_> {
         let again = Piles { points: &points, triangles: &triangles, positions };
         let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
         self.spilled.fetch_add(bytes, Ordering::Relaxed);
-        (0..).zip(pieces).try_for_each(|(number, &piece)| self.check(&again, number, piece, tally))
+        (0..).zip(pieces).try_for_each(|(number, &piece)| {
+            let is_kept = |point: &&Point| piece.owns(position(**point));
+            let kept: Vec<Point> = held.0.iter().filter(is_kept).copied().collect();
+            let lines: Vec<Track> =
+                held.1.iter().filter(|line| line.is_in(&piece)).copied().collect();
+            self.check(&again, (&kept, &lines), number, piece, tally)
+        })
     }
 
     fn check_whole(
         &self,
         piles: &Piles<'_>,
+        held: (&[Point], &[Track]),
         number: usize,
         domain: Domain,
         tally: &mut Tally,
@@ -167,6 +180,8 @@ impl Checker<'_> {
             vertices: vertices.as_deref(),
             hull: self.hull,
             bound: self.context.bound,
+            kept: held.0,
+            lines: held.1,
         };
         cloud::check(&part, tally);
         Ok(())

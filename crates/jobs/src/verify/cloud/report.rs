@@ -3,10 +3,14 @@
 use serde::Serialize;
 
 use super::Context;
+use super::kept::KeptOn;
 use super::points::SpreadPoints;
+use crate::breaklines::BreaklinesReport;
+use crate::kept::KeptReport;
 use crate::tin::{horizontal_unit, vertical_unit};
 use crate::verify::found::{FaultReport, Findings, MeshReport, Original, area};
 use crate::verify::spread::Spread;
+use terrane_base::error::Result;
 use terrane_cloud::Census;
 use terrane_proof::cloud::Hull;
 use terrane_proof::{Fault, Position, Tally};
@@ -51,9 +55,28 @@ pub struct OfCloud {
     pub uncovered_points: FaultReport<[f64; 2]>,
     /// Vertices beyond the hull of the points.
     pub outside_vertices: FaultReport<[f64; 2]>,
-    /// Positions of triangle corners that are no point of the cloud, in the precision of the format.
+    /// Positions of triangle corners that are no point of the cloud, nor posts of breaklines that were given, in the
+    /// precision of the format.
     /// A failure only where `made_by_terrane`: the error bound of other meshes may hold all the same.
     pub off_point_vertices: FaultReport<[f64; 2]>,
+    /// True where the mesh states that it has posts on breaklines that were not given: vertices may be no points.
+    #[serde(skip)]
+    pub has_posts: bool,
+    /// Points to keep, if they were given, and
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_points: Option<KeptReport>,
+    /// points nearest to them that are no vertices.
+    #[serde(skip_serializing_if = "FaultReport::is_none")]
+    pub not_kept: FaultReport<[f64; 2]>,
+    /// Breaklines, if they were given,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub breaklines: Option<BreaklinesReport>,
+    /// vertices on them, and
+    #[serde(skip_serializing_if = "is_zero")]
+    pub on_breaklines: u64,
+    /// places where edges do not follow them.
+    #[serde(skip_serializing_if = "FaultReport::is_none")]
+    pub not_followed: FaultReport<[f64; 2]>,
     /// Points read by seconds.
     pub points_per_second: f64,
 }
@@ -71,11 +94,17 @@ impl Original for OfCloud {
         vec![
             (self.uncovered_points, "points not covered by the mesh"),
             (self.outside_vertices, "vertices beyond the hull of the points"),
+            (self.not_kept, "points that were to be kept and are no vertices"),
+            (self.not_followed, "places on breaklines that edges do not follow"),
         ]
     }
 
     fn off_vertices(&self) -> FaultReport<[f64; 2]> {
         self.off_point_vertices
+    }
+
+    fn may_be_off(&self) -> bool {
+        self.has_posts
     }
 
     fn wrong_area(&self, area: f64) -> String {
@@ -89,8 +118,9 @@ pub(super) fn report(
     points: &SpreadPoints,
     hull: &Hull,
     spread: &Spread,
+    kept: &KeptOn,
     tally: &Tally,
-) -> CloudVerifyReport {
+) -> Result<CloudVerifyReport> {
     let cloud = context.source.info();
     let place = |at: Position| context.placer.world(at);
     let fault = |fault: &Fault| FaultReport::of(fault, place);
@@ -112,6 +142,18 @@ pub(super) fn report(
         uncovered_points: fault(&tally.uncovered),
         outside_vertices: fault(&tally.outside),
         off_point_vertices: fault(&tally.off_samples),
+        has_posts: context.has_posts,
+        keep_points: context.kept.kept(
+            kept.beyond,
+            tally.kept,
+            tally.kept - tally.not_kept.count,
+        )?,
+        not_kept: fault(&tally.not_kept),
+        breaklines: context
+            .kept
+            .followed(|line| kept.is_outside(line), tally.not_followed.count)?,
+        on_breaklines: tally.on_lines,
+        not_followed: fault(&tally.not_followed),
         ..OfCloud::default()
     };
     let found = Findings {
@@ -124,5 +166,9 @@ pub(super) fn report(
         cell: [width, height],
         area_matches: tally.double_area == hull.double_area(),
     };
-    MeshReport::new(of, &found, place)
+    Ok(MeshReport::new(of, &found, place))
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }

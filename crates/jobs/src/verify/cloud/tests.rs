@@ -1,5 +1,7 @@
 //! Meshes that the job makes of clouds, sound and spoiled, on any machine.
 
+mod lines;
+
 use std::path::Path;
 
 use super::*;
@@ -44,6 +46,17 @@ fn resources(threads: usize, memory: u64, folder: &Path) -> Resources {
 
 /// Writes the mesh of a cloud and opens it.
 fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshSource> {
+    made_with(Features::default(), cloud, tolerance, folder, name)
+}
+
+/// The same, with what it has to keep.
+fn made_with(
+    features: Features,
+    cloud: &Few,
+    tolerance: f64,
+    folder: &Path,
+    name: &str,
+) -> Box<dyn MeshSource> {
     let job = CloudTinJob {
         inputs: vec!["few".to_owned()],
         options: OpenOptions::default(),
@@ -52,18 +65,28 @@ fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshS
         overwrite: true,
         placing: Default::default(),
         tolerance,
+        keep_points: None,
+        breaklines: None,
         measure: false,
         resources: resources(2, 1 << 30, folder),
     };
     let format = mesh::by_path(&job.output, None).unwrap();
-    cloud_tin::make(&job, cloud, format, &Silent, &Cancel::default()).unwrap();
+    cloud_tin::make(&job, cloud, features, format, &Silent, &Cancel::default()).unwrap();
     mesh::open(&job.output).unwrap()
 }
 
 fn proved(mesh: &dyn MeshSource, cloud: &Few, resources: &Resources) -> CloudVerifyReport {
-    let tolerance = stated_tolerance(mesh.info()).unwrap();
-    let report =
-        prove_cloud(mesh, cloud, tolerance, resources, &Silent, &Cancel::default()).unwrap();
+    proved_with(Features::default(), mesh, cloud, resources)
+}
+
+fn proved_with(
+    features: Features,
+    mesh: &dyn MeshSource,
+    cloud: &Few,
+    resources: &Resources,
+) -> CloudVerifyReport {
+    let asked = (stated_tolerance(mesh.info()).unwrap(), features);
+    let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {
         of: OfCloud { points_per_second: 0.0, ..report.of },
@@ -173,7 +196,14 @@ fn little_memory_spreads_crowds_again() {
     let mesh = made(&cloud, 0.0, folder.path(), "c.ply");
     let spilled = |memory| {
         let resources = resources(1, memory, folder.path());
-        let report = prove_cloud(&*mesh, &cloud, None, &resources, &Silent, &Cancel::default());
+        let report = prove_cloud(
+            &*mesh,
+            &cloud,
+            (None, Features::default()),
+            &resources,
+            &Silent,
+            &Cancel::default(),
+        );
         report.unwrap().run.spilled_bytes.unwrap()
     };
     assert!(spilled(1 << 20) > spilled(1 << 30) * 3 / 2);
@@ -253,7 +283,8 @@ fn what_cannot_be_proved_is_an_error() {
     let resources = resources(1, 1 << 20, folder.path());
     let prove = |mesh: &Memory, cloud: &Few, tolerance| {
         let cancel = Cancel::default();
-        prove_cloud(mesh, cloud, tolerance, &resources, &Silent, &cancel).unwrap_err()
+        prove_cloud(mesh, cloud, (tolerance, Features::default()), &resources, &Silent, &cancel)
+            .unwrap_err()
     };
     assert_eq!(prove(&mesh, &cloud, Some(-1.0)).kind(), ErrorKind::Usage);
     let line = few((0..9).map(|i| Point::new(i, 2 * i, 3)).collect());

@@ -1,0 +1,63 @@
+//! The points nearest to positions, among points that come in heaps.
+
+use terrane_base::geom::Point;
+
+/// A position, and the nearest point seen so far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Sought {
+    /// Column and row.
+    pub at: [i32; 2],
+    /// The square of its distance, and the point: of those at one distance the lowest (by x, y and z).
+    pub found: Option<(i64, Point)>,
+}
+
+/// Points sorted to look for the nearest.
+#[derive(Debug)]
+pub struct Nearest(Vec<Point>);
+
+impl Nearest {
+    /// Among these.
+    pub fn of(mut points: Vec<Point>) -> Self {
+        points.sort_unstable();
+        Self(points)
+    }
+
+    /// Takes note of a point that is nearer than the one found: goes east and west until all others are further away.
+    pub fn improve(&self, sought: &mut Sought) {
+        let [x, y] = sought.at;
+        let (west, east) = self.0.split_at(self.0.partition_point(|point| point.x < x));
+        let mut see = |point: &Point| {
+            let dx = i64::from(point.x) - i64::from(x);
+            if sought.found.is_some_and(|(far, _)| dx * dx > far) {
+                return false;
+            }
+            let dy = i64::from(point.y) - i64::from(y);
+            let here = (dx * dx + dy * dy, *point);
+            sought.found = Some(sought.found.map_or(here, |found| found.min(here)));
+            true
+        };
+        east.iter().all(&mut see);
+        west.iter().rev().all(&mut see);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_nearest_is_found_in_any_heaps(
+            points in prop::collection::vec((0..30i32, 0..30i32, 0..3i32), 1..60),
+            at in [0..30i32, 0..30i32], cut in 0..60usize
+        ) {
+            let points: Vec<Point> = points.iter().map(|&(x, y, z)| Point::new(x, y, z)).collect();
+            let (a, b) = points.split_at(cut.min(points.len()));
+            let mut sought = Sought { at, found: None };
+            [b, a].iter().for_each(|heap| Nearest::of(heap.to_vec()).improve(&mut sought));
+            let far = |p: &Point| i64::from((p.x - at[0]).pow(2) + (p.y - at[1]).pow(2));
+            prop_assert_eq!(sought.found, points.iter().map(|p| (far(p), *p)).min());
+        }
+    }
+}

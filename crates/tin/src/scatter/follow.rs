@@ -1,0 +1,339 @@
+//! Lines over a cloud: paths of steps of its frame along which edges of the mesh run.
+//!
+//! A line from one position to another is followed by a [`Segment`]'s path on the lattice of the frame, as over the
+//! samples of a grid: from each vertex on it an edge has to go on to one further along it. Where none does, a *post*
+//! between two neighbouring vertices of the path becomes a vertex; nothing is forced, so the mesh stays the Delaunay
+//! triangulation of its vertices. It ends because a step of a path is an edge of every triangulation that has both of
+//! its ends: the circle around it holds no other position.
+//!
+//! Which post is tried (after the shells of Ruppert 1995, and Si 2015): of the vertices that the missing edge would
+//! pass, the one that sees it under the widest angle is in the way; the post is as far from the nearer end as that
+//! vertex is. So a point close to a line costs one post rather than a cascade down to single steps, and two lines
+//! that meet under a small angle get posts at the same distances, which are not in each other's way.
+
+use std::ops::RangeInclusive;
+
+use super::mesh::{GHOST, Mesh, NONE};
+use terrane_base::geom::Segment;
+use terrane_delaunay::orient;
+
+type Site = [i32; 2];
+
+/// A part of a line: the steps of its path in a rectangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Course {
+    /// The line.
+    pub segment: Segment,
+    /// First step in the rectangle.
+    pub from: u64,
+    /// Last step there.
+    pub to: u64,
+    /// The step at which the next rectangle begins with a vertex; `None` where the line ends.
+    pub next: Option<u64>,
+    /// The last step of the whole line.
+    pub last: u64,
+}
+
+impl Course {
+    /// After how many steps this part of the path comes to a position, if it does.
+    fn step_of(&self, at: Site) -> Option<u64> {
+        let step = self.segment.step_of(at.map(i64::from))?;
+        (self.from..=self.to).contains(&step).then_some(step)
+    }
+
+    fn site(&self, step: u64) -> Site {
+        self.segment.at(step).map(|steps| steps as i32)
+    }
+}
+
+/// The courses of a rectangle, found by position.
+#[derive(Debug)]
+pub struct Courses {
+    all: Vec<Course>,
+    low: [i64; 2],
+    /// Side of a bin, bins across and down.
+    side: i64,
+    counts: [i64; 2],
+    /// By bin: where its courses begin in `listed`.
+    starts: Vec<u32>,
+    listed: Vec<u32>,
+}
+
+/// What a mesh lacks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Gaps {
+    /// Positions that should become vertices, sorted, each once.
+    pub posts: Vec<Site>,
+    /// Vertices from which no edge goes on and after which none can be put.
+    pub apart: Vec<Site>,
+}
+
+/// A vertex on a course.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Stop {
+    course: u32,
+    step: u64,
+    vertex: u32,
+}
+
+impl Courses {
+    /// Most bins along a side.
+    const MOST: usize = 64;
+    /// About the bytes for a course and what is listed of it.
+    pub const BYTES: u64 = size_of::<Course>() as u64 + 4 * 2 * Self::MOST as u64;
+
+    /// Those that lie in the rectangle from `low` to `high`.
+    pub fn new(all: Vec<Course>, low: Site, high: Site) -> Self {
+        let low = low.map(i64::from);
+        let spans = [0, 1].map(|axis| i64::from(high[axis]) - low[axis] + 1);
+        let along = all.len().isqrt().clamp(1, Self::MOST) as i64;
+        let side = (spans[0].max(spans[1]) + along - 1) / along;
+        let counts = spans.map(|span| (span + side - 1) / side);
+        let mut courses = Self { all, low, side, counts, starts: Vec::new(), listed: Vec::new() };
+        let mut places: Vec<(u32, u32)> = Vec::new();
+        for (number, course) in (0..).zip(&courses.all) {
+            courses.each_bin(course, |bin| places.push((bin, number)));
+        }
+        places.sort_unstable();
+        let bins = (counts[0] * counts[1]) as u32;
+        let start = |bin: u32| places.partition_point(|&(other, _)| other < bin) as u32;
+        courses.starts = (0..=bins).map(start).collect();
+        courses.listed = places.into_iter().map(|(_, number)| number).collect();
+        courses
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    fn bin_of(&self, at: [i64; 2]) -> [i64; 2] {
+        [0, 1].map(|axis| (at[axis] - self.low[axis]).div_euclid(self.side))
+    }
+
+    /// The bins that a course passes, row by row.
+    fn each_bin(&self, course: &Course, mut each: impl FnMut(u32)) {
+        let [first, last] =
+            [course.from, course.to].map(|step| self.bin_of(course.segment.at(step)));
+        let (west, east) = (first[0].min(last[0]), first[0].max(last[0]));
+        for row in first[1].min(last[1])..=first[1].max(last[1]) {
+            let south = self.low[1] + row * self.side;
+            let low = [self.low[0] + west * self.side, south];
+            let high = [self.low[0] + (east + 1) * self.side - 1, south + self.side - 1];
+            let Some(steps) = course.segment.within(low, high) else { continue };
+            let [a, b] = [*steps.start().max(&course.from), *steps.end().min(&course.to)];
+            let [a, b] = [a, b].map(|step| self.bin_of(course.segment.at(step))[0]);
+            (a.min(b)..=a.max(b)).for_each(|col| each((row * self.counts[0] + col) as u32));
+        }
+    }
+
+    fn listed_in(&self, bin: usize) -> &[u32] {
+        &self.listed[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+
+    /// The courses whose path comes to a position, by number, and after how many steps.
+    pub fn at(&self, site: Site) -> impl Iterator<Item = (u32, u64)> + '_ {
+        let [col, row] = self.bin_of(site.map(i64::from));
+        let inside = (0..self.counts[0]).contains(&col) && (0..self.counts[1]).contains(&row);
+        let bin = inside.then_some((row * self.counts[0] + col) as usize);
+        let near = bin.map_or(&[][..], |bin| self.listed_in(bin));
+        near.iter().filter_map(move |&number| {
+            self.all[number as usize].step_of(site).map(|step| (number, step))
+        })
+    }
+
+    /// Positions near which straight lines cross, on the paths of both; `None` where there are more than `most`.
+    pub fn crossings(&self, most: usize) -> Option<Vec<Site>> {
+        let mut found = Vec::new();
+        for bin in 0..self.starts.len() - 1 {
+            let near = self.listed_in(bin);
+            for (i, &a) in near.iter().enumerate() {
+                let pairs = near[..i].iter().map(|&b| [a, b].map(|n| &self.all[n as usize]));
+                found.extend(pairs.filter_map(|[a, b]| crossing(a, b)));
+                if found.len() > most {
+                    found.sort_unstable();
+                    found.dedup();
+                    if found.len() > most {
+                        return None;
+                    }
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        Some(found)
+    }
+
+    /// Looks for vertices on courses from which no edge goes on. A post goes where it `may` be.
+    pub fn gaps(&self, mesh: &Mesh, may: impl Fn(Site) -> bool) -> Gaps {
+        let stops = self.stops(mesh);
+        let triangles = triangles(mesh);
+        let mut gaps = Gaps::default();
+        for (i, stop) in stops.iter().enumerate() {
+            let course = &self.all[stop.course as usize];
+            if stop.step == course.last || goes_on(mesh, &triangles, stop, course) {
+                continue;
+            }
+            let next = stops.get(i + 1).filter(|next| next.course == stop.course);
+            let next = next.map(|next| next.step).or(course.next);
+            let post = next.and_then(|next| {
+                let aim = aim(mesh, &triangles, stop, course, next);
+                nearest(aim, stop.step + 1..=next - 1, |step| may(course.site(step)))
+            });
+            match post {
+                Some(step) => gaps.posts.push(course.site(step)),
+                None => gaps.apart.push(course.site(stop.step)),
+            }
+        }
+        gaps.posts.sort_unstable();
+        gaps.posts.dedup();
+        gaps
+    }
+
+    /// The vertices on courses, course by course and along it.
+    fn stops(&self, mesh: &Mesh) -> Vec<Stop> {
+        let mut stops = Vec::new();
+        for (vertex, point) in (0..).zip(mesh.points()) {
+            let on = self.at([point.x, point.y]);
+            stops.extend(on.map(|(course, step)| Stop { course, step, vertex }));
+        }
+        stops.sort_unstable();
+        stops
+    }
+}
+
+/// The number of some steps nearest to `aim` for which a test holds; of two the lower.
+fn nearest(aim: u64, steps: RangeInclusive<u64>, holds: impl Fn(u64) -> bool) -> Option<u64> {
+    let (first, last) = (*steps.start(), *steps.end());
+    let reach = (aim - first.min(aim)).max(last.max(aim) - aim);
+    let around = (0..=reach).flat_map(|off| [aim.wrapping_sub(off), aim + off]);
+    around.filter(|step| steps.contains(step)).find(|&step| holds(step))
+}
+
+/// By vertex: a triangle that has it.
+fn triangles(mesh: &Mesh) -> Vec<u32> {
+    let mut triangles = vec![NONE; mesh.points().len()];
+    for (number, triangle) in (0..).zip(mesh.triangles()) {
+        for corner in triangle.corners.into_iter().filter(|&corner| corner != GHOST) {
+            triangles[corner as usize] = number;
+        }
+    }
+    triangles
+}
+
+/// The triangles around a vertex, each with the place of the vertex in it.
+fn around(mesh: &Mesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
+    let place = move |triangle: u32| {
+        let corners = mesh.triangles()[triangle as usize].corners;
+        (triangle, corners.iter().position(|&corner| corner == vertex).unwrap_or(0))
+    };
+    let turn = move |&(triangle, k): &(u32, usize)| {
+        let next = mesh.triangles()[triangle as usize].twins[(k + 1) % 3];
+        (next != first).then(|| place(next))
+    };
+    std::iter::successors(Some(place(first)), turn)
+}
+
+fn goes_on(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course) -> bool {
+    let mut all = around(mesh, triangles[stop.vertex as usize], stop.vertex);
+    all.any(|(triangle, k)| {
+        let beside = mesh.triangles()[triangle as usize].corners[(k + 1) % 3];
+        let at = mesh.points().get(beside as usize).map(|p| [i64::from(p.x), i64::from(p.y)]);
+        let step = at.and_then(|at| course.segment.step_of(at));
+        step.is_some_and(|step| step > stop.step && step <= course.last)
+    })
+}
+
+/// The step where a post between a stop and the next is wanted.
+fn aim(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course, next: u64) -> u64 {
+    let (a, b) = (course.site(stop.step), course.site(next));
+    let [first, last] = [0, course.segment.steps()].map(|step| course.segment.at(step));
+    let [dx, dy] = [0, 1].map(|axis| (last[axis] - first[axis]) as f64);
+    let steps_by_length = course.segment.steps() as f64 / (dx * dx + dy * dy).sqrt();
+    let steps = |far: f64| (far * steps_by_length).round() as u64;
+    let inner = |step: u64| step.clamp(stop.step + 1, (next - 1).max(stop.step + 1));
+    match in_the_way(mesh, triangles[stop.vertex as usize], stop.vertex, [a, b]) {
+        Some([from_a, from_b]) if from_a <= from_b => {
+            inner(stop.step.saturating_add(steps(from_a)))
+        }
+        Some([_, from_b]) => inner(next.saturating_sub(steps(from_b))),
+        None => inner(stop.step.midpoint(next)),
+    }
+}
+
+/// The distances, from both ends of a missing edge, of the vertex that sees it under the widest angle, of those of all
+/// triangles that the edge would pass; `None` where that is no more than a right angle.
+fn in_the_way(mesh: &Mesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
+    let mut widest = Widest { ends: [a, b], cosine: 0.0, far: None };
+    let site = |v: u32| mesh.points().get(v as usize).map(|p| [p.x, p.y]);
+    let begin = around(mesh, first, vertex).find_map(|(triangle, k)| {
+        let corners = mesh.triangles()[triangle as usize].corners;
+        let [p, q] = [corners[(k + 1) % 3], corners[(k + 2) % 3]];
+        let (at_p, at_q) = (site(p)?, site(q)?);
+        let is_between = orient(a, at_p, b) >= 0 && orient(a, at_q, b) < 0;
+        is_between.then_some((triangle, p, q))
+    });
+    let (mut triangle, mut right, mut left) = begin?;
+    widest.see(site(right)?);
+    widest.see(site(left)?);
+    // No way through a triangulation passes more triangles than there are.
+    for _ in 0..mesh.triangles().len() {
+        let corners = mesh.triangles()[triangle as usize].corners;
+        let apex = (0..3).find(|&k| corners[k] != right && corners[k] != left)?;
+        triangle = mesh.triangles()[triangle as usize].twins[apex];
+        let corners = mesh.triangles()[triangle as usize].corners;
+        let across = corners.into_iter().find(|&v| v != right && v != left)?;
+        let Some(at) = site(across).filter(|&at| at != b) else { break };
+        widest.see(at);
+        match orient(a, b, at) {
+            0 => break,
+            side if side > 0 => left = across,
+            _ => right = across,
+        }
+    }
+    widest.far
+}
+
+/// The vertex that sees an edge under the widest angle.
+struct Widest {
+    ends: [Site; 2],
+    cosine: f64,
+    far: Option<[f64; 2]>,
+}
+
+impl Widest {
+    fn see(&mut self, at: Site) {
+        let [a, b] = self.ends.map(|end| [0, 1].map(|i| f64::from(end[i]) - f64::from(at[i])));
+        let far = [a, b].map(|[x, y]| (x * x + y * y).sqrt());
+        let cosine = (a[0] * b[0] + a[1] * b[1]) / (far[0] * far[1]);
+        if cosine < self.cosine {
+            (self.cosine, self.far) = (cosine, Some(far));
+        }
+    }
+}
+
+/// A position of two paths near which their straight lines cross.
+fn crossing(a: &Course, b: &Course) -> Option<Site> {
+    let ends = |course: &Course| [0, course.segment.steps()].map(|step| course.segment.at(step));
+    let ([p, q], [r, s]) = (ends(a), ends(b));
+    let turn = |o: [i64; 2], u: [i64; 2], v: [i64; 2]| {
+        let d = |p: i64, q: i64| i128::from(p - q);
+        d(u[0], o[0]) * d(v[1], o[1]) - d(u[1], o[1]) * d(v[0], o[0])
+    };
+    let sides = [turn(r, s, p), turn(r, s, q), turn(p, q, r), turn(p, q, s)].map(i128::signum);
+    if sides[0] * sides[1] >= 0 || sides[2] * sides[3] >= 0 {
+        return None;
+    }
+    let (from, to) = (turn(r, s, p) as f64, turn(r, s, q) as f64);
+    let share = from / (from - to);
+    let at = [0, 1].map(|i| (p[i] as f64 + share * (q[i] - p[i]) as f64).round() as i64);
+    let near = (0..25).map(|i| [at[0] + i % 5 - 2, at[1] + i / 5 - 2]);
+    let on_both = near.filter_map(|site| {
+        let site = [i32::try_from(site[0]).ok()?, i32::try_from(site[1]).ok()?];
+        (a.step_of(site).is_some() && b.step_of(site).is_some()).then_some(site)
+    });
+    on_both.min_by_key(|site| {
+        let off = [0, 1].map(|i| i64::from(site[i]) - at[i]);
+        (off[0] * off[0] + off[1] * off[1], *site)
+    })
+}
