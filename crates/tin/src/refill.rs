@@ -100,10 +100,10 @@ impl Refill {
     ) -> Filling {
         let at = |from: usize, to: usize| self.fillings[from * ring.len() + to].shape;
         let corners = |apex: usize| [ring[from].0, ring[apex].0, ring[to].0];
-        let mut promises = [0.0; MAX_DEGREE];
-        for apex in from + 1..to {
-            promises[apex] = at(from, apex).min(at(apex, to)).min(shape(corners(apex)));
-        }
+        let promise = |apex: usize| at(from, apex).min(at(apex, to)).min(shape(corners(apex)));
+        let is_inside = |apex: &usize| (from + 1..to).contains(apex);
+        let mut promises: [f64; MAX_DEGREE] =
+            std::array::from_fn(|apex| Some(apex).filter(is_inside).map_or(0.0, promise));
         loop {
             let better =
                 |best: usize, apex| if promises[apex] > promises[best] { apex } else { best };
