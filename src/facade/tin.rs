@@ -254,7 +254,7 @@ impl<S> TinBuilder<S> {
     }
 
     /// Let triangles be any that keep the error, not Delaunay ones alone, where that takes fewer vertices: a fifth
-    /// fewer, in half as much time again. They are thinner then; where none may be, say [`min_angle`](Self::min_angle).
+    /// to a third fewer, in some twice the time. They are thinner then; where none may be, say [`min_angle`](Self::min_angle).
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {

@@ -136,8 +136,8 @@ pub(crate) struct Method {
     #[arg(long, conflicts_with_all = ["strict", "no_drop"])]
     pub(crate) fit: bool,
     /// Which triangles vertices get. delaunay; data-dependent: any that keep the error, where that takes fewer
-    /// vertices (a fifth fewer; half as slow again), and with a method below, edges flipped for the smaller sum of
-    /// largest errors; split3, with a method: nothing is ever flipped [default: delaunay]
+    /// vertices (a fifth to a third fewer; some two times slower), and with a method below, edges flipped for the
+    /// smaller sum of largest errors; split3, with a method: nothing is ever flipped [default: delaunay]
     #[arg(long, value_name = "NAME", value_parser = clap::value_parser!(Triangulation))]
     pub(crate) triangulation: Option<Triangulation>,
     /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
