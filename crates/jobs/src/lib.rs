@@ -39,7 +39,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
-pub const REVISION: u32 = 7;
+pub const REVISION: u32 = 8;
 
 /// Set once to stop a job early; checked between units of work.
 #[derive(Clone, Debug, Default)]

@@ -183,7 +183,10 @@ impl Scratch {
             return true;
         }
         let corners = |half_edge: u32| mesh.tris[(half_edge >> 2) as usize].corners;
-        let hair = |&at: &u32| judge.hair(judge.field.vertices(corners(at)));
+        let hair = |&at: &u32| {
+            let (corners, z) = (corners(at), judge.field.vertices(corners(at)));
+            judge.hair(z, Facet::new(corners, z).gx)
+        };
         let hair = self.star.iter().map(hair).fold(0.0, f64::max);
         let is_clear = f64::from(largest) + hair < judge.tolerance;
         let samples = || self.star.iter().all(|&at| judge.candidate(corners(at), 0).is_none());

@@ -133,8 +133,8 @@ impl Scratch {
         }
     }
 
-    /// Removes the vertex from which `half_edge` starts if its star can be refilled with Delaunay
-    /// triangles that keep every sample within the tolerance. Returns the triangles that took its
+    /// Removes the vertex from which `half_edge` starts if its star can be refilled, with Delaunay triangles or
+    /// such as are allowed, that keep every sample within the tolerance. Returns the triangles that took its
     /// place.
     pub(super) fn try_drop(
         &mut self,

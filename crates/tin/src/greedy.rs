@@ -16,7 +16,7 @@ use super::crossing::Crossings;
 use super::exact;
 use super::field::{Field, LEVELS};
 use super::mesh::{Mesh, State};
-use super::scan::{Facet, Scan, double_area, level_for};
+use super::scan::{Facet, LANES, Scan, double_area, level_for};
 use super::strict;
 
 /// Samples a first scan of a triangle looks at, about.
@@ -59,9 +59,10 @@ impl<'a> Judge<'a> {
             return None; // Half a cell: its corners are its only samples (Pick's theorem).
         }
         let z = self.field.vertices(p);
-        let worst = (self.scan)(&self.field.level(level), &Facet::new(p, z));
+        let facet = Facet::new(p, z);
+        let worst = (self.scan)(&self.field.level(level), &facet);
         let error = f64::from(worst.error);
-        let hair = self.hair(z);
+        let hair = self.hair(z, facet.gx);
         if error > self.tolerance + hair {
             Some(Candidate { error: worst.error, at: worst.at })
         } else if level > 0 || error < self.tolerance - hair {
@@ -73,13 +74,14 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// More than the rounding error of an `f32` scan: some ten roundings of 2^-24 relative to the
-    /// largest height involved.
+    /// More than the rounding error of an `f32` scan: some ten roundings of 2^-24 relative to the largest height
+    /// involved. A run of samples may begin beside its triangle, where the plane of a needle is far above or
+    /// below: as far as it goes in a run.
     #[inline]
-    pub(super) fn hair(&self, z: [f64; 3]) -> f64 {
+    pub(super) fn hair(&self, z: [f64; 3], slope: f64) -> f64 {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
         let largest = z.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
-        (largest + self.tolerance) * ROUNDING
+        (largest + self.tolerance + LANES as f64 * slope.abs()) * ROUNDING
     }
 }
 
@@ -315,10 +317,31 @@ mod tests {
         #[test]
         fn a_hair_is_thin(z in prop::array::uniform3(-1e6..1e6_f64), tolerance in 0.0..1e6_f64) {
             let field = Field::default();
-            let hair = Judge::of_samples(&field, available()[0].1, tolerance).hair(z);
+            let hair = Judge::of_samples(&field, available()[0].1, tolerance).hair(z, 0.0);
             let size = z.iter().map(|z| z.abs()).fold(tolerance, f64::max);
             prop_assert!(hair >= 10.0 * size * f64::from(f32::EPSILON) / 2.0);
             prop_assert!(hair <= 40.0 * size * f64::from(f32::EPSILON));
+        }
+    }
+
+    /// Two cells in all, 131 long: along a row its plane goes on by 50 times the heights of its corners.
+    #[test]
+    fn no_needle_is_so_steep_that_its_sample_is_missed() {
+        let (width, height) = (95, 93);
+        let mut z = vec![0.0; width * height];
+        let corners = [(0, 0), (94, 92), (48, 47)];
+        let heights = [3.296_435_6, 2.223_185_5, 9.637_884, 2.859_830_6];
+        for ((col, row), height) in corners.into_iter().chain([(47, 46)]).zip(heights) {
+            z[row * width + col] = height;
+        }
+        let heights = Heights { width: width as u32, height: height as u32, f32: &z, f64: None };
+        let mut field = Field::default();
+        field.load(&heights, [0, 0, width as u32, height as u32], [0; 4], None);
+        let p = corners.map(|(col, row)| Local::new(col as u32, row as u32));
+        for (_, scan) in available() {
+            let found = Judge::of_samples(&field, scan, 0.1).candidate(p, 0);
+            assert_eq!(found.map(|found| found.at), Some(Local::new(47, 46)));
+            assert!(Judge::of_samples(&field, scan, 0.101).candidate(p, 0).is_none());
         }
     }
 

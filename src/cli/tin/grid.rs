@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::bands::Bands;
 use crate::jobs::sift::{Sifted, Skipped};
-use crate::jobs::tin::{self, Refinement, TinJob, TinReport};
+use crate::jobs::tin::{self, TinJob, TinReport};
 use crate::jobs::verify::VerifyJob;
 use crate::mesh;
 use crate::raster::{self, OpenOptions, undeclared_nodata};
@@ -106,10 +106,6 @@ fn job(args: &Args) -> Result<TinJob> {
         return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
             .remedy("leave out --verify, or verify the mesh without --base and --co SOLID_BASE"));
     }
-    // A method connects vertices by itself.
-    let by_engine = args.textbook.by(args).is_none();
-    let refinement = args.method.refinement();
-    let data_dependent = refinement.data_dependent && by_engine;
     Ok(TinJob {
         input: args.input.clone().into(),
         reading: args.grid.reading(args.method.water.as_ref()),
@@ -120,7 +116,7 @@ fn job(args: &Args) -> Result<TinJob> {
         solid_base,
         placing,
         goal: args.goal.goal()?,
-        refinement: Refinement { data_dependent, ..refinement },
+        refinement: args.method.refinement(),
         tile: args.method.tile(),
         measure: args.show.json || args.report.is_some(),
         resources: args.machine.resources(),

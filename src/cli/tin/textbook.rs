@@ -99,8 +99,9 @@ pub(super) fn unknown(option: &str, method: &str) -> Error {
     Error::usage(format!("the method {method} has no {option}")).remedy(instead)
 }
 
-/// The method of a report.
+/// The method of a report, where there is something to say of it.
 pub(super) fn told(report: &TinReport) -> Option<String> {
-    let method = report.method.as_ref()?;
-    Some(report.triangulation.iter().fold(method.clone(), |text, name| format!("{text}, {name}")))
+    let (method, triangulation) = (report.method.as_deref(), report.triangulation.as_deref());
+    let method = method.or(triangulation.map(|_| ENGINE))?;
+    Some([Some(method), triangulation].into_iter().flatten().collect::<Vec<_>>().join(", "))
 }

@@ -82,6 +82,7 @@ impl Opened {
         let features = job.refinement.features(options.water.as_ref(), &job.resources)?;
         let mut opened = Self::with(job, || open(job, &options, &features))?;
         opened.water = options.water;
+        opened.spec.data_dependent = job.refinement.data_dependent;
         opened.kept = features.on(opened.source.info())?;
         Ok(opened)
     }
@@ -114,6 +115,8 @@ impl Opened {
         };
         opened.spec.single_precision = opened.rounding();
         opened.spec.measure = job.measure;
+        // The engine's own way.
+        opened.spec.data_dependent = false;
         Ok(opened)
     }
 }
@@ -385,7 +388,7 @@ impl Maker<'_> {
             horizontal_unit: horizontal_unit(&info.crs).to_owned(),
             vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
             method: None,
-            triangulation: (job.refinement.data_dependent)
+            triangulation: (self.opened.spec.data_dependent)
                 .then(|| Triangulation::DataDependent.name().to_owned()),
             bands: Vec::new(),
             tolerance,

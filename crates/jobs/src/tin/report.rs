@@ -210,7 +210,8 @@ impl Clock {
             thread_seconds: self.spent[i].as_secs_f64(),
             samples: self.samples[i],
         };
-        let is_used = |&i: &usize| i != Stage::Load as usize || self.samples[i] > 0;
+        let rare = [Stage::Reduce, Stage::Load].map(|stage| stage as usize);
+        let is_used = |i: &usize| !rare.contains(i) || self.samples[*i] > 0;
         (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
     }
 }

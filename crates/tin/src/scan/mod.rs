@@ -19,7 +19,7 @@ use terrane_base::geom::predicates::{Lattice, orient};
 
 /// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
 /// run of lanes.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
 /// Slack of the row ends: more than their rounding error, less than the distance of any lattice
 /// point from an edge it is not on (2^-18 for coordinates below 2^13 at stride 32).
