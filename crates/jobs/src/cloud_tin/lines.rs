@@ -203,7 +203,7 @@ impl<'a> Lines<'a> {
             last: piece.last.into(),
         });
         let window = region.window(store.tiling());
-        let courses = Courses::new(courses.collect(), window.low, window.high);
+        let courses = Courses::new(courses.collect());
         RegionLines {
             lines: self,
             pieces,

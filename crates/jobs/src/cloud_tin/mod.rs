@@ -269,7 +269,7 @@ pub(super) fn make(
     let kept_points = kept.kept(nearest.beyond, count, count)?;
     let held = kept.bytes() + lines.bytes();
     let threads = threads(job, division, regions.most_points(), lines.most_bytes(), held)?;
-    let vertex_bytes = memory / 8 * division.vertices;
+    let vertex_bytes = job.resources.memory.saturating_sub(held) / 8 * division.vertices;
     let measure = job.measure;
     let work = Work {
         points: &points,

@@ -82,10 +82,18 @@ impl Courses {
     /// About the bytes for a course and what is listed of it.
     pub const BYTES: u64 = size_of::<Course>() as u64 + 4 * 2 * Self::MOST as u64;
 
-    /// Those that lie in the rectangle from `low` to `high`.
-    pub fn new(all: Vec<Course>, low: Site, high: Site) -> Self {
-        let low = low.map(i64::from);
-        let spans = [0, 1].map(|axis| i64::from(high[axis]) - low[axis] + 1);
+    /// Those of a list. Bins divide the rectangle of all of them, so that few share one however near they are.
+    pub fn new(all: Vec<Course>) -> Self {
+        let ends = |course: &Course| [course.from, course.to].map(|step| course.segment.at(step));
+        let first = all.first().map_or([0; 2], |course| ends(course)[0]);
+        let (mut low, mut high) = (first, first);
+        for end in all.iter().flat_map(ends) {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(end[axis]);
+                high[axis] = high[axis].max(end[axis]);
+            }
+        }
+        let spans = [0, 1].map(|axis| high[axis] - low[axis] + 1);
         let along = all.len().isqrt().clamp(1, Self::MOST) as i64;
         let side = (spans[0].max(spans[1]) + along - 1) / along;
         let counts = spans.map(|span| (span + side - 1) / side);
