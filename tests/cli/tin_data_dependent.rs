@@ -1,21 +1,10 @@
 //! `tin --triangulation data-dependent`: any triangles within the bound, in every format and by plan.
 
 use crate::cli_support::Place;
-use crate::tin_fit::alike_however_made;
+use crate::tin_fit::{GRIDS, alike_however_made, told};
 use serde_json::Value;
 
-const GRIDS: [&str; 4] = [
-    "synth:rough,width=200,height=170,seed=5",
-    "synth:smooth,width=220,height=150,seed=5",
-    "synth:salt,width=150,height=170,seed=5",
-    "synth:coast,width=190,height=170,seed=3",
-];
 const ANY: [&str; 2] = ["--triangulation", "data-dependent"];
-
-fn told(place: &Place, args: &[&str]) -> Value {
-    let ran = place.run(&[args, &["--json"]].concat());
-    serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{args:?}: {e}: {}", ran.err))
-}
 
 #[test]
 fn meshes_of_any_triangles_are_smaller_and_proved_as_written() {

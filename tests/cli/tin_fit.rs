@@ -3,14 +3,14 @@
 use crate::cli_support::Place;
 use serde_json::Value;
 
-const GRIDS: [&str; 4] = [
+pub(crate) const GRIDS: [&str; 4] = [
     "synth:rough,width=200,height=170,seed=5",
     "synth:smooth,width=220,height=150,seed=5",
     "synth:salt,width=150,height=170,seed=5",
     "synth:coast,width=190,height=170,seed=3",
 ];
 
-fn told(place: &Place, args: &[&str]) -> Value {
+pub(crate) fn told(place: &Place, args: &[&str]) -> Value {
     let ran = place.run(&[args, &["--json"]].concat());
     serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{args:?}: {e}: {}", ran.err))
 }

@@ -251,7 +251,7 @@ pub(super) fn stays_within(judge: &Judge<'_>, corners: [Local; 3], vertex: Local
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::Heights;
     use crate::greedy::{WorkLists, fit};
@@ -306,16 +306,18 @@ mod tests {
     }
 
     /// True when every sample of a triangle is within the tolerance, in whole numbers.
-    fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
+    pub(crate) fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
         let [a, b, c] = corners.map(Local::lattice);
         let z = field.vertices(corners).map(|z| z as i64);
-        (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE)).all(|at| {
-            let q = at.lattice();
-            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
-            let height = field.sample(at) as i64;
-            let off: i64 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
-            weights.iter().any(|&weight| weight < 0) || off.abs() <= tolerance * orient(a, b, c)
-        })
+        (0..field.width() * field.height())
+            .map(|i| Local::new(i % field.width(), i / field.width()))
+            .all(|at| {
+                let q = at.lattice();
+                let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
+                let height = field.sample(at) as i64;
+                let off: i64 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
+                weights.iter().any(|&weight| weight < 0) || off.abs() <= tolerance * orient(a, b, c)
+            })
     }
 
     proptest! {

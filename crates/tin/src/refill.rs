@@ -166,6 +166,7 @@ mod tests {
     use super::*;
     use crate::Heights;
     use crate::drop::Scratch;
+    use crate::drop::tests::is_within;
     use crate::field::Field;
     use crate::greedy::{WorkLists, fit};
     use crate::mesh::{Mesh, State};
@@ -173,19 +174,6 @@ mod tests {
     use proptest::prelude::*;
 
     const SIDE: u32 = 14;
-
-    /// True when every sample of a triangle is within the tolerance, in whole numbers.
-    fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
-        let [a, b, c] = corners.map(Local::lattice);
-        let z = field.vertices(corners).map(|z| z as i64);
-        (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE)).all(|at| {
-            let q = at.lattice();
-            let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
-            let height = field.sample(at) as i64;
-            let off: i64 = (0..3).map(|i| weights[i] * (z[i] - height)).sum();
-            weights.iter().any(|&weight| weight < 0) || off.abs() <= tolerance * orient(a, b, c)
-        })
-    }
 
     /// The shape of the worst triangle of the best filling of an outline, of all there are: the apex on the edge
     /// from the last corner to the first is tried everywhere, and what is left on its two sides filled in turn.
