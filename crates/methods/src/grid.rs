@@ -101,6 +101,11 @@ impl<'a> Grid<'a> {
         self.heights[self.index(at)]
     }
 
+    /// The heights of a row from one column to another, both included.
+    pub(crate) fn row(&self, row: u32, low: u32, high: u32) -> &[f64] {
+        &self.heights[self.index(Sample::new(low, row))..=self.index(Sample::new(high, row))]
+    }
+
     /// The height that a vertex at this sample has in the output.
     #[inline(always)]
     pub fn vertex(&self, at: Sample) -> f64 {

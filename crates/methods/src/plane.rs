@@ -133,12 +133,20 @@ impl Offset {
 
 /// The samples of a closed triangle, of either orientation, in (row, column) order.
 pub(crate) fn samples_of(corners: [Sample; 3]) -> impl Iterator<Item = Sample> {
+    rows_of(corners)
+        .flat_map(|(row, columns)| columns.map(move |col| Sample::new(col as u32, row as u32)))
+}
+
+/// The rows of a closed triangle, of either orientation, and the columns of its samples in each.
+pub(crate) fn rows_of(
+    corners: [Sample; 3],
+) -> impl Iterator<Item = (i32, std::ops::RangeInclusive<i64>)> {
     let [a, b, c] = corners.map(Sample::lattice);
     let turned = if orient(a, b, c) < 0 { [a, c, b] } else { [a, b, c] };
     let rows = a[1].min(b[1]).min(c[1])..=a[1].max(b[1]).max(c[1]);
-    rows.flat_map(move |row| {
+    rows.map(move |row| {
         let [low, high] = columns(turned, row);
-        (low..=high).map(move |col| Sample::new(col as u32, row as u32))
+        (row, low..=high)
     })
 }
 

@@ -11,6 +11,7 @@
 //! With one channel of weight 1 this is `greedy4`, vertex by vertex. Channels are doubles, as heights are for all
 //! methods here, so that no band has to be refused; at some 200 bytes a sample for the mesh it does not matter.
 
+mod sieve;
 #[cfg(test)]
 mod tests;
 
@@ -18,10 +19,11 @@ use crate::candidate::Candidate;
 use crate::greedy::Candidates;
 use crate::grid::{Grid, Sample};
 use crate::mesh::Mesh;
-use crate::plane::{Plane, samples_of, weights_in};
+use crate::plane::{Plane, rows_of, weights_in};
 use crate::result::{connected, measure};
 use crate::surface::Census;
 use crate::task::{Goal, Size, Task};
+use sieve::Sieve;
 use terrane_base::error::{Error, Result};
 
 /// Planes of values over the same samples, each with the weight of its errors.
@@ -151,7 +153,24 @@ impl<'a> Channels<'a> {
     fn worst(&self, tolerance: f64, corners: [Sample; 3]) -> Option<Candidate> {
         let judges: Vec<Judge<'_>> =
             self.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
-        samples_of(corners).filter_map(|at| candidate(&judges, at)).max()
+        let mut worst: Option<Candidate> = None;
+        for (row, columns) in rows_of(corners) {
+            let (low, high) = (*columns.start(), *columns.end());
+            let may_be_worse = |judge: &Judge<'_>, low, high| {
+                judge.sieve.may_reach(judge.limit(worst), row, low, high)
+            };
+            if !judges.iter().any(|judge| may_be_worse(judge, low, high)) {
+                continue;
+            }
+            for col in columns {
+                let may_be_worse =
+                    |judge: &Judge<'_>| judge.sieve.may_reach(judge.limit(worst), row, col, col);
+                if judges.iter().any(may_be_worse) {
+                    worst = worst.max(candidate(&judges, Sample::new(col as u32, row as u32)));
+                }
+            }
+        }
+        worst
     }
 
     /// A tolerance that these errors keep.
@@ -185,7 +204,8 @@ impl<'a> Channel<'a> {
 
     fn judge(&'a self, tolerance: f64, corners: [Sample; 3]) -> Judge<'a> {
         let plane = Plane::new(&self.grid, corners);
-        Judge { plane, weight: self.weight, most: self.tolerance(tolerance) }
+        let sieve = Sieve::new(&self.grid, plane.corners());
+        Judge { plane, sieve, weight: self.weight, most: self.tolerance(tolerance) }
     }
 
     fn measured(&self, corners: &[[Sample; 3]]) -> Measured {
@@ -197,8 +217,17 @@ impl<'a> Channel<'a> {
 /// A channel over one triangle.
 struct Judge<'a> {
     plane: Plane<'a>,
+    sieve: Sieve<'a>,
     weight: f64,
     most: f64,
+}
+
+impl Judge<'_> {
+    /// A sample that is less far off than this in every channel is not beyond the tolerance, or not as far off as
+    /// `worst`.
+    fn limit(&self, worst: Option<Candidate>) -> f64 {
+        worst.map_or(self.most, |worst| worst.error / self.weight * (1.0 - 1e-14))
+    }
 }
 
 /// The candidate that a sample of the triangle is, if a channel of it is beyond its tolerance.

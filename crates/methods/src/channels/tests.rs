@@ -1,8 +1,9 @@
 //! Channels against the obvious: all samples of all triangles measured again for every vertex, by integers.
 
-use super::{Channels, Drawn, join_voids};
+use super::{Channels, Drawn, candidate, join_voids};
 use crate::grid::{Grid, Sample};
 use crate::mesh::{Mesh, State, check_surface};
+use crate::plane::samples_of;
 use crate::task::{Goal, Size, Task};
 use crate::tests::{Heights, check_cover, grids};
 use crate::{METHODS, Tin};
@@ -138,6 +139,34 @@ proptest! {
             prop_assert!(error as f64 * weight <= tolerance * of as f64);
             prop_assert!((found.max_error - error as f64 / of as f64).abs() < 1e-12);
             prop_assert!(found.max_error <= max_error / weight);
+        }
+    }
+
+    #[test]
+    fn rows_that_are_passed_over_hold_nothing_worse(
+        bits in prop::collection::vec(any::<u64>(), 2 * 90 * 60), flat in any::<bool>(),
+        at in prop::collection::vec((0_u32..90, 0_u32..60), 3),
+        scales in prop::collection::vec(-40_i32..40, 2), share in 0.0_f64..1.2,
+    ) {
+        // Lands in a plane up to rounding, where whatever is taken for far is rounding alone; and rough ones.
+        let value = |(place, bits): (usize, &u64)| {
+            let (plane, place) = (place / (90 * 60), place % (90 * 60));
+            let slanted = 0.1 * (place % 90) as f64 - 0.7 * (place / 90) as f64 + 1e4;
+            let noise = (bits >> 11) as f64 / (1_u64 << 53) as f64;
+            2_f64.powi(scales[plane]) * if flat { slanted } else { noise }
+        };
+        let all: Vec<f64> = bits.iter().enumerate().map(value).collect();
+        let planes = [all[..90 * 60].to_vec(), all[90 * 60..].to_vec()];
+        let weights = [scales[0], scales[1]].map(|scale| 2_f64.powi(-scale) * 1.3);
+        let corners = [0, 1, 2].map(|i| Sample::new(at[i].0, at[i].1));
+        let [a, b, c] = corners.map(Sample::lattice);
+        prop_assume!(orient(a, b, c) != 0);
+        let channels = Channels::new([90, 60], &planes, &weights).unwrap();
+        for tolerance in [0.0, 1e-13, share] {
+            let judges: Vec<_> =
+                channels.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
+            let naive = samples_of(corners).filter_map(|at| candidate(&judges, at)).max();
+            prop_assert_eq!(channels.worst(tolerance, corners), naive);
         }
     }
 
