@@ -43,6 +43,7 @@
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
 //! | grids in files | [`open`] | [`tin`](Grid::tin), [`contours`](Grid::contours), [`convert`](Grid::convert), [`verify`](Grid::verify) |
+//! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
 //! | point clouds | [`open_cloud`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
 //! | a line in memory | [`simplify`] | fewer vertices |
@@ -55,7 +56,23 @@
 //! Rooms of the house that are of use alone (the triangulations, the methods for lines, the readers of
 //! formats) are crates of their own, named `terrane-*`.
 
+mod cli;
 mod facade;
+
+// The rooms, by the names that the command line has for them.
+use terrane_base::{bound, error, geom};
+use terrane_files::{self as files, atomic};
+use terrane_synth as synth;
+use {terrane_cloud as cloud, terrane_gridding as gridding, terrane_jobs as jobs};
+use {terrane_line as line, terrane_mesh as mesh, terrane_methods as methods};
+use {terrane_raster as raster, terrane_vector as vector};
+
+/// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
+/// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.
+#[doc(hidden)]
+pub fn command_line(args: impl IntoIterator<Item = std::ffi::OsString>) -> std::process::ExitCode {
+    cli::main(args)
+}
 
 pub use facade::*;
 pub use terrane_base::bound::Bound;

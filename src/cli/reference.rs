@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use clap::{Arg, Command};
 
 /// How the pages are renewed.
-const RENEW: &str = "TERRANE_DOCS=renew cargo test --bin terrane reference";
+const RENEW: &str = "TERRANE_DOCS=renew cargo test --lib reference";
 
 /// As many verbs have an option in common before it is told of once, in a table of its own.
 const MANY: usize = 5;

@@ -1,6 +1,7 @@
 //! What a Rust programmer meets first: data that is opened, jobs that are built up by what they are to
 //! reach, meshes and lines in memory. All of it is the command line's own work by other means.
 
+mod bands;
 mod cloud;
 mod contours;
 mod convert;
@@ -12,6 +13,7 @@ mod simplify;
 mod tin;
 mod verify;
 
+pub use bands::{BandGrid, BandTinBuilder, open_bands};
 pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud};
 pub use contours::ContourBuilder;
 pub use convert::ConvertBuilder;

@@ -10,10 +10,12 @@ use terrane_base::Result;
 use terrane_base::bound::Bound;
 use terrane_files::name_of;
 use terrane_jobs::line::Length;
+use terrane_jobs::reading::Reading;
 use terrane_jobs::verify::{
     self, CloudVerifyJob, CloudVerifyReport, LineVerifyJob, LineVerifyReport, VerifyJob,
     VerifyReport,
 };
+use terrane_raster::Inputs;
 
 /// A proof to be done: of a mesh against a [`Grid`] or [`Cloud`], or of simplified lines against the
 /// [`Features`] they were made from.
@@ -21,7 +23,7 @@ use terrane_jobs::verify::{
 /// A broken promise is no error, but a report: its `verdict` has not `passed`, and its `failures` say what and
 /// where; `judged` is true when all that is promised was looked at.
 pub struct VerifyBuilder<'a, T> {
-    against: &'a T,
+    pub(super) against: &'a T,
     file: PathBuf,
     tolerance: Option<f64>,
     /// Metres in the unit of the tolerance; `None` for units of the data.
@@ -31,7 +33,7 @@ pub struct VerifyBuilder<'a, T> {
     keep_points: Option<PathBuf>,
     breaklines: Option<PathBuf>,
     topology: bool,
-    run: Run,
+    pub(super) run: Run,
 }
 
 run_settings!(['a, T] VerifyBuilder<'a, T>);
@@ -59,6 +61,23 @@ impl<'a, T> VerifyBuilder<'a, T> {
     pub fn max_error(mut self, tolerance: f64) -> Self {
         (self.tolerance, self.unit) = (Some(tolerance), None);
         self
+    }
+
+    /// The job of proving a mesh against a grid, as far as builders say it alike.
+    pub(super) fn mesh_job(&self, raster: &Inputs, reading: &Reading) -> Result<VerifyJob> {
+        let name = |file: &Option<PathBuf>| file.clone().map(name_of).transpose();
+        Ok(VerifyJob {
+            mesh: self.file.clone(),
+            raster: raster.clone(),
+            reading: reading.clone(),
+            tolerance: self.tolerance,
+            bound: self.bound,
+            min_angle: self.min_angle,
+            keep_points: name(&self.keep_points)?,
+            breaklines: name(&self.breaklines)?,
+            bands: None,
+            resources: self.run.resources()?,
+        })
     }
 }
 
@@ -96,18 +115,7 @@ impl VerifyBuilder<'_, Grid> {
     /// # Errors
     /// What keeps the proof from being done: files that cannot be read, a solid, too little memory.
     pub fn run(self) -> Result<VerifyReport> {
-        let job = VerifyJob {
-            mesh: self.file,
-            raster: self.against.inputs.clone(),
-            reading: self.against.reading.clone(),
-            tolerance: self.tolerance,
-            bound: self.bound,
-            min_angle: self.min_angle,
-            keep_points: self.keep_points.map(name_of).transpose()?,
-            breaklines: self.breaklines.map(name_of).transpose()?,
-            bands: None,
-            resources: self.run.resources()?,
-        };
+        let job = self.mesh_job(&self.against.inputs, &self.against.reading)?;
         verify::run(&job, &*self.run.progress, &self.run.cancel)
     }
 }
