@@ -42,9 +42,9 @@
 //! | data | door | what can be made of it |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
-//! | grids in files | [`open`] | [`tin`](Grid::tin), [`contours`](Grid::contours), [`convert`](Grid::convert), [`verify`](Grid::verify) |
+//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contours`](Grid::contours), [`convert`](Grid::convert), [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
-//! | point clouds | [`open_cloud`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
+//! | point clouds, or points in memory | [`open_cloud`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`verify`](Features::verify) |
 //! | a line in memory | [`simplify`] | fewer vertices |
 //! | a folder with a plan | [`Plan::open`] | what the plan says, by any number of machines |
@@ -78,7 +78,7 @@ pub use facade::*;
 pub use terrane_base::bound::Bound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
-pub use terrane_cloud::{CloudInfo, Filter, Return};
+pub use terrane_cloud::{CloudInfo, Filter, Flags, Marks, Return};
 pub use terrane_jobs::cloud_tin::CloudTinReport;
 pub use terrane_jobs::contour::ContourReport;
 pub use terrane_jobs::convert::ConvertReport;

@@ -7,9 +7,9 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report};
 use crate::error::{Error, ErrorKind, Result};
+use crate::files::is_made;
 use crate::jobs::Cancel;
 use crate::jobs::convert::{self, ConvertJob};
-use crate::jobs::input::is_synthetic;
 use crate::jobs::sift::{Sifted, Skipped};
 use crate::raster::{SampleType, write};
 
@@ -133,7 +133,7 @@ pub(super) fn copy(
 
 /// The size of a terrain was asked for here: beyond a limit, it is no fault of a file.
 fn name_size(error: Error, input: &str) -> Error {
-    if error.kind() != ErrorKind::Limit || !is_synthetic(input) {
+    if error.kind() != ErrorKind::Limit || !is_made(input) {
         return error;
     }
     Error::usage(format!("a store cannot hold a terrain of this size: {error}"))

@@ -1,12 +1,14 @@
-//! Point clouds in files.
+//! Point clouds in files and in memory.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::plan::Plan;
 use super::run::{Run, output_settings, run_settings};
 use super::verify::VerifyBuilder;
+use terrane_base::geom::Crs;
 use terrane_base::{Error, Result};
-use terrane_cloud::{self as cloud, CloudInfo, Filter, OpenOptions};
+use terrane_cloud::{self as cloud, CloudInfo, Filter, HeldCloud, Marks, OpenOptions};
 use terrane_files::name_of;
 use terrane_gridding::parse_list;
 use terrane_jobs::cloud_tin::{self, CloudTinJob, CloudTinReport};
@@ -20,6 +22,8 @@ pub struct Cloud {
     pub(super) inputs: Vec<String>,
     pub(super) options: OpenOptions,
     info: CloudInfo,
+    /// Gives up what is in memory, once the last one of it is gone.
+    held: Option<Arc<HeldCloud>>,
 }
 
 /// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by its name. Several files (a
@@ -42,10 +46,40 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
     Cloud::open(input.into().names().to_vec(), OpenOptions::default())
 }
 
+/// Takes points in memory, x, y and z, for a cloud that jobs read as they read those in files; with what is known
+/// of them, for filters. They are copied onto a lattice with the decimals they have, at most 9 and no more than
+/// keep them within reach: 24 bytes a point.
+///
+/// # Errors
+/// A coordinate that is not finite; marks of another number of points; points too far from each other.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("count.tif");
+/// let points: Vec<[f64; 3]> = (0..5000).map(|i| [i as f64 % 71.0, i as f64 / 71.0, 0.25 * i as f64]).collect();
+/// let cloud = terrane::open_points(&points, None, terrane::Crs::default())?;
+/// let report = cloud.grid(10.0).stats("count,mean").write(&path)?;
+/// assert_eq!(report.points, 5000);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open_points(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) -> Result<Cloud> {
+    let held = HeldCloud::new(positions, marks, crs)?;
+    let cloud = Cloud::open(vec![held.name().to_owned()], OpenOptions::default())?;
+    Ok(Cloud { held: Some(Arc::new(held)), ..cloud })
+}
+
 impl Cloud {
     fn open(inputs: Vec<String>, options: OpenOptions) -> Result<Self> {
         let info = cloud::source(&inputs, &options)?.info().clone();
-        Ok(Self { inputs, options, info })
+        Ok(Self { inputs, options, info, held: None })
+    }
+
+    /// The same, read otherwise.
+    fn read_as(self, options: OpenOptions) -> Result<Self> {
+        let Self { inputs, held, .. } = self;
+        Ok(Self { held, ..Self::open(inputs, options)? })
     }
 
     /// The same cloud, only the points that pass `filter`.
@@ -67,7 +101,8 @@ impl Cloud {
             return Err(Error::usage("the cloud has a filter already")
                 .remedy("say all that points have to meet in one filter"));
         }
-        Self::open(self.inputs, OpenOptions { filter, ..self.options })
+        let options = OpenOptions { filter, ..self.options.clone() };
+        self.read_as(options)
     }
 
     /// The same cloud; what cannot be read is given up and counted, instead of failing the job.
@@ -75,7 +110,8 @@ impl Cloud {
     /// # Errors
     /// As [`open_cloud`].
     pub fn salvage(self, salvage: bool) -> Result<Self> {
-        Self::open(self.inputs, OpenOptions { salvage, ..self.options })
+        let options = OpenOptions { salvage, ..self.options.clone() };
+        self.read_as(options)
     }
 
     /// Bounds, number of points and reference system, as the headers claim.

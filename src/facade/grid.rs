@@ -1,6 +1,7 @@
-//! Grids of heights in files.
+//! Grids of heights in files and in memory.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::contours::ContourBuilder;
 use super::convert::ConvertBuilder;
@@ -11,7 +12,9 @@ use terrane_base::{Error, ErrorKind, Result};
 use terrane_files::name_of;
 use terrane_jobs::reading::Reading;
 use terrane_jobs::{Resources, memory};
-use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
+use terrane_raster::{
+    self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, OpenOptions,
+};
 
 /// A grid of heights, in one file or many: what [`open`] opens.
 ///
@@ -21,6 +24,8 @@ pub struct Grid {
     pub(super) inputs: Inputs,
     pub(super) reading: Reading,
     source: Box<dyn GridSource>,
+    /// Gives up what is in memory, once the last one of it is gone.
+    held: Option<Arc<HeldGrid>>,
 }
 
 /// Opens a grid of heights: a GeoTIFF, SRTM, ASCII, DTED, NumPy or any other
@@ -47,6 +52,31 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
     Grid::open(input.into(), Reading::default())
 }
 
+/// Takes heights in memory for a grid that jobs read as they read those in files; nothing is copied. For a
+/// [`Tin`](crate::Tin) of a slice there is [`Tin::from_array`](crate::Tin::from_array).
+///
+/// # Errors
+/// Too little memory to look at it.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("mesh.ply");
+/// let heights: Vec<i16> = (0..90 * 60).map(|i| (i % 90 * (i / 90) / 7) as i16).collect();
+/// let grid = terrane::open_array(terrane::ArrayGrid::shared(heights, 90, 60)?.with_nodata(Some(0.0)))?;
+/// grid.tin().max_error(1.5).write(&path)?;
+/// let proof = grid.verify(&path).run()?;
+/// assert!(proof.verdict.passed);
+/// # Ok(())
+/// # }
+/// ```
+pub fn open_array(grid: ArrayGrid<'static>) -> Result<Grid> {
+    let held = HeldGrid::new(grid);
+    let inputs = Inputs::labelled(vec![held.name().to_owned()], "array".to_owned());
+    let grid = Grid::open(inputs, Reading::default())?;
+    Ok(Grid { held: Some(Arc::new(held)), ..grid })
+}
+
 impl Grid {
     fn open(inputs: Inputs, reading: Reading) -> Result<Self> {
         let usual = OpenOptions::default().cache_bytes;
@@ -60,7 +90,13 @@ impl Grid {
             }
             opened => opened?,
         };
-        Ok(Self { inputs, reading, source })
+        Ok(Self { inputs, reading, source, held: None })
+    }
+
+    /// The same, read otherwise.
+    fn read_as(self, reading: Reading) -> Result<Self> {
+        let Self { inputs, held, .. } = self;
+        Ok(Self { held, ..Self::open(inputs, reading)? })
     }
 
     /// The same files, another band of them, counted from 1.
@@ -68,7 +104,8 @@ impl Grid {
     /// # Errors
     /// A band there is not.
     pub fn band(self, band: u32) -> Result<Self> {
-        Self::open(self.inputs, Reading { band, ..self.reading })
+        let reading = Reading { band, ..self.reading.clone() };
+        self.read_as(reading)
     }
 
     /// The same, with this stored value for voids instead of the files' own.
@@ -76,7 +113,8 @@ impl Grid {
     /// # Errors
     /// As [`open`].
     pub fn nodata(self, value: f64) -> Result<Self> {
-        Self::open(self.inputs, Reading { nodata: Some(value), ..self.reading })
+        let reading = Reading { nodata: Some(value), ..self.reading.clone() };
+        self.read_as(reading)
     }
 
     /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
@@ -100,7 +138,8 @@ impl Grid {
     /// ```
     pub fn clip(self, polygons: impl AsRef<Path>) -> Result<Self> {
         let clip = Some(name_of(polygons.as_ref().to_path_buf())?);
-        Self::open(self.inputs, Reading { clip, ..self.reading })
+        let reading = Reading { clip, ..self.reading.clone() };
+        self.read_as(reading)
     }
 
     /// The same with level water: the polygons of a file of features are lakes, as high as their lowest bank, and
@@ -125,7 +164,8 @@ impl Grid {
     /// ```
     pub fn water(self, file: impl AsRef<Path>) -> Result<Self> {
         let water = Some(name_of(file.as_ref().to_path_buf())?);
-        Self::open(self.inputs, Reading { water, ..self.reading })
+        let reading = Reading { water, ..self.reading.clone() };
+        self.read_as(reading)
     }
 
     /// Size, place, reference system and storage.
@@ -164,5 +204,65 @@ impl Grid {
     /// The proof of a mesh in a file against this grid.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> VerifyBuilder<'_, Grid> {
         VerifyBuilder::of(self, mesh.as_ref())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Preset, open_cloud, open_points};
+
+    /// What is made of a grid in a file and of the same heights in memory, byte by byte.
+    #[test]
+    fn grids_in_memory_are_as_those_in_files() -> Result<()> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        open("synth:rough,size=257,seed=7")?.convert().write(path("dem.tif"))?;
+        let file = open(path("dem.tif"))?;
+        let info = file.info().clone();
+        let heights: Vec<f32> =
+            file.heights(info.bounds())?.into_iter().map(|height| height as f32).collect();
+        let array = ArrayGrid::shared(heights, info.width, info.height)?;
+        let array = open_array(array.placed(info.transform, info.crs))?;
+        for (name, grid) in [("file", &file), ("array", &array)] {
+            let at = |ending: &str| path(&format!("{name}.{ending}"));
+            grid.tin().max_error(3.0).tile(64).write(at("ply"))?;
+            grid.contours().every(25.0).write(at("geojson"))?;
+            grid.convert().write(at("asc"))?;
+            assert!(grid.verify(at("ply")).run()?.verdict.passed);
+        }
+        // The header of a mesh names what it was made from.
+        let body = |bytes: Vec<u8>| {
+            let end = bytes.windows(10).position(|word| word == b"end_header").unwrap_or(0);
+            bytes[end..].to_vec()
+        };
+        for ending in ["ply", "geojson", "asc"] {
+            let [one, other] = ["file", "array"]
+                .map(|name| std::fs::read(path(&format!("{name}.{ending}"))).unwrap());
+            assert!(body(one) == body(other), "{ending}");
+        }
+        let plan = array.tin().max_error(3.0).plan(path("plan"), None).err().unwrap();
+        assert!(plan.remedy_text().is_some_and(|remedy| remedy.contains("into a file")), "{plan}");
+        Ok(())
+    }
+
+    #[test]
+    fn models_of_points_in_memory_are_made_and_not_planned() -> Result<()> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let points: Vec<[f64; 3]> = (0..4000_u32)
+            .map(|i| [f64::from(i * 37 % 1000) / 10.0, f64::from(i * 91 % 997) / 10.0, 5.0])
+            .collect();
+        let cloud = open_points(&points, None, Default::default())?;
+        cloud.grid(2.0).model(Preset::Dtm).write(path("dtm.tif"))?;
+        let dtm = open(path("dtm.tif"))?;
+        let middle = dtm.heights(terrane_base::geom::Rect::new(20, 20, 3, 3))?;
+        assert_eq!(middle, [5.0; 9]);
+        let tin = cloud.tin().max_error(0.1).write(path("mesh.ply"))?;
+        assert!(tin.vertices > 2 && cloud.verify(path("mesh.ply")).run()?.verdict.passed);
+        assert!(cloud.grid(2.0).stats("mean").plan(path("plan"), None).is_err());
+        let named = open_cloud("synth:cloud,size=60,density=2,seed=5")?;
+        assert!(named.grid(2.0).stats("mean").plan(path("plan"), None).is_ok());
+        Ok(())
     }
 }

@@ -14,11 +14,11 @@ mod tin;
 mod verify;
 
 pub use bands::{BandGrid, BandTinBuilder, open_bands};
-pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud};
+pub use cloud::{Cloud, CloudTinBuilder, GridBuilder, open_cloud, open_points};
 pub use contours::ContourBuilder;
 pub use convert::ConvertBuilder;
 pub use features::{Features, LineBuilder, open_features};
-pub use grid::{Grid, open};
+pub use grid::{Grid, open, open_array};
 pub use plan::{Plan, PlanBuilder, PlanRun, PlanStatus};
 pub use run::Memory;
 pub use simplify::{Coordinates, Method, Simplify, simplify};

@@ -5,7 +5,9 @@ mod copc;
 mod facts;
 mod filter;
 mod frame;
+mod held;
 mod las;
+mod lattice;
 mod laz;
 pub mod lazip;
 mod member;
@@ -17,13 +19,15 @@ mod text;
 pub mod write;
 
 pub use filter::{Filter, Flags, Gate, Record, Return, Verdict};
+pub use held::{HeldCloud, Marks};
 pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::Polygon;
 
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Frame, Point};
+use terrane_files::is_held;
 
-/// Opens files as one cloud, or a synthetic cloud by its name.
+/// Opens files as one cloud, or a synthetic cloud or one in memory by its name.
 ///
 /// # Errors
 /// Those of [`open`]; a name that is none; a synthetic cloud among other inputs.
@@ -33,6 +37,7 @@ pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointS
             let survey = synth::survey(name)?;
             Ok(Box::new(synth::Synthetic::new(survey, options.filter.clone())))
         }
+        [name] if is_held(name) => held::open(name, options),
         _ => Ok(Box::new(open(inputs, options)?)),
     }
 }

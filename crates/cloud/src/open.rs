@@ -29,8 +29,7 @@ const ENDINGS: [&str; 2] = ["las", "laz"];
 const MOST_NOTES: usize = 20;
 
 /// What is looked for in folders.
-const CLOUDS: Seek =
-    Seek { what: "point cloud", is_member, is_made: |_| false, file_name: |input| input };
+const CLOUDS: Seek = Seek { what: "point cloud", is_member, file_name: |input| input };
 
 /// How a cloud is read.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -6,6 +6,7 @@ mod beside;
 pub mod fault;
 pub mod format;
 mod glob;
+mod held;
 mod list;
 mod lock;
 mod name;
@@ -15,6 +16,7 @@ mod raw;
 mod spool;
 
 pub use beside::{beside_grid, companions, prj};
+pub use held::{Held, Register, is_held, is_made, refuse_held};
 pub use list::Seek;
 pub use lock::{lock, unlocked, wait};
 pub use name::{name_of, path_of, shown};

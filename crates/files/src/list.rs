@@ -9,6 +9,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 use super::glob;
+use super::held::is_made;
 use super::name::{name_of, path_of, shown};
 
 /// What names a text list of files, before its path.
@@ -24,8 +25,6 @@ pub struct Seek {
     pub what: &'static str,
     /// True for names in a folder that are wanted.
     pub is_member: fn(&Path) -> bool,
-    /// True for inputs that stand for themselves and are no file.
-    pub is_made: fn(&str) -> bool,
     /// The path in an input, where more than that may be said.
     pub file_name: fn(&str) -> &str,
 }
@@ -40,7 +39,7 @@ enum Kind<'a> {
 
 impl Seek {
     fn kind<'a>(&self, input: &'a str) -> Kind<'a> {
-        if (self.is_made)(input) {
+        if is_made(input) {
             return Kind::File;
         }
         let path = path_of((self.file_name)(input));

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{self, Point3, Rect};
-use terrane_files::path_of;
+use terrane_files::{is_made, path_of};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
 
@@ -30,18 +30,13 @@ pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
     }
 }
 
-/// True for the name of a synthetic terrain, which is no file.
-pub fn is_synthetic(input: &str) -> bool {
-    input.starts_with("synth:")
-}
-
 /// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
     let path = &*path_of(raster::file_name(input));
     if mesh::split::is_split(path) {
         return Ok(true);
     }
-    if is_synthetic(input) || raster::is_collection(input) {
+    if is_made(input) || raster::is_collection(input) {
         return Ok(false);
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

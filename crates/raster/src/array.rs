@@ -1,5 +1,9 @@
 //! Heights in memory as a grid.
 
+use std::fmt;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
 use bytemuck::Pod;
 
 use super::sample::{Height, ToHeight};
@@ -29,7 +33,42 @@ array_samples! { i8, I8; u8, U8; i16, I16; u16, U16; i32, I32; u32, U32; f32, F3
 #[derive(Clone, Debug)]
 pub struct ArrayGrid<'a> {
     info: GridInfo,
-    bytes: &'a [u8],
+    samples: Samples<'a>,
+}
+
+/// Where samples are, as bytes.
+#[derive(Clone)]
+enum Samples<'a> {
+    Borrowed(&'a [u8]),
+    Shared(Arc<dyn Bytes + Send + Sync>),
+}
+
+trait Bytes {
+    fn bytes(&self) -> &[u8];
+}
+
+/// Something that holds samples of one type.
+struct Holder<T, S>(T, PhantomData<fn() -> S>);
+
+impl<T: AsRef<[S]>, S: ArraySample> Bytes for Holder<T, S> {
+    fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(self.0.as_ref())
+    }
+}
+
+impl Samples<'_> {
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Self::Borrowed(bytes) => bytes,
+            Self::Shared(samples) => samples.bytes(),
+        }
+    }
+}
+
+impl fmt::Debug for Samples<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} bytes", self.bytes().len())
+    }
 }
 
 impl<'a> ArrayGrid<'a> {
@@ -39,14 +78,18 @@ impl<'a> ArrayGrid<'a> {
     /// # Errors
     /// Usage: another number of samples, none, or a side of more than [`limits::MAX_SIDE`].
     pub fn new<S: ArraySample>(samples: &'a [S], width: u32, height: u32) -> Result<Self> {
+        let info = Self::plain::<S>(samples.len(), width, height)?;
+        Ok(Self { info, samples: Samples::Borrowed(bytemuck::cast_slice(samples)) })
+    }
+
+    fn plain<S: ArraySample>(count: usize, width: u32, height: u32) -> Result<GridInfo> {
         limits::check("number of columns", u64::from(width), limits::MAX_SIDE)?;
         limits::check("number of rows", u64::from(height), limits::MAX_SIDE)?;
-        if samples.is_empty() || samples.len() as u64 != u64::from(width) * u64::from(height) {
-            let message = format!("{} samples are no {width} x {height}", samples.len());
+        if count == 0 || count as u64 != u64::from(width) * u64::from(height) {
+            let message = format!("{count} samples are no {width} x {height}");
             return Err(Error::usage(message).remedy("give as many as there are, row by row"));
         }
-        let info = GridInfo::plain("array", width, height, S::TYPE);
-        Ok(Self { info, bytes: bytemuck::cast_slice(samples) })
+        Ok(GridInfo::plain("array", width, height, S::TYPE))
     }
 
     /// The same where samples lie elsewhere, in a reference system.
@@ -64,12 +107,29 @@ impl<'a> ArrayGrid<'a> {
     fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window = Window::new(&self.info, rect, out)?;
         let (to_height, size) = (ToHeight::of(&self.info), self.info.sample_type.bytes());
+        let all = self.samples.bytes();
         for row in 0..rect.height {
             let first = (rect.row + row) as usize * self.info.width as usize + rect.col as usize;
-            let bytes = &self.bytes[first * size..][..rect.width as usize * size];
+            let bytes = &all[first * size..][..rect.width as usize * size];
             to_height.convert(bytes, window.row(rect, row));
         }
         Ok(())
+    }
+}
+
+impl ArrayGrid<'static> {
+    /// The same of samples that are held together with the grid.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn shared<S: ArraySample>(
+        samples: impl AsRef<[S]> + Send + Sync + 'static,
+        width: u32,
+        height: u32,
+    ) -> Result<Self> {
+        let info = Self::plain::<S>(samples.as_ref().len(), width, height)?;
+        let samples = Samples::Shared(Arc::new(Holder(samples, PhantomData)));
+        Ok(Self { info, samples })
     }
 }
 

@@ -49,6 +49,7 @@ mod clip;
 mod decimal;
 mod dted;
 mod geotiff;
+mod held;
 mod hgt;
 mod mosaic;
 mod nodata;
@@ -82,6 +83,7 @@ use serde::{Deserialize, Serialize};
 
 pub use array::{ArrayGrid, ArraySample};
 pub use clip::{Clip, ClipRings};
+pub use held::HeldGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{NOTE_KINDS, Note, notes, notes_on_heights};
@@ -327,9 +329,6 @@ pub const FORMATS: &[RasterFormat] = &[
     mosaic::vrt::FORMAT,
 ];
 
-/// What the name of a synthetic terrain starts with.
-pub const SYNTH_PREFIX: &str = "synth:";
-
 /// Bytes of a file's start that [`RasterFormat::sniff`] gets to see.
 const HEAD_BYTES: u64 = 64;
 
@@ -340,7 +339,10 @@ const HEAD_BYTES: u64 = 64;
 /// # Errors
 /// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
 pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    if input.starts_with(SYNTH_PREFIX) {
+    if terrane_files::is_held(input) {
+        return held::open(input, options);
+    }
+    if input.starts_with(synth::PREFIX) {
         return synth::open(input, options);
     }
     if let Some((packing, path)) = png::Packing::stated(input) {

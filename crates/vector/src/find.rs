@@ -11,12 +11,7 @@ use terrane_files::format::by_extension;
 const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
 
 /// What is looked for.
-const FEATURES: Seek = Seek {
-    what: "file of features",
-    is_member,
-    is_made: |input| input.starts_with("synth:"),
-    file_name: |input| input,
-};
+const FEATURES: Seek = Seek { what: "file of features", is_member, file_name: |input| input };
 
 /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
 ///

@@ -7,8 +7,9 @@ use clap::Args;
 use crate::cli::shared::progress::{self, How};
 use crate::cli::shared::{names, parse, say};
 use crate::error::{Error, Result};
+use crate::files::is_made;
 use crate::files::path_of;
-use crate::jobs::input::{is_mesh, is_synthetic};
+use crate::jobs::input::is_mesh;
 use crate::jobs::memory::cache_beside;
 use crate::jobs::plan::DiskCheck;
 use crate::jobs::reading::Reading;
@@ -94,7 +95,7 @@ impl Grid {
 
 /// Fails when `input` is no grid file, because `option` is about those.
 fn only_grid_files(option: &str, input: &str) -> Result<()> {
-    if is_synthetic(input) {
+    if is_made(input) {
         return Err(refusal(option, input, "a synthetic terrain"));
     }
     only_grids(option, input)

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use crate::atomic;
 use crate::cli::shared::pipes;
 use crate::error::{Error, ErrorKind, Result, all};
+use crate::files::is_made;
 use crate::files::{companions, path_of};
-use crate::jobs::input::is_synthetic;
 use crate::raster;
 
 /// As [`input`], for each of `inputs`.
@@ -20,7 +20,7 @@ pub(crate) fn inputs(inputs: &[String]) -> Result<()> {
 pub(crate) fn input(input: &str) -> Result<()> {
     pipes::refuse_input(input)?;
     let path = &*path_of(raster::file_name(input));
-    if is_synthetic(input) || path.is_file() || raster::is_collection(input) {
+    if is_made(input) || path.is_file() || raster::is_collection(input) {
         return Ok(());
     }
     Err(match std::fs::metadata(path) {

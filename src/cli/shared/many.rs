@@ -5,9 +5,9 @@ use std::path::Path;
 use crate::cli::shared::{check, pipes, say};
 use crate::cloud;
 use crate::error::{Error, Result, all};
+use crate::files::is_made;
 use crate::files::path_of;
 use crate::jobs::Resources;
-use crate::jobs::input::is_synthetic;
 use crate::jobs::sift::{self, Sifted, Skipped};
 use crate::raster;
 use crate::vector;
@@ -77,7 +77,7 @@ pub(crate) fn are_lines(path: &Path) -> bool {
 /// Fails when a cloud is missing.
 fn is_there(file: &str) -> Result<()> {
     let path = path_of(file);
-    if is_synthetic(file) || path.exists() {
+    if is_made(file) || path.exists() {
         return Ok(());
     }
     Err(Error::bad_input("no such file").in_file(&path).remedy("check the name"))

@@ -1,10 +1,9 @@
 //! Lines of text clouds: separators, headings, numbers.
 
 use crate::Flags;
+use crate::lattice::MOST_DECIMALS;
 use crate::sieve::Raw;
 
-/// Most decimals that are told apart.
-pub(super) const MOST_DECIMALS: u8 = 9;
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;
 const EXACT_DECIMALS: usize = 22;

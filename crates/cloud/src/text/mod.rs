@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, REACH, wkt};
+use terrane_base::geom::{Crs, Frame, wkt};
 use terrane_base::limits;
 use terrane_files::{self, RawFile};
 
-use line::{Grammar, MOST_DECIMALS, Values, content};
+use line::{Grammar, Values, content};
 
 use super::frame::Claim;
+use super::lattice::{Placed, Span};
 pub(super) use line::Line;
 
 /// Bytes of a part; lines belong to the part that they begin in.
@@ -24,11 +25,9 @@ const MOST_LINE: u64 = 4096;
 const HEADING_BYTES: u64 = 1 << 16;
 /// Points that are handed on at a time.
 const BLOCK: usize = 8192;
-/// Largest whole number of steps from zero: still exact, with room to spare.
-const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
 /// A text file with a point on each line. Its lattice has the decimals that are found, at most
-/// [`MOST_DECIMALS`] and no more than keep its points within reach; coordinates with more are
+/// [`MOST_DECIMALS`](super::lattice::MOST_DECIMALS) and no more than keep its points within reach; coordinates with more are
 /// rounded, and a note says so.
 pub(super) struct TextFile {
     pub(super) path: PathBuf,
@@ -52,48 +51,14 @@ pub(super) struct Part {
 }
 
 /// What a first pass finds.
+#[derive(Default)]
 struct Survey {
     /// Lines that hold anything.
     points: u64,
     lines: u64,
-    low: [f64; 3],
-    high: [f64; 3],
-    decimals: [u8; 3],
+    span: Span,
     /// The first of these lines without a point, from 0, and what is wrong with it.
     bad: Option<(u64, String)>,
-}
-
-impl Default for Survey {
-    fn default() -> Self {
-        Self {
-            points: 0,
-            lines: 0,
-            low: [f64::INFINITY; 3],
-            high: [f64::NEG_INFINITY; 3],
-            decimals: [0; 3],
-            bad: None,
-        }
-    }
-}
-
-impl Survey {
-    fn add(&mut self, values: &Values) {
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(values.world[axis]);
-            self.high[axis] = self.high[axis].max(values.world[axis]);
-            self.decimals[axis] = self.decimals[axis].max(values.decimals[axis]);
-        }
-    }
-
-    fn join(mut self, other: Self) -> Self {
-        self.points += other.points;
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(other.low[axis]);
-            self.high[axis] = self.high[axis].max(other.high[axis]);
-            self.decimals[axis] = self.decimals[axis].max(other.decimals[axis]);
-        }
-        self
-    }
 }
 
 /// Where the lines of points are, and how they are read.
@@ -103,14 +68,6 @@ struct Lines {
     at: u64,
     /// Lines before it.
     before: u64,
-}
-
-/// A lattice for points.
-struct Placed {
-    /// Steps per unit, a power of ten.
-    per_unit: [f64; 3],
-    origin: [i64; 3],
-    note: Option<String>,
 }
 
 impl TextFile {
@@ -138,7 +95,7 @@ impl TextFile {
             parts.push(Part { points: survey.points, first, at: *at });
             first += survey.points;
         }
-        let all = surveys.into_iter().fold(Survey::default(), Survey::join);
+        let all = surveys.into_iter().fold(Span::default(), |all, found| all.join(&found.span));
         let placed = Placed::of(&all)?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -156,6 +113,10 @@ impl TextFile {
     /// Where its points lie; `None` without points.
     pub(super) fn claim(&self) -> Option<Claim> {
         self.claim
+    }
+
+    fn line(&self, values: &Values) -> Line {
+        Line { xyz: self.placed.place(values.world), class: values.class, returns: values.returns }
     }
 
     /// Hands on the points of a part; returns how many lines hold none.
@@ -178,7 +139,7 @@ impl TextFile {
         let (mut block, mut next, mut lost) = (Vec::with_capacity(BLOCK), first, 0);
         self.lines.each(&file, at, |text| {
             match self.lines.grammar.values(text) {
-                Ok(values) => block.push(self.placed.line(&values)),
+                Ok(values) => block.push(self.line(&values)),
                 Err(_) if salvage => lost += 1,
                 Err(what) => return Err(Error::bad_input(what).in_file(&self.path)),
             }
@@ -250,7 +211,7 @@ impl Lines {
         let (mut survey, mut line) = (Survey::default(), 0);
         survey.lines = self.each(file, at, |text| {
             match self.grammar.values(text) {
-                Ok(values) => survey.add(&values),
+                Ok(values) => survey.span.add(values.world, values.decimals),
                 Err(_) if salvage => {}
                 Err(what) => survey.bad = survey.bad.take().or(Some((line, what))),
             }
@@ -265,73 +226,6 @@ impl Lines {
 fn not_points(what: String) -> Error {
     Error::bad_input(format!("is not a point cloud: {what}"))
         .remedy("name a .las or .laz file, or text with x y z on each line")
-}
-
-impl Placed {
-    /// The finest lattice that the points fit on, no finer than they are.
-    fn of(all: &Survey) -> Result<Self> {
-        let mut placed = Self { per_unit: [1.0; 3], origin: [0; 3], note: None };
-        if all.low[0] > all.high[0] {
-            return Ok(placed);
-        }
-        let across = all.decimals[0].max(all.decimals[1]);
-        let found = [across, across, all.decimals[2]];
-        let most = |axis: usize| (0..=found[axis]).rev().find(|d| origin(all, axis, *d).is_some());
-        let fitting = [0, 1, 2].map(most);
-        let across = fitting[0].zip(fitting[1]).map(|(x, y)| x.min(y));
-        for (axis, fits) in [across, across, fitting[2]].into_iter().enumerate() {
-            let origin = fits.and_then(|d| Some((d, origin(all, axis, d)?)));
-            let (decimals, origin) = origin.ok_or_else(|| {
-                let [low, high] = [all.low[axis], all.high[axis]];
-                Error::unsupported(format!("coordinates reach from {low} to {high}"))
-                    .remedy("points far off are often errors: take them out")
-            })?;
-            placed.per_unit[axis] = 10_f64.powi(decimals.into());
-            placed.origin[axis] = origin;
-            if decimals < found[axis] || found[axis] == MOST_DECIMALS {
-                placed.note = Some(format!(
-                    "coordinates are rounded to {decimals} decimals along {}",
-                    ["x", "y", "z"][axis]
-                ));
-            }
-        }
-        Ok(placed)
-    }
-
-    fn lattice(&self) -> Frame {
-        let scale = self.per_unit.map(|n| 1.0 / n);
-        let offset = std::array::from_fn(|axis| self.origin[axis] as f64 / self.per_unit[axis]);
-        Frame { scale, offset }
-    }
-
-    fn claim(&self, all: &Survey) -> Option<Claim> {
-        let Frame { scale, offset } = self.lattice();
-        let ends = |world: [f64; 3]| std::array::from_fn(|axis| self.steps(axis, world[axis]));
-        let (low, high) = (ends(all.low), ends(all.high));
-        (all.low[0] <= all.high[0]).then_some(Claim { scale, offset, low, high })
-    }
-
-    fn steps(&self, axis: usize, world: f64) -> i32 {
-        // Within reach of the origin, or clamped there: the bounds are of the same points.
-        ((world * self.per_unit[axis]).round() - self.origin[axis] as f64) as i32
-    }
-
-    fn line(&self, values: &Values) -> Line {
-        let xyz = std::array::from_fn(|axis| self.steps(axis, values.world[axis]));
-        Line { xyz, class: values.class, returns: values.returns }
-    }
-}
-
-/// The origin of a lattice of so many decimals from which all points are within reach.
-fn origin(all: &Survey, axis: usize, decimals: u8) -> Option<i64> {
-    let steps = |world: f64| (world * 10_f64.powi(decimals.into())).round();
-    let (low, high) = (steps(all.low[axis]), steps(all.high[axis]));
-    let reach = f64::from(REACH);
-    if low >= -reach && high <= reach {
-        return Some(0);
-    }
-    let fits = high - low < 2.0 * reach && low.abs().max(high.abs()) < MOST_STEPS;
-    fits.then(|| low as i64 + (high as i64 - low as i64) / 2)
 }
 
 /// The system of a `.prj` file beside the points.

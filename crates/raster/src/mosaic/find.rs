@@ -8,10 +8,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::{GridInfo, OpenOptions, SYNTH_PREFIX, SampleType};
+use crate::{GridInfo, OpenOptions, SampleType};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
-use terrane_files::path_of;
+use terrane_files::{is_made, path_of};
 
 use super::cache::{Grid, Open, Pool};
 use super::{Source, changed, vrt};
@@ -152,7 +152,7 @@ pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> R
 }
 
 fn is_vrt(name: &str) -> Result<bool> {
-    if name.starts_with(SYNTH_PREFIX) || crate::file_name(name) != name {
+    if is_made(name) || crate::file_name(name) != name {
         return Ok(false);
     }
     let path = path_of(name);

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FORMATS, SYNTH_PREFIX, file_name, raw};
+use crate::{FORMATS, file_name, raw};
 use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
-use terrane_files::{Seek, name_of, path_of, shown};
+use terrane_files::{Seek, is_made, name_of, path_of, shown};
 
 /// Formats of one file in another.
 const PACKED_ENDINGS: [&str; 2] = ["gz", "zip"];
@@ -47,7 +47,7 @@ impl Inputs {
 
 /// `input` with an absolute path in it, where it is a file.
 fn absolute(input: &str) -> Result<String> {
-    if input.starts_with(SYNTH_PREFIX) {
+    if is_made(input) {
         return Ok(input.to_owned());
     }
     let name = file_name(input);
@@ -115,12 +115,7 @@ impl fmt::Display for Inputs {
 }
 
 /// What is looked for.
-const GRIDS: Seek = Seek {
-    what: "grid",
-    is_member: is_grid_name,
-    is_made: |input| input.starts_with(SYNTH_PREFIX),
-    file_name,
-};
+const GRIDS: Seek = Seek { what: "grid", is_member: is_grid_name, file_name };
 
 /// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
 /// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a

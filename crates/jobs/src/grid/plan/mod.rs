@@ -23,7 +23,7 @@ use crate::{Cancel, Progress};
 use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, Census};
-use terrane_files::name_of;
+use terrane_files::{name_of, refuse_held};
 use terrane_raster::write;
 use tile::Opened;
 
@@ -82,6 +82,7 @@ pub fn plan_grid(
         return Err(Error::usage(format!("a tile of {side} cells is too large"))
             .remedy(format!("choose {MOST_SIDE} at most")));
     }
+    refuse_held(job.input.iter().chain(&job.placement.like))?;
     job.check()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = Extent::new(points.info(), job)?;

@@ -28,9 +28,9 @@ use crate::tin::worker::Stock;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
-use terrane_files::{name_of, path_of};
+use terrane_files::{is_made, name_of, path_of};
 use terrane_mesh as mesh;
-use terrane_raster::{self as raster, GridInfo, GridSource, SYNTH_PREFIX};
+use terrane_raster::{self as raster, GridInfo, GridSource};
 use terrane_tin::{Local, Triangle};
 
 /// Share of the time that the writing of the mesh takes, about.
@@ -288,7 +288,7 @@ impl Grid {
 
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
-    let is_file = |name: &&String| !name.starts_with(SYNTH_PREFIX);
+    let is_file = |name: &&String| !is_made(name);
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
     let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();

@@ -23,6 +23,7 @@ use crate::sift::Skipped;
 use crate::{Cancel, Progress};
 use mesh::Mesh;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_files::refuse_held;
 use terrane_tin::Spec;
 
 /// A mesh to plan.
@@ -104,6 +105,7 @@ fn plan_checked(
     if !matches!(job.job.goal, Goal::MaxError(_)) {
         return Err(budget());
     }
+    refuse_held(job.job.input.names())?;
     let reading = job.job.reading.absolute()?;
     let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
     let asked = &job.job.refinement;

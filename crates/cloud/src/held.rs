@@ -1,0 +1,252 @@
+//! Clouds in memory by name, in place of files.
+
+use std::sync::Arc;
+
+use super::filter::{Flags, Gate};
+use super::frame::Map;
+use super::lattice::{Placed, Span, decimals};
+use super::sieve::{Raw, Sieve};
+use super::{BATCH, Census, CloudInfo, OpenOptions, PointSource};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point};
+use terrane_files::{Held, Register};
+
+static CLOUDS: Register<Stock> = Register::new();
+
+/// What is known of a point beside its position.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Marks {
+    /// Classification.
+    pub class: u8,
+    /// Number of the return from 1, and returns of the pulse; 0 where unknown.
+    pub returns: [u8; 2],
+    /// Marks, by the bits of LAS 1.4.
+    pub flags: Flags,
+}
+
+/// A cloud in memory that has a name; it is given up with this.
+pub struct HeldCloud(Held<Stock>);
+
+/// Points on the lattice that was made for them.
+struct Stock {
+    points: Vec<HeldPoint>,
+    placed: Placed,
+    span: Span,
+    crs: Crs,
+}
+
+/// A point as it is held.
+#[derive(Clone, Copy)]
+struct HeldPoint {
+    xyz: [i32; 3],
+    marks: Marks,
+}
+
+impl Raw for HeldPoint {
+    fn xyz(self) -> [i32; 3] {
+        self.xyz
+    }
+
+    fn class(self) -> u8 {
+        self.marks.class
+    }
+
+    fn returns(self) -> [u8; 2] {
+        self.marks.returns
+    }
+
+    fn flags(self) -> Flags {
+        self.marks.flags
+    }
+}
+
+impl HeldCloud {
+    /// Gives points a name, by which [`source`](super::source) opens them. Their lattice has the decimals that they have, at
+    /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 24
+    /// bytes a point and looks at each twice.
+    ///
+    /// # Errors
+    /// A coordinate that is not finite, with the number of its point; marks of another number of points; points
+    /// too far from each other.
+    pub fn new(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) -> Result<Self> {
+        if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
+            let (marks, points) = (marks.len(), positions.len());
+            return Err(Error::usage(format!("{marks} marks are not of {points} points")));
+        }
+        let mut span = Span::default();
+        for (number, world) in positions.iter().enumerate() {
+            if !world.iter().all(|coordinate| coordinate.is_finite()) {
+                return Err(Error::bad_input("a coordinate is not finite")
+                    .at(format_args!("point {number}"))
+                    .remedy("leave such points out"));
+            }
+            let found = std::array::from_fn(|axis| decimals(world[axis], span.decimals[axis]));
+            span.add(*world, found);
+        }
+        let placed = Placed::of(&span)?;
+        let point = |(number, world): (usize, &[f64; 3])| HeldPoint {
+            xyz: placed.place(*world),
+            marks: marks.map_or(Marks::default(), |marks| marks[number]),
+        };
+        let points = positions.iter().enumerate().map(point).collect();
+        Ok(Self(CLOUDS.hold(Stock { points, placed, span, crs })))
+    }
+
+    /// The name.
+    pub fn name(&self) -> &str {
+        self.0.name()
+    }
+}
+
+/// A held cloud as a source; its parts are a batch each.
+struct Open {
+    stock: Arc<Stock>,
+    sieve: Option<Sieve>,
+    info: CloudInfo,
+    notes: Vec<String>,
+}
+
+/// Opens what is held as `name`.
+pub(super) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn PointSource>> {
+    let stock = CLOUDS.get(name)?;
+    let frame = stock.placed.lattice();
+    let gate = Gate::new(&options.filter, &frame);
+    let claim = stock.placed.claim(&stock.span);
+    let bounds = claim
+        .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
+    let known = stock.crs.clone();
+    let crs = if known == Crs::default() { options.crs.clone().unwrap_or(known) } else { known };
+    let sieve = claim.map(|claim| Sieve::new(gate, claim, Map::Shift([0; 3]), options.salvage));
+    let info = CloudInfo { frame, bounds, count: stock.points.len() as u64, crs };
+    let notes = stock.placed.note.iter().cloned().collect();
+    Ok(Box::new(Open { stock, sieve, info, notes }))
+}
+
+impl Open {
+    fn part(&self, part: usize) -> &[HeldPoint] {
+        self.stock.points.chunks(BATCH).nth(part).unwrap_or_default()
+    }
+}
+
+impl PointSource for Open {
+    fn info(&self) -> &CloudInfo {
+        &self.info
+    }
+
+    fn parts(&self) -> usize {
+        self.stock.points.len().div_ceil(BATCH)
+    }
+
+    fn points_of(&self, part: usize) -> u64 {
+        self.part(part).len() as u64
+    }
+
+    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+        let (mut census, mut points) = (Census::default(), Vec::new());
+        if let Some(sieve) = &self.sieve {
+            let first = (part * BATCH) as u64;
+            let records = self.part(part).iter().copied();
+            sieve.sift(records, first, &mut points, &mut census)?;
+            each(&points)?;
+        }
+        Ok(census)
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Filter, Return, source};
+    use proptest::prelude::*;
+
+    /// All that is read of a cloud with these options.
+    fn all(name: &str, options: &OpenOptions) -> (Vec<Point>, Census) {
+        let source = source(&[name.to_owned()], options).unwrap();
+        let (mut points, mut census) = (Vec::new(), Census::default());
+        for part in 0..source.parts() {
+            let found = source.read(part, &mut |batch| {
+                points.extend_from_slice(batch);
+                Ok(())
+            });
+            census.add(&found.unwrap());
+        }
+        (points, census)
+    }
+
+    proptest! {
+        /// A text file of the same points is the same cloud.
+        #[test]
+        fn a_held_cloud_is_what_a_file_of_its_points_is(
+            points in prop::collection::vec((0_i32..900_000, -5_000_i32..5_000, 0_i32..9_000, 0_u8..4, 1_u8..4), 1..200),
+            decimals in 0_usize..5,
+            low in 0.0..60.0,
+        ) {
+            let per_unit = 10_f64.powi(decimals as i32);
+            let world = |steps: i32| f64::from(steps) / per_unit;
+            let positions: Vec<[f64; 3]> =
+                points.iter().map(|(x, y, z, ..)| [*x, *y, *z].map(world)).collect();
+            let marks: Vec<Marks> = points
+                .iter()
+                .map(|(.., class, number)| Marks { class: *class, returns: [*number, 3], ..Marks::default() })
+                .collect();
+            let line = |(world, marks): (&[f64; 3], &Marks)| {
+                let [x, y, z] = world;
+                format!("{x:.decimals$},{y:.decimals$},{z:.decimals$},{},{},3\n", marks.class, marks.returns[0])
+            };
+            let text: String = positions.iter().zip(&marks).map(line).collect();
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("points.csv");
+            std::fs::write(&path, format!("x,y,z,class,return_number,number_of_returns\n{text}")).unwrap();
+            let path = format!("cloud:{}", path.display());
+            let held = HeldCloud::new(&positions, Some(&marks), Crs::default()).unwrap();
+            let filter = Filter {
+                classes: Some(vec![1, 2]),
+                returns: Some(Return::First),
+                bounds: Some([low, -1e9, 1e9, 1e9]),
+                ..Filter::default()
+            };
+            for filter in [Filter::default(), filter] {
+                let options = OpenOptions { filter, ..OpenOptions::default() };
+                let [of_file, of_held] = [&*path, held.name()].map(|name| all(name, &options));
+                prop_assert_eq!(of_file, of_held);
+                let info = |name: &str| source(&[name.to_owned()], &options).unwrap().info().clone();
+                let (of_file, of_held) = (info(&path), info(held.name()));
+                prop_assert_eq!((of_file.bounds, of_file.count), (of_held.bounds, of_held.count));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_cloud_is_refused() {
+        let new = |points: &[[f64; 3]], marks| HeldCloud::new(points, marks, Crs::default());
+        let told = new(&[[0.0; 3], [0.0, f64::NAN, 0.0]], None).err().unwrap().to_string();
+        assert!(told.contains("point 1"), "{told}");
+        assert!(new(&[[0.0; 3]], Some(&[])).is_err());
+        assert!(new(&[[0.0; 3], [1e18, 0.0, 0.0]], None).is_err(), "too far apart");
+        let held = new(&[], None).unwrap();
+        let (points, census) = all(held.name(), &OpenOptions::default());
+        assert!(points.is_empty() && census == Census::default());
+        let name = held.name().to_owned();
+        drop(held);
+        assert!(source(&[name], &OpenOptions::default()).is_err());
+    }
+
+    #[test]
+    fn coordinates_without_an_end_are_rounded_and_told_of() {
+        let third = 1.0 / 3.0;
+        let held = HeldCloud::new(&[[third, 0.0, 1000.0 + third]], None, Crs::default()).unwrap();
+        let source = source(&[held.name().to_owned()], &OpenOptions::default()).unwrap();
+        assert!(source.notes()[0].contains("rounded"), "{:?}", source.notes());
+        let mut found = [0.0; 3];
+        let mut keep = |batch: &[Point]| {
+            found = source.info().frame.world(batch[0]);
+            Ok(())
+        };
+        source.read(0, &mut keep).unwrap();
+        assert!((found[0] - third).abs() < 1e-9 && (found[2] - 1000.0 - third).abs() < 1e-6);
+    }
+}

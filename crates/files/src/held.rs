@@ -1,0 +1,106 @@
+//! Things in memory by a name, in place of a file: `memory:7`, for as long as they are held.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+use terrane_base::error::{Error, Result};
+
+use super::lock::lock;
+
+/// What the name of something in memory starts with.
+const HELD_PREFIX: &str = "memory:";
+/// What the name of something that is made by a rule starts with.
+const RULE_PREFIX: &str = "synth:";
+
+/// True for names of what is no file: made by a rule, or held in memory.
+pub fn is_made(input: &str) -> bool {
+    input.starts_with(RULE_PREFIX) || is_held(input)
+}
+
+/// True for names of what is held in memory, which no other process knows.
+pub fn is_held(input: &str) -> bool {
+    input.starts_with(HELD_PREFIX)
+}
+
+/// Fails when one of `inputs` is held in memory, where another process has to read it.
+///
+/// # Errors
+/// Usage.
+pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<()> {
+    match inputs.into_iter().any(|input| is_held(input)) {
+        true => Err(Error::usage("what is in the memory of one process is in no other's")
+            .remedy("write it into a file, and plan with that")),
+        false => Ok(()),
+    }
+}
+
+/// What is held of one kind, by its name.
+pub struct Register<T>(Mutex<BTreeMap<String, Arc<T>>>);
+
+/// Something that is held; dropping it gives it up, but for those that have it open.
+pub struct Held<T: 'static> {
+    register: &'static Register<T>,
+    name: String,
+}
+
+/// Names are of one thing each, of whatever kind.
+static NEXT: AtomicU64 = AtomicU64::new(1);
+
+impl<T> Register<T> {
+    /// Nothing is held yet.
+    #[allow(clippy::new_without_default)]
+    pub const fn new() -> Self {
+        Self(Mutex::new(BTreeMap::new()))
+    }
+
+    /// Holds `thing` by a name of its own.
+    pub fn hold(&'static self, thing: T) -> Held<T> {
+        let name = format!("{HELD_PREFIX}{}", NEXT.fetch_add(1, Ordering::Relaxed));
+        lock(&self.0).insert(name.clone(), Arc::new(thing));
+        Held { register: self, name }
+    }
+
+    /// What is held by this name.
+    ///
+    /// # Errors
+    /// Usage: nothing is.
+    pub fn get(&self, name: &str) -> Result<Arc<T>> {
+        let nothing = || Error::usage(format!("nothing of that kind is in memory as {name:?}"));
+        lock(&self.0).get(name).cloned().ok_or_else(nothing)
+    }
+}
+
+impl<T> Held<T> {
+    /// The name that stands for it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl<T> Drop for Held<T> {
+    fn drop(&mut self) {
+        lock(&self.register.0).remove(&self.name);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    static WORDS: Register<&str> = Register::new();
+
+    #[test]
+    fn things_are_held_as_long_as_their_holder_lives() {
+        let [one, two] = ["one", "two"].map(|word| WORDS.hold(word));
+        assert_ne!(one.name(), two.name());
+        let open = WORDS.get(one.name()).unwrap();
+        let name = one.name().to_owned();
+        drop(one);
+        assert_eq!(*open, "one");
+        assert!(WORDS.get(&name).is_err() && WORDS.get("one").is_err());
+        assert_eq!(*WORDS.get(two.name()).unwrap(), "two");
+        assert!(is_made(two.name()) && is_made("synth:rough") && !is_made("rough.tif"));
+        assert!(refuse_held(&["a.tif".to_owned(), name]).is_err());
+    }
+}

@@ -1,0 +1,56 @@
+//! Grids in memory by name, in place of a file.
+
+use super::array::ArrayGrid;
+use super::{GridSource, OpenOptions, only_band};
+use terrane_base::error::Result;
+use terrane_files::{Held, Register};
+
+static GRIDS: Register<ArrayGrid<'static>> = Register::new();
+
+/// A grid in memory that has a name; it is given up with this.
+pub struct HeldGrid(Held<ArrayGrid<'static>>);
+
+impl HeldGrid {
+    /// Gives `grid` a name, by which [`open`](super::open) opens it.
+    pub fn new(grid: ArrayGrid<'static>) -> Self {
+        Self(GRIDS.hold(grid))
+    }
+
+    /// The name.
+    pub fn name(&self) -> &str {
+        self.0.name()
+    }
+}
+
+/// Opens what is held as `name`.
+pub(crate) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+    only_band(options.band)?;
+    let grid = (*GRIDS.get(name)?).clone();
+    Ok(Box::new(match options.nodata {
+        None => grid,
+        nodata => grid.with_nodata(nodata),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Rect;
+
+    #[test]
+    fn a_held_grid_is_opened_by_its_name() {
+        let samples: Vec<i16> = (0..6).collect();
+        let held = HeldGrid::new(ArrayGrid::shared(samples, 3, 2).unwrap());
+        let options = OpenOptions { nodata: Some(4.0), ..OpenOptions::default() };
+        let grid = crate::open_all(&[held.name().to_owned()], &options).unwrap();
+        let name = held.name().to_owned();
+        drop(held);
+        let mut row = [0.0; 3];
+        grid.read_f64(Rect::new(0, 1, 3, 1), &mut row).unwrap();
+        assert!(row[0] == 3.0 && row[1].is_nan() && row[2] == 5.0, "{row:?}");
+        assert!(crate::open(&name, &options).is_err(), "given up");
+        let second = OpenOptions { band: 2, ..OpenOptions::default() };
+        let held = HeldGrid::new(ArrayGrid::shared(vec![0_f32; 4], 2, 2).unwrap());
+        assert!(crate::open(held.name(), &second).is_err());
+    }
+}
