@@ -10,6 +10,7 @@ mod grid;
 mod plan;
 mod run;
 mod simplify;
+mod surface;
 mod tin;
 mod verify;
 
@@ -22,5 +23,6 @@ pub use grid::{Grid, open, open_array};
 pub use plan::{Plan, PlanBuilder, PlanRun, PlanStatus};
 pub use run::Memory;
 pub use simplify::{Coordinates, Method, Simplify, simplify};
-pub use tin::{ArrayGrid, Tin, TinBuilder};
+pub use surface::Surface;
+pub use tin::{ArrayGrid, Tin, TinBuilder, TinParts};
 pub use verify::VerifyBuilder;

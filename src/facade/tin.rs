@@ -44,6 +44,25 @@ pub struct Tin {
     header: MeshHeader,
 }
 
+/// What a [`Tin`] is made of.
+#[derive(Clone, Debug)]
+pub struct TinParts {
+    /// Positions.
+    pub vertices: Vec<[f64; 3]>,
+    /// Corners as indices of them, counter-clockwise seen from above.
+    pub triangles: Vec<[u32; 3]>,
+    /// The bound that was kept.
+    pub tolerance: f64,
+    /// The largest vertical distance of a valid sample from the mesh.
+    pub max_error: f64,
+    /// The root of the mean square of these distances.
+    pub rmse: f64,
+    /// What was asked for and is not so.
+    pub unmet: Option<String>,
+    /// What files of it say.
+    pub header: MeshHeader,
+}
+
 /// A grid of heights in memory: what [`Tin::from_array`] takes a slice for.
 pub type ArrayGrid<'a> = raster::ArrayGrid<'a>;
 
@@ -100,6 +119,41 @@ impl Tin {
     /// The bound that was kept: the one asked for, or that which a number of vertices or triangles allowed.
     pub fn tolerance(&self) -> f64 {
         self.tolerance
+    }
+
+    /// The reference system of its positions.
+    pub fn crs(&self) -> &Crs {
+        &self.header.crs
+    }
+
+    /// All that it is made of, to be kept elsewhere.
+    pub fn into_parts(self) -> TinParts {
+        let Self { vertices, triangles, tolerance, max_error, rmse, unmet, header } = self;
+        TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header }
+    }
+
+    /// The mesh that was taken apart.
+    ///
+    /// # Errors
+    /// A corner that is no vertex.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let tin = terrane::open("synth:rough,size=65")?.tin().max_error(5.0).build()?;
+    /// let parts = tin.clone().into_parts();
+    /// assert_eq!(terrane::Tin::from_parts(parts)?.triangles(), tin.triangles());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn from_parts(parts: TinParts) -> Result<Self> {
+        let TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header } = parts;
+        let is_vertex = |corner: &u32| (*corner as usize) < vertices.len();
+        if let Some(number) = triangles.iter().position(|t| !t.iter().all(is_vertex)) {
+            return Err(
+                Error::bad_input("a corner is no vertex").at(format_args!("triangle {number}"))
+            );
+        }
+        Ok(Self { vertices, triangles, tolerance, max_error, rmse, unmet, header })
     }
 
     /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns

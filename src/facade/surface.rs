@@ -1,0 +1,185 @@
+//! Heights of a mesh between its vertices.
+
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+use super::tin::Tin;
+use terrane_base::geom::plane::orient;
+
+/// The surface of a [`Tin`], ready to be asked for heights at any place: triangles by the cell of a coarse grid
+/// that their bounding boxes touch. Takes about 20 bytes a triangle, and time in proportion to their number to make.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// let slope: Vec<f32> = (0..20 * 10).map(|i| (i % 20) as f32 * 2.0).collect();
+/// let tin = terrane::Tin::from_array(&slope, 20, 10)?.max_error(0.0).build()?;
+/// let surface = terrane::Surface::new(tin);
+/// assert_eq!(surface.height(3.25, -4.5), Some(6.5));
+/// assert_eq!(surface.height(3.25, 4.5), None, "beyond its border");
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Surface {
+    tin: Arc<Tin>,
+    low: [f64; 2],
+    cell: [f64; 2],
+    size: [usize; 2],
+    /// Where the triangles of each cell begin in `listed`, and the end of the last one's.
+    starts: Vec<usize>,
+    listed: Vec<u32>,
+}
+
+impl Surface {
+    /// The surface of a mesh.
+    pub fn new(tin: impl Into<Arc<Tin>>) -> Self {
+        let tin = tin.into();
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for vertex in tin.vertices() {
+            for axis in 0..2 {
+                (low[axis], high[axis]) =
+                    (low[axis].min(vertex[axis]), high[axis].max(vertex[axis]));
+            }
+        }
+        let sides = [0, 1].map(|axis| (high[axis] - low[axis]).max(0.0));
+        // Two triangles for each cell, of about the proportions of the mesh.
+        let cells = (tin.triangles().len() / 2).max(1) as f64;
+        let across = (cells * sides[0] / sides[1]).sqrt().clamp(1.0, cells);
+        let across = if across.is_nan() { 1.0 } else { across };
+        let size = [across, cells / across].map(|count| count.ceil().max(1.0) as usize);
+        let cell = [0, 1].map(|axis| sides[axis] / size[axis] as f64);
+        let empty = Self { tin, low, cell, size, starts: Vec::new(), listed: Vec::new() };
+        empty.filled()
+    }
+
+    fn filled(mut self) -> Self {
+        let mut starts = vec![0; self.size[0] * self.size[1] + 1];
+        let all = || self.tin.triangles().iter().map(|triangle| self.cells_of(triangle));
+        all().flatten().for_each(|cell| starts[cell + 1] += 1);
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        let (mut next, mut listed) = (starts.clone(), vec![0; starts[starts.len() - 1]]);
+        for (number, cells) in (0..).zip(all()) {
+            for cell in cells {
+                listed[next[cell]] = number;
+                next[cell] += 1;
+            }
+        }
+        (self.starts, self.listed) = (starts, listed);
+        self
+    }
+
+    /// The mesh.
+    pub fn tin(&self) -> &Arc<Tin> {
+        &self.tin
+    }
+
+    /// The height of the mesh at a place; `None` where it has none. At vertices it is theirs; on an edge it is that
+    /// of the first of its triangles. Looks at a few triangles.
+    pub fn height(&self, x: f64, y: f64) -> Option<f64> {
+        let [col, row] = self.cell_at([x, y])?;
+        let cell = row * self.size[0] + col;
+        let listed = &self.listed[self.starts[cell]..self.starts[cell + 1]];
+        listed.iter().find_map(|number| {
+            height_in(self.corners(&self.tin.triangles()[*number as usize]), [x, y])
+        })
+    }
+
+    /// The same for many places, NaN where the mesh has no height.
+    pub fn heights(&self, places: &[[f64; 2]]) -> Vec<f64> {
+        places.iter().map(|[x, y]| self.height(*x, *y).unwrap_or(f64::NAN)).collect()
+    }
+
+    fn corners(&self, triangle: &[u32; 3]) -> [[f64; 3]; 3] {
+        triangle.map(|corner| self.tin.vertices()[corner as usize])
+    }
+
+    /// The cell that a place lies in, if it lies within the mesh's bounds.
+    fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
+        let along = |axis: usize| {
+            let cells = (place[axis] - self.low[axis]) / self.cell[axis];
+            // A mesh without a triangle has cells of no size.
+            let inside = cells >= 0.0 && cells <= self.size[axis] as f64 * (1.0 + f64::EPSILON);
+            inside.then(|| (cells as usize).min(self.size[axis] - 1))
+        };
+        Some([along(0)?, along(1)?])
+    }
+
+    /// The cells that the box around a triangle touches. Cells of places come from the same sums, which never
+    /// decrease with a coordinate: a place within the box is in one of them.
+    fn cells_of(&self, triangle: &[u32; 3]) -> impl Iterator<Item = usize> + use<> {
+        let corners = self.corners(triangle);
+        let range = |axis: usize| {
+            let cells = corners.map(|corner| (corner[axis] - self.low[axis]) / self.cell[axis]);
+            let within = |cell: f64| (cell.max(0.0) as usize).min(self.size[axis] - 1);
+            let [low, high] = [f64::min, f64::max]
+                .map(|pick: fn(f64, f64) -> f64| within(pick(pick(cells[0], cells[1]), cells[2])));
+            low..=high
+        };
+        let (cols, rows, width) = (range(0), range(1), self.size[0]);
+        rows.flat_map(move |row| cols.clone().map(move |col| row * width + col))
+    }
+}
+
+/// The height of a triangle, counter-clockwise, at a place in it or on its border.
+fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
+    let [a, b, c] = corners.map(|[x, y, _]| [x, y]);
+    let is_right = |from, to| orient(from, to, place) == Ordering::Less;
+    if is_right(a, b) || is_right(b, c) || is_right(c, a) {
+        return None;
+    }
+    let cross = |from: [f64; 2], to: [f64; 2]| from[0] * to[1] - from[1] * to[0];
+    let beside = |corner: [f64; 2]| [corner[0] - a[0], corner[1] - a[1]];
+    let (ab, ac, ap) = (beside(b), beside(c), beside(place));
+    let whole = cross(ab, ac);
+    let (of_b, of_c) = (cross(ap, ac) / whole, cross(ab, ap) / whole);
+    let [za, zb, zc] = corners.map(|[.., z]| z);
+    Some(za * (1.0 - of_b - of_c) + zb * of_b + zc * of_c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ArrayGrid, Result};
+    use proptest::prelude::*;
+
+    /// A mesh of random heights with holes, turned and far from the origin.
+    fn tin(heights: &[f32], width: u32, height: u32, turned: bool) -> Result<Tin> {
+        let (a, b) = if turned { (0.7, -0.3) } else { (2.0, 0.0) };
+        let to_world = crate::Affine { x0: 5e5, a, b, y0: 4e6, d: b, e: -a };
+        let tin: crate::TinBuilder<ArrayGrid<'_>> = Tin::from_array(heights, width, height)?;
+        tin.place(to_world, crate::Crs::default()).max_error(1.0).build()
+    }
+
+    proptest! {
+        /// The same as all triangles asked one by one.
+        #[test]
+        fn heights_are_those_of_the_first_triangle_that_holds_a_place(
+            (width, heights) in (3_u32..14, 3_u32..14).prop_flat_map(|(width, height)| {
+                let void = prop_oneof![9 => -4.0_f32..4.0, 1 => Just(f32::NAN)];
+                (Just(width), prop::collection::vec(void, (width * height) as usize))
+            }),
+            turned in any::<bool>(),
+            places in prop::collection::vec((-2.0_f64..16.0, -2.0_f64..16.0, any::<bool>()), 30),
+        ) {
+            let Ok(tin) = tin(&heights, width, heights.len() as u32 / width, turned) else { return Ok(()) };
+            let surface = Surface::new(tin);
+            let to_world = |col: f64, row: f64| match turned {
+                true => [5e5 + 0.7 * col - 0.3 * row, 4e6 - 0.3 * col - 0.7 * row],
+                false => [5e5 + 2.0 * col, 4e6 - 2.0 * row],
+            };
+            for (col, row, on_sample) in places {
+                let [x, y] = if on_sample { to_world(col.round(), row.round()) } else { to_world(col, row) };
+                let tin = surface.tin();
+                let slow = tin.triangles().iter().find_map(|triangle| {
+                    height_in(triangle.map(|corner| tin.vertices()[corner as usize]), [x, y])
+                });
+                prop_assert_eq!(surface.height(x, y), slow, "{}, {}", x, y);
+            }
+            for vertex in surface.tin().vertices() {
+                prop_assert_eq!(surface.height(vertex[0], vertex[1]), Some(vertex[2]));
+            }
+        }
+    }
+}
