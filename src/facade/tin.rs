@@ -164,7 +164,18 @@ impl Tin {
     /// which hold local metres ([`TinBuilder::write`] turns them into those); heights that the format, which has 32 bits
     /// for them, does not hold exactly (the bound would be broken: [`TinBuilder::write`] keeps it).
     pub fn write(&self, path: impl AsRef<Path>) -> Result<u64> {
-        let path = path.as_ref();
+        self.write_as(path.as_ref(), false)
+    }
+
+    /// The same in place of a file that may be there.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write), but for a file that exists.
+    pub fn overwrite(&self, path: impl AsRef<Path>) -> Result<u64> {
+        self.write_as(path.as_ref(), true)
+    }
+
+    fn write_as(&self, path: &Path, overwrite: bool) -> Result<u64> {
         let format = mesh::by_path(path, None)?;
         if format.single_precision && self.header.crs.horizontal_unit() == "degree" {
             let message = format!("{} holds longitudes and latitudes in local metres", format.name);
@@ -181,11 +192,11 @@ impl Tin {
         }
         let [vertices, triangles] = [self.vertices.len(), self.triangles.len()].map(|n| n as u64);
         format.check_capacity(vertices, triangles)?;
-        mesh::check_prj(path, &self.header.crs, false)?;
-        let mut sink = (format.create)(path, &self.header, &SinkOptions::default())?;
+        mesh::check_prj(path, &self.header.crs, overwrite)?;
+        let mut sink = (format.create)(path, &self.header, &SinkOptions { overwrite, ..SinkOptions::default() })?;
         self.push(&mut *sink)?;
         let bytes = sink.finish()?;
-        mesh::write_prj(path, &self.header.crs, false)?;
+        mesh::write_prj(path, &self.header.crs, overwrite)?;
         Ok(bytes)
     }
 

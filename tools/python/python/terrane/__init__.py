@@ -1,0 +1,69 @@
+"""Terrain that does not fit into memory, made small with a proven bound on the error.
+
+    import numpy as np
+    import terrane
+
+    mesh = terrane.tin(heights, max_error=1.0)      # an array, a file, many files, a dataset
+    mesh.vertices, mesh.triangles                   # (n, 3) float64, (m, 3) uint32
+    terrane.verify(mesh, heights).ok                # proved by code of its own
+
+| function | what it makes |
+|---|---|
+| `tin` | a mesh of a grid of heights, in memory; `write_tin` of any size, in a file |
+| `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
+| `contour` | contour lines of a grid |
+| `simplify` | lines and polygons with fewer vertices |
+| `verify` | a proof of a mesh |
+| `plan` | work for many processes, which may be killed |
+| `Delatin` | a mesh by the interface of pydelatin |
+
+Everything that reads grids takes a path, a list of paths, a numpy array, a rasterio dataset or an xarray
+DataArray. Errors are `terrane.Error`. `python -m terrane` is the command line.
+"""
+
+from terrane._clouds import GridResult, chm, dsm, dtm, grid, verify_cloud, write_cloud_tin
+from terrane._errors import (
+    Error,
+    FileError,
+    InputError,
+    Interrupted,
+    MissingFileError,
+    OutputError,
+    ResourceError,
+)
+from terrane._lines import Lines, contour, simplify
+from terrane._mesh import Mesh
+from terrane._plans import Plan, open_plan, plan
+from terrane._terrane import __version__
+from terrane._tin import Report, tin, verify, write_tin
+from terrane.delatin import Delatin
+
+__all__ = [
+    "Delatin",
+    "Error",
+    "FileError",
+    "GridResult",
+    "InputError",
+    "Interrupted",
+    "Lines",
+    "Mesh",
+    "MissingFileError",
+    "OutputError",
+    "Plan",
+    "Report",
+    "ResourceError",
+    "__version__",
+    "chm",
+    "contour",
+    "dsm",
+    "dtm",
+    "grid",
+    "open_plan",
+    "plan",
+    "simplify",
+    "tin",
+    "verify",
+    "verify_cloud",
+    "write_cloud_tin",
+    "write_tin",
+]

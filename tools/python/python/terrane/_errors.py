@@ -1,0 +1,92 @@
+"""Errors: one class, with a subclass for what Python has a class for, too."""
+
+from __future__ import annotations
+
+import os
+
+
+class Error(Exception):
+    """What went wrong: `kind` is a word for it, `file` and `place` say where, `remedy` what to do about it;
+    the last three may be None. As text it is what the command line says.
+
+    >>> import terrane
+    >>> try:
+    ...     terrane.tin("missing.tif", max_error=1.0)
+    ... except terrane.Error as error:
+    ...     error.kind, error.file
+    ('bad_input', 'missing.tif')
+    """
+
+    kind: str
+    file: str | None
+    place: str | None
+    remedy: str | None
+
+    def __init__(
+        self,
+        message: str,
+        kind: str = "usage",
+        file: str | None = None,
+        place: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.kind, self.file, self.place, self.remedy = kind, file, place, remedy
+
+    def __str__(self) -> str:
+        return self.message
+
+    def __reduce__(self) -> tuple[type[Error], tuple[str | None, ...]]:
+        return type(self), (self.message, self.kind, self.file, self.place, self.remedy)
+
+
+class InputError(Error, ValueError):
+    """An option, or an input, that cannot be used: also a ValueError."""
+
+
+class FileError(Error, OSError):
+    """Reading or writing failed: also an OSError."""
+
+
+class MissingFileError(InputError, FileNotFoundError):
+    """A file that is not there: also a FileNotFoundError."""
+
+
+class OutputError(FileError):
+    """An output that exists, cannot be created, or cannot hold the result."""
+
+
+class ResourceError(Error, MemoryError):
+    """Too little memory, or another resource: also a MemoryError."""
+
+
+class Interrupted(Error):
+    """The job was stopped by its caller."""
+
+
+CLASSES: dict[str, type[Error]] = {
+    "usage": InputError,
+    "bad_input": InputError,
+    "unsupported": InputError,
+    "limit": InputError,
+    "cannot_write": OutputError,
+    "io": FileError,
+    "resource": ResourceError,
+    "interrupted": Interrupted,
+}
+
+
+def make(
+    kind: str, message: str, file: str | None, place: str | None, remedy: str | None
+) -> Error:
+    """The exception for an error of the library."""
+    is_missing = kind == "bad_input" and file is not None and not os.path.lexists(file)
+    cls = MissingFileError if is_missing else CLASSES.get(kind, Error)
+    return cls(message, kind, file, place, remedy)
+
+
+def usage(message: str, remedy: str | None = None) -> Error:
+    """The error of an option or argument that makes no sense."""
+    told = message if remedy is None else f"{message}; {remedy}"
+    return InputError(told, "usage", remedy=remedy)

@@ -1,0 +1,303 @@
+"""Lines: contours of grids, and geometries made simpler."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrane import _terrane
+from terrane._errors import usage
+from terrane._settings import Path, settings
+from terrane._source import crs_text, grid_of
+
+METRICS = ("plane", "space", "metres")
+
+
+class Lines:
+    """Lines in memory: line i is `coordinates[offsets[i]:offsets[i + 1]]` and lies at `levels[i]`."""
+
+    def __init__(
+        self,
+        coordinates: NDArray[np.float64],
+        offsets: NDArray[np.int64],
+        levels: NDArray[np.float64],
+        crs: str | None,
+    ) -> None:
+        self.coordinates = coordinates
+        self.offsets = offsets
+        self.levels = levels
+        self.crs = crs
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def __getitem__(self, number: int) -> NDArray[np.float64]:
+        """A line, (n, 2)."""
+        start, end = self.offsets[number : number + 2 or None][:2]
+        return self.coordinates[start:end]
+
+    def to_shapely(self) -> Any:
+        """An array of `shapely.LineString`."""
+        import shapely
+
+        line = shapely.GeometryType.LINESTRING
+        return shapely.from_ragged_array(line, self.coordinates, (self.offsets,))
+
+    def to_geopandas(self) -> Any:
+        """A `geopandas.GeoDataFrame` with the column `level`."""
+        import geopandas
+
+        return geopandas.GeoDataFrame(
+            {"level": self.levels}, geometry=self.to_shapely(), crs=self.crs
+        )
+
+    def __repr__(self) -> str:
+        levels = len(np.unique(self.levels))
+        return f"<terrane.Lines: {len(self):,} lines at {levels} levels, {len(self.coordinates):,} vertices>"
+
+
+def contour(
+    src: Any,
+    interval: float | None = None,
+    *,
+    levels: Any = None,
+    tolerance: float | None = None,
+    band: int | None = None,
+    nodata: float | None = None,
+    transform: Any = None,
+    crs: Any = None,
+    clip: Path | None = None,
+    output: Path | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> Lines | dict[str, Any]:
+    """Contour lines of a grid of heights, at every `interval` or at `levels`, joined across tiles, voids respected; higher
+    ground is on the right of a line.
+
+    `tolerance` leaves out vertices within this distance of the line that is left, so that no two lines come to cross. With `output` they
+    are written into a file of features, whatever their number, and what `terrane contour --json` tells is returned. `src` and the rest
+    are as for `tin`.
+
+    >>> import numpy as np, terrane
+    >>> cone = np.hypot(*np.mgrid[-20:21, -20:21])
+    >>> lines = terrane.contour(cone, levels=[5.0, 10.0])
+    >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
+    (2, [5.0, 10.0], 2)
+    """
+    if (interval is None) == (levels is None):
+        raise usage("lines are at an interval or at levels", "pass one of them")
+    at = None if levels is None else [float(level) for level in np.ravel(levels)]
+    grid = grid_of(src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip)
+    run = settings(threads, memory, progress)
+    if output is not None:
+        name = os.fspath(output)
+        return grid.contours(name, interval, at, tolerance, False, None, overwrite, run)
+    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        path = os.path.join(folder, "lines.fgb")
+        grid.contours(path, interval, at, tolerance, False, None, False, run)
+        coordinates, offsets, values, _ = _terrane.read_lines(path, "elev")
+    order = np.lexsort((np.arange(len(values)), values))
+    if not np.array_equal(order, np.arange(len(order))):
+        coordinates, offsets, values = sorted_lines(coordinates, offsets, values, order)
+    return Lines(coordinates, offsets, values, grid.info["crs"])
+
+
+def sorted_lines(
+    coordinates: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    values: NDArray[np.float64],
+    order: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Lines in another order."""
+    counts = np.diff(offsets)[order]
+    ends = np.concatenate([[0], np.cumsum(counts)])
+    places = np.arange(ends[-1]) - np.repeat(ends[:-1], counts) + np.repeat(offsets[order], counts)
+    return coordinates[places], ends.astype("i8"), values[order]
+
+
+def simplify(
+    geometry: Any,
+    tolerance: float,
+    method: str = "cone",
+    *,
+    offsets: Any = None,
+    topology: bool = False,
+    metric: str = "plane",
+    rings: bool = False,
+    crs: Any = None,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> Any:
+    """Lines and polygons with fewer vertices: no vertex that is left out is further than `tolerance` from the segment in its place.
+
+    Parameters
+    ----------
+    geometry
+        A shapely geometry or an array of them, a GeoSeries or GeoDataFrame, an array of positions (n, 2 or 3), which is one
+        line, or with `offsets` many; or anything with the Arrow C interface that geopandas reads. What is no line or
+        polygon stays as it is.
+    tolerance
+        In units of the coordinates; with `metric="metres"` in metres on the ellipsoid; of methods that go by area, an
+        area.
+    method
+        "cone" (near the fewest vertices, in one pass), "rdp", "imai-iri" (the fewest there can be), "visvalingam",
+        "weighted-visvalingam".
+    topology
+        Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
+    metric
+        "plane": in x and y; "space": in x, y and z; "metres": on the ellipsoid, of longitudes and latitudes.
+    offsets, rings
+        Of positions: where each line begins, and the end of the last one; whether lines are rings.
+
+    Returns
+    -------
+    The same kind of thing; of positions the positions that are left, with `offsets` both.
+
+    Examples
+    --------
+    >>> import numpy as np, terrane
+    >>> terrane.simplify(np.array([[0.0, 0.0], [1.0, 0.01], [2.0, 0.0]]), 0.1)
+    array([[0., 0.],
+           [2., 0.]])
+    """
+    if metric not in METRICS:
+        raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
+    by_file = topology or metric == "metres"
+    run = settings(threads, memory, progress)
+    plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
+    if plain or offsets is not None:
+        if by_file:
+            raise usage("positions have no neighbours and no system", "pass geometries of shapely")
+        return of_positions(geometry, offsets, tolerance, method, rings)
+    import shapely
+
+    if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
+        frame = geometry.copy()
+        geometries, crs = geometry.geometry.to_numpy(), crs or geometry.crs
+        done = of_geometries(geometries, tolerance, method, by_file, topology, metric, crs, run)
+        return frame.set_geometry(type(geometry.geometry)(done, index=frame.index, crs=frame.crs))
+    if hasattr(geometry, "to_numpy") and hasattr(geometry, "crs"):
+        geometries, crs = geometry.to_numpy(), crs or geometry.crs
+        done = of_geometries(geometries, tolerance, method, by_file, topology, metric, crs, run)
+        return type(geometry)(done, index=geometry.index, crs=geometry.crs)
+    if hasattr(geometry, "__arrow_c_stream__") or hasattr(geometry, "__arrow_c_array__"):
+        import geopandas
+
+        cls = geopandas.GeoSeries if hasattr(geometry, "__arrow_c_array__") else geopandas.GeoDataFrame
+        return simplify(
+            cls.from_arrow(geometry),
+            tolerance,
+            method,
+            topology=topology,
+            metric=metric,
+            crs=crs,
+            threads=threads,
+            memory=memory,
+            progress=progress,
+        )
+    array = np.atleast_1d(np.asarray(geometry, dtype=object))
+    if not all(shapely.is_geometry(array.ravel()) | shapely.is_missing(array.ravel())):
+        raise usage(f"a {type(geometry).__name__} holds no lines", "pass geometries of shapely")
+    done = of_geometries(array.ravel(), tolerance, method, by_file, topology, metric, crs, run)
+    return done[0] if isinstance(geometry, shapely.Geometry) else done.reshape(array.shape)
+
+
+def of_positions(
+    positions: Any, offsets: Any, tolerance: float, method: str, rings: bool
+) -> Any:
+    """Positions of one line, or of many."""
+    array = np.require(positions, "f8", ("C", "A"))
+    if array.ndim != 2:
+        raise usage(f"an array of shape {array.shape} is no list of positions")
+    starts = [0, len(array)] if offsets is None else offsets
+    begins = np.require(starts, "i8", ("C", "A"))
+    places, ends = _terrane.simplify_places(array, begins, tolerance, method, rings)
+    return array[places] if offsets is None else (array[places], ends)
+
+
+def of_geometries(
+    geometries: NDArray[Any],
+    tolerance: float,
+    method: str,
+    by_file: bool,
+    topology: bool,
+    metric: str,
+    crs: Any,
+    run: Any,
+) -> NDArray[Any]:
+    """Geometries of shapely, kind by kind and in bulk."""
+    import shapely
+
+    if by_file:
+        return through_files(geometries, tolerance, method, topology, metric, crs, run)
+    done = geometries.copy()
+    kinds = shapely.get_type_id(geometries)
+    kind_of = shapely.GeometryType
+    line_kinds = (kind_of.LINESTRING, kind_of.MULTILINESTRING)
+    for kind in (*line_kinds, kind_of.LINEARRING, kind_of.POLYGON, kind_of.MULTIPOLYGON):
+        for has_z in (False, True):
+            places = np.flatnonzero((kinds == kind) & (shapely.has_z(geometries) == has_z))
+            if len(places) == 0:
+                continue
+            some = geometries[places]
+            if kind == kind_of.LINEARRING:
+                some = shapely.polygons(some)
+            found, coordinates, offsets = shapely.to_ragged_array(some, include_z=has_z)
+            wide = coordinates if metric == "space" else coordinates[:, :2]
+            wide = np.require(wide, "f8", ("C", "A"))
+            begins = np.require(offsets[0], "i8", ("C", "A"))
+            rings = kind not in line_kinds
+            left, ends = _terrane.simplify_places(wide, begins, tolerance, method, rings)
+            coordinates = coordinates[left]
+            some = shapely.from_ragged_array(found, coordinates, (ends, *offsets[1:]))
+            done[places] = shapely.get_exterior_ring(some) if kind == kind_of.LINEARRING else some
+    for place in np.flatnonzero(kinds == kind_of.GEOMETRYCOLLECTION):
+        parts = shapely.get_parts(geometries[place])
+        parts = of_geometries(parts, tolerance, method, False, False, metric, crs, run)
+        done[place] = shapely.geometrycollections(parts)
+    return done
+
+
+def through_files(
+    geometries: NDArray[Any],
+    tolerance: float,
+    method: str,
+    topology: bool,
+    metric: str,
+    crs: Any,
+    run: Any,
+) -> NDArray[Any]:
+    """Geometries that are looked at together, by way of files of well-known text."""
+    import shapely
+
+    kinds = shapely.get_type_id(geometries)
+    of_lines = ~np.isin(kinds, (shapely.GeometryType.POINT, shapely.GeometryType.MULTIPOINT))
+    places = np.flatnonzero(of_lines & ~shapely.is_empty(geometries) & (kinds >= 0))
+    done = geometries.copy()
+    if len(places) == 0:
+        return done
+    with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
+        before, after = (os.path.join(folder, name) for name in ("before.wkt", "after.wkt"))
+        lines = shapely.to_wkt(geometries[places], rounding_precision=-1, output_dimension=3)
+        with open(before, "w") as file:
+            file.writelines(line + "\n" for line in lines)
+        system = crs_text(crs)
+        if system is not None:
+            with open(os.path.join(folder, "before.prj"), "w") as file:
+                file.write(system)
+        _terrane.simplify_file(
+            before, after, tolerance, metric == "metres", method, topology, False, run
+        )
+        with open(after) as file:
+            found = [line.rstrip("\n") for line in file if line.strip()]
+    if len(found) != len(places):
+        raise usage(f"{len(places) - len(found)} geometries came to nothing", "lower the tolerance")
+    done[places] = shapely.from_wkt(found)
+    return done

@@ -1,0 +1,161 @@
+"""Meshes in memory."""
+
+from __future__ import annotations
+
+import base64
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from terrane import _picture, _terrane
+from terrane._errors import usage
+from terrane._settings import Path
+from terrane._source import is_data_array, place_of
+
+
+class Mesh:
+    """A triangle mesh in memory, which never changes: what `terrane.tin` makes.
+
+    Vertices are samples of the grid it was made from, unless it was made with `fit`; triangles refer to them by index and
+    are counter-clockwise seen from above.
+
+    >>> import numpy as np, terrane
+    >>> heights = np.fromfunction(lambda row, col: np.sin(col / 5) * 10, (64, 64))
+    >>> mesh = terrane.tin(heights, max_error=0.5)
+    >>> mesh.vertices.shape[1], mesh.triangles.dtype, bool(mesh.error <= 0.5)
+    (3, dtype('uint32'), True)
+    """
+
+    __slots__ = ("__weakref__", "_mesh")
+
+    def __init__(self, mesh: _terrane.Mesh) -> None:
+        self._mesh = mesh
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Positions, x, y and z in units of the grid: (n, 3) float64, the mesh's own memory, read-only."""
+        return self._mesh.vertices
+
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """Corners as indices of vertices: (m, 3) uint32, the mesh's own memory, read-only."""
+        return self._mesh.triangles
+
+    @property
+    def error(self) -> float:
+        """The largest vertical distance of a valid sample from the mesh, in units of the heights."""
+        return self._mesh.error
+
+    @property
+    def rmse(self) -> float:
+        """The root of the mean square of these distances."""
+        return self._mesh.rmse
+
+    @property
+    def tolerance(self) -> float:
+        """The bound that was kept: the one asked for, or that which a number of vertices or triangles allowed."""
+        return self._mesh.tolerance
+
+    @property
+    def unmet(self) -> str | None:
+        """What was asked for and is not so, in words: triangles with small angles, or breaklines without edges."""
+        return self._mesh.unmet
+
+    @property
+    def crs(self) -> str | None:
+        """The reference system as pyproj reads it: "EPSG:32631", or well-known text."""
+        return self._mesh.crs
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The least x and y, and the largest."""
+        low, high = self.vertices[:, :2].min(axis=0), self.vertices[:, :2].max(axis=0)
+        return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+    def interpolate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Heights of the surface at places: `x` and `y` are numbers or arrays, of shapes that fit together. NaN
+        where the mesh has none. At vertices it is their own.
+
+        >>> import numpy as np, terrane
+        >>> mesh = terrane.tin(np.arange(25.0).reshape(5, 5), max_error=0)
+        >>> mesh.interpolate([0.5, 9.0], -1.0)
+        array([5.5, nan])
+        """
+        all_x, all_y = np.broadcast_arrays(np.asarray(x, "f8"), np.asarray(y, "f8"))
+        flat = [np.require(part, "f8", ("C", "A")) for part in (all_x, all_y)]
+        return self._mesh.heights(*flat).reshape(all_x.shape)
+
+    def sample_like(self, like: Any) -> NDArray[np.float64]:
+        """Heights at the centres of the cells of another grid, (rows, columns), NaN where there are none. `like` is
+        a dataset of rasterio, a DataArray of xarray with the rio accessor, or a pair of a shape and a transform."""
+        if is_data_array(like):
+            shape, transform = like.shape[-2:], like.rio.transform()
+        elif hasattr(like, "transform"):
+            shape, transform = (like.height, like.width), like.transform
+        else:
+            shape, transform = like
+        place = place_of(transform)
+        if place is None:
+            raise usage("a grid without a transform lies nowhere")
+        x0, a, b, y0, d, e = place
+        rows, cols = np.arange(shape[0])[:, None] + 0.5, np.arange(shape[1])[None, :] + 0.5
+        return self.interpolate(x0 + a * cols + b * rows, y0 + d * cols + e * rows)
+
+    def write(self, path: Path, overwrite: bool = False) -> int:
+        """Writes it into a file, whole or not at all, in the format of its ending (PLY, OBJ, STL, GLB), and returns its
+        size in bytes."""
+        return self._mesh.write(os.fspath(path), overwrite)
+
+    def to_trimesh(self) -> Any:
+        """The same as a `trimesh.Trimesh`, its vertices in their order."""
+        import trimesh
+
+        return trimesh.Trimesh(self.vertices, self.triangles, process=False)
+
+    def to_pyvista(self) -> Any:
+        """The same as a `pyvista.PolyData`."""
+        import pyvista
+
+        return pyvista.PolyData.from_regular_faces(self.vertices, self.triangles.astype("i8"))
+
+    def to_meshio(self) -> Any:
+        """The same as a `meshio.Mesh`."""
+        import meshio
+
+        return meshio.Mesh(self.vertices, [("triangle", self.triangles)])
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draws it from above, coloured by height, with matplotlib: options are those of `tripcolor`. Returns the
+        axes."""
+        from matplotlib import pyplot
+
+        ax = pyplot.gca() if ax is None else ax
+        x, y, z = self.vertices.T
+        options = {"shading": "gouraud", "cmap": "terrain", **options}
+        ax.tripcolor(x, y, z, triangles=self.triangles, **options)
+        ax.set_aspect("equal")
+        return ax
+
+    def __repr__(self) -> str:
+        crs = "" if self.crs is None else f", {self.crs[:40]}"
+        return (
+            f"<terrane.Mesh: {len(self.vertices):,} vertices, {len(self.triangles):,} triangles, "
+            f"error {self.error:.6g} of {self.tolerance:.6g}{crs}>"
+        )
+
+    def _repr_html_(self) -> str:
+        picture = base64.b64encode(_picture.shaded(self)).decode()
+        told = repr(self).strip("<>").removeprefix("terrane.")
+        return f'<div>{told}<br/><img alt="hillshade" src="data:image/png;base64,{picture}"/></div>'
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return restored, (np.array(self.vertices), np.array(self.triangles), self._mesh.state())
+
+
+def restored(
+    vertices: NDArray[np.float64], triangles: NDArray[np.uint32], state: dict[str, Any]
+) -> Mesh:
+    """A mesh out of a pickle."""
+    return Mesh(_terrane.Mesh.restore(vertices, triangles, state))

@@ -1,0 +1,138 @@
+"""Work for many processes, which may be killed."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from terrane import _terrane
+from terrane._clouds import asked_of, cloud_of
+from terrane._errors import usage
+from terrane._settings import Path, settings
+from terrane._source import grid_of
+from terrane._tin import asked
+
+
+class Plan:
+    """A plan in a folder: what is to be made, of what, by which tasks. Any number of processes and machines that see the
+    folder may run it, or its tasks, at the same time and as often as they like."""
+
+    def __init__(self, plan: _terrane.Plan) -> None:
+        self._plan = plan
+
+    @property
+    def folder(self) -> str:
+        """The folder."""
+        return str(self._plan.folder)
+
+    def status(self) -> dict[str, Any]:
+        """How far the work has come: `to_do` has the tasks that are not done, each with those it comes after; `written`
+        where the result is."""
+        return self._plan.status()
+
+    def run(
+        self,
+        client: Any = None,
+        *,
+        output: Path | None = None,
+        task: str | None = None,
+        overwrite: bool = False,
+        threads: int | None = None,
+        memory: int | str | None = None,
+        progress: Any = None,
+        **options: Any,
+    ) -> dict[str, Any]:
+        """Does what is not done, here or on a cluster: `client` is one of `dask.distributed`, and further options are those
+        of `terrane.dask.run`. Returns what was done."""
+        name = None if output is None else os.fspath(output)
+        if client is None:
+            if options:
+                raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
+            return self._plan.run(task, name, overwrite, settings(threads, memory, progress))
+        if task is not None:
+            raise usage("a cluster does all tasks that are not done", "leave out task or client")
+        from dataclasses import asdict
+
+        from terrane import dask
+
+        known = {} if memory is None else {"memory": str(memory)}
+        known |= {} if threads is None else {"threads": threads}
+        report = dask.run(
+            self.folder, client, output=name, overwrite=overwrite, **known, **options
+        )
+        return asdict(report)
+
+    def __repr__(self) -> str:
+        return f"<terrane.Plan: {self.folder}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return open_plan, (self.folder,)
+
+
+def open_plan(folder: Path) -> Plan:
+    """The plan in a folder."""
+    return Plan(_terrane.Plan.open(os.fspath(folder)))
+
+
+def plan(
+    src: Any,
+    folder: Path,
+    max_error: float | None = None,
+    *,
+    cell: float | None = None,
+    stat: str | list[str] = "mean",
+    classes: list[int] | None = None,
+    bounds: Any = None,
+    bound: str = "samples",
+    band: int | None = None,
+    nodata: float | None = None,
+    clip: Path | None = None,
+    water: Path | None = None,
+    keep_points: Path | None = None,
+    breaklines: Path | None = None,
+    fit: bool = False,
+    data_dependent: bool = False,
+    min_angle: float | None = None,
+    tile: int = 512,
+    cut: int | None = None,
+    format: str | None = None,
+    threads: int | None = None,
+    memory: int | str | None = None,
+    progress: Any = None,
+) -> Plan:
+    """Writes down in a folder what is to be made: of grids in files the mesh of `tin`, of points in files, where there is a
+    `cell`, the grid of `grid`. What comes of it is, byte for byte, what those write.
+
+    `cut` is how much a task has: rows of tiles of a mesh, cells along a side of a grid (a multiple of 256).
+
+    >>> import os, tempfile, terrane
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     work, mesh = (os.path.join(folder, name) for name in ("work", "mesh.ply"))
+    ...     plan = terrane.plan("synth:rough,size=300", work, max_error=5.0, tile=64, cut=2)
+    ...     done = plan.run(output=mesh)
+    ...     terrane.verify(mesh, "synth:rough,size=300").ok, plan.status()["to_do"]
+    (True, [])
+    """
+    run = settings(threads, memory, progress)
+    if cell is not None:
+        if max_error is not None:
+            raise usage("cell is of a grid and max_error of a mesh", "pass one of them")
+        grid = asked_of(cell, stat=stat, bounds=bounds, format=format)
+        cloud = cloud_of(src, classes=classes)
+        return Plan(cloud.plan_grid(os.fspath(folder), grid, cut, run))
+    mesh = asked(
+        max_error,
+        None,
+        None,
+        bound=bound,
+        strict=False,
+        drop=True,
+        fit=fit,
+        data_dependent=data_dependent,
+        min_angle=min_angle,
+        keep_points=keep_points,
+        breaklines=breaklines,
+        tile=tile,
+    )
+    source = grid_of(src, band=band, nodata=nodata, clip=clip, water=water)
+    return Plan(source.plan_tin(os.fspath(folder), mesh, format, cut, run))

@@ -1,0 +1,79 @@
+"""What all jobs may be told: threads, memory, a folder for temporary files, and whom to tell of progress."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any, TypedDict
+
+Progress = Callable[[str, int, int], object]
+Path = str | os.PathLike[str]
+
+
+class Settings(TypedDict):
+    """As the library takes it."""
+
+    threads: int | None
+    memory: int | str | None
+    temp_dir: str | None
+    progress: Progress | None
+
+
+def settings(
+    threads: int | None,
+    memory: int | str | None,
+    progress: Any = None,
+    temp_dir: Path | None = None,
+) -> Settings:
+    """Settings from the arguments that functions have for them. `progress` is a function of the stage, what is
+    done and the total, or tqdm's class, or True for it."""
+    folder = None if temp_dir is None else os.fspath(temp_dir)
+    return {
+        "threads": threads,
+        "memory": memory,
+        "temp_dir": folder,
+        "progress": told_by(progress),
+    }
+
+
+def told_by(progress: Any) -> Progress | None:
+    """A function to tell of progress."""
+    if progress is None or progress is False:
+        return None
+    if progress is True:
+        from tqdm.auto import tqdm
+
+        progress = tqdm
+    if isinstance(progress, type):
+        return Bars(progress)
+    if not callable(progress):
+        from terrane._errors import usage
+
+        raise usage(
+            f"progress is a {type(progress).__name__}, which cannot be called",
+            "pass a function of stage, done and total, or tqdm",
+        )
+    told: Progress = progress
+    return told
+
+
+class Bars:
+    """A bar for each stage of a job, of a class such as tqdm."""
+
+    def __init__(self, cls: type[Any]) -> None:
+        self.cls = cls
+        self.stage = ""
+        self.bar: Any = None
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Moves the bar of this stage."""
+        if stage != self.stage or self.bar is None:
+            if self.bar is not None:
+                self.bar.close()
+            self.stage, self.bar = stage, self.cls(total=total, desc=stage, unit_scale=True)
+        self.bar.update(done - self.bar.n)
+        if done >= total:
+            self.bar.refresh()
+            self.bar.close()
+            self.bar = None
+            self.stage = ""

@@ -1,0 +1,136 @@
+"""The class."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrane._errors import usage
+from terrane._tin import tin
+
+
+class Delatin:
+    """A mesh of heights in an array, with the parameters and properties of pydelatin's class.
+
+    Heights are taken as float32, and errors are in their units, before `z_scale` and `z_exag`. What differs:
+    the same error takes fewer vertices, as those that became redundant are dropped; voids (NaN) become holes; where both an error
+    and a number are given, the number is kept and the error as far as it allows; `blur` is a true Gaussian; the
+    bottom of a solid has the triangles of its top.
+
+    Parameters
+    ----------
+    arr
+        Heights, (height, width), or flat in C order with both sides given.
+    z_scale, z_exag
+        Factors of the heights of vertices.
+    max_error
+        The largest distance of a sample from the mesh.
+    max_triangles, max_points
+        The most triangles or vertices.
+    base_height
+        How deep below 0 the bottom of a solid is; 0 for none.
+    level, invert, blur, gamma
+        Stretch heights to 0 to 1; take them from 1; blur them with so many cells of standard deviation; raise them to a power.
+    border_size, border_height
+        A border of so many samples, of this height.
+    """
+
+    def __init__(
+        self,
+        arr: Any,
+        *,
+        height: int | None = None,
+        width: int | None = None,
+        z_scale: float = 1,
+        z_exag: float = 1,
+        max_error: float = 0.001,
+        max_triangles: int | None = None,
+        max_points: int | None = None,
+        base_height: float = 0,
+        level: bool = False,
+        invert: bool = False,
+        blur: int = 0,
+        gamma: float = 0,
+        border_size: int = 0,
+        border_height: float = 1,
+    ) -> None:
+        heights = np.asarray(arr)
+        if heights.ndim != 2:
+            if height is None or width is None:
+                raise usage("Height and width must be passed when arr is not 2D")
+            heights = heights.reshape(height, width)
+        heights = prepared(heights.astype("f4", copy=False), level, invert, blur, gamma)
+        if border_size > 0:
+            heights = np.pad(heights, border_size, constant_values=border_height)
+        mesh = tin(heights, max_error=max_error)
+        if max_triangles and len(mesh.triangles) > max_triangles:
+            mesh = tin(heights, max_triangles=max_triangles)
+        if max_points and len(mesh.vertices) > max_points:
+            mesh = tin(heights, max_vertices=max_points)
+        vertices = mesh.vertices * (1.0, 1.0, z_scale * z_exag)
+        vertices[:, 1] += heights.shape[0] - 1
+        self._vertices: NDArray[np.float32] = vertices.astype("f4")
+        self._triangles: NDArray[np.uint32] = mesh.triangles
+        self._error = mesh.error
+        if base_height > 0:
+            bottom = -base_height * z_scale * z_exag
+            self._vertices, self._triangles = solid(self._vertices, self._triangles, bottom)
+
+    @property
+    def vertices(self) -> NDArray[np.float32]:
+        """Positions, (n, 3): x is the column, y counts rows from the last one, z is the height, scaled."""
+        return self._vertices
+
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """Corners, (m, 3), as indices of vertices."""
+        return self._triangles
+
+    @property
+    def error(self) -> float:
+        """The largest distance of a sample from the mesh."""
+        return self._error
+
+
+def prepared(
+    heights: NDArray[np.float32], level: bool, invert: bool, blur: int, gamma: float
+) -> NDArray[np.float32]:
+    """Heights that are levelled, inverted, blurred and raised, in this order."""
+    if level:
+        low, high = np.nanmin(heights), np.nanmax(heights)
+        heights = (heights - low) / (high - low) if high > low else heights
+    if invert:
+        heights = 1 - heights
+    if blur > 0:
+        reach = np.arange(-4 * blur, 4 * blur + 1)
+        weights = np.exp(-0.5 * (reach / blur) ** 2)
+        for axis in (0, 1):
+            sides = [(4 * blur, 4 * blur) if along == axis else (0, 0) for along in (0, 1)]
+            wide = np.pad(heights, sides, mode="edge")
+            heights = np.apply_along_axis(np.convolve, axis, wide, weights / weights.sum(), "valid")
+    if gamma > 0:
+        heights = np.power(heights, gamma)
+    return heights.astype("f4", copy=False)
+
+
+def solid(
+    vertices: NDArray[np.float32], triangles: NDArray[np.uint32], bottom: float
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """The surface with walls and a bottom at a height."""
+    count = np.uint32(len(vertices))
+    below = vertices.copy()
+    below[:, 2] = bottom
+    edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype("u8")
+    forth, back = edges[:, 0] << 32 | edges[:, 1], edges[:, 1] << 32 | edges[:, 0]
+    rim = edges[~np.isin(forth, back)].astype("u4")
+    start, end = rim.T
+    walls = np.concatenate(
+        [
+            np.stack([end, start, start + count], axis=1),
+            np.stack([end, start + count, end + count], axis=1),
+        ]
+    )
+    all_triangles = np.concatenate([triangles, triangles[:, ::-1] + count, walls]).astype("u4")
+    return np.concatenate([vertices, below]), all_triangles

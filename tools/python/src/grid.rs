@@ -1,0 +1,355 @@
+//! Grids, in files and in memory, and what is made of them.
+
+use std::path::PathBuf;
+
+use numpy::{Element, PyArray1, PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use terrane::{
+    Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, SampleType, TinBuilder,
+};
+use terrane_base::geom::wkt;
+use terrane_files::name_of;
+
+use crate::array::Elements;
+use crate::error::{exception, told};
+use crate::mesh::{Mesh, crs_text};
+use crate::plan::Plan;
+use crate::report::dictionary;
+use crate::work::{Machine, Settings, run, with_machine};
+
+/// A grid of heights.
+#[pyclass(frozen, module = "terrane._terrane")]
+pub(crate) struct Grid(terrane::Grid);
+
+/// How a grid is read, as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Reading {
+    band: Option<u32>,
+    nodata: Option<f64>,
+    clip: Option<PathBuf>,
+    water: Option<PathBuf>,
+}
+
+/// What a mesh is to be, as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Asked {
+    max_error: Option<f64>,
+    max_vertices: Option<u64>,
+    max_triangles: Option<u64>,
+    bound: String,
+    strict: bool,
+    drop: bool,
+    fit: bool,
+    data_dependent: bool,
+    min_angle: Option<f64>,
+    keep_points: Option<PathBuf>,
+    breaklines: Option<PathBuf>,
+    tile: u32,
+}
+
+impl Asked {
+    fn of<S>(&self, mut builder: TinBuilder<S>) -> terrane::Result<TinBuilder<S>> {
+        let given =
+            [self.max_error.is_some(), self.max_vertices.is_some(), self.max_triangles.is_some()];
+        if given.iter().filter(|given| **given).count() > 1 {
+            let message = "max_error, max_vertices and max_triangles are three goals";
+            return Err(terrane::Error::usage(message).remedy("give one of them"));
+        }
+        if let Some(tolerance) = self.max_error {
+            builder = builder.max_error(tolerance);
+        }
+        if let Some(count) = self.max_vertices {
+            builder = builder.max_vertices(count);
+        }
+        if let Some(count) = self.max_triangles {
+            builder = builder.max_triangles(count);
+        }
+        if let Some(degrees) = self.min_angle {
+            builder = builder.min_angle(degrees);
+        }
+        if let Some(file) = &self.keep_points {
+            builder = builder.keep_points(file);
+        }
+        if let Some(file) = &self.breaklines {
+            builder = builder.breaklines(file);
+        }
+        let bound = self.bound.parse()?;
+        let builder = builder.bound(bound).strict(self.strict).drop_redundant(self.drop);
+        Ok(builder.fit(self.fit).data_dependent(self.data_dependent).tile(self.tile))
+    }
+}
+
+/// The inputs that names stand for.
+pub(crate) fn inputs(mut names: Vec<PathBuf>) -> terrane::Result<Inputs> {
+    match names.len() {
+        1 => Ok(Inputs::from(names.remove(0))),
+        _ => names.into_iter().map(name_of).collect::<terrane::Result<Vec<_>>>().map(Inputs::from),
+    }
+}
+
+/// The reference system that a text says.
+pub(crate) fn crs_of(text: Option<&str>) -> terrane::Result<Crs> {
+    let Some(text) = text else { return Ok(Crs::default()) };
+    let crs = wkt::of_srs(text);
+    match crs.epsg.is_some() || crs.wkt.is_some() {
+        true => Ok(crs),
+        false => Err(terrane::Error::usage(format!("{text:?} is no reference system"))
+            .remedy("give a code such as \"EPSG:32631\", or well-known text")),
+    }
+}
+
+impl Grid {
+    fn held<T: ArraySample + Element>(
+        array: &Bound<'_, PyArrayDyn<T>>,
+        place: Option<[f64; 6]>,
+        crs: Crs,
+        nodata: Option<f64>,
+    ) -> PyResult<terrane::Grid> {
+        let py = array.py();
+        let &[height, width] = array.shape() else {
+            return Err(PyValueError::new_err("the array has not two dimensions"));
+        };
+        let most = u32::MAX as usize;
+        let [width, height] = [width, height].map(|side| side.min(most) as u32);
+        let samples = Elements::of(array)?;
+        let transform = place.map_or(Affine::LATTICE, Affine::from_gdal);
+        let open = || {
+            let grid = ArrayGrid::shared(samples, width, height)?.with_nodata(nodata);
+            let is_placed = place.is_some() || crs != Crs::default();
+            terrane::open_array(if is_placed { grid.placed(transform, crs) } else { grid })
+        };
+        told(py, py.detach(open))
+    }
+}
+
+#[pymethods]
+impl Grid {
+    /// The grid in some files, or a synthetic one.
+    #[staticmethod]
+    fn open(py: Python<'_>, names: Vec<PathBuf>, reading: Reading) -> PyResult<Self> {
+        let open = || {
+            let mut grid = terrane::open(inputs(names)?)?;
+            if let Some(band) = reading.band.filter(|band| *band != 1) {
+                grid = grid.band(band)?;
+            }
+            Self::read_as(grid, reading)
+        };
+        told(py, py.detach(open)).map(Self)
+    }
+
+    /// The grid in an array, where `place` has GDAL's six numbers.
+    #[staticmethod]
+    fn array(
+        array: &Bound<'_, PyAny>,
+        place: Option<[f64; 6]>,
+        crs: Option<&str>,
+        reading: Reading,
+    ) -> PyResult<Self> {
+        let py = array.py();
+        let crs = told(py, crs_of(crs))?;
+        macro_rules! of_type {
+            ($($type:ty)*) => {$(
+                if let Ok(array) = array.cast::<PyArrayDyn<$type>>() {
+                    let grid = Self::held(array, place, crs, reading.nodata)?;
+                    let rest = Reading { nodata: None, ..reading };
+                    return told(py, py.detach(|| Self::read_as(grid, rest))).map(Self);
+                }
+            )*};
+        }
+        of_type!(f32 f64 i16 u16 u8 i8 i32 u32);
+        Err(PyValueError::new_err("no array of heights"))
+    }
+
+    /// Size, place and the like.
+    #[getter]
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (info, told) = (self.0.info(), PyDict::new(py));
+        told.set_item("width", info.width)?;
+        told.set_item("height", info.height)?;
+        told.set_item("place", info.georeferenced.then(|| info.transform.to_gdal()))?;
+        told.set_item("crs", crs_text(&info.crs))?;
+        told.set_item("type", info.sample_type.name())?;
+        told.set_item("nodata", info.nodata)?;
+        told.set_item("bands", info.bands)?;
+        told.set_item("format", info.format)?;
+        Ok(told)
+    }
+
+    /// All heights, row by row, NaN for voids.
+    fn heights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let info = self.0.info();
+        let all = Rect::new(0, 0, info.width, info.height);
+        let heights = py.detach(|| self.0.heights(all));
+        Ok(PyArray1::from_vec(py, told(py, heights)?))
+    }
+
+    fn tin(&self, py: Python<'_>, asked: Asked, settings: Settings) -> PyResult<Mesh> {
+        let make = |machine: &Machine| with_machine!(asked.of(self.0.tin())?, machine).build();
+        run(py, settings, make).map(Mesh::from)
+    }
+
+    #[pyo3(signature = (path, asked, format, split, overwrite, settings))]
+    fn write_tin<'py>(
+        &self,
+        py: Python<'py>,
+        path: PathBuf,
+        asked: Asked,
+        format: Option<String>,
+        split: Option<u32>,
+        overwrite: bool,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let report = run(py, settings, |machine| {
+            let mut builder = with_machine!(asked.of(self.0.tin())?, machine).overwrite(overwrite);
+            if let Some(format) = format {
+                builder = builder.format(format);
+            }
+            if let Some(tiles) = split {
+                builder = builder.split(tiles);
+            }
+            builder.write(path)
+        })?;
+        dictionary(py, &report)
+    }
+
+    fn plan_tin(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        asked: Asked,
+        format: Option<String>,
+        cut: Option<u32>,
+        settings: Settings,
+    ) -> PyResult<Plan> {
+        let plan = run(py, settings, |machine| {
+            let mut builder = with_machine!(asked.of(self.0.tin())?, machine);
+            if let Some(format) = format {
+                builder = builder.format(format);
+            }
+            builder.plan(folder, cut)
+        })?;
+        Ok(Plan(plan))
+    }
+
+    #[pyo3(signature = (mesh, max_error, bound, min_angle, keep_points, breaklines, settings))]
+    #[allow(clippy::too_many_arguments)]
+    fn verify<'py>(
+        &self,
+        py: Python<'py>,
+        mesh: PathBuf,
+        max_error: Option<f64>,
+        bound: Option<String>,
+        min_angle: Option<f64>,
+        keep_points: Option<PathBuf>,
+        breaklines: Option<PathBuf>,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let report = run(py, settings, |machine| {
+            let mut builder = with_machine!(self.0.verify(mesh), machine);
+            if let Some(tolerance) = max_error {
+                builder = builder.max_error(tolerance);
+            }
+            if let Some(bound) = bound {
+                builder = builder.bound(bound.parse()?);
+            }
+            if let Some(degrees) = min_angle {
+                builder = builder.min_angle(degrees);
+            }
+            if let Some(file) = keep_points {
+                builder = builder.keep_points(file);
+            }
+            if let Some(file) = breaklines {
+                builder = builder.breaklines(file);
+            }
+            builder.run()
+        })?;
+        dictionary(py, &report)
+    }
+
+    #[pyo3(signature = (path, every, at, tolerance, with_z, format, overwrite, settings))]
+    #[allow(clippy::too_many_arguments)]
+    fn contours<'py>(
+        &self,
+        py: Python<'py>,
+        path: PathBuf,
+        every: Option<f64>,
+        at: Option<Vec<f64>>,
+        tolerance: Option<f64>,
+        with_z: bool,
+        format: Option<String>,
+        overwrite: bool,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let report = run(py, settings, |machine| {
+            let mut builder = with_machine!(self.0.contours(), machine).with_z(with_z);
+            if let Some(interval) = every {
+                builder = builder.every(interval);
+            }
+            if let Some(heights) = at {
+                builder = builder.at(heights);
+            }
+            if let Some(tolerance) = tolerance {
+                builder = builder.simplify(tolerance);
+            }
+            if let Some(format) = format {
+                builder = builder.format(format);
+            }
+            builder.overwrite(overwrite).write(path)
+        })?;
+        dictionary(py, &report)
+    }
+
+    #[pyo3(signature = (path, dtype, round, creation, format, overwrite, settings))]
+    #[allow(clippy::too_many_arguments)]
+    fn convert<'py>(
+        &self,
+        py: Python<'py>,
+        path: PathBuf,
+        dtype: Option<String>,
+        round: bool,
+        creation: Vec<(String, String)>,
+        format: Option<String>,
+        overwrite: bool,
+        settings: Settings,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let report = run(py, settings, |machine| {
+            let mut builder = with_machine!(self.0.convert(), machine).round(round);
+            if let Some(name) = dtype {
+                let unknown = || terrane::Error::usage(format!("{name:?} is no type of samples"));
+                builder = builder.sample_type(SampleType::by_name(&name).ok_or_else(unknown)?);
+            }
+            if let Some(format) = format {
+                builder = builder.format(format);
+            }
+            for (key, value) in creation {
+                builder = builder.creation(key, value);
+            }
+            builder.overwrite(overwrite).write(path)
+        })?;
+        dictionary(py, &report)
+    }
+}
+
+impl Grid {
+    fn read_as(mut grid: terrane::Grid, reading: Reading) -> terrane::Result<terrane::Grid> {
+        if let Some(nodata) = reading.nodata {
+            grid = grid.nodata(nodata)?;
+        }
+        if let Some(water) = reading.water {
+            grid = grid.water(water)?;
+        }
+        match reading.clip {
+            Some(clip) => grid.clip(clip),
+            None => Ok(grid),
+        }
+    }
+}
+
+/// An error of the usage of Python's own options.
+pub(crate) fn usage(py: Python<'_>, message: &str, remedy: &str) -> PyErr {
+    exception(py, &terrane::Error::new(ErrorKind::Usage, message).remedy(remedy))
+}

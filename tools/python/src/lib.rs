@@ -1,0 +1,36 @@
+//! `terrane._terrane`: the library's front door for Python. All that is public in Python, and how it takes what
+//! Python has, is in `python/terrane`; here are classes over the library's own, arrays, and errors.
+
+mod array;
+mod cloud;
+mod error;
+mod grid;
+mod lines;
+mod mesh;
+mod plan;
+mod report;
+mod work;
+
+use pyo3::prelude::*;
+
+/// Runs the command line with these arguments, the name of the program first, and returns its exit code.
+#[pyfunction]
+fn command_line(py: Python<'_>, args: Vec<std::ffi::OsString>) -> u8 {
+    // What an exit code is, only a process can tell: codes are compared by how they are shown.
+    let code = py.detach(|| terrane::command_line(args));
+    (0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == code).unwrap_or(1)
+}
+
+#[pymodule(gil_used = true)]
+fn _terrane(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<cloud::Cloud>()?;
+    module.add_class::<grid::Grid>()?;
+    module.add_class::<mesh::Mesh>()?;
+    module.add_class::<plan::Plan>()?;
+    module.add_function(wrap_pyfunction!(command_line, module)?)?;
+    module.add_function(wrap_pyfunction!(lines::read_lines, module)?)?;
+    module.add_function(wrap_pyfunction!(lines::simplify_places, module)?)?;
+    module.add_function(wrap_pyfunction!(lines::simplify_file, module)?)?;
+    Ok(())
+}

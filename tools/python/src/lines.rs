@@ -1,0 +1,160 @@
+//! Lines: those of files as arrays, arrays made simpler, files made simpler.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use terrane::{Coordinates, Method};
+use terrane_vector::{OpenOptions, Value};
+
+use crate::error::told;
+use crate::grid::usage;
+use crate::mesh::{crs_text, rows};
+use crate::report::dictionary;
+use crate::work::{Settings, run, with_machine};
+
+/// Methods by the names of the command line.
+const METHODS: [(&str, Method); 5] = [
+    ("cone", Method::Cone),
+    ("rdp", Method::Rdp),
+    ("imai-iri", Method::ImaiIri),
+    ("visvalingam", Method::Visvalingam),
+    ("weighted-visvalingam", Method::WeightedVisvalingam),
+];
+
+fn method_of(py: Python<'_>, name: &str) -> PyResult<Method> {
+    let found = METHODS.iter().find(|(known, _)| *known == name);
+    let names = METHODS.map(|(name, _)| name).join(", ");
+    let unknown =
+        || usage(py, &format!("there is no method {name:?}"), &format!("choose one of {names}"));
+    found.map(|(_, method)| *method).ok_or_else(unknown)
+}
+
+/// The lines of a file of features: positions, where each line begins and the end of the last one, a number of each, and the
+/// reference system. What is no line is left out.
+#[pyfunction]
+pub(crate) fn read_lines<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    attribute: &str,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let read = || {
+        let mut source = terrane_vector::open(&path, &OpenOptions::default())?;
+        let (mut flat, mut offsets, mut values) = (Vec::new(), vec![0_i64], Vec::new());
+        while let Some(feature) = source.next()? {
+            let value = match feature.properties.get(attribute) {
+                Some(Value::Real(value)) => *value,
+                Some(Value::Int(value)) => *value as f64,
+                _ => f64::NAN,
+            };
+            for part in feature.geometry.leaves().flat_map(|leaf| leaf.parts()) {
+                flat.extend(part.xy.iter().flatten());
+                offsets.push((flat.len() / 2) as i64);
+                values.push(value);
+            }
+        }
+        let crs = crs_text(&source.layer().crs);
+        Ok((flat, offsets, values, crs))
+    };
+    let (flat, offsets, values, crs): (Vec<f64>, _, Vec<f64>, _) = told(py, py.detach(read))?;
+    let offsets = PyArray1::from_vec(py, offsets);
+    let values = PyArray1::from_vec(py, values);
+    (rows(py, &flat, 2)?, offsets, values, crs).into_pyobject(py)
+}
+
+/// Lines or rings, one after the other in an array of positions, made simpler each on its own: which positions are
+/// left, the first one of a ring at its end again, and where each line begins among those.
+#[pyfunction]
+pub(crate) fn simplify_places<'py>(
+    py: Python<'py>,
+    positions: &Bound<'py, PyArray2<f64>>,
+    offsets: &Bound<'py, PyArray1<i64>>,
+    tolerance: f64,
+    method: &str,
+    rings: bool,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let method = method_of(py, method)?;
+    let (positions, offsets) = (positions.readonly(), offsets.readonly());
+    let (all, offsets) = (positions.as_slice()?, offsets.as_slice()?);
+    let [count, width] = [positions.shape()[0], positions.shape()[1]];
+    let is_sound = offsets.first() == Some(&0)
+        && offsets.last() == Some(&(count as i64))
+        && offsets.is_sorted();
+    if !is_sound {
+        let message = "the offsets are not those of the positions";
+        return Err(usage(py, message, "let them rise from 0 to the number of positions"));
+    }
+    let (places, ends) = match width {
+        2 => py.detach(|| simplified(all.as_chunks::<2>().0, offsets, tolerance, method, rings)),
+        3 => py.detach(|| simplified(all.as_chunks::<3>().0, offsets, tolerance, method, rings)),
+        _ => {
+            let message = "positions have two or three coordinates";
+            return Err(usage(py, message, "give an array of 2 or 3 columns"));
+        }
+    };
+    (PyArray1::from_vec(py, places), PyArray1::from_vec(py, ends)).into_pyobject(py)
+}
+
+fn simplified<const N: usize>(
+    positions: &[[f64; N]],
+    offsets: &[i64],
+    tolerance: f64,
+    method: Method,
+    rings: bool,
+) -> (Vec<i64>, Vec<i64>)
+where
+    [f64; N]: Coordinates,
+{
+    let (mut places, mut ends) = (Vec::new(), Vec::with_capacity(offsets.len()));
+    ends.push(0);
+    for ends_of in offsets.windows(2) {
+        let [start, end] = [ends_of[0], ends_of[1]];
+        let line = &positions[start as usize..end as usize];
+        // Of fewer positions nothing can go.
+        let least = if rings { 5 } else { 3 };
+        if line.len() < least {
+            places.extend(start..end);
+        } else {
+            let first = places.len();
+            let kept = terrane::simplify(line, tolerance).method(method).ring(rings).indices();
+            places.extend(kept.into_iter().map(|place| start + place as i64));
+            if rings {
+                places.push(places[first]);
+            }
+        }
+        ends.push(places.len() as i64);
+    }
+    (places, ends)
+}
+
+/// Simplifies the features of a file into another.
+#[pyfunction]
+#[pyo3(signature = (path, output, tolerance, metres, method, topology, overwrite, settings))]
+#[allow(clippy::too_many_arguments)]
+pub(crate) fn simplify_file<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    output: PathBuf,
+    tolerance: f64,
+    metres: bool,
+    method: &str,
+    topology: bool,
+    overwrite: bool,
+    settings: Settings,
+) -> PyResult<Bound<'py, PyAny>> {
+    let method = method_of(py, method)?;
+    let report = run(py, settings, |machine| {
+        let features = terrane::open_features(path)?;
+        let builder = with_machine!(features.simplify(), machine).method(method);
+        let builder = builder.topology(topology).overwrite(overwrite);
+        let by_area = matches!(method, Method::Visvalingam | Method::WeightedVisvalingam);
+        match (by_area, metres) {
+            (true, _) => builder.area(tolerance),
+            (false, true) => builder.metres(tolerance),
+            (false, false) => builder.tolerance(tolerance),
+        }
+        .write(output)
+    })?;
+    dictionary(py, &report)
+}

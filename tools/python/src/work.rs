@@ -1,0 +1,148 @@
+//! How long work runs: on a thread of its own, without the interpreter, which is asked for signals meanwhile and
+//! told of progress.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use terrane::{Cancel, Memory, Progress, Result};
+
+use crate::error::told;
+
+/// Time between two looks at signals, and two calls for progress.
+const TICK: Duration = Duration::from_millis(30);
+
+/// What a job may use and whom to tell of it, as Python has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Settings {
+    threads: Option<usize>,
+    memory: Option<Amount>,
+    temp_dir: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+}
+
+#[derive(FromPyObject)]
+enum Amount {
+    Bytes(u64),
+    Text(String),
+}
+
+/// The same for a builder.
+pub(crate) struct Machine {
+    pub(crate) threads: Option<usize>,
+    pub(crate) memory: Option<Memory>,
+    pub(crate) temp_dir: Option<PathBuf>,
+    pub(crate) progress: Stage,
+    pub(crate) cancel: Cancel,
+}
+
+/// Gives a builder what `machine` says.
+macro_rules! with_machine {
+    ($builder:expr, $machine:expr) => {{
+        let machine = $machine;
+        let mut builder = $builder.progress(machine.progress.clone()).cancel(&machine.cancel);
+        if let Some(threads) = machine.threads {
+            builder = builder.threads(threads);
+        }
+        if let Some(memory) = machine.memory.clone() {
+            builder = builder.memory(memory);
+        }
+        if let Some(folder) = &machine.temp_dir {
+            builder = builder.temp_dir(folder);
+        }
+        builder
+    }};
+}
+pub(crate) use with_machine;
+
+/// The stage a job is in; written by its threads, read between ticks.
+#[derive(Clone, Default)]
+pub(crate) struct Stage(Arc<Mutex<Told>>);
+
+#[derive(Clone, Default, PartialEq)]
+struct Told {
+    stage: String,
+    done: u64,
+    total: u64,
+}
+
+impl Stage {
+    fn told(&self) -> std::sync::MutexGuard<'_, Told> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Progress for Stage {
+    fn begin(&self, stage: &str, total: u64) {
+        *self.told() = Told { stage: stage.to_owned(), done: 0, total };
+    }
+
+    fn advance(&self, units: u64) {
+        self.told().done += units;
+    }
+
+    fn end(&self) {
+        let mut told = self.told();
+        told.done = told.total;
+    }
+}
+
+/// Does `work` on a thread of its own. A signal (Ctrl-C), or an exception of the callback for progress, stops it,
+/// and is what is raised once it has stopped.
+pub(crate) fn run<T: Send>(
+    py: Python<'_>,
+    settings: Settings,
+    work: impl FnOnce(&Machine) -> Result<T> + Send,
+) -> PyResult<T> {
+    let Settings { threads, memory, temp_dir, progress } = settings;
+    let memory = memory.map(|memory| match memory {
+        Amount::Bytes(bytes) => Memory::from(bytes),
+        Amount::Text(text) => Memory::from(text),
+    });
+    let (stage, cancel) = (Stage::default(), Cancel::default());
+    let machine =
+        Machine { threads, memory, temp_dir, progress: stage.clone(), cancel: cancel.clone() };
+    let mut last = Told::default();
+    let mut look = |py: Python<'_>| -> PyResult<()> {
+        py.check_signals()?;
+        let Some(progress) = &progress else { return Ok(()) };
+        let now = stage.told().clone();
+        if now != last {
+            last = now.clone();
+            progress.call1(py, (now.stage, now.done, now.total))?;
+        }
+        Ok(())
+    };
+    let (done, stopped) = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (end, ended) = sync_channel::<()>(1);
+            let machine = &machine;
+            let worker = scope.spawn(move || {
+                let done = work(machine);
+                drop(end);
+                done
+            });
+            let mut stopped = None;
+            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+                if stopped.is_none() {
+                    stopped = Python::attach(&mut look).err();
+                    if stopped.is_some() {
+                        cancel.cancel();
+                    }
+                }
+            }
+            (worker.join(), stopped)
+        })
+    });
+    if let Some(stopped) = stopped {
+        return Err(stopped);
+    }
+    let done = done.map_err(|_| PyRuntimeError::new_err("the job failed: a fault of terrane"))?;
+    let done = told(py, done)?;
+    look(py)?;
+    Ok(done)
+}
