@@ -134,8 +134,13 @@ fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
     let (ab, ac, ap) = (beside(b), beside(c), beside(place));
     let whole = cross(ab, ac);
     let (of_b, of_c) = (cross(ap, ac) / whole, cross(ab, ap) / whole);
-    let [za, zb, zc] = corners.map(|[.., z]| z);
-    Some(za * (1.0 - of_b - of_c) + zb * of_b + zc * of_c)
+    let parts = [1.0 - of_b - of_c, of_b, of_c];
+    // From the corner that has the largest part: exact at corners, and where all are as high.
+    let most =
+        if parts[0] >= parts[1].max(parts[2]) { 0 } else { 1 + usize::from(parts[2] > parts[1]) };
+    let base = corners[most][2];
+    let more = |corner: usize| (corners[corner][2] - base) * parts[corner];
+    Some(base + (more((most + 1) % 3) + more((most + 2) % 3)))
 }
 
 #[cfg(test)]
@@ -177,6 +182,8 @@ mod tests {
                 });
                 prop_assert_eq!(surface.height(x, y), slow, "{}, {}", x, y);
             }
+            let level = [[0.0, 0.1], [3.7, 0.3], [1.1, 2.9]].map(|[x, y]| [x, y, -179.658_218_38]);
+            prop_assert_eq!(height_in(level, [1.3, 0.77]), Some(-179.658_218_38));
             for vertex in surface.tin().vertices() {
                 prop_assert_eq!(surface.height(vertex[0], vertex[1]), Some(vertex[2]));
             }

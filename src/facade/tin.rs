@@ -193,7 +193,11 @@ impl Tin {
         let [vertices, triangles] = [self.vertices.len(), self.triangles.len()].map(|n| n as u64);
         format.check_capacity(vertices, triangles)?;
         mesh::check_prj(path, &self.header.crs, overwrite)?;
-        let mut sink = (format.create)(path, &self.header, &SinkOptions { overwrite, ..SinkOptions::default() })?;
+        let mut sink = (format.create)(
+            path,
+            &self.header,
+            &SinkOptions { overwrite, ..SinkOptions::default() },
+        )?;
         self.push(&mut *sink)?;
         let bytes = sink.finish()?;
         mesh::write_prj(path, &self.header.crs, overwrite)?;

@@ -21,26 +21,60 @@ Everything that reads grids takes a path, a list of paths, a numpy array, a rast
 DataArray. Errors are `terrane.Error`. `python -m terrane` is the command line.
 """
 
-from terrane._clouds import GridResult, chm, dsm, dtm, grid, verify_cloud, write_cloud_tin
-from terrane._errors import (
-    Error,
-    FileError,
-    InputError,
-    Interrupted,
-    MissingFileError,
-    OutputError,
-    ResourceError,
-)
-from terrane._lines import Lines, contour, simplify
-from terrane._mesh import Mesh
-from terrane._plans import Plan, open_plan, plan
-from terrane._terrane import __version__
-from terrane._tin import Report, tin, verify, write_tin
-from terrane.delatin import Delatin
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from terrane._clouds import GridResult, chm, dsm, dtm, grid, verify_cloud, write_cloud_tin
+    from terrane._errors import (
+        Error,
+        ExistsError,
+        FileError,
+        InputError,
+        Interrupted,
+        MissingFileError,
+        OutputError,
+        ResourceError,
+    )
+    from terrane._lines import Lines, contour, simplify
+    from terrane._mesh import Mesh
+    from terrane._plans import Plan, open_plan, plan
+    from terrane._terrane import __version__
+    from terrane._tin import Report, tin, verify, write_tin
+    from terrane.delatin import Delatin
+
+# Where each name is; a module is imported when a name of it is first asked for.
+_WHERE = {
+    "_clouds": "GridResult chm dsm dtm grid verify_cloud write_cloud_tin",
+    "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
+    "_lines": "Lines contour simplify",
+    "_mesh": "Mesh",
+    "_plans": "Plan open_plan plan",
+    "_terrane": "__version__",
+    "_tin": "Report tin verify write_tin",
+    "delatin": "Delatin",
+}
+_MODULES = {name: module for module, names in _WHERE.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"terrane.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
 
 __all__ = [
     "Delatin",
     "Error",
+    "ExistsError",
     "FileError",
     "GridResult",
     "InputError",

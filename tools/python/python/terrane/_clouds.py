@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrane import _terrane
-from terrane._errors import OutputError, usage
+from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
@@ -56,8 +56,8 @@ def cloud_of(
         return _terrane.Cloud.open(names, wanted)
     positions, marks, own = columns(points)
     text = crs_text(own if crs is None else crs)
-    known = [marks.get(name) for name in (*MARKS, "flags")]
-    return _terrane.Cloud.array(positions, *known, text, wanted)
+    classed, numbers, counts, flags = (marks.get(name) for name in (*MARKS, "flags"))
+    return _terrane.Cloud.array(positions, classed, numbers, counts, flags, text, wanted)
 
 
 def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]], Any]:
@@ -127,6 +127,7 @@ class GridResult:
         """Writes it into a file, whole or not at all: all bands as a GeoTIFF; one in any format that
         `terrane convert` writes."""
         name = os.fspath(path)
+        refuse_existing(name, overwrite)
         if not name.lower().endswith((".tif", ".tiff")):
             if len(self.names) > 1:
                 raise usage(f"{len(self.names)} bands are for a GeoTIFF", "write a .tif")
@@ -134,9 +135,6 @@ class GridResult:
             grid = _terrane.Grid.open([self._path], reading)
             grid.convert(name, None, False, [], None, overwrite, settings(None, None))
             return
-        if os.path.lexists(name) and not overwrite:
-            told = "exists already; choose another name, or pass overwrite=True"
-            raise OutputError(f"{name}: {told}", "cannot_write", name)
         new = f"{name}.{os.getpid()}.new"
         try:
             shutil.copyfile(self._path, new)
@@ -349,6 +347,7 @@ def write_cloud_tin(
     ...     terrane.verify_cloud(path, "synth:cloud,size=60,density=2", classes=[2]).ok
     True
     """
+    refuse_existing(os.fspath(path), overwrite)
     cloud = cloud_of(points, crs=crs, classes=classes)
     return cloud.write_tin(os.fspath(path), max_error, overwrite, settings(threads, memory, progress))
 

@@ -57,6 +57,10 @@ class OutputError(FileError):
     """An output that exists, cannot be created, or cannot hold the result."""
 
 
+class ExistsError(OutputError, FileExistsError):
+    """An output that is there already: also a FileExistsError."""
+
+
 class ResourceError(Error, MemoryError):
     """Too little memory, or another resource: also a MemoryError."""
 
@@ -84,6 +88,14 @@ def make(
     is_missing = kind == "bad_input" and file is not None and not os.path.lexists(file)
     cls = MissingFileError if is_missing else CLASSES.get(kind, Error)
     return cls(message, kind, file, place, remedy)
+
+
+def refuse_existing(path: str, overwrite: bool) -> None:
+    """Fails where an output is there that may not be replaced."""
+    if not overwrite and os.path.lexists(path):
+        remedy = "choose another name, or pass overwrite=True"
+        told = f"{path}: output exists already; {remedy}"
+        raise ExistsError(told, "cannot_write", path, remedy=remedy)
 
 
 def usage(message: str, remedy: str | None = None) -> Error:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrane import _terrane
-from terrane._errors import usage
+from terrane._errors import refuse_existing, usage
 from terrane._settings import Path, settings
 from terrane._source import crs_text, grid_of
 
@@ -97,6 +97,7 @@ def contour(
     run = settings(threads, memory, progress)
     if output is not None:
         name = os.fspath(output)
+        refuse_existing(name, overwrite)
         return grid.contours(name, interval, at, tolerance, False, None, overwrite, run)
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrane import _picture, _terrane
-from terrane._errors import usage
+from terrane._errors import refuse_existing, usage
 from terrane._settings import Path
 from terrane._source import is_data_array, place_of
 
@@ -106,6 +106,7 @@ class Mesh:
     def write(self, path: Path, overwrite: bool = False) -> int:
         """Writes it into a file, whole or not at all, in the format of its ending (PLY, OBJ, STL, GLB), and returns its
         size in bytes."""
+        refuse_existing(os.fspath(path), overwrite)
         return self._mesh.write(os.fspath(path), overwrite)
 
     def to_trimesh(self) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 from terrane import _terrane
 from terrane._clouds import asked_of, cloud_of
-from terrane._errors import usage
+from terrane._errors import refuse_existing, usage
 from terrane._settings import Path, settings
 from terrane._source import grid_of
 from terrane._tin import asked
@@ -45,6 +45,8 @@ class Plan:
         """Does what is not done, here or on a cluster: `client` is one of `dask.distributed`, and further options are those
         of `terrane.dask.run`. Returns what was done."""
         name = None if output is None else os.fspath(output)
+        if name is not None:
+            refuse_existing(name, overwrite)
         if client is None:
             if options:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
@@ -55,7 +57,7 @@ class Plan:
 
         from terrane import dask
 
-        known = {} if memory is None else {"memory": str(memory)}
+        known: dict[str, Any] = {} if memory is None else {"memory": str(memory)}
         known |= {} if threads is None else {"threads": threads}
         report = dask.run(
             self.folder, client, output=name, overwrite=overwrite, **known, **options

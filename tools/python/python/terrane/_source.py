@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from terrane import _terrane
-from terrane._errors import usage
+from terrane._errors import ResourceError, usage
 from terrane._settings import Path
 
 # Types of samples that the library reads as they are.
@@ -29,7 +29,12 @@ def grid_of(
 ) -> _terrane.Grid:
     """The grid that `src` stands for."""
     files = [None if file is None else os.fspath(file) for file in (clip, water)]
-    reading = {"band": band, "nodata": nodata, "clip": files[0], "water": files[1]}
+    reading: dict[str, Any] = {
+        "band": band,
+        "nodata": nodata,
+        "clip": files[0],
+        "water": files[1],
+    }
     names = names_of(src)
     if names is not None:
         for name, given in (("transform", transform), ("crs", crs)):
@@ -82,7 +87,12 @@ def native(src: Any, nodata: float | None) -> tuple[np.ndarray[Any, Any], float 
     if wanted not in NATIVE:
         exact(array)
         wanted = np.dtype("f4") if wanted.kind == "f" and wanted.itemsize < 4 else np.dtype("f8")
-    return np.require(array, wanted, ("C", "A")), nodata
+    try:
+        return np.require(array, wanted, ("C", "A")), nodata
+    except MemoryError as error:
+        told = f"a copy of an array of shape {array.shape} takes too much memory"
+        remedy = "write it into a file, and pass its name"
+        raise ResourceError(f"{told}; {remedy}", "resource", remedy=remedy) from error
 
 
 def exact(array: np.ndarray[Any, Any]) -> None:
@@ -100,10 +110,10 @@ def place_of(transform: Any) -> list[float] | None:
         return None
     numbers = [float(number) for number in tuple(transform)[:6]]
     if len(numbers) != 6 or not np.isfinite(numbers).all():
-        raise usage(f"{transform!r} is no transform", "pass rasterio's, or its six numbers")
+        raise usage(f"the transform {transform!r} is none", "pass rasterio's, or its six numbers")
     a, b, c, d, e, f = numbers
     if a * e == b * d:
-        raise usage(f"{transform!r} turns cells into lines", "pass rasterio's, or its six numbers")
+        raise usage(f"the transform {transform!r} turns cells into lines", "pass rasterio's, or its six numbers")
     return [c, a, b, f, d, e]
 
 
@@ -153,7 +163,7 @@ def of_data_array(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -
     src = src.squeeze(drop=True)
     rio = getattr(src, "rio", None)
     if rio is not None and src.ndim == 2:
-        src = src.transpose(rio.y_dim, rio.x_dim)
+        src = src.transpose(*sides(rio, src.dims))
         crs = rio.crs if crs is None else crs
         if reading["nodata"] is None and rio.encoded_nodata is None:
             reading = {**reading, "nodata": None if rio.nodata is None else float(rio.nodata)}
@@ -162,6 +172,17 @@ def of_data_array(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -
     array, fill = native(src.values, reading["nodata"])
     rest = {**reading, "band": None, "nodata": fill}
     return _terrane.Grid.array(array, place_of(transform), crs_text(crs), rest)
+
+
+def sides(rio: Any, dims: tuple[str, ...]) -> tuple[str, ...]:
+    """The dimensions of rows and of columns, as the rio accessor knows them, or else in their order."""
+    try:
+        return (rio.y_dim, rio.x_dim)
+    # Its own class of error, which is not to be imported here.
+    except Exception as error:
+        if type(error).__name__ != "MissingSpatialDimensionError":
+            raise
+        return dims
 
 
 def even_transform(src: Any) -> tuple[float, ...] | None:

@@ -7,7 +7,7 @@ import tempfile
 from typing import Any
 
 from terrane import _terrane
-from terrane._errors import usage
+from terrane._errors import refuse_existing, usage
 from terrane._mesh import Mesh
 from terrane._settings import Path, settings
 from terrane._source import grid_of, names_of
@@ -160,6 +160,7 @@ def write_tin(
     ...     report["vertices"] < 257 * 257, terrane.verify(path, "synth:rough,size=257").ok
     (True, True)
     """
+    refuse_existing(os.fspath(path), overwrite)
     goal = asked(
         max_error,
         max_vertices,
@@ -261,17 +262,17 @@ def verify(
     grid = grid_of(
         src, band=band, nodata=nodata, transform=transform, crs=crs, clip=clip, water=water
     )
-    files = [None if file is None else os.fspath(file) for file in (keep_points, breaklines)]
+    points, lines = (None if file is None else os.fspath(file) for file in (keep_points, breaklines))
     run = settings(threads, memory, progress)
     if not isinstance(mesh, Mesh):
         names = names_of(mesh)
         if names is None or len(names) != 1:
             raise usage(f"a {type(mesh).__name__} is no mesh", "pass a terrane.Mesh or a path")
-        return Report(grid.verify(names[0], max_error, bound, min_angle, *files, run))
+        return Report(grid.verify(names[0], max_error, bound, min_angle, points, lines, run))
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "mesh.ply")
         mesh.write(path)
-        told = grid.verify(path, max_error, bound, min_angle, *files, run)
+        told = grid.verify(path, max_error, bound, min_angle, points, lines, run)
     return Report({**told, "mesh": "in memory"})
 
 

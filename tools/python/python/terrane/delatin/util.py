@@ -26,9 +26,10 @@ def decode_ele(png: Any, encoding: str) -> NDArray[np.float64]:
     pixels = pixels.T if pixels.shape[0] <= 4 else pixels
     red, green, blue = (pixels[:, :, band].astype("f8") for band in range(3))
     if encoding == "mapbox":
-        whole: NDArray[np.float64] = red * 65_536 + green * 256 + blue
-        return whole / 10 - 10_000
-    return red * 256 + green + blue / 256 - 32_768
+        heights: NDArray[np.float64] = (red * 65_536 + green * 256 + blue) / 10 - 10_000
+    else:
+        heights = red * 256 + green + blue / 256 - 32_768
+    return heights
 
 
 def rescale_positions(

@@ -1,0 +1,171 @@
+"""The library's front door, as the modules beside this one use it."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrane._settings import Settings
+
+__all__ = [
+    "__version__",
+    "Cloud",
+    "Grid",
+    "Mesh",
+    "Plan",
+    "command_line",
+    "read_lines",
+    "simplify_places",
+    "simplify_file",
+]
+
+__version__: str
+
+@final
+class Grid:
+    @staticmethod
+    def open(names: Sequence[str], reading: dict[str, Any]) -> Grid: ...
+    @staticmethod
+    def array(
+        array: NDArray[Any],
+        place: Sequence[float] | None,
+        crs: str | None,
+        reading: dict[str, Any],
+    ) -> Grid: ...
+    @property
+    def info(self) -> dict[str, Any]: ...
+    def heights(self) -> NDArray[np.float64]: ...
+    def tin(self, asked: dict[str, Any], settings: Settings) -> Mesh: ...
+    def write_tin(
+        self,
+        path: str,
+        asked: dict[str, Any],
+        format: str | None,
+        split: int | None,
+        overwrite: bool,
+        settings: Settings,
+    ) -> dict[str, Any]: ...
+    def plan_tin(
+        self,
+        folder: str,
+        asked: dict[str, Any],
+        format: str | None,
+        cut: int | None,
+        settings: Settings,
+    ) -> Plan: ...
+    def verify(
+        self,
+        mesh: str,
+        max_error: float | None,
+        bound: str | None,
+        min_angle: float | None,
+        keep_points: str | None,
+        breaklines: str | None,
+        settings: Settings,
+    ) -> dict[str, Any]: ...
+    def contours(
+        self,
+        path: str,
+        every: float | None,
+        at: Sequence[float] | None,
+        tolerance: float | None,
+        with_z: bool,
+        format: str | None,
+        overwrite: bool,
+        settings: Settings,
+    ) -> dict[str, Any]: ...
+    def convert(
+        self,
+        path: str,
+        dtype: str | None,
+        round: bool,
+        creation: Sequence[tuple[str, str]],
+        format: str | None,
+        overwrite: bool,
+        settings: Settings,
+    ) -> dict[str, Any]: ...
+
+@final
+class Mesh:
+    @property
+    def vertices(self) -> NDArray[np.float64]: ...
+    @property
+    def triangles(self) -> NDArray[np.uint32]: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def rmse(self) -> float: ...
+    @property
+    def tolerance(self) -> float: ...
+    @property
+    def unmet(self) -> str | None: ...
+    @property
+    def crs(self) -> str | None: ...
+    def heights(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def write(self, path: str, overwrite: bool) -> int: ...
+    def state(self) -> dict[str, Any]: ...
+    @staticmethod
+    def restore(
+        vertices: NDArray[np.float64], triangles: NDArray[np.uint32], state: dict[str, Any]
+    ) -> Mesh: ...
+
+@final
+class Cloud:
+    @staticmethod
+    def open(names: Sequence[str], wanted: dict[str, Any]) -> Cloud: ...
+    @staticmethod
+    def array(
+        points: NDArray[np.float64],
+        classes: NDArray[np.uint8] | None,
+        numbers: NDArray[np.uint8] | None,
+        returns: NDArray[np.uint8] | None,
+        flags: NDArray[np.uint8] | None,
+        crs: str | None,
+        wanted: dict[str, Any],
+    ) -> Cloud: ...
+    @property
+    def info(self) -> dict[str, Any]: ...
+    def grid(
+        self, path: str, asked: dict[str, Any], overwrite: bool, settings: Settings
+    ) -> dict[str, Any]: ...
+    def plan_grid(
+        self, folder: str, asked: dict[str, Any], cut: int | None, settings: Settings
+    ) -> Plan: ...
+    def write_tin(
+        self, path: str, max_error: float, overwrite: bool, settings: Settings
+    ) -> dict[str, Any]: ...
+    def verify(self, mesh: str, max_error: float | None, settings: Settings) -> dict[str, Any]: ...
+
+@final
+class Plan:
+    @staticmethod
+    def open(folder: str) -> Plan: ...
+    @property
+    def folder(self) -> Any: ...
+    def status(self) -> dict[str, Any]: ...
+    def run(
+        self, task: str | None, output: str | None, overwrite: bool, settings: Settings
+    ) -> dict[str, Any]: ...
+
+def command_line(args: Sequence[str]) -> int: ...
+def read_lines(
+    path: str, attribute: str
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], str | None]: ...
+def simplify_places(
+    positions: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    tolerance: float,
+    method: str,
+    rings: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
+def simplify_file(
+    path: str,
+    output: str,
+    tolerance: float,
+    metres: bool,
+    method: str,
+    topology: bool,
+    overwrite: bool,
+    settings: Settings,
+) -> dict[str, Any]: ...

@@ -1,0 +1,153 @@
+"""Points to grids."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import pytest
+import rasterio
+import terrane
+from numpy.typing import NDArray
+
+
+@pytest.fixture(scope="module")
+def points() -> NDArray[np.float64]:
+    """Points with two decimals, 100 by 60."""
+    rng = np.random.default_rng(5)
+    return rng.uniform((5e5, 4e6, 100), (5e5 + 100, 4e6 + 60, 130), (20_000, 3)).round(2)
+
+
+@pytest.fixture(scope="module")
+def las(points: NDArray[np.float64], tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same as a file of LAS, with classes and returns."""
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = np.full(3, 0.01), np.array([5e5, 4e6, 0.0])
+    header.add_crs(__import__("pyproj").CRS.from_epsg(32631))
+    record = laspy.LasData(header)
+    record.x, record.y, record.z = points.T
+    number = np.arange(len(points))
+    record.classification = number % 4
+    record.return_number, record.number_of_returns = 1 + number % 2, np.full(len(points), 2)
+    record.withheld = (number % 7 == 0).astype("u1")
+    path = tmp_path_factory.mktemp("las") / "points.las"
+    record.write(path)
+    return str(path)
+
+
+def cells(points: NDArray[np.float64], keep: NDArray[np.bool_] | None = None) -> Any:
+    """The means and counts of 10 by 6 cells, as numpy finds them."""
+    points = points if keep is None else points[keep]
+    col = ((points[:, 0] - 5e5) // 10).astype(int)
+    row = 5 - ((points[:, 1] - 4e6) // 10).astype(int)
+    count = np.bincount(row * 10 + col, minlength=60).reshape(6, 10)
+    total = np.bincount(row * 10 + col, points[:, 2], minlength=60).reshape(6, 10)
+    return total / count, count
+
+
+def test_arrays(points: NDArray[np.float64]) -> None:
+    grid = terrane.grid(points, 10.0, ["mean", "count"], crs=32631, bounds=(5e5, 4e6, 500100, 4000060))
+    mean, count = cells(points)
+    np.testing.assert_allclose(grid["mean"], mean, atol=1e-9)
+    assert np.array_equal(grid["count"], count)
+    assert grid.transform == (10.0, 0.0, 5e5, 0.0, -10.0, 4e6 + 60)
+    assert (grid.crs, grid.names) == ("EPSG:32631", ["mean", "count"])
+
+
+def test_orders_and_types_of_arrays(points: NDArray[np.float64]) -> None:
+    expected = terrane.grid(points, 10.0).data
+    for other in (points[::-1], np.asfortranarray(points), points.astype(">f8"), points.tolist()):
+        np.testing.assert_array_equal(terrane.grid(other, 10.0).data, expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "keep"),
+    [
+        ({}, lambda n: n % 7 != 0),
+        ({"keep_withheld": True}, lambda n: n >= 0),
+        ({"classes": [2]}, lambda n: (n % 7 != 0) & (n % 4 == 2)),
+        ({"returns": "first"}, lambda n: (n % 7 != 0) & (n % 2 == 0)),
+        ({"returns": 2}, lambda n: (n % 7 != 0) & (n % 2 == 1)),
+    ],
+    ids=str,
+)
+def test_records_and_files_are_the_same_points(
+    points: NDArray[np.float64], las: str, options: dict[str, Any], keep: Any
+) -> None:
+    mean, count = cells(points, keep(np.arange(len(points))))
+    box = (5e5, 4e6, 500100, 4000060)
+    records = laspy.read(las)
+    names = ["X", "Y", "Z", "Classification", "ReturnNumber", "NumberOfReturns", "Withheld"]
+    pdal = np.zeros(len(points), [(name, "f8" if name in "XYZ" else "u1") for name in names])
+    for name, values in zip("XYZ", points.T, strict=True):
+        pdal[name] = values
+    pdal["Classification"] = records.classification
+    pdal["ReturnNumber"], pdal["NumberOfReturns"] = records.return_number, 2
+    pdal["Withheld"] = records.withheld
+    for source in (las, [las], records, records.points, pdal):
+        grid = terrane.grid(source, 10.0, "mean,count", bounds=box, **options)
+        np.testing.assert_allclose(grid["mean"], mean, atol=1e-9)
+        assert np.array_equal(grid["count"], count)
+    assert terrane.grid(records, 10.0).crs == "EPSG:32631"
+
+
+def test_grids_go_to_files_and_arrays(tmp_path: Path, points: NDArray[np.float64]) -> None:
+    grid = terrane.grid(points, 10.0, ["mean", "count"], crs=32631)
+    grid.write(tmp_path / "grid.tif")
+    with rasterio.open(tmp_path / "grid.tif") as dataset:
+        np.testing.assert_array_equal(dataset.read(1), grid["mean"])
+        assert dataset.crs.to_epsg() == 32631
+        assert tuple(dataset.transform)[:6] == grid.transform
+    with pytest.raises(FileExistsError):
+        grid.write(tmp_path / "grid.tif")
+    grid.write(tmp_path / "grid.tif", overwrite=True)
+    with pytest.raises(ValueError, match="bands"):
+        grid.write(tmp_path / "grid.asc")
+    terrane.grid(points, 10.0, "count").write(tmp_path / "count.asc")
+    assert (tmp_path / "count.asc").exists()
+    array = grid.to_xarray()
+    assert array.dims == ("band", "y", "x")
+    assert array.rio.crs.to_epsg() == 32631
+    mesh = terrane.tin(array.sel(band="mean"), max_error=0.5)
+    assert mesh.crs == "EPSG:32631"
+
+
+def test_models(tmp_path: Path) -> None:
+    cloud = "synth:cloud,size=120,density=4,seed=3"
+    ground, top, canopy = (make(cloud, 2.0) for make in (terrane.dtm, terrane.dsm, terrane.chm))
+    assert ground.data.shape == top.data.shape == canopy.data.shape
+    known = np.isfinite(ground.data) & np.isfinite(top.data) & np.isfinite(canopy.data)
+    assert known.mean() > 0.9
+    assert (top.data - ground.data)[known].max() > 5
+    box = terrane.dtm(cloud, 2.0, bounds=(500020, 4750020, 500060, 4750040))
+    assert box.data.shape == (1, 10, 20)
+    with pytest.raises(TypeError, match="unexpected"):
+        terrane.dtm(cloud, 2.0, classes=[2])
+
+
+def test_meshes_of_points(tmp_path: Path, points: NDArray[np.float64]) -> None:
+    path = tmp_path / "mesh.ply"
+    told = terrane.write_cloud_tin(points, path, 5.0)
+    assert told["vertices"] > 3
+    assert terrane.verify_cloud(path, points).ok
+    assert not terrane.verify_cloud(path, points + (0, 0, 20)).ok
+
+
+@pytest.mark.parametrize(
+    ("points", "options", "told"),
+    [
+        (np.zeros((5, 2)), {}, "no list of points"),
+        (np.zeros(5), {}, "no list of points"),
+        (np.full((5, 3), np.nan), {}, "not finite"),
+        (np.zeros((5, 3)), {"cell": 0.0}, ""),
+        (np.zeros((5, 3)), {"cell": 1.0, "stat": "median of all"}, ""),
+        (np.zeros((5, 3)), {"cell": 1.0, "returns": "second"}, "no return"),
+        (np.zeros(5, [("a", "f8")]), {}, "no x, y and z"),
+        ("nowhere.laz", {}, ""),
+    ],
+)
+def test_what_is_no_cloud_is_refused(points: Any, options: dict[str, Any], told: str) -> None:
+    with pytest.raises(terrane.Error, match=told):
+        terrane.grid(points, **{"cell": 1.0, **options})
