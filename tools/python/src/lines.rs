@@ -6,10 +6,12 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use terrane::{Coordinates, Method};
-use terrane_vector::{OpenOptions, Value};
+use terrane_vector::{
+    Coordinates as Places, Feature, Geometry, Kind, Layer, OpenOptions, Value, WriteOptions,
+};
 
 use crate::error::told;
-use crate::grid::usage;
+use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
 use crate::report::dictionary;
 use crate::work::{Settings, run, with_machine};
@@ -126,6 +128,85 @@ where
         ends.push(places.len() as i64);
     }
     (places, ends)
+}
+
+/// Geometries of one kind, as ragged arrays of shapely have them: the kind, positions, and where parts begin in those,
+/// polygons in parts, and geometries in these.
+type Group<'py> = (String, Bound<'py, PyArray2<f64>>, Vec<Bound<'py, PyArray1<i64>>>);
+
+/// Writes groups of geometries into a file, one feature each, in their order and to the last bit.
+#[pyfunction]
+pub(crate) fn write_geometries(
+    py: Python<'_>,
+    path: PathBuf,
+    groups: Vec<Group<'_>>,
+    crs: Option<&str>,
+) -> PyResult<()> {
+    let layer = Layer { crs: told(py, crs_of(crs))?, ..Layer::default() };
+    let format = told(py, terrane_vector::by_path(&path, None))?;
+    let options = WriteOptions::default();
+    let mut sink = told(py, terrane_vector::create(&path, format, &layer, &options))?;
+    for (kind, positions, offsets) in groups {
+        let unknown = || usage(py, &format!("{kind:?} are no lines"), "pass lines or polygons");
+        let kind = Kind::by_name(&kind).ok_or_else(unknown)?;
+        let (width, positions) = (positions.shape()[1], positions.readonly());
+        let mut levels = Vec::with_capacity(offsets.len());
+        for level in &offsets {
+            levels.push(level.readonly().as_slice()?.to_vec());
+        }
+        let ragged = Ragged { positions: positions.as_slice()?, width, levels };
+        for number in 0..ragged.len() {
+            let geometry = ragged
+                .places(kind, number)
+                .ok_or_else(|| usage(py, "offsets do not fit together", "pass those of shapely"))?;
+            let feature = Geometry::new(kind, geometry)
+                .map(|geometry| Feature { geometry, ..Feature::default() });
+            let written = feature.and_then(|feature| sink.write(&feature));
+            told(py, written)?;
+        }
+    }
+    told(py, sink.finish(&[])).map(drop)
+}
+
+/// The arrays of a [`Group`].
+struct Ragged<'a> {
+    positions: &'a [f64],
+    width: usize,
+    levels: Vec<Vec<i64>>,
+}
+
+impl Ragged<'_> {
+    /// How many geometries there are.
+    fn len(&self) -> usize {
+        self.levels.last().map_or(0, |ends| ends.len().saturating_sub(1))
+    }
+
+    /// What an entry of a level holds of the level below.
+    fn range(&self, level: usize, number: usize) -> Option<std::ops::Range<usize>> {
+        let ends = self.levels.get(level)?.get(number..number + 2)?;
+        Some(usize::try_from(ends[0]).ok()?..usize::try_from(ends[1]).ok()?)
+    }
+
+    /// The coordinates of a geometry.
+    fn places(&self, kind: Kind, number: usize) -> Option<Places> {
+        let mut places = Places::default();
+        let polygons = match kind {
+            Kind::LineString => vec![number..number + 1],
+            Kind::MultiLineString | Kind::Polygon => vec![self.range(1, number)?],
+            _ => self.range(2, number)?.map(|part| self.range(1, part)).collect::<Option<_>>()?,
+        };
+        for parts in polygons {
+            for part in parts {
+                for place in self.range(0, part)? {
+                    let at = self.positions.get(place * self.width..(place + 1) * self.width)?;
+                    places.push([at[0], at[1]], at.get(2).copied(), None);
+                }
+                places.end_part();
+            }
+            places.end_polygon();
+        }
+        Some(places)
+    }
 }
 
 /// Simplifies the features of a file into another.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 def points() -> NDArray[np.float64]:
     """Points with two decimals, 100 by 60."""
     rng = np.random.default_rng(5)
-    return rng.uniform((5e5, 4e6, 100), (5e5 + 100, 4e6 + 60, 130), (20_000, 3)).round(2)
+    return rng.uniform((5e5, 4e6, 100), (5e5 + 99.98, 4e6 + 59.98, 130), (20_000, 3)).round(2)
 
 
 @pytest.fixture(scope="module")
@@ -141,11 +141,11 @@ def test_meshes_of_points(tmp_path: Path, points: NDArray[np.float64]) -> None:
         (np.zeros((5, 2)), {}, "no list of points"),
         (np.zeros(5), {}, "no list of points"),
         (np.full((5, 3), np.nan), {}, "not finite"),
-        (np.zeros((5, 3)), {"cell": 0.0}, ""),
-        (np.zeros((5, 3)), {"cell": 1.0, "stat": "median of all"}, ""),
+        (np.zeros((5, 3)), {"cell": 0.0}, "."),
+        (np.zeros((5, 3)), {"cell": 1.0, "stat": "median of all"}, "."),
         (np.zeros((5, 3)), {"cell": 1.0, "returns": "second"}, "no return"),
         (np.zeros(5, [("a", "f8")]), {}, "no x, y and z"),
-        ("nowhere.laz", {}, ""),
+        ("nowhere.laz", {}, "."),
     ],
 )
 def test_what_is_no_cloud_is_refused(points: Any, options: dict[str, Any], told: str) -> None:

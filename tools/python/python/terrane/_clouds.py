@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,12 @@ MARKS = {
     "numbers": ("return_number", "ReturnNumber"),
     "returns": ("number_of_returns", "NumberOfReturns"),
 }
-FLAGS = {"synthetic": 1, "key_point": 2, "withheld": 4, "overlap": 8}
+FLAGS = {
+    1: ("synthetic", "Synthetic"),
+    2: ("key_point", "KeyPoint"),
+    4: ("withheld", "Withheld"),
+    8: ("overlap", "Overlap"),
+}
 
 
 def cloud_of(
@@ -62,9 +67,10 @@ def cloud_of(
 
 def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]], Any]:
     """Positions (n, 3), what else is known of points, and the reference system."""
-    if hasattr(points, "header") and hasattr(points, "classification"):
-        crs = points.header.parse_crs() if hasattr(points.header, "parse_crs") else None
-        return (*record(points, lambda name: getattr(points, name, None), "x", "y", "z"), crs)
+    if hasattr(points, "point_format"):
+        header = getattr(points, "header", None)
+        crs = None if header is None else header.parse_crs()
+        return (*record(points, of_laspy(points), "x", "y", "z"), crs)
     names = getattr(getattr(points, "dtype", None), "names", None)
     if names is not None:
         axes = ("X", "Y", "Z") if "X" in names else ("x", "y", "z")
@@ -84,6 +90,12 @@ def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint
     return np.require(array, "f8", ("C", "A")), {}, None
 
 
+def of_laspy(points: Any) -> Callable[[str], Any]:
+    """What records of laspy hold by a name, None where they do not."""
+    known = {"x", "y", "z", *points.point_format.dimension_names}
+    return lambda name: getattr(points, name) if name in known else None
+
+
 def record(
     points: Any, of: Any, *axes: str
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]]]:
@@ -91,17 +103,23 @@ def record(
     positions = np.column_stack([np.asarray(of(axis), "f8") for axis in axes])
     marks = {}
     for name, spelled in MARKS.items():
-        found = next((values for values in map(of, spelled) if values is not None), None)
+        found = first(of, spelled)
         if found is not None:
-            marks[name] = np.require(np.asarray(found), "u1", ("C", "A"))
+            marks[name] = np.require(found, "u1", ("C", "A"))
     flags = np.zeros(len(positions), "u1")
-    for name, bit in FLAGS.items():
-        values = of(name)
-        if values is not None:
-            flags |= np.where(np.asarray(values) != 0, bit, 0).astype("u1")
+    for bit, spelled in FLAGS.items():
+        found = first(of, spelled)
+        if found is not None:
+            flags |= np.where(found != 0, bit, 0).astype("u1")
     if flags.any():
         marks["flags"] = flags
     return positions, marks
+
+
+def first(of: Callable[[str], Any], names: Iterable[str]) -> NDArray[Any] | None:
+    """What there is by the first of some names that there is."""
+    found = next((values for values in map(of, names) if values is not None), None)
+    return None if found is None else np.asarray(found)
 
 
 class GridResult:

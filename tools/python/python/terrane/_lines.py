@@ -275,30 +275,54 @@ def through_files(
     crs: Any,
     run: Any,
 ) -> NDArray[Any]:
-    """Geometries that are looked at together, by way of files of well-known text."""
+    """Geometries that are looked at together, by way of files; those in collections as if each were alone."""
     import shapely
 
+    kind_of = shapely.GeometryType
     kinds = shapely.get_type_id(geometries)
-    of_lines = ~np.isin(kinds, (shapely.GeometryType.POINT, shapely.GeometryType.MULTIPOINT))
-    places = np.flatnonzero(of_lines & ~shapely.is_empty(geometries) & (kinds >= 0))
     done = geometries.copy()
-    if len(places) == 0:
+    nested = np.flatnonzero(kinds == kind_of.GEOMETRYCOLLECTION)
+    if len(nested) > 0:
+        parts, owners = shapely.get_parts(geometries[nested], return_index=True)
+        flat = np.concatenate([np.delete(geometries, nested), parts])
+        flat = through_files(flat, tolerance, method, topology, metric, crs, run)
+        alone, parts = np.split(flat, [len(geometries) - len(nested)])
+        done[np.setdiff1d(np.arange(len(done)), nested)] = alone
+        for number, place in enumerate(nested):
+            done[place] = shapely.geometrycollections(parts[owners == number])
+        return done
+    groups, order = [], []
+    solid = ~shapely.is_empty(geometries)
+    for name in ("LineString", "MultiLineString", "Polygon", "MultiPolygon", "LinearRing"):
+        for has_z in (False, True):
+            kind = getattr(kind_of, name.upper())
+            wanted = solid & (kinds == kind) & (shapely.has_z(geometries) == has_z)
+            places = np.flatnonzero(wanted)
+            if len(places) == 0:
+                continue
+            some = geometries[places]
+            if kind == kind_of.LINEARRING:
+                some, name = shapely.polygons(some), "Polygon"
+            found, positions, offsets = shapely.to_ragged_array(some, include_z=has_z)
+            if found != kind and kind != kind_of.LINEARRING:
+                raise usage(f"{name}s are not all of one kind")
+            levels = [np.require(level, "i8", ("C", "A")) for level in offsets]
+            groups.append((name, np.require(positions, "f8", ("C", "A")), levels))
+            order.append(places)
+    if not groups:
         return done
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         before, after = (os.path.join(folder, name) for name in ("before.wkt", "after.wkt"))
-        lines = shapely.to_wkt(geometries[places], rounding_precision=-1, output_dimension=3)
-        with open(before, "w") as file:
-            file.writelines(line + "\n" for line in lines)
-        system = crs_text(crs)
-        if system is not None:
-            with open(os.path.join(folder, "before.prj"), "w") as file:
-                file.write(system)
+        _terrane.write_geometries(before, groups, crs_text(crs))
         _terrane.simplify_file(
             before, after, tolerance, metric == "metres", method, topology, False, run
         )
         with open(after) as file:
-            found = [line.rstrip("\n") for line in file if line.strip()]
+            found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])
+    places = np.concatenate(order)
     if len(found) != len(places):
         raise usage(f"{len(places) - len(found)} geometries came to nothing", "lower the tolerance")
-    done[places] = shapely.from_wkt(found)
+    rings = kinds[places] == kind_of.LINEARRING
+    found[rings] = shapely.get_exterior_ring(found[rings])
+    done[places] = found
     return done

@@ -18,6 +18,7 @@ __all__ = [
     "read_lines",
     "simplify_places",
     "simplify_file",
+    "write_geometries",
 ]
 
 __version__: str
@@ -169,3 +170,8 @@ def simplify_file(
     overwrite: bool,
     settings: Settings,
 ) -> dict[str, Any]: ...
+def write_geometries(
+    path: str,
+    groups: Sequence[tuple[str, NDArray[np.float64], Sequence[NDArray[np.int64]]]],
+    crs: str | None,
+) -> None: ...

@@ -1,0 +1,56 @@
+"""Plans, here and on a cluster."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import terrane
+from numpy.typing import NDArray
+
+DEM = "synth:rough,size=300"
+
+
+def test_a_plan_makes_what_is_made_at_once(tmp_path: Path) -> None:
+    terrane.write_tin(DEM, tmp_path / "at once.ply", 5.0, tile=64)
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    status = plan.status()
+    assert status["done"] == 0
+    assert len(status["to_do"]) > 3
+    task, after = status["to_do"][0]
+    assert after == []
+    assert plan.run(task=task)["made"] == [task]
+    again = pickle.loads(pickle.dumps(plan))
+    assert again.status()["done"] == 1
+    done = again.run(output=tmp_path / "mesh.ply")
+    assert done["found"] == 1
+    assert Path(done["written"]) == tmp_path / "mesh.ply"
+    assert (tmp_path / "mesh.ply").read_bytes() == (tmp_path / "at once.ply").read_bytes()
+    assert terrane.open_plan(tmp_path / "work").status()["to_do"] == []
+
+
+def test_grids_are_planned(tmp_path: Path) -> None:
+    cloud = "synth:cloud,size=300,density=1"
+    plan = terrane.plan(cloud, tmp_path / "work", cell=0.5, stat="mean", cut=256)
+    plan.run(output=tmp_path / "grid.tif")
+    expected = terrane.grid(cloud, 0.5)
+    expected.write(tmp_path / "at once.tif")
+    assert (tmp_path / "grid.tif").read_bytes() == (tmp_path / "at once.tif").read_bytes()
+
+
+def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.float32]) -> None:
+    with pytest.raises(terrane.Error, match="memory of one process"):
+        terrane.plan(heights, tmp_path / "work", 5.0)
+    with pytest.raises(terrane.Error, match="memory of one process"):
+        terrane.plan(np.zeros((9, 3)), tmp_path / "work", cell=1.0)
+    with pytest.raises(terrane.Error, match="nothing to reach"):
+        terrane.plan(DEM, tmp_path / "work")
+    with pytest.raises(terrane.Error, match="one of them"):
+        terrane.plan(DEM, tmp_path / "work", 5.0, cell=1.0)
+    with pytest.raises(FileNotFoundError):
+        terrane.open_plan(tmp_path / "work")
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    with pytest.raises(TypeError, match="unexpected"):
+        plan.run(retries=3)
