@@ -1,21 +1,14 @@
-"""Heights that several tests share."""
+"""What several tests are given."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from lands import rough
 from numpy.typing import NDArray
+from processes import large, processes, small
 
-
-def rough(rows: int, cols: int, seed: int = 1) -> NDArray[np.float32]:
-    """Heights with hills of every size."""
-    rng = np.random.default_rng(seed)
-    down, right = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(cols)[None, :]
-    sizes = np.hypot(down, right)
-    sizes[0, 0] = np.inf
-    waves = rng.normal(size=sizes.shape) + 1j * rng.normal(size=sizes.shape)
-    heights = np.fft.irfft2(waves * sizes**-2.0, s=(rows, cols))
-    return (100 * heights / heights.std()).astype("f4")
+__all__ = ["heights", "large", "processes", "small"]
 
 
 @pytest.fixture(scope="session")

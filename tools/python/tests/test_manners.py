@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import terrane
-from conftest import rough
+from lands import rough
 from numpy.typing import NDArray
 from tqdm import tqdm
 

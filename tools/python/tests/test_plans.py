@@ -54,3 +54,14 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
     plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
     with pytest.raises(TypeError, match="unexpected"):
         plan.run(retries=3)
+
+
+def test_a_cluster_does_a_plan(tmp_path: Path) -> None:
+    from distributed import Client
+
+    terrane.write_tin(DEM, tmp_path / "at once.ply", 5.0, tile=64)
+    plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address="") as client:
+        done = plan.run(client, output=tmp_path / "mesh.ply")
+    assert done["done"] == done["tasks"]
+    assert (tmp_path / "mesh.ply").read_bytes() == (tmp_path / "at once.ply").read_bytes()

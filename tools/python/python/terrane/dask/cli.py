@@ -16,14 +16,14 @@ from typing import NoReturn
 
 from distributed import Client
 
-from terrane_dask.driver import AGAIN, TRY_AGAIN, Job, Report, Stop, run, say
-from terrane_dask.worker import INTERRUPTED
+from terrane.dask.driver import AGAIN, TRY_AGAIN, Job, Report, Stop, run, say
+from terrane.dask.worker import INTERRUPTED
 
 CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """`terrane-dask WORKDIR`: exits with 0, with the code of the program that failed, with 69 when
+    """`python -m terrane.dask WORKDIR`: exits with 0, with the code of the program that failed, with 69 when
     the cluster failed, or with 130."""
     args = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -79,7 +79,7 @@ def local(args: argparse.Namespace) -> Client:
 def parser() -> argparse.ArgumentParser:
     """The options; their defaults are those of `Job`."""
     parser = argparse.ArgumentParser(
-        prog="terrane-dask",
+        prog="python -m terrane.dask",
         description="Do the tasks of a terrane plan on a Dask cluster. Done tasks are skipped. "
         "Prints a report as JSON.",
     )
@@ -89,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
     add("--workers", metavar="N", type=at_least(1), help="here [default: cores / threads a task]")
     add("--threads-per-task", metavar="N", type=at_least(1), default=Job.threads)
     add("--memory", metavar="SIZE", help="for a task, such as 2GiB [default: the program's]")
-    add("--terrane", metavar="PATH", default=Job.terrane, help="the program [default: on PATH]")
+    add("--terrane", metavar="PATH", default=Job.terrane, help="the program [default: that of this package]")
     add("--output", metavar="FILE", help="file to write [default: in the folder]")
     add("--overwrite", action="store_true", help="replace a file that exists")
     add("--no-finish", dest="finish", action="store_false", help="all tasks, but no mesh or grid")

@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 BUILDS = [ROOT / "target" / build / "terrane" for build in ("release", "debug")]
 # Makes this package one that cannot be imported.
-HIDE = "import sys; sys.modules['terrane_dask'] = None"
+HIDE = "import sys; sys.modules['terrane'] = None"
 TERRANE = os.environ.get("TERRANE") or next(
     (str(path) for path in BUILDS if path.exists()), shutil.which("terrane")
 )
@@ -69,7 +69,7 @@ class Work:
         found = []
         for process in psutil.process_iter(["cmdline"]):
             line = process.info["cmdline"] or []
-            if line[1:3] == ["run", str(self.folder)]:
+            if str(self.folder) in line and line[line.index(str(self.folder)) - 1] == "run":
                 found.append(process)
         return found
 
@@ -121,9 +121,9 @@ class Processes:
         return process
 
     def driver(self, folder: Path, *options: object) -> subprocess.Popen[str]:
-        """Starts terrane-dask with short batches."""
+        """Starts the driver with short batches."""
         how = ["--terrane", TERRANE, "--batch-seconds", 0.5, *options]
-        return self.python("-m", "terrane_dask", folder, *how)
+        return self.python("-m", "terrane.dask", folder, *how)
 
     def cluster(self, workers: int) -> tuple[str, subprocess.Popen[str]]:
         """Starts a scheduler and workers; their address, and the scheduler."""

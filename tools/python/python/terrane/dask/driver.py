@@ -16,8 +16,8 @@ from typing import Any
 import cloudpickle
 from distributed import Client, Future, KilledWorker, as_completed
 
-from terrane_dask import worker
-from terrane_dask.batches import FINISH, Queue, Task
+from terrane.dask import worker
+from terrane.dask.batches import FINISH, Queue, Task
 
 # Exit codes of the program that another try may mend: not yet, cannot write, disk, interrupted. So
 # may a program that was killed, whose code is below zero. Too little memory (75) stays too little.
@@ -33,7 +33,7 @@ class Job:
     """What to do and how. Paths are absolute: they are for other machines, too."""
 
     folder: str
-    terrane: str = "terrane"
+    terrane: str = ""
     threads: int = 1
     memory: str | None = None
     output: str | None = None
@@ -105,10 +105,10 @@ class ByValue:
 def status(job: Job) -> dict[str, Any]:
     """How far the plan has come."""
     try:
-        command = [job.terrane, "status", job.folder, "--json"]
+        command = [*worker.program(job.terrane), "status", job.folder, "--json"]
         told = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
-        raise Stop(2, f"cannot run {job.terrane}: {error.strerror}; see --terrane") from error
+        raise Stop(2, f"cannot run terrane: {error.strerror}; see --terrane") from error
     if told.returncode != 0:
         raise Stop(told.returncode, told.stderr.strip())
     return dict(json.loads(told.stdout))
@@ -265,7 +265,8 @@ def run(
     Args:
         plan: Folder of the plan.
         client: A connected `distributed.Client`. It is left open.
-        terrane: The program: on the `PATH` of all workers, or a path that holds on each.
+        terrane: The program: on the `PATH` of all workers, or a path that holds on each. Without one it is
+            that of this package where a worker has it, and else `terrane` on its `PATH`.
         threads: Threads of a task. A Dask worker thread does one task at a time.
         memory: What a task may take, such as "2GiB"; the program's default when `None`.
         output: File to write, absolute or from here; in the folder when `None`.
@@ -300,4 +301,4 @@ def run(
 
 def say(text: str) -> None:
     """A line on stderr."""
-    print(f"terrane-dask: {text}", file=sys.stderr, flush=True)
+    print(f"terrane.dask: {text}", file=sys.stderr, flush=True)

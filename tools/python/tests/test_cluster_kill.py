@@ -10,7 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from conftest import Processes, Work, stand_in, until
+from processes import Processes, Work, stand_in, until
 
 
 def workers(driver: int) -> list[psutil.Process]:

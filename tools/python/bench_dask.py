@@ -21,7 +21,7 @@ from pathlib import Path
 
 from distributed import Client
 
-from terrane_dask.driver import Driver, Job
+from terrane.dask.driver import Driver, Job
 
 WIDTH, TILE = 4096, 512
 

@@ -6,6 +6,8 @@ The functions travel to the workers by value, so that these need Dask and the pr
 from __future__ import annotations
 
 import contextlib
+import errno
+import importlib.util
 import json
 import os
 import shutil
@@ -46,15 +48,26 @@ def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[
     """Waits for `delay` seconds, then calls `command` with the arguments of each task, of which the
     first is its name; stops after the first task that fails."""
     time.sleep(delay)
-    program = shutil.which(command[0])
-    if program is None:
-        raise FileNotFoundError(f"there is no program {command[0]} on {socket.gethostname()}")
+    called = [*program(command[0]), *command[1:], "--task"]
     results: list[Result] = []
     for task in tasks:
-        results.append(_run_task([program, *command[1:], "--task", *task], task[0]))
+        results.append(_run_task([*called, *task], task[0]))
         if results[-1]["code"] != 0:
             break
     return results
+
+
+def program(name: str) -> list[str]:
+    """The call of the program of this name. Without a name it is that of this package, or where that is not
+    installed, `terrane`."""
+    with contextlib.suppress(ImportError, ValueError):
+        if not name and importlib.util.find_spec("terrane._terrane"):
+            return [sys.executable, "-m", "terrane"]
+    found = shutil.which(name or "terrane")
+    if found is None:
+        told = f"there is no program {name or 'terrane'} on {socket.gethostname()}"
+        raise FileNotFoundError(errno.ENOENT, told)
+    return [found]
 
 
 def _run_task(command: list[str], task: str) -> Result:

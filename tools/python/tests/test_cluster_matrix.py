@@ -12,10 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import TERRANE, Processes, stand_in, status, terrane, until
+from processes import TERRANE, Processes, stand_in, status, terrane, until
 from distributed import Client
 
-import terrane_dask
+from terrane import dask
 
 TESTS = Path(__file__).resolve().parent
 SLURM = TESTS.parents[1] / "slurm" / "terrane-slurm.sh"
@@ -147,19 +147,19 @@ def test_the_function_does_what_the_command_does(kind: str, tmp_path: Path) -> N
     plan = Plan(kind, tmp_path)
     assert TERRANE
     with Client(n_workers=2, processes=False, dashboard_address=None) as client:
-        report = terrane_dask.run(plan.folder, client, terrane=TERRANE, batch_seconds=0.5)
+        report = dask.run(plan.folder, client, terrane=TERRANE, batch_seconds=0.5)
         assert report.output == str(plan.output) and plan.is_right()
         assert (report.done, report.tasks) == (len(plan.tasks), len(plan.tasks))
-        again = terrane_dask.run(plan.folder, client, terrane=TERRANE)
+        again = dask.run(plan.folder, client, terrane=TERRANE)
         assert again.done == 0 and again.skipped == len(plan.tasks)
         plan.output.write_bytes(b"mine")
-        with pytest.raises(terrane_dask.Stop, match="was altered") as stop:
-            terrane_dask.run(plan.folder, client, terrane=TERRANE)
+        with pytest.raises(dask.Stop, match="was altered") as stop:
+            dask.run(plan.folder, client, terrane=TERRANE)
         assert stop.value.code == 2
-        terrane_dask.run(plan.folder, client, terrane=TERRANE, overwrite=True)
+        dask.run(plan.folder, client, terrane=TERRANE, overwrite=True)
         assert plan.is_right()
-    told = inspect.getdoc(terrane_dask.run) or ""
-    for name in inspect.signature(terrane_dask.run).parameters:
+    told = inspect.getdoc(dask.run) or ""
+    for name in inspect.signature(dask.run).parameters:
         assert f"{name}:" in told, f"{name} is explained"
 
 

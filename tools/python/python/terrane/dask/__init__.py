@@ -1,7 +1,7 @@
 """Does the tasks of a terrane plan on a Dask cluster.
 
     from distributed import Client
-    from terrane_dask import run
+    from terrane.dask import run
 
     with Client("tcp://head:8786") as client:
         print(run("/cluster/plan", client, memory="2GiB").output)
@@ -14,6 +14,6 @@
 | `worker` | calls the program for the tasks of a batch; runs on the workers |
 """
 
-from terrane_dask.driver import Report, Stop, run
+from terrane.dask.driver import Report, Stop, run
 
 __all__ = ["Report", "Stop", "run"]

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from terrane_dask.batches import FINISH, Queue, Task
+from terrane.dask.batches import FINISH, Queue, Task
 
 
 def plan(strips: int, samples: int = 100) -> list[Task]:

@@ -8,11 +8,11 @@ import signal
 from pathlib import Path
 
 import pytest
-from conftest import TERRANE, Processes, Work, stand_in, status, terrane, until
+from processes import TERRANE, Processes, Work, stand_in, status, terrane, until
 from distributed import Client, LocalCluster
 from distributed.diagnostics.plugin import SchedulerPlugin
 
-from terrane_dask.driver import Driver, Job, Stop
+from terrane.dask.driver import Driver, Job, Stop
 
 
 def test_the_mesh_is_that_of_one_run_and_what_is_done_is_skipped(
@@ -52,7 +52,7 @@ def test_bad_input_stops_the_job_with_the_message(tmp_path: Path, processes: Pro
 def test_what_cannot_be_begun_says_so(tmp_path: Path, processes: Processes) -> None:
     driver = processes.driver(tmp_path, "--workers", 1)
     assert "holds no plan" in driver.communicate(timeout=60)[1] and driver.returncode == 65
-    driver = processes.python("-m", "terrane_dask", tmp_path, "--terrane", "./no", "--workers", 1)
+    driver = processes.python("-m", "terrane.dask", tmp_path, "--terrane", "./no", "--workers", 1)
     assert "cannot run" in driver.communicate(timeout=60)[1] and driver.returncode == 2
 
 
