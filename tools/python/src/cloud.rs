@@ -128,7 +128,6 @@ impl Cloud {
 
     /// The cloud of points in an array of three columns, with classes, and numbers of returns.
     #[staticmethod]
-    #[pyo3(signature = (points, classes, numbers, returns, flags, crs, wanted))]
     #[allow(clippy::too_many_arguments)]
     fn array(
         points: &Bound<'_, PyArray2<f64>>,

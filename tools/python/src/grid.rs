@@ -192,7 +192,7 @@ impl Grid {
         run(py, settings, make).map(Mesh::from)
     }
 
-    #[pyo3(signature = (path, asked, format, split, overwrite, settings))]
+    #[allow(clippy::too_many_arguments)]
     fn write_tin<'py>(
         &self,
         py: Python<'py>,
@@ -235,7 +235,6 @@ impl Grid {
         Ok(Plan(plan))
     }
 
-    #[pyo3(signature = (mesh, max_error, bound, min_angle, keep_points, breaklines, settings))]
     #[allow(clippy::too_many_arguments)]
     fn verify<'py>(
         &self,
@@ -270,7 +269,6 @@ impl Grid {
         dictionary(py, &report)
     }
 
-    #[pyo3(signature = (path, every, at, tolerance, with_z, format, overwrite, settings))]
     #[allow(clippy::too_many_arguments)]
     fn contours<'py>(
         &self,
@@ -303,7 +301,6 @@ impl Grid {
         dictionary(py, &report)
     }
 
-    #[pyo3(signature = (path, dtype, round, creation, format, overwrite, settings))]
     #[allow(clippy::too_many_arguments)]
     fn convert<'py>(
         &self,

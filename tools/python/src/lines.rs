@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use terrane::{Coordinates, Method};
+use terrane::{Cancel, Coordinates, ErrorKind, Method};
 use terrane_vector::{
     Coordinates as Places, Feature, Geometry, Kind, Layer, OpenOptions, Value, WriteOptions,
 };
@@ -75,6 +75,7 @@ pub(crate) fn simplify_places<'py>(
     tolerance: f64,
     method: &str,
     rings: bool,
+    settings: Settings,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let method = method_of(py, method)?;
     let (positions, offsets) = (positions.readonly(), offsets.readonly());
@@ -87,47 +88,103 @@ pub(crate) fn simplify_places<'py>(
         let message = "the offsets are not those of the positions";
         return Err(usage(py, message, "let them rise from 0 to the number of positions"));
     }
-    let (places, ends) = match width {
-        2 => py.detach(|| simplified(all.as_chunks::<2>().0, offsets, tolerance, method, rings)),
-        3 => py.detach(|| simplified(all.as_chunks::<3>().0, offsets, tolerance, method, rings)),
-        _ => {
-            let message = "positions have two or three coordinates";
-            return Err(usage(py, message, "give an array of 2 or 3 columns"));
+    if !matches!(width, 2 | 3) {
+        let message = "positions have two or three coordinates";
+        return Err(usage(py, message, "give an array of 2 or 3 columns"));
+    }
+    let (places, ends) = run(py, settings, |machine| {
+        let how = How { tolerance, method, rings, cancel: &machine.cancel };
+        let threads = machine.threads.unwrap_or_else(|| {
+            std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+        });
+        match width {
+            2 => how.side_by_side(all.as_chunks::<2>().0, offsets, threads),
+            _ => how.side_by_side(all.as_chunks::<3>().0, offsets, threads),
         }
-    };
+    })?;
     (PyArray1::from_vec(py, places), PyArray1::from_vec(py, ends)).into_pyobject(py)
 }
 
-fn simplified<const N: usize>(
-    positions: &[[f64; N]],
-    offsets: &[i64],
+/// How lines are made simpler.
+#[derive(Clone, Copy)]
+struct How<'a> {
     tolerance: f64,
     method: Method,
     rings: bool,
-) -> (Vec<i64>, Vec<i64>)
-where
-    [f64; N]: Coordinates,
-{
-    let (mut places, mut ends) = (Vec::new(), Vec::with_capacity(offsets.len()));
-    ends.push(0);
-    for ends_of in offsets.windows(2) {
-        let [start, end] = [ends_of[0], ends_of[1]];
-        let line = &positions[start as usize..end as usize];
-        // Of fewer positions nothing can go.
-        let least = if rings { 5 } else { 3 };
-        if line.len() < least {
-            places.extend(start..end);
-        } else {
-            let first = places.len();
-            let kept = terrane::simplify(line, tolerance).method(method).ring(rings).indices();
-            places.extend(kept.into_iter().map(|place| start + place as i64));
-            if rings {
-                places.push(places[first]);
-            }
+    cancel: &'a Cancel,
+}
+
+/// Positions that are left, and where each line ends among them.
+type Left = (Vec<i64>, Vec<i64>);
+
+impl How<'_> {
+    /// All lines, by so many threads; what is left does not depend on those.
+    fn side_by_side<const N: usize>(
+        self,
+        positions: &[[f64; N]],
+        offsets: &[i64],
+        threads: usize,
+    ) -> terrane::Result<Left>
+    where
+        [f64; N]: Coordinates,
+    {
+        // A thread is not worth its start for less.
+        let threads = threads.clamp(1, 1 + positions.len() / 50_000);
+        let cut = |part: usize| {
+            let position = positions.len() as u128 * part as u128 / threads as u128;
+            offsets.partition_point(|start| (*start as u128) < position)
+        };
+        let last = offsets.len() - 1;
+        let cuts: Vec<usize> =
+            (0..=threads).map(|part| if part == threads { last } else { cut(part) }).collect();
+        let parts = std::thread::scope(|scope| {
+            let start = |ends: &[usize]| {
+                let lines = &offsets[ends[0]..=ends[1].max(ends[0])];
+                scope.spawn(move || self.each(positions, lines))
+            };
+            let started: Vec<_> = cuts.windows(2).map(start).collect();
+            let join = |thread: std::thread::ScopedJoinHandle<'_, terrane::Result<Left>>| {
+                let fault = || terrane::Error::new(ErrorKind::Internal, "a thread failed");
+                thread.join().unwrap_or_else(|_| Err(fault()))
+            };
+            started.into_iter().map(join).collect::<terrane::Result<Vec<_>>>()
+        })?;
+        let (mut places, mut ends) = (Vec::new(), vec![0]);
+        for (more, more_ends) in parts {
+            let before = places.len() as i64;
+            places.extend(more);
+            ends.extend(more_ends.into_iter().map(|end| before + end));
         }
-        ends.push(places.len() as i64);
+        Ok((places, ends))
     }
-    (places, ends)
+
+    /// Some lines, one after the other.
+    fn each<const N: usize>(self, positions: &[[f64; N]], offsets: &[i64]) -> terrane::Result<Left>
+    where
+        [f64; N]: Coordinates,
+    {
+        let Self { tolerance, method, rings, cancel } = self;
+        let (mut places, mut ends) = (Vec::new(), Vec::with_capacity(offsets.len()));
+        for ends_of in offsets.windows(2) {
+            cancel.check()?;
+            let [start, end] = [ends_of[0], ends_of[1]];
+            let line = &positions[start as usize..end as usize];
+            // Of fewer positions nothing can go.
+            let least = if rings { 5 } else { 3 };
+            if line.len() < least {
+                places.extend(start..end);
+            } else {
+                let first = places.len();
+                let kept = terrane::simplify(line, tolerance).method(method).ring(rings).indices();
+                places.extend(kept.into_iter().map(|place| start + place as i64));
+                if rings {
+                    places.push(places[first]);
+                }
+            }
+            ends.push(places.len() as i64);
+        }
+        Ok((places, ends))
+    }
 }
 
 /// Geometries of one kind, as ragged arrays of shapely have them: the kind, positions, and where parts begin in those,
@@ -191,11 +248,14 @@ impl Ragged<'_> {
     fn places(&self, kind: Kind, number: usize) -> Option<Places> {
         let mut places = Places::default();
         let polygons = match kind {
-            Kind::LineString => vec![number..number + 1],
-            Kind::MultiLineString | Kind::Polygon => vec![self.range(1, number)?],
-            _ => self.range(2, number)?.map(|part| self.range(1, part)).collect::<Option<_>>()?,
+            Kind::LineString | Kind::MultiLineString | Kind::Polygon => number..number + 1,
+            _ => self.range(2, number)?,
         };
-        for parts in polygons {
+        for polygon in polygons {
+            let parts = match kind {
+                Kind::LineString => polygon..polygon + 1,
+                _ => self.range(1, polygon)?,
+            };
             for part in parts {
                 for place in self.range(0, part)? {
                     let at = self.positions.get(place * self.width..(place + 1) * self.width)?;
@@ -211,7 +271,6 @@ impl Ragged<'_> {
 
 /// Simplifies the features of a file into another.
 #[pyfunction]
-#[pyo3(signature = (path, output, tolerance, metres, method, topology, overwrite, settings))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn simplify_file<'py>(
     py: Python<'py>,

@@ -70,6 +70,21 @@ def test_positions(method: str) -> None:
         assert np.array_equal(several[ends[number] : ends[number + 1]], alone)
 
 
+@pytest.mark.parametrize("rings", [False, True])
+def test_the_same_whatever_the_threads(rings: bool) -> None:
+    counts = np.random.default_rng(4).integers(0, 3000, 400)
+    offsets = np.cumsum([0, 0, 0, *counts, 0])
+    line = wavy(offsets[-1])
+    done = [
+        terrane.simplify(line, 2.0, offsets=offsets, rings=rings, threads=threads)
+        for threads in (1, 2, 7)
+    ]
+    assert len(done[0][1]) == len(offsets)
+    for places, ends in done[1:]:
+        assert np.array_equal(places, done[0][0])
+        assert np.array_equal(ends, done[0][1])
+
+
 def test_positions_in_space() -> None:
     line = np.column_stack([wavy(500), np.random.default_rng(2).normal(size=500) * 5])
     kept = terrane.simplify(line, 2.0)

@@ -201,3 +201,21 @@ def test_importing_is_quick_and_takes_nothing_along() -> None:
         assert getattr(terrane, name) is not None
     with pytest.raises(AttributeError):
         _ = terrane.nothing
+
+
+def test_other_interpreters_of_a_process_are_refused() -> None:
+    """By an error, not by a crash."""
+    code = (
+        "try:\n    import _interpreters as i\nexcept ImportError:\n    import _xxsubinterpreters as i\n"
+        "other = i.create()\n"
+        "i.run_string(other, 'try:\\n from terrane import _terrane\\n"
+        "except ImportError as error:\\n print(error)')\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", f"import terrane._terrane\n{code}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr
+    assert "subinterpreter" in told.stdout, told.stdout

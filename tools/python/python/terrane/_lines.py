@@ -176,7 +176,7 @@ def simplify(
     if plain or offsets is not None:
         if by_file:
             raise usage("positions have no neighbours and no system", "pass geometries of shapely")
-        return of_positions(geometry, offsets, tolerance, method, rings)
+        return of_positions(geometry, offsets, tolerance, method, rings, run)
     import shapely
 
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
@@ -211,7 +211,7 @@ def simplify(
 
 
 def of_positions(
-    positions: Any, offsets: Any, tolerance: float, method: str, rings: bool
+    positions: Any, offsets: Any, tolerance: float, method: str, rings: bool, run: Any
 ) -> Any:
     """Positions of one line, or of many."""
     array = np.require(positions, "f8", ("C", "A"))
@@ -219,7 +219,7 @@ def of_positions(
         raise usage(f"an array of shape {array.shape} is no list of positions")
     starts = [0, len(array)] if offsets is None else offsets
     begins = np.require(starts, "i8", ("C", "A"))
-    places, ends = _terrane.simplify_places(array, begins, tolerance, method, rings)
+    places, ends = _terrane.simplify_places(array, begins, tolerance, method, rings, run)
     return array[places] if offsets is None else (array[places], ends)
 
 
@@ -255,7 +255,7 @@ def of_geometries(
             wide = np.require(wide, "f8", ("C", "A"))
             begins = np.require(offsets[0], "i8", ("C", "A"))
             rings = kind not in line_kinds
-            left, ends = _terrane.simplify_places(wide, begins, tolerance, method, rings)
+            left, ends = _terrane.simplify_places(wide, begins, tolerance, method, rings, run)
             coordinates = coordinates[left]
             some = shapely.from_ragged_array(found, coordinates, (ends, *offsets[1:]))
             done[places] = shapely.get_exterior_ring(some) if kind == kind_of.LINEARRING else some

@@ -159,6 +159,7 @@ def simplify_places(
     tolerance: float,
     method: str,
     rings: bool,
+    settings: Settings,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 def simplify_file(
     path: str,
