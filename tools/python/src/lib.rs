@@ -5,6 +5,7 @@ mod array;
 mod cloud;
 mod error;
 mod grid;
+mod interpreter;
 mod lines;
 mod mesh;
 mod plan;
@@ -23,6 +24,7 @@ fn command_line(py: Python<'_>, args: Vec<std::ffi::OsString>) -> u8 {
 
 #[pymodule(gil_used = true)]
 fn _terrane(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    interpreter::refuse_others(module.py())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<cloud::Cloud>()?;
     module.add_class::<grid::Grid>()?;

@@ -209,7 +209,7 @@ def test_other_interpreters_of_a_process_are_refused() -> None:
         "try:\n    import _interpreters as i\nexcept ImportError:\n    import _xxsubinterpreters as i\n"
         "other = i.create()\n"
         "i.run_string(other, 'try:\\n from terrane import _terrane\\n"
-        "except ImportError as error:\\n print(error)')\n"
+        "except ImportError as error:\\n print(error, flush=True)')\n"
     )
     told = subprocess.run(
         [sys.executable, "-c", f"import terrane._terrane\n{code}"],
