@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,11 @@ def test_grids_go_to_files_and_arrays(tmp_path: Path, points: NDArray[np.float64
         grid.write(tmp_path / "grid.asc")
     terrane.grid(points, 10.0, "count").write(tmp_path / "count.asc")
     assert (tmp_path / "count.asc").exists()
+    again = pickle.loads(pickle.dumps(grid))
+    np.testing.assert_array_equal(again.data, grid.data)
+    assert (again.names, again.transform, again.crs) == (grid.names, grid.transform, grid.crs)
+    again.write(tmp_path / "again.tif")
+    assert (tmp_path / "again.tif").read_bytes() == (tmp_path / "grid.tif").read_bytes()
     array = grid.to_xarray()
     assert array.dims == ("band", "y", "x")
     assert array.rio.crs.to_epsg() == 32631

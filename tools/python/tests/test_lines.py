@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,10 @@ def test_contours(tmp_path: Path, heights: NDArray[np.float32]) -> None:
         # Lines cross edges of cells where the edges have that height; within cells they may differ.
         off = np.abs(mesh.interpolate(*lines[number].T) - lines.levels[number])
         assert np.nanmax(off) < 1e-2
+    assert np.array_equal(lines[-1], lines[len(lines) - 1])
+    assert np.array_equal(pickle.loads(pickle.dumps(lines)).coordinates, lines.coordinates)
+    with pytest.raises(IndexError):
+        lines[len(lines)]
     told = terrane.contour(heights, 50.0, output=tmp_path / "lines.fgb", **place)
     assert isinstance(told, dict)
     assert len(geopandas.read_file(tmp_path / "lines.fgb")) == len(lines)

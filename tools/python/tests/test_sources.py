@@ -158,6 +158,27 @@ def test_data_arrays(tmp_path: Path, heights: NDArray[np.float32]) -> None:
         terrane.tin(uneven, max_error=5.0)
 
 
+def test_overviews_of_files_are_what_they_are(
+    tmp_path: Path, heights: NDArray[np.float32]
+) -> None:
+    path = tiff(tmp_path / "dem.tif", np.tile(heights, (4, 4)))
+    with rasterio.open(path, "r+") as dataset:
+        dataset.build_overviews([2], rasterio.enums.Resampling.nearest)
+    with rasterio.open(path, overview_level=0) as half:
+        made = terrane.tin(half, max_error=5.0)
+        expected = terrane.tin(half.read(1), max_error=5.0, transform=half.transform)
+    assert same(made, expected)
+    assert not same(made, terrane.tin(path, max_error=5.0))
+
+
+def test_scales_that_are_not_applied_are_refused(heights: NDArray[np.float32]) -> None:
+    array = xarray.DataArray(heights, dims=("y", "x"), attrs={"scale_factor": 1.0})
+    assert same(terrane.tin(array, max_error=5.0), terrane.tin(heights, max_error=5.0))
+    for name in ("scale_factor", "add_offset"):
+        with pytest.raises(ValueError, match=name):
+            terrane.tin(array.assign_attrs({name: 0.5}), max_error=5.0)
+
+
 def test_nodata_of_data_arrays(heights: NDArray[np.float32]) -> None:
     whole = heights.round().astype("i2")
     whole[10:20, 10:30] = -1

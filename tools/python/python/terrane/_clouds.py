@@ -180,6 +180,10 @@ class GridResult:
             array = array.rio.write_crs(self.crs)
         return array
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        with open(self._path, "rb") as file:
+            return unpacked, (file.read(), self.report)
+
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """A band by its name, (rows, columns)."""
         band: NDArray[np.float64] = self.data[self.names.index(name)]
@@ -188,6 +192,14 @@ class GridResult:
     def __repr__(self) -> str:
         bands, rows, cols = self.data.shape
         return f"<terrane.GridResult: {', '.join(self.names)}; {bands} x {rows} x {cols}>"
+
+
+def unpacked(file: bytes, report: dict[str, Any]) -> GridResult:
+    """A grid out of a pickle."""
+    folder = tempfile.TemporaryDirectory(prefix="terrane-")
+    with open(os.path.join(folder.name, "grid.tif"), "wb") as new:
+        new.write(file)
+    return GridResult(folder, report)
 
 
 def made(cloud: _terrane.Cloud, asked: dict[str, Any], run: Any) -> GridResult:

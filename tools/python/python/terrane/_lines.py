@@ -37,8 +37,8 @@ class Lines:
 
     def __getitem__(self, number: int) -> NDArray[np.float64]:
         """A line, (n, 2)."""
-        start, end = self.offsets[number : number + 2 or None][:2]
-        return self.coordinates[start:end]
+        number = range(len(self))[number]
+        return self.coordinates[self.offsets[number] : self.offsets[number + 1]]
 
     def to_shapely(self) -> Any:
         """An array of `shapely.LineString`."""

@@ -140,7 +140,10 @@ def of_dataset(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -> _
     band = reading["band"] or 1
     is_asked = transform is None and crs is None and type(src).__name__ == "DatasetReader"
     if is_asked and os.path.isfile(src.name) and src.driver == "GTiff":
-        return _terrane.Grid.open([src.name], reading)
+        grid = _terrane.Grid.open([src.name], reading)
+        # An overview of a file, opened as a dataset, is not what is in the file.
+        if (grid.info["width"], grid.info["height"]) == (src.width, src.height):
+            return grid
     if band not in src.indexes:
         raise usage(f"band {band} is out of range: the dataset has {src.count}")
     scale, offset = src.scales[band - 1], src.offsets[band - 1]
@@ -161,6 +164,12 @@ def is_data_array(src: Any) -> bool:
 def of_data_array(src: Any, reading: dict[str, Any], transform: Any, crs: Any) -> _terrane.Grid:
     """What a DataArray of xarray holds, where it says it lies."""
     src = src.squeeze(drop=True)
+    for name, plain in (("scale_factor", 1.0), ("add_offset", 0.0)):
+        if src.attrs.get(name, plain) != plain:
+            raise usage(
+                f"the DataArray has a {name} of {src.attrs[name]}, which its values are without",
+                "open it with mask_and_scale=True, or apply it and drop the attribute",
+            )
     rio = getattr(src, "rio", None)
     if rio is not None and src.ndim == 2:
         src = src.transpose(*sides(rio, src.dims))
