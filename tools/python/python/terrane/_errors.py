@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
+
+# An option of the command line, not a part of a name.
+OPTION = re.compile(r"(?<![\w/.-])--([a-z]+(?:-[a-z]+)*)")
 
 
 class Error(Exception):
@@ -87,7 +91,13 @@ def make(
     """The exception for an error of the library."""
     is_missing = kind == "bad_input" and file is not None and not os.path.lexists(file)
     cls = MissingFileError if is_missing else CLASSES.get(kind, Error)
-    return cls(message, kind, file, place, remedy)
+    remedy = None if remedy is None else in_python(remedy)
+    return cls(in_python(message), kind, file, place, remedy)
+
+
+def in_python(text: str) -> str:
+    """What is said of options of the command line, said of arguments."""
+    return OPTION.sub(lambda option: option[1].replace("-", "_"), text)
 
 
 def refuse_existing(path: str, overwrite: bool) -> None:
