@@ -115,6 +115,9 @@ impl Task {
                 (Tile, 0, -1),
                 (Tile, -1, 0),
                 (Tile, -1, -1),
+                (Tile, 0, 1),
+                (Tile, 1, 0),
+                (Tile, 1, 1),
                 (Vertical, 0, -1),
                 (Vertical, 0, 0),
                 (Horizontal, -1, 0),
@@ -149,6 +152,9 @@ impl Task {
                 (Gather, 0, 1),
                 (Gather, 1, 0),
                 (Gather, 1, 1),
+                (Gather, 0, -1),
+                (Gather, -1, 0),
+                (Gather, -1, -1),
             ],
             Vertical => &[
                 (Horizontal, -1, 0),
@@ -360,6 +366,20 @@ mod tests {
                 backward.extend(task.inputs(&work).into_iter().map(|input| (input, task)));
             }
             assert_eq!(forward, backward);
+        }
+    }
+
+    /// A tile's rim has vertices of the tiles on its right and below it, whose heights are looked up.
+    #[test]
+    fn a_tile_is_gathered_when_all_owners_of_its_samples_are_there() {
+        for work in works() {
+            for task in all_tasks(&work).into_iter().filter(|task| task.step == work.last_touch()) {
+                let inputs = task.inputs(&work);
+                let owners = work.layout.owners(work.layout.rect(task.tile));
+                for tile in owners.map(|tile| Task { tile, step: Step::Tile }) {
+                    assert!(!work.has(tile) || inputs.contains(&tile), "{task:?} {tile:?}");
+                }
+            }
         }
     }
 
