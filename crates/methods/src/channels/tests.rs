@@ -27,8 +27,9 @@ impl Picture {
         Grid::new(self.size[0], self.size[1], &self.planes[0], None).unwrap()
     }
 
-    /// The error of a sample over a triangle by the definition, in halves: a fraction.
-    fn error(&self, corners: [Sample; 3], at: Sample) -> Option<(i64, i64)> {
+    /// The error of a sample over a triangle by the definition: of whole numbers, rounded once as a quotient and once
+    /// as a product; where a channel is beyond its tolerance, which is that of all divided by its weight, as a double.
+    fn error(&self, corners: [Sample; 3], at: Sample, tolerance: f64) -> Option<f64> {
         let ([a, b, c], q) = (corners.map(Sample::lattice), at.lattice());
         let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
         if weights.iter().any(|&weight| weight < 0) || corners.contains(&at) {
@@ -38,10 +39,13 @@ impl Picture {
         let of = |(plane, halves): (&Vec<f64>, &i64)| {
             let value = |at: Sample| plane[place(at)] as i64;
             let sum: i64 = weights.iter().zip(corners).map(|(w, z)| w * value(z)).sum();
-            halves * (sum - orient(a, b, c) * value(at)).abs()
+            let (off, area) = ((sum - orient(a, b, c) * value(at)).abs(), orient(a, b, c));
+            let weight = *halves as f64 / 2.0;
+            (weight * (off as f64 / area as f64), is_beyond((off, area), tolerance / weight))
         };
-        let most = self.planes.iter().zip(&self.halves).map(of).max()?;
-        Some((most, orient(a, b, c)))
+        let all: Vec<(f64, bool)> = self.planes.iter().zip(&self.halves).map(of).collect();
+        let most = all.iter().map(|(error, _)| *error).fold(0.0, f64::max);
+        all.iter().any(|(_, is_beyond)| *is_beyond).then_some(most)
     }
 }
 
@@ -61,13 +65,14 @@ fn pictures() -> impl Strategy<Value = Picture> {
     )
 }
 
-/// True when the fraction `a` is above `b`.
-fn is_above(a: (i64, i64), b: (i64, i64)) -> bool {
-    a.0 * b.1 > b.0 * a.1
+/// True when a fraction is above a double of 0 or above 2^-8, exactly.
+fn is_beyond((off, of): (i64, i64), most: f64) -> bool {
+    let parts = 2_f64.powi(60);
+    i128::from(off) * parts as i128 > (most * parts) as i128 * i128::from(of)
 }
 
 /// The twin: of all samples the one with the largest error, and the first of equals, again and again.
-fn naive(picture: &Picture, goal: Goal, tolerance: i64) -> Vec<Sample> {
+fn naive(picture: &Picture, goal: Goal, tolerance: f64) -> Vec<Sample> {
     let grid = picture.grid();
     let task = Task::new(grid, goal);
     let mut mesh = Mesh::of_outline(&grid).unwrap();
@@ -77,10 +82,9 @@ fn naive(picture: &Picture, goal: Goal, tolerance: i64) -> Vec<Sample> {
         let mut worst = None;
         for at in grid.samples() {
             let surface = (0..mesh.tris.len()).filter(|&t| mesh.tris[t].state == State::Surface);
-            let errors =
-                surface.filter_map(|t| Some((picture.error(mesh.tris[t].corners, at)?, t)));
-            for (error, t) in errors.filter(|(error, _)| is_above(*error, (tolerance, 1))) {
-                if worst.is_none_or(|(most, _, _)| is_above(error, most)) {
+            let error = |t: usize| picture.error(mesh.tris[t].corners, at, tolerance);
+            for (error, t) in surface.filter_map(|t| Some((error(t)?, t))) {
+                if worst.is_none_or(|(most, _, _)| error > most) {
                     worst = Some((error, at, t as u32));
                 }
             }
@@ -103,6 +107,17 @@ fn order(picture: &Picture, goal: Goal) -> (Vec<Sample>, Drawn) {
     (order, channels.triangulate(goal, &|| Ok(())).unwrap())
 }
 
+#[test]
+fn an_error_of_a_third_is_beyond_a_double_below_it() {
+    // The double next to a third is less than a third.
+    let planes = vec![vec![0.0, 3.0, 0.0, 2.0, 0.0, 2.0, 0.0, 1.0]];
+    let picture = Picture { size: [2, 4], planes, halves: vec![3] };
+    let goal = Goal::MaxError(0.5);
+    let (found, _) = order(&picture, goal);
+    assert_eq!(found, naive(&picture, goal, 0.5));
+    assert_eq!(found.len(), 2);
+}
+
 proptest! {
     #[test]
     fn the_same_vertices_in_the_same_order_as_by_measuring_everything_again(
@@ -110,13 +125,14 @@ proptest! {
         budget in prop::option::of(4_u64..60),
     ) {
         prop_assume!(check_surface(&picture.grid()).is_ok());
-        let (goal, halves) = match budget {
-            None => (Goal::MaxError(halves as f64 / 2.0), halves),
-            Some(most) => (Goal::MaxVertices(most), 0),
+        let tolerance = halves as f64 / 2.0;
+        let (goal, tolerance) = match budget {
+            None => (Goal::MaxError(tolerance), tolerance),
+            Some(most) => (Goal::MaxVertices(most), 0.0),
         };
         prop_assume!(Size::of(&Mesh::of_outline(&picture.grid())?, goal).is_ok());
         let (found, drawn) = order(&picture, goal);
-        prop_assert_eq!(&found, &naive(&picture, goal, halves));
+        prop_assert_eq!(&found, &naive(&picture, goal, tolerance));
         if let Some(most) = budget {
             prop_assert!(drawn.vertices.len() as u64 <= most);
         }
