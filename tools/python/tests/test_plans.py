@@ -52,6 +52,11 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
     with pytest.raises(FileNotFoundError):
         terrane.open_plan(tmp_path / "work")
     plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
+    (tmp_path / "mesh.ply").write_text("another")
+    with pytest.raises(FileExistsError):
+        plan.run(output=tmp_path / "mesh.ply")
+    assert (tmp_path / "mesh.ply").read_text() == "another"
+    assert plan.run(output=tmp_path / "mesh.ply", overwrite=True)["written"]
     with pytest.raises(TypeError, match="unexpected"):
         plan.run(retries=3)
 
