@@ -60,7 +60,7 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 /// let points: Vec<[f64; 3]> = (0..5000).map(|i| [i as f64 % 71.0, i as f64 / 71.0, 0.25 * i as f64]).collect();
 /// let cloud = terrane::open_points(&points, None, terrane::Crs::default())?;
 /// let report = cloud.grid(10.0).stats("count,mean").write(&path)?;
-/// assert_eq!(report.points, 5000);
+/// assert_eq!(report.points.kept, 5000);
 /// # Ok(())
 /// # }
 /// ```
