@@ -48,7 +48,7 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
 
 /// Takes points in memory, x, y and z, for a cloud that jobs read as they read those in files; with what is known
 /// of them, for filters. They are copied onto a lattice with the decimals they have, at most 9 and no more than
-/// keep them within reach: 24 bytes a point.
+/// keep them within reach: 16 bytes a point.
 ///
 /// # Errors
 /// A coordinate that is not finite; marks of another number of points; points too far from each other.

@@ -62,7 +62,7 @@ impl Raw for HeldPoint {
 
 impl HeldCloud {
     /// Gives points a name, by which [`source`](super::source) opens them. Their lattice has the decimals that they have, at
-    /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 24
+    /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 16
     /// bytes a point and looks at each twice.
     ///
     /// # Errors

@@ -92,9 +92,11 @@ def test_the_same_whatever_the_threads(rings: bool) -> None:
 
 def test_positions_in_space() -> None:
     line = np.column_stack([wavy(500), np.random.default_rng(2).normal(size=500) * 5])
-    kept = terrane.simplify(line, 2.0)
+    kept = terrane.simplify(line, 2.0, metric="space")
     assert kept.shape[1] == 3
-    assert len(kept) > len(terrane.simplify(line[:, :2], 2.0))
+    plane = terrane.simplify(line, 2.0)
+    assert len(kept) > len(plane)
+    assert np.array_equal(plane[:, :2], terrane.simplify(line[:, :2], 2.0))
 
 
 GEOMETRIES = {
@@ -183,6 +185,9 @@ def test_arrow() -> None:
         (wavy(5), {"method": "none"}),
         (wavy(5), {"metric": "none"}),
         (wavy(5), {"topology": True}),
+        (wavy(5), {"crs": 4326}),
+        (GEOMETRIES["polygon"], {"rings": True}),
+        (GEOMETRIES["high line"], {"metric": "space", "topology": True}),
         (wavy(5), {"offsets": [0, 9]}),
         (wavy(5), {"offsets": [0, 3, 1, 5]}),
         (np.zeros(5), {}),

@@ -49,6 +49,12 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
         terrane.plan(DEM, tmp_path / "work")
     with pytest.raises(terrane.Error, match="one of them"):
         terrane.plan(DEM, tmp_path / "work", 5.0, cell=1.0)
+    for option in ({"fit": True}, {"clip": "area.wkt"}, {"tile": 64}, {"bound": "surface"}):
+        with pytest.raises(terrane.Error, match=f"{min(option)} is an option of a mesh"):
+            terrane.plan("synth:cloud,size=50", tmp_path / "work", cell=1.0, **option)
+    for option in ({"stat": "max"}, {"classes": [2]}, {"bounds": (0, 0, 1, 1)}):
+        with pytest.raises(terrane.Error, match=f"{min(option)} is an option of a grid"):
+            terrane.plan(DEM, tmp_path / "work", 5.0, **option)
     with pytest.raises(FileNotFoundError):
         terrane.open_plan(tmp_path / "work")
     plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, cut=1)
@@ -59,6 +65,8 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
     assert plan.run(output=tmp_path / "mesh.ply", overwrite=True)["written"]
     with pytest.raises(TypeError, match="unexpected"):
         plan.run(retries=3)
+    with pytest.raises(terrane.Error, match="tells of it itself"):
+        plan.run(object(), progress=print)
 
 
 def test_a_cluster_does_a_plan(tmp_path: Path) -> None:

@@ -174,9 +174,13 @@ def simplify(
     run = settings(threads, memory, progress)
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
     if plain or offsets is not None:
-        if by_file:
+        if by_file or crs is not None:
             raise usage("positions have no neighbours and no system", "pass geometries of shapely")
-        return of_positions(geometry, offsets, tolerance, method, rings, run)
+        return of_positions(geometry, offsets, tolerance, method, metric, rings, run)
+    if rings:
+        raise usage("geometries say themselves whether they are rings", "leave rings out")
+    if topology and metric == "space":
+        raise usage("what crosses what is seen in the plane", 'leave metric="space" or topology out')
     import shapely
 
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
@@ -211,15 +215,23 @@ def simplify(
 
 
 def of_positions(
-    positions: Any, offsets: Any, tolerance: float, method: str, rings: bool, run: Any
+    positions: Any,
+    offsets: Any,
+    tolerance: float,
+    method: str,
+    metric: str,
+    rings: bool,
+    run: Any,
 ) -> Any:
     """Positions of one line, or of many."""
     array = np.require(positions, "f8", ("C", "A"))
     if array.ndim != 2:
         raise usage(f"an array of shape {array.shape} is no list of positions")
+    wide = array[:, :2] if metric == "plane" and array.shape[1] == 3 else array
+    wide = np.require(wide, "f8", ("C", "A"))
     starts = [0, len(array)] if offsets is None else offsets
     begins = np.require(starts, "i8", ("C", "A"))
-    places, ends = _terrane.simplify_places(array, begins, tolerance, method, rings, run)
+    places, ends = _terrane.simplify_places(wide, begins, tolerance, method, rings, run)
     return array[places] if offsets is None else (array[places], ends)
 
 

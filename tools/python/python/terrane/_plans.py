@@ -51,8 +51,11 @@ class Plan:
             if options:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
             return self._plan.run(task, name, overwrite, settings(threads, memory, progress))
-        if task is not None:
-            raise usage("a cluster does all tasks that are not done", "leave out task or client")
+        if task is not None or progress is not None:
+            raise usage(
+                "a cluster does all tasks that are not done, and tells of it itself",
+                "leave out task and progress, or client",
+            )
         from dataclasses import asdict
 
         from terrane import dask
@@ -116,6 +119,24 @@ def plan(
     (True, [])
     """
     run = settings(threads, memory, progress)
+    # What only the other kind of plan has is refused by name.
+    of_mesh = {
+        "bound": bound != "samples",
+        "band": band is not None,
+        "nodata": nodata is not None,
+        "clip": clip is not None,
+        "water": water is not None,
+        "keep_points": keep_points is not None,
+        "breaklines": breaklines is not None,
+        "fit": fit,
+        "data_dependent": data_dependent,
+        "min_angle": min_angle is not None,
+        "tile": tile != 512,
+    }
+    of_grid = {"stat": stat != "mean", "classes": classes is not None, "bounds": bounds is not None}
+    kind, others = ("mesh", of_mesh) if cell is not None else ("grid of points", of_grid)
+    for name in (name for name, given in others.items() if given):
+        raise usage(f"{name} is an option of a {kind}", "leave it out")
     if cell is not None:
         if max_error is not None:
             raise usage("cell is of a grid and max_error of a mesh", "pass one of them")
