@@ -24,7 +24,15 @@ fn at_once(grid: &Grid, levels: &Levels) -> (Vec<Line>, u64) {
     let width = grid.info.width;
     let window = Window { rect: grid.info.bounds(), grid_width: width, heights: &grid.heights };
     let mut traced = Lines::default();
-    contour::trace(&window, levels, u64::MAX, &mut Scratch::default(), &mut traced).unwrap();
+    contour::trace(
+        &window,
+        levels,
+        u64::MAX,
+        &mut Scratch::default(),
+        &mut traced,
+        &Cancel::default(),
+    )
+    .unwrap();
     let mut found = Vec::new();
     for (index, line) in traced.lines.iter().enumerate() {
         let mut vertices = traced.of(index).to_vec();

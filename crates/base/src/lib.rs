@@ -1,12 +1,14 @@
 //! What all rooms share: errors that name file, place and remedy, limits for values found in untrusted
-//! headers, and the geometry of windows, maps and coordinate reference systems.
+//! headers, a way to stop, and the geometry of windows, maps and coordinate reference systems.
 
 pub mod bits;
 pub mod bound;
+pub mod cancel;
 pub mod digits;
 pub mod error;
 pub mod geom;
 pub mod limits;
 pub mod registry;
 
+pub use cancel::Cancel;
 pub use error::{Error, ErrorKind, Result};

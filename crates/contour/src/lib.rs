@@ -37,6 +37,7 @@ pub use levels::Levels;
 pub use link::{Line, Lines};
 
 use sweep::{Node, Sweep};
+use terrane_base::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -124,18 +125,20 @@ pub struct Scratch {
 /// Fills `lines` with the contour lines of a window at all `levels`, in an order that depends on the
 /// window alone.
 ///
-/// O(samples + crossings). Takes [`CROSSING_BYTES`] for each crossing.
+/// O(samples + crossings). Takes [`CROSSING_BYTES`] for each crossing. `cancel` is looked at row by row.
 ///
 /// # Errors
 /// `Usage` for a window whose heights do not fit its size, or of more than [`MOST_SIDE`] samples along
 /// a side; `BadInput` for a height beyond 1e30, or one that is more than 2^30 intervals from the base;
-/// `Resource` for more than `most` crossings.
+/// `Resource` for more than `most` crossings; `Interrupted` where it is
+/// cancelled.
 pub fn trace<H: Copy + Into<f64>>(
     window: &Window<'_, H>,
     levels: &Levels,
     most: u64,
     scratch: &mut Scratch,
     lines: &mut Lines,
+    cancel: &Cancel,
 ) -> Result<()> {
     lines.clear();
     let Rect { width, height, .. } = window.rect;
@@ -147,7 +150,6 @@ pub fn trace<H: Copy + Into<f64>>(
     }
     // Nodes are numbered in 32 bits.
     let most = most.min(u64::from(u32::MAX - 1));
-    scratch.sweep.run(window, levels, most)?;
-    lines.link(&mut scratch.sweep.nodes, window.rect, window.grid_width);
-    Ok(())
+    scratch.sweep.run(window, levels, most, cancel)?;
+    lines.link(&mut scratch.sweep.nodes, window.rect, window.grid_width, cancel)
 }

@@ -2,6 +2,8 @@
 
 use super::sweep::{ENTERED, EXACT, NONE, Node, TAKEN};
 use super::{Edge, Vertex};
+use terrane_base::Cancel;
+use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
 /// A line of [`Lines`].
@@ -42,17 +44,25 @@ impl Lines {
     }
 
     /// Fills itself from the nodes of a window.
-    pub(super) fn link(&mut self, nodes: &mut [Node], rect: Rect, grid_width: u32) {
+    pub(super) fn link(
+        &mut self,
+        nodes: &mut [Node],
+        rect: Rect,
+        grid_width: u32,
+        cancel: &Cancel,
+    ) -> Result<()> {
         let frame = Frame { rect, grid_width };
         for only_open in [true, false] {
             for first in 0..nodes.len() {
                 let Node { next, marks, .. } = nodes[first];
                 let is_start = marks & ENTERED == 0 || !only_open;
                 if next != NONE && marks & TAKEN == 0 && is_start {
+                    cancel.check()?;
                     self.follow(nodes, first, frame);
                 }
             }
         }
+        Ok(())
     }
 
     /// Appends the line from node `first` on, to its end or back to `first`.

@@ -6,6 +6,7 @@
 
 use super::levels::{Levels, VOID};
 use super::{NEAREST, Window};
+use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// The number of no node.
@@ -58,6 +59,7 @@ impl Sweep {
         window: &Window<'_, H>,
         levels: &Levels,
         most: u64,
+        cancel: &Cancel,
     ) -> Result<()> {
         let (width, height) = (window.rect.width as usize, window.rect.height as usize);
         self.nodes.clear();
@@ -71,6 +73,7 @@ impl Sweep {
             busy.resize(width.div_ceil(CHUNK), false);
         }
         for row in 0..height {
+            cancel.check()?;
             std::mem::swap(&mut self.above, &mut self.ranks);
             std::mem::swap(&mut self.along_above, &mut self.along);
             std::mem::swap(&mut self.busy_above, &mut self.busy);

@@ -9,7 +9,8 @@ fn traced(heights: &[f64], width: usize, levels: &Levels) -> Lines {
     let rect = Rect::new(0, 0, width as u32, (heights.len() / width) as u32);
     let window = Window { rect, grid_width: width as u32, heights };
     let mut lines = Lines::default();
-    trace(&window, levels, u64::MAX, &mut Scratch::default(), &mut lines).unwrap();
+    trace(&window, levels, u64::MAX, &mut Scratch::default(), &mut lines, &Cancel::default())
+        .unwrap();
     lines
 }
 
@@ -228,7 +229,14 @@ fn nonsense_is_refused() {
     let run = |heights: &[f64], width, most| {
         let rect = Rect::new(7, 9, width, 2);
         let window = Window { rect, grid_width: 100, heights };
-        trace(&window, &levels, most, &mut Scratch::default(), &mut Lines::default())
+        trace(
+            &window,
+            &levels,
+            most,
+            &mut Scratch::default(),
+            &mut Lines::default(),
+            &Cancel::default(),
+        )
     };
     assert!(run(&[0.0; 5], 2, 9).is_err());
     let side = MOST_SIDE as usize;
@@ -240,6 +248,18 @@ fn nonsense_is_refused() {
     assert!(run(&heights, 2, 16).is_ok());
     let told = run(&heights, 2, 15).unwrap_err();
     assert_eq!(told.kind(), ErrorKind::Resource);
+}
+
+/// Before its first row is read.
+#[test]
+fn work_that_is_cancelled_ends() {
+    let (levels, cancel) = (Levels::every(1.0, 0.0).unwrap(), Cancel::default());
+    cancel.cancel();
+    let window =
+        Window { rect: Rect::new(0, 0, 2, 2), grid_width: 2, heights: &[0.0, 1.0, 2.0, 9.0] };
+    let (mut scratch, mut lines) = (Scratch::default(), Lines::default());
+    let error = trace(&window, &levels, 99, &mut scratch, &mut lines, &cancel).unwrap_err();
+    assert_eq!((error.kind(), lines.lines.len()), (ErrorKind::Interrupted, 0));
 }
 
 #[test]
@@ -259,7 +279,7 @@ fn nothing_stays_of_what_was_traced_before() {
     {
         let rect = Rect::new(0, 0, width, heights.len() as u32 / width);
         let window = Window { rect, grid_width: width, heights: &heights };
-        trace(&window, &levels, u64::MAX, &mut scratch, &mut lines).unwrap();
+        trace(&window, &levels, u64::MAX, &mut scratch, &mut lines, &Cancel::default()).unwrap();
         assert_eq!(lines, traced(&heights, width as usize, &levels));
     }
 }

@@ -32,33 +32,11 @@ pub mod view;
 mod water;
 mod workers;
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use terrane_base::error::{Error, ErrorKind, Result};
+pub use terrane_base::Cancel;
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.
 pub const REVISION: u32 = 8;
-
-/// Set once to stop a job early; checked between units of work.
-#[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
-
-impl Cancel {
-    /// Asks the job to stop.
-    pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// Fails with [`ErrorKind::Interrupted`] once [`cancel`](Self::cancel) was called.
-    pub fn check(&self) -> Result<()> {
-        if self.0.load(Ordering::Relaxed) {
-            return Err(Error::new(ErrorKind::Interrupted, "interrupted; nothing was written"));
-        }
-        Ok(())
-    }
-}
 
 /// Receives a job's progress; called from several threads.
 pub trait Progress: Sync {

@@ -16,6 +16,8 @@ const CHUNK: usize = 4096;
 const FIRST_CHUNK: usize = 16;
 /// Bytes read from the file at a time.
 const READ_BYTES: usize = 64 << 10;
+/// Bytes after which a bucket that leaves memory lets others go on: a few hundredths of a second.
+const SPILLED: u64 = if cfg!(test) { 1 << 10 } else { 16 << 20 };
 /// Records that a [`Writer`] gathers.
 const GATHERED: usize = 128;
 
@@ -164,7 +166,7 @@ impl<T: Pod> Buckets<T> {
         let held = self.held.fetch_add(taken, Ordering::Relaxed) + taken;
         drop(own);
         if taken > 0 && held > self.budget {
-            self.relieve(self.budget / 4 * 3)?;
+            self.relieve(self.budget - (self.budget / 4).min(SPILLED))?;
         }
         Ok(())
     }
@@ -186,23 +188,25 @@ impl<T: Pod> Buckets<T> {
                 break;
             }
             let next = self.next.fetch_add(1, Ordering::Relaxed) % self.buckets.len();
-            self.spill(&mut lock(&self.buckets[next]))?;
+            while self.held() > most && self.spill(&mut lock(&self.buckets[next]))? {}
         }
         Ok(())
     }
 
-    fn spill(&self, bucket: &mut Bucket<T>) -> Result<()> {
-        if bucket.chunks.is_empty() {
-            return Ok(());
-        }
+    /// Writes the first chunks of a bucket, about [`SPILLED`] bytes; false where it has none.
+    fn spill(&self, bucket: &mut Bucket<T>) -> Result<bool> {
+        let Some(first) = bucket.chunks.first() else { return Ok(false) };
+        let until = first.first + SPILLED / size_of::<T>() as u64;
+        let count = bucket.chunks.partition_point(|chunk| chunk.first < until);
+        let (chunks, rest) = bucket.chunks.split_at(count);
+        let end = rest.first().map_or(bucket.len(), |chunk| chunk.first);
         let parts: Vec<&[u8]> =
-            bucket.chunks.iter().map(|chunk| bytemuck::cast_slice(&chunk.records)).collect();
+            chunks.iter().map(|chunk| bytemuck::cast_slice(&chunk.records)).collect();
         let Extent { offset, .. } = self.spool.put(&parts)?;
-        let run = Run { offset, end: bucket.len() };
-        self.held.fetch_sub(bucket.bytes(), Ordering::Relaxed);
-        bucket.runs.push(run);
-        bucket.chunks = Vec::new();
-        Ok(())
+        bucket.runs.push(Run { offset, end });
+        let bytes = bucket.chunks.drain(..count).map(|chunk| chunk.bytes()).sum();
+        self.held.fetch_sub(bytes, Ordering::Relaxed);
+        Ok(true)
     }
 
     /// Number of records in a bucket.

@@ -43,6 +43,9 @@ pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
         .remedy("choose a folder with room with --temp-dir")
 }
 
+/// Bytes of a file that is given back in a moment.
+const LARGE: u64 = 64 << 20;
+
 /// Where bytes lie in a [`Spool`].
 #[derive(Debug)]
 pub struct Extent {
@@ -131,6 +134,17 @@ impl Spool {
 
     fn failure(&self, action: &str, source: io::Error) -> Error {
         allow_memory(failure(&self.folder, action, source))
+    }
+}
+
+impl Drop for Spool {
+    /// The system takes a while to give back a large file (0.1 s for 2 GB); nobody waits for that.
+    fn drop(&mut self) {
+        let written = lock(&self.space).written;
+        if let Some(file) = self.file.take().filter(|_| written > LARGE) {
+            // Where there is no thread to be had the file is closed here.
+            let _ = std::thread::Builder::new().spawn(|| drop(file));
+        }
     }
 }
 

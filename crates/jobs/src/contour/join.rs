@@ -7,10 +7,14 @@ use bytemuck::Zeroable;
 
 use super::budget::{Budget, VERTEX_BYTES};
 use super::tiles::{Tiles, Traced, lowest};
+use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_contour::{Edge, Vertex};
 use terrane_files::Buckets;
+
+/// Vertices handed over before the job may be stopped.
+const PUSHED: usize = 1 << 16;
 
 /// The number of no piece.
 const NONE: u32 = u32::MAX;
@@ -81,7 +85,13 @@ impl Pieces {
     }
 
     /// Takes over the lines of a tile with the samples `rect`.
-    pub(super) fn add(&mut self, traced: Traced<'_>, rect: Rect, tiles: Tiles) -> Result<()> {
+    pub(super) fn add(
+        &mut self,
+        traced: Traced<'_>,
+        rect: Rect,
+        tiles: Tiles,
+        cancel: &Cancel,
+    ) -> Result<()> {
         let Traced { lines, original_vertices, left_out } = traced;
         self.original_vertices += original_vertices;
         self.left_out += left_out;
@@ -89,7 +99,10 @@ impl Pieces {
             return Err(too_many(self.most));
         }
         let first_address = self.vertices.len(0);
-        self.vertices.push(0, &lines.vertices)?;
+        for vertices in lines.vertices.chunks(PUSHED) {
+            cancel.check()?;
+            self.vertices.push(0, vertices)?;
+        }
         let mut start = 0;
         for (index, line) in lines.lines.iter().enumerate() {
             let vertices = lines.of(index);

@@ -276,7 +276,8 @@ impl<'a> Work<'a> {
         progress.begin("trace", self.samples());
         let pieces = Mutex::new(Pieces::new(&self.budget, self.job.spill_folder()));
         let Self { levels, budget, tolerance, .. } = self;
-        let task = tiles::Task { source, levels, tiles, budget: *budget, tolerance: *tolerance };
+        let (budget, tolerance) = (*budget, *tolerance);
+        let task = tiles::Task { source, levels, tiles, budget, tolerance, cancel };
         workers::run(
             budget.threads,
             tiles.count(),
@@ -284,7 +285,7 @@ impl<'a> Work<'a> {
             || Worker::new(&task),
             |worker: &mut Worker<'_, '_>, tile| {
                 let traced = worker.trace(tile).map_err(|e| self.of_input(e))?;
-                lock(&pieces).add(traced, tiles.rect(tile), tiles)?;
+                lock(&pieces).add(traced, tiles.rect(tile), tiles, cancel)?;
                 progress.advance(tiles.owned(tile));
                 Ok(())
             },

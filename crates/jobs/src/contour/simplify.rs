@@ -2,6 +2,7 @@
 
 use super::Tolerance;
 use super::tiles::{Rim, Tiles, lowest};
+use crate::Cancel;
 use crate::line::Measure;
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
@@ -39,9 +40,16 @@ impl Simplifier {
     }
 
     /// Simplifies the lines of the tile with the samples `rect`.
-    pub(super) fn simplify(&mut self, lines: &Lines, rect: Rect, tiles: Tiles) -> Result<&Lines> {
+    pub(super) fn simplify(
+        &mut self,
+        lines: &Lines,
+        rect: Rect,
+        tiles: Tiles,
+        cancel: &Cancel,
+    ) -> Result<&Lines> {
         let mut input = Input { starts: vec![0], kept: Kept::new(), ..Input::default() };
         for (index, line) in lines.lines.iter().enumerate() {
+            cancel.check()?;
             let vertices = lines.of(index);
             if line.closed {
                 self.add_ring(&mut input, vertices, tiles);
@@ -55,7 +63,8 @@ impl Simplifier {
         let Input { points, starts, closed, kept, .. } = &input;
         let chains = Chains { points, starts, closed };
         let mut refine = refining(points, |points, kept| self.cone.line(points, kept));
-        let outcome = untangle(&chains, kept, &[], &Options::default(), &mut refine)?;
+        let options = Options { cancel: Some(cancel), ..Options::default() };
+        let outcome = untangle(&chains, kept, &[], &options, &mut refine)?;
         drop(refine);
         self.collect(lines, &input, &outcome.kept);
         Ok(&self.lines)

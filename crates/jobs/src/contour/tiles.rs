@@ -3,6 +3,7 @@
 use super::Tolerance;
 use super::budget::Budget;
 use super::simplify::Simplifier;
+use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_contour::{self as contour, Levels, Line, Lines, Scratch, Vertex, Window};
@@ -82,6 +83,7 @@ pub(super) struct Task<'a> {
     pub(super) tiles: Tiles,
     pub(super) budget: Budget,
     pub(super) tolerance: Option<Tolerance>,
+    pub(super) cancel: &'a Cancel,
 }
 
 /// The lines of a tile.
@@ -133,7 +135,7 @@ impl<'a, 'b> Worker<'a, 'b> {
         let original_vertices = self.lines.vertices.len() as u64;
         let left_out = leave_out(&mut self.lines);
         let lines = match &mut self.simplifier {
-            Some(simplifier) => simplifier.simplify(&self.lines, rect, tiles)?,
+            Some(simplifier) => simplifier.simplify(&self.lines, rect, tiles, self.task.cancel)?,
             None => &self.lines,
         };
         Ok(Traced { lines, original_vertices, left_out })
@@ -147,7 +149,7 @@ impl<'a, 'b> Worker<'a, 'b> {
         lines: &mut Lines,
     ) -> Result<()> {
         let window = Window { rect, grid_width: task.tiles.width, heights };
-        contour::trace(&window, task.levels, task.budget.crossings, scratch, lines)
+        contour::trace(&window, task.levels, task.budget.crossings, scratch, lines, task.cancel)
     }
 }
 

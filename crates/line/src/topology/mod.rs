@@ -44,6 +44,7 @@ mod tree;
 pub use chains::{Chains, Kept, open_at};
 pub use cross::conflict;
 
+use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 use tree::{Bounds, Tree};
@@ -81,6 +82,8 @@ pub struct Options<'a> {
     pub collapse: Collapse,
     /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
     pub loops: &'a [bool],
+    /// What may stop the work.
+    pub cancel: Option<&'a Cancel>,
 }
 
 /// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
@@ -129,7 +132,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Those of [`Chains::check`]; `Usage` for `kept` that is no selection from `chains`; `BadInput` for
-/// a point that is not finite.
+/// a point that is not finite; `Interrupted` where it is cancelled.
 pub fn untangle(
     chains: &Chains<'_>,
     kept: &Kept,
@@ -163,13 +166,13 @@ pub fn untangle_within(
     let (mut kept, mended) = rings::mend(chains, kept, options, refine);
     let mut refined = 0;
     if options.strategy == Strategy::Proactive {
-        (kept, refined) = proactive::accept(chains, &kept, &points, refine);
+        (kept, refined) = proactive::accept(chains, &kept, &points, options.cancel, refine)?;
     }
     let mut settling = settle::Settling::new(chains, &kept);
     if refined > 0 {
         settling.unturned = 0;
     }
-    settling.run(&points, most, refine)?;
+    settling.run(&points, most, options.cancel, refine)?;
     Ok(Outcome {
         crossings: std::mem::take(&mut settling.crossings),
         refined: refined + settling.refined,

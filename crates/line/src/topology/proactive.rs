@@ -5,7 +5,9 @@ use super::region::farthest;
 use super::scan::any_held;
 use super::tree::{Bounds, Tree};
 use super::{Points, Refine};
+use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
+use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
 /// Vertices of a chain that share a box.
@@ -89,13 +91,15 @@ pub(super) fn accept(
     chains: &Chains<'_>,
     kept: &Kept,
     points: &Points<'_>,
+    cancel: Option<&Cancel>,
     refine: &mut Refine<'_>,
-) -> (Kept, u64) {
+) -> Result<(Kept, u64)> {
     let mut living = Living::new(chains, kept, points);
     let (mut accepted, mut refined) = (Kept::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
         // Pieces to be tested are between neighbours on the stack; the next one is on its top.
+        cancel.map_or(Ok(()), Cancel::check)?;
         let mut open: Vec<u32> = kept.of(chain).iter().rev().copied().collect();
         while let [.., to, from] = open[..] {
             if to - from == 1 || living.is_free(from, to) {
@@ -121,5 +125,5 @@ pub(super) fn accept(
         accepted.vertices.extend(open);
         accepted.close();
     }
-    (accepted, refined)
+    Ok((accepted, refined))
 }

@@ -6,7 +6,9 @@ use super::chains::Chains;
 use super::cross::conflict;
 use super::region::{Bands, holds};
 use super::tree::{Bounds, Tree};
+use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
+use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
 /// A chain's part from one kept vertex to the next.
@@ -89,11 +91,13 @@ pub(super) struct View<'a> {
     pub(super) alive: &'a [bool],
     /// The last vertices of open chains: those that no piece begins with.
     pub(super) ends: &'a BitSet,
+    /// What may stop the work.
+    pub(super) cancel: Option<&'a Cancel>,
 }
 
 impl View<'_> {
     /// Tests every pair of pieces of a layer, all of them alive, once.
-    pub(super) fn within(&self, layer: &Layer, found: &mut Found) {
+    pub(super) fn within(&self, layer: &Layer, found: &mut Found) -> Result<()> {
         let tree = &layer.tree;
         let mut groups = Vec::new();
         for group in 0..tree.groups() {
@@ -108,13 +112,14 @@ impl View<'_> {
                     self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
                 }
             }
-            self.test_held(found, MOST_HELD);
+            self.test_held(found, MOST_HELD)?;
         }
+        Ok(())
     }
 
     /// Tests every piece of `fresh` against every living one of `old`. Fresh pieces are few and lie
     /// here and there, so each looks for itself.
-    pub(super) fn between(&self, fresh: &Layer, old: &Layer, found: &mut Found) {
+    pub(super) fn between(&self, fresh: &Layer, old: &Layer, found: &mut Found) -> Result<()> {
         let mut groups = Vec::new();
         for item in (0..fresh.spans.len()).map(|at| fresh.item(at)) {
             old.tree.groups_meeting(item.bounds, 0, &mut groups);
@@ -123,12 +128,19 @@ impl View<'_> {
                     self.pair(item, old.item(q), found);
                 }
             }
-            self.test_held(found, MOST_HELD);
+            self.test_held(found, MOST_HELD)?;
         }
+        Ok(())
     }
 
     /// Tests every piece of `fresh` against given points; the ids of `tree` are their numbers.
-    pub(super) fn points(&self, fresh: &Layer, tree: &Tree, points: &[Xy], found: &mut Found) {
+    pub(super) fn points(
+        &self,
+        fresh: &Layer,
+        tree: &Tree,
+        points: &[Xy],
+        found: &mut Found,
+    ) -> Result<()> {
         let mut groups = Vec::new();
         for group in 0..fresh.tree.groups() {
             tree.groups_meeting(&fresh.tree.around(group), 0, &mut groups);
@@ -137,8 +149,9 @@ impl View<'_> {
                     self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
                 }
             }
-            self.test_held(found, MOST_HELD);
+            self.test_held(found, MOST_HELD)?;
         }
+        Ok(())
     }
 
     #[inline(always)]
@@ -187,10 +200,11 @@ impl View<'_> {
         }
     }
 
-    /// Tests the candidates of long pieces, once there are more than `most` of them.
-    pub(super) fn test_held(&self, found: &mut Found, most: usize) {
+    /// Tests the candidates of long pieces, once there are more than `most` of them; fails where the work is stopped.
+    pub(super) fn test_held(&self, found: &mut Found, most: usize) -> Result<()> {
+        self.cancel.map_or(Ok(()), Cancel::check)?;
         if found.held.len() <= most {
-            return;
+            return Ok(());
         }
         let mut held = std::mem::take(&mut found.held);
         held.sort_by_key(|&(i, _)| i);
@@ -200,6 +214,7 @@ impl View<'_> {
                 found.wrong.push(run[0].0);
             }
         }
+        Ok(())
     }
 }
 

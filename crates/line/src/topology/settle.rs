@@ -7,6 +7,7 @@ use super::region::farthest;
 use super::scan::{Found, Layer, Piece, View};
 use super::tree::Bounds;
 use super::{Points, Refine};
+use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::area_sign;
@@ -81,6 +82,7 @@ impl<'a> Settling<'a> {
         &mut self,
         points: &Points<'_>,
         most: usize,
+        cancel: Option<&Cancel>,
         refine: &mut Refine<'_>,
     ) -> Result<()> {
         let mut first = 0;
@@ -90,7 +92,7 @@ impl<'a> Settling<'a> {
                 return Err(Error::new(ErrorKind::Resource, message));
             }
             let fresh = self.layer_from(first);
-            let found = self.scan(&fresh, points);
+            let found = self.scan(&fresh, points, cancel)?;
             self.layers.push(fresh);
             self.rounds += 1;
             let mut wrong = self.judge(found);
@@ -99,6 +101,7 @@ impl<'a> Settling<'a> {
             }
             first = self.pieces.len();
             for i in wrong {
+                cancel.map_or(Ok(()), Cancel::check)?;
                 self.split(i, refine);
             }
             if self.layers.len() > MOST_LAYERS {
@@ -130,21 +133,22 @@ impl<'a> Settling<'a> {
         self.layers.push(merged);
     }
 
-    fn scan(&self, fresh: &Layer, points: &Points<'_>) -> Found {
+    fn scan(&self, fresh: &Layer, points: &Points<'_>, cancel: Option<&Cancel>) -> Result<Found> {
         let view = View {
             chains: self.chains,
             pieces: &self.pieces,
             alive: &self.alive,
             ends: &self.ends,
+            cancel,
         };
         let mut found = Found::default();
-        view.within(fresh, &mut found);
+        view.within(fresh, &mut found)?;
         for old in &self.layers {
-            view.between(fresh, old, &mut found);
+            view.between(fresh, old, &mut found)?;
         }
-        view.points(fresh, &points.tree, points.at, &mut found);
-        view.test_held(&mut found, 0);
-        found
+        view.points(fresh, &points.tree, points.at, &mut found)?;
+        view.test_held(&mut found, 0)?;
+        Ok(found)
     }
 
     /// The pieces to split, ascending, once each. A crossing is blamed on vertices that are on the
@@ -269,7 +273,7 @@ mod tests {
         let points = Points::new(&below).expect("finite");
         for (most, is_enough) in [(0, false), (2, false), (3, true), (4, true)] {
             let mut settling = Settling::new(&chains, &kept);
-            let result = settling.run(&points, most, &mut nothing);
+            let result = settling.run(&points, most, None, &mut nothing);
             match result {
                 Ok(()) => assert!(is_enough && settling.pieces.len() == 3, "{most}"),
                 Err(error) => assert!(!is_enough && error.kind() == ErrorKind::Resource, "{most}"),
@@ -288,7 +292,7 @@ mod tests {
         let corner = [[0, 1].map(|axis| (line[0][axis] + line[1][axis] + line[2][axis]) / 3.0)];
         let points = Points::new(&corner).expect("finite");
         let mut settling = Settling::new(&chains, &kept);
-        settling.run(&points, usize::MAX, &mut nothing).expect("any number of pieces");
+        settling.run(&points, usize::MAX, None, &mut nothing).expect("any number of pieces");
         assert_eq!((settling.rounds, settling.refined, settling.layers.len()), (9, 8, 4));
         let known: usize = settling.layers.iter().map(|layer| layer.tree.ids.len()).sum();
         assert!(known < settling.pieces.len(), "merged layers hold no piece that was split");

@@ -277,7 +277,7 @@ impl Cover<'_> {
             let own = sides.partition_point(|(other, _)| (*other as usize) < square);
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
-            let solved = solve(&world, self.topology.strategy, self.rule, room)?;
+            let solved = solve(&world, self.topology.strategy, self.rule, room, self.cancel)?;
             now.kept.set(square, &solved.bits)?;
             lock(&total).add(&solved, square, squares);
             self.progress.advance(1);

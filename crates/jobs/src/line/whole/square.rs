@@ -9,6 +9,7 @@
 use super::gaps::Gaps;
 use super::kept;
 use super::own;
+use crate::Cancel;
 use crate::line::part::chosen;
 use crate::line::tool::{Rule, Task, Tool, Vertex};
 use terrane_base::bits::BitSet;
@@ -99,13 +100,21 @@ pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
 
 /// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
 /// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
-pub(super) fn solve(world: &World, strategy: Strategy, rule: &Rule, room: u64) -> Result<Solved> {
+pub(super) fn solve(
+    world: &World,
+    strategy: Strategy,
+    rule: &Rule,
+    room: u64,
+    cancel: &Cancel,
+) -> Result<Solved> {
     let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
     let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
     let mut whole = world.whole.clone();
     loop {
+        cancel.check()?;
         let arcs = with_obstacles(world)?;
-        let made = rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces })?;
+        let made =
+            rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces, cancel })?;
         let mut solved = made.solved(world);
         let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
         if spoiled.is_empty() {
@@ -140,6 +149,7 @@ struct Together<'a> {
     rule: &'a Rule,
     /// Most pieces that there is room for.
     pieces: usize,
+    cancel: &'a Cancel,
 }
 
 /// What became of them.
@@ -212,7 +222,8 @@ impl Task for Together<'_> {
         let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
         let loops = self.loops();
         let Rule { collapse, .. } = *self.rule;
-        let options = Options { strategy: self.strategy, collapse, loops: &loops };
+        let options =
+            Options { strategy: self.strategy, collapse, loops: &loops, cancel: Some(self.cancel) };
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
         let refine = &mut refining(&vertices, run);
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;

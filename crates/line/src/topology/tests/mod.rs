@@ -5,6 +5,7 @@ mod worlds;
 
 use super::*;
 use std::cmp::Ordering;
+use terrane_base::ErrorKind;
 use terrane_base::geom::plane::area_sign;
 use worlds::{Dice, World};
 
@@ -43,7 +44,7 @@ fn ways<'a>() -> impl Iterator<Item = Options<'a>> {
     let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
     policies.into_iter().flat_map(move |collapse| {
-        strategies.map(|strategy| Options { strategy, collapse, loops: &[] })
+        strategies.map(|strategy| Options { strategy, collapse, ..Options::default() })
     })
 }
 
@@ -126,7 +127,7 @@ fn segments_accepted_one_by_one_need_no_mending() {
         let kept = Kept::simplified(&chains, &mut refine);
         let (kept, _) = rings::mend(&chains, &kept, &Options::default(), &mut refine);
         let points = Points::new(&world.fixed).unwrap();
-        let (kept, _) = proactive::accept(&chains, &kept, &points, &mut refine);
+        let (kept, _) = proactive::accept(&chains, &kept, &points, None, &mut refine).unwrap();
         assert!(twin::crossings(&world, &kept).is_empty(), "seed {seed}: crossings");
         twin::sides(&world, &kept, &format!("seed {seed}"));
         twin::within(&world, &kept, tolerance, &format!("seed {seed}"));
@@ -174,6 +175,32 @@ fn what_is_dropped_later_is_in_the_way_first() {
     };
     assert_eq!(with(Strategy::Retroactive), (vec![0, 2, 3, 5], 0));
     assert_eq!(with(Strategy::Proactive), (vec![0, 1, 2, 3, 5], 1));
+}
+
+/// Cancelled before it begins, and by the method itself when a piece is split.
+#[test]
+fn work_that_is_cancelled_ends() {
+    let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
+    let river = vec![[400, -300], [401, -100], [400, 50]];
+    let world = World::new(vec![coast, river], vec![]);
+    for (strategy, at_once) in [Strategy::Retroactive, Strategy::Proactive]
+        .into_iter()
+        .flat_map(|s| [(s, true), (s, false)])
+    {
+        let cancel = Cancel::default();
+        let chains = world.chains();
+        let options = Options { strategy, cancel: Some(&cancel), ..Options::default() };
+        let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
+            rdp(chains.points, from, to, 100.0, out);
+        };
+        let kept = Kept::simplified(&chains, &mut refine);
+        let mut splits = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| cancel.cancel();
+        if at_once {
+            cancel.cancel();
+        }
+        let error = untangle(&chains, &kept, &world.fixed, &options, &mut splits).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Interrupted, "{strategy:?}, {at_once}");
+    }
 }
 
 /// What is split of a ring is the piece that is wrong, and no other.
