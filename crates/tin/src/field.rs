@@ -22,6 +22,12 @@ pub(super) struct Level<'a> {
     pub(super) bounds: [i32; 4],
 }
 
+/// Exact heights of samples.
+pub(super) enum Samples<'a> {
+    Single(&'a [f32]),
+    Exact(&'a [f64]),
+}
+
 /// A private copy of a rectangle of heights, with its decimated copies behind it.
 #[derive(Debug, Default)]
 pub(super) struct Field {
@@ -64,6 +70,9 @@ impl Field {
         self.starts = [0; LEVELS];
         (1..LEVELS).for_each(|level| self.decimate(level));
         self.values.resize(self.values.len() + PADDING, f32::NAN);
+        if heights.f64.is_some() {
+            self.exact.resize(self.exact.len() + PADDING, f64::NAN);
+        }
     }
 
     fn decimate(&mut self, level: usize) {
@@ -137,6 +146,15 @@ impl Field {
     #[inline(always)]
     pub(super) fn at(&self, index: usize) -> f64 {
         if self.exact.is_empty() { f64::from(self.values[index]) } else { self.exact[index] }
+    }
+
+    /// All samples, row by row, and 16 values after the last.
+    #[inline(always)]
+    pub(super) fn samples(&self) -> Samples<'_> {
+        match self.exact.is_empty() {
+            true => Samples::Single(&self.values),
+            false => Samples::Exact(&self.exact),
+        }
     }
 
     /// The largest height but for its sign, void samples aside.

@@ -15,6 +15,7 @@ mod x86;
 
 use super::Local;
 use super::field::Level;
+use super::measure::Triangle;
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
@@ -52,6 +53,14 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
     std::iter::once(scalar).chain(more).collect()
 }
 
+/// What a triangle measures, by the widest registers of this processor; none where they are those of all.
+pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
+    #[cfg(target_arch = "x86_64")]
+    return x86::measured(triangle);
+    #[cfg(not(target_arch = "x86_64"))]
+    return None;
+}
+
 /// A triangle with heights: its plane and its box, in lattice units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
@@ -60,11 +69,11 @@ pub(super) struct Facet {
     pub(super) gx: f64,
     pub(super) gy: f64,
     /// Corners as [column, row].
-    corners: [Lattice; 3],
+    pub(super) corners: [Lattice; 3],
     /// First and last column.
-    cols: [i32; 2],
+    pub(super) cols: [i32; 2],
     /// First and last row.
-    rows: [i32; 2],
+    pub(super) rows: [i32; 2],
 }
 
 /// The edges of a triangle as bounds of its rows.
@@ -111,7 +120,7 @@ impl Facet {
 
     /// First and last decimated column to scan in any row. Runs of lanes begin at the first.
     #[inline(always)]
-    fn column_range(&self, level: &Level<'_>) -> [i32; 2] {
+    pub(super) fn column_range(&self, level: &Level<'_>) -> [i32; 2] {
         decimated(self.cols, level.shift, [level.bounds[0], level.bounds[1]])
     }
 
@@ -142,6 +151,17 @@ fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] 
 }
 
 impl Edges {
+    /// True when one of the edges that are asked for, and do not run along a row, goes through a sample.
+    #[inline(always)]
+    pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
+        let mut any = false;
+        for i in 0..3 {
+            let off = self.offsets[i] + self.slopes[i] * f64::from(row) - f64::from(col);
+            any |= asked[i] & (self.sides[i] != Side::Level) & (off.abs() <= SLACK);
+        }
+        any
+    }
+
     /// First and last decimated column of a decimated row; first > last when there is none.
     #[inline(always)]
     pub(super) fn columns(&self, level: &Level<'_>, row: i32) -> [i32; 2] {

@@ -5,6 +5,7 @@ use std::arch::x86_64::*;
 
 use super::{Edges, Facet, LANES, Level, SLACK, Scan, Side, Worst, run_of};
 use crate::Local;
+use crate::measure::Triangle;
 
 /// Rows whose ends are computed together.
 const ROWS: usize = 8;
@@ -29,6 +30,19 @@ fn scan_avx512(level: &Level<'_>, facet: &Facet) -> Worst {
 fn scan_avx2(level: &Level<'_>, facet: &Facet) -> Worst {
     // SAFETY: listed by `available` only where AVX2 was detected.
     unsafe { avx2(level, facet) }
+}
+
+pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
+    if !is_x86_feature_detected!("avx2") {
+        return None;
+    }
+    // SAFETY: AVX2 was detected.
+    Some(unsafe { measured_avx2(triangle) })
+}
+
+#[target_feature(enable = "avx2")]
+fn measured_avx2(triangle: &Triangle<'_>) -> (f32, f32) {
+    triangle.measured()
 }
 
 /// Edges as bounds without a branch: an edge that does not bound a side is moved to infinity there.
