@@ -1,0 +1,122 @@
+//! Borders of tiles: chosen from what lies on the border alone, so that the tiles on both sides choose alike.
+
+use crate::globe::{Upright, Vector};
+use crate::ground::Ground;
+use crate::level::Level;
+use crate::tiling::{STEPS, TileId};
+
+/// A side of a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub(crate) enum Side {
+    West,
+    South,
+    East,
+    North,
+}
+
+impl Side {
+    /// All of them, in the order in which files list them.
+    pub(crate) const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
+
+    /// The position so many steps along it, from the south or from the west.
+    pub(crate) fn position(self, along: i32) -> [i32; 2] {
+        match self {
+            Self::West => [0, along],
+            Self::South => [along, 0],
+            Self::East => [STEPS, along],
+            Self::North => [along, STEPS],
+        }
+    }
+
+    /// Steps along it, of a position on it.
+    pub(crate) fn along(self, [u, v]: [i32; 2]) -> Option<i32> {
+        let [across, along, side] = match self {
+            Self::West => [u, v, 0],
+            Self::South => [v, u, 0],
+            Self::East => [u, v, STEPS],
+            Self::North => [v, u, STEPS],
+        };
+        (across == side).then_some(along)
+    }
+}
+
+/// A place on a border where a vertex may be.
+struct Stop {
+    along: i32,
+    /// Always a vertex.
+    is_post: bool,
+    /// Steps of the level.
+    height: i32,
+    upright: Upright,
+    point: Vector,
+}
+
+/// The vertices of a side: steps along it and heights in steps of the level, from the south or from the west. The
+/// furthest place becomes a vertex until none is beyond the goal of borders.
+pub(crate) fn vertices(
+    tile: TileId,
+    side: Side,
+    level: &Level,
+    ground: &impl Ground,
+) -> Vec<[i32; 2]> {
+    let stops = stops(tile, side, level, ground);
+    let mut kept: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
+    let mut open: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+    while let Some([from, to]) = open.pop() {
+        if let Some(worst) = worst(&stops, [from, to], level.border_goal()) {
+            kept.push(worst);
+            open.extend([[from, worst], [worst, to]]);
+        }
+    }
+    kept.sort_unstable();
+    kept.into_iter().map(|i| [stops[i].along, stops[i].height]).collect()
+}
+
+/// Steps to the begin of a part.
+pub(crate) fn along(part: u32, parts: u32) -> i32 {
+    let double = 2 * u64::from(part) * STEPS as u64 + u64::from(parts);
+    (double / (2 * u64::from(parts))) as i32
+}
+
+/// Places where the ground bends, and posts, which have a height in any case.
+fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<Stop> {
+    let stop = |along: i32, known: Option<f64>, is_post: bool| {
+        let place = tile.place(side.position(along));
+        let height = level.steps(known.unwrap_or_else(|| ground.fill(place)));
+        let upright = Upright::at(place);
+        let point = upright.point(f64::from(height) * level.step);
+        Stop { along, is_post, height, upright, point }
+    };
+    let post = |part: u32| {
+        let along = along(part, level.posts);
+        stop(along, ground.height(tile.place(side.position(along))), true)
+    };
+    let mut stops: Vec<Stop> = (0..=level.posts).map(post).collect();
+    let ends = [0, STEPS].map(|end| tile.place(side.position(end)));
+    ground.bends(ends, &mut |place, height| {
+        let [u, v] = tile.steps(place).map(|at| at.round() as i32);
+        let along = if matches!(side, Side::West | Side::East) { v } else { u };
+        stops.push(stop(along.clamp(0, STEPS), Some(height), false));
+    });
+    // Of those at one position a post counts, or else the first.
+    stops.sort_by_key(|stop| (stop.along, !stop.is_post));
+    stops.dedup_by_key(|stop| stop.along);
+    stops
+}
+
+/// The stop between two that is furthest from the straight line between them, where it is beyond the goal.
+fn worst(stops: &[Stop], [from, to]: [usize; 2], goal: f64) -> Option<usize> {
+    let (a, b) = (&stops[from], &stops[to]);
+    let chord = b.point - a.point;
+    let off = |stop: &Stop| {
+        let part = f64::from(stop.along - a.along) / f64::from(b.along - a.along);
+        (stop.point - (a.point + chord * part)).dot(stop.upright.normal).abs()
+    };
+    let further = |worst: (f64, usize), i: usize| {
+        let off = off(&stops[i]);
+        if off > worst.0 { (off, i) } else { worst }
+    };
+    let (off, worst) = (from + 1..to).fold((0.0, from), further);
+    (off > goal).then_some(worst)
+}

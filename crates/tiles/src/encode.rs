@@ -1,0 +1,230 @@
+//! The bytes of a tile as quantized-mesh 1.0 (github.com/CesiumGS/quantized-mesh): positions and heights in 32,767
+//! steps, triangles by how long ago a vertex was new, the vertices of each border, and, if wanted, normals; and
+//! what is proven of the tile, in the extension for metadata.
+
+use crate::border::Side;
+use crate::globe::{Upright, Vector};
+use crate::ground::Ground;
+use crate::horizon;
+use crate::level::Level;
+use crate::surface::{Tile, Vertex};
+use crate::tiling::{self, STEPS};
+use terrane_base::error::{Error, Result};
+
+/// Number of the extension with a normal for each vertex.
+const NORMALS: u8 = 1;
+/// Number of the extension with text about the tile.
+const METADATA: u8 = 4;
+/// Vertices that two bytes can number.
+const SHORT: usize = 1 << 16;
+/// Halvings of a level's step that a tile's own may have.
+const MOST_HALVINGS: u32 = 14;
+/// Places that the error is told to.
+const PLACES: i32 = 3;
+
+/// The heights that a tile can hold: from the lowest one on, in its own steps.
+struct Heights {
+    /// Steps of the level.
+    lowest: i32,
+    /// Own steps in a step of the level.
+    fineness: i32,
+    /// Metres.
+    range: [f32; 2],
+}
+
+impl Heights {
+    /// The finest steps that reach from the lowest height to the highest, so that clients know the range of
+    /// heights as well as they can.
+    fn of(tile: &Tile) -> Option<Self> {
+        let heights = || tile.vertices.iter().map(|vertex| vertex.height);
+        let (lowest, highest) = (heights().min()?, heights().max()?);
+        let fits = |halvings: &u32| {
+            let fineness = 1_i64 << halvings;
+            let reach = i64::from(lowest).abs() * fineness + i64::from(STEPS);
+            i64::from(highest - lowest) * fineness <= i64::from(STEPS) && reach < 1 << 24
+        };
+        let halvings = (0..=MOST_HALVINGS).rev().find(fits)?;
+        let own = tile.step / f64::from(1_u32 << halvings);
+        let low = f64::from(lowest) * tile.step;
+        // Both are whole numbers of steps below 2^24, so they are exact.
+        let range = [low as f32, (low + own * f64::from(STEPS)) as f32];
+        Some(Self { lowest, fineness: 1 << halvings, range })
+    }
+
+    fn stored(&self, height: i32) -> i32 {
+        (height - self.lowest) * self.fineness
+    }
+}
+
+/// The bytes of a tile; with `normals`, those of the ground at its vertices.
+///
+/// # Errors
+/// A tile whose heights have too large a range.
+pub fn quantized_mesh<G: Ground>(tile: &Tile, normals: Option<(&Level, &G)>) -> Result<Vec<u8>> {
+    let heights = Heights::of(tile).ok_or_else(|| {
+        let tiling::TileId { level, x, y } = tile.id;
+        Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
+            .remedy(format!("pass --max-level {}", level.saturating_sub(1)))
+    })?;
+    let (vertices, triangles) = in_order(tile);
+    let mut out = Vec::with_capacity(vertices.len() * 12 + 256);
+    header(tile, &heights, &mut out);
+    out.extend((vertices.len() as u32).to_le_bytes());
+    let parts: [&dyn Fn(&Vertex) -> i32; 3] =
+        [&|v| v.at[0], &|v| v.at[1], &|v| heights.stored(v.height)];
+    parts.iter().for_each(|part| differences(vertices.iter().map(part), &mut out));
+    let is_short = vertices.len() <= SHORT;
+    let index = |index: u32, out: &mut Vec<u8>| match is_short {
+        true => out.extend((index as u16).to_le_bytes()),
+        false => out.extend(index.to_le_bytes()),
+    };
+    while !is_short && out.len() % 4 != 0 {
+        out.push(0);
+    }
+    out.extend((triangles.len() as u32).to_le_bytes());
+    let mut next = 0;
+    for corner in triangles.iter().flatten() {
+        index(next - corner, &mut out);
+        next += u32::from(*corner == next);
+    }
+    for side in Side::ALL {
+        let on_side = |(i, v): (u32, &Vertex)| side.along(v.at).map(|along| (along, i));
+        let mut ends: Vec<(i32, u32)> = (0..).zip(&vertices).filter_map(on_side).collect();
+        ends.sort_unstable();
+        out.extend((ends.len() as u32).to_le_bytes());
+        ends.iter().for_each(|(_, vertex)| index(*vertex, &mut out));
+    }
+    if let Some((level, ground)) = normals {
+        out.push(NORMALS);
+        out.extend((2 * vertices.len() as u32).to_le_bytes());
+        for vertex in &vertices {
+            out.extend(octants(normal(tile.id.place(vertex.at), level, ground)));
+        }
+    }
+    metadata(tile.measure.largest, &mut out);
+    Ok(out)
+}
+
+fn header(tile: &Tile, heights: &Heights, out: &mut Vec<u8>) {
+    let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
+    let (centre, radius) = horizon::sphere(&points);
+    let occlusion = horizon::occlusion(centre, &points, heights.range[0].into());
+    let doubles = |out: &mut Vec<u8>, values: &[f64]| {
+        out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    };
+    doubles(out, &centre.0);
+    out.extend(heights.range.iter().flat_map(|height| height.to_le_bytes()));
+    doubles(out, &centre.0);
+    doubles(out, &[radius]);
+    doubles(out, &occlusion.0);
+}
+
+/// Differences from one to the next, small ones of either sign as small numbers.
+fn differences(values: impl Iterator<Item = i32>, out: &mut Vec<u8>) {
+    let mut last = 0;
+    for value in values {
+        let by = value - last;
+        out.extend((((by << 1) ^ (by >> 31)) as u16).to_le_bytes());
+        last = value;
+    }
+}
+
+/// Triangles in an order in which neighbours follow each other, and vertices in the order in which these name
+/// them.
+fn in_order(tile: &Tile) -> (Vec<Vertex>, Vec<[u32; 3]>) {
+    let mut numbers = vec![u32::MAX; tile.vertices.len()];
+    let mut vertices = Vec::with_capacity(tile.vertices.len());
+    let mut triangles = Vec::with_capacity(tile.triangles.len());
+    for (triangle, first) in walk(&tile.triangles) {
+        let mut corners = tile.triangles[triangle];
+        corners.rotate_left(first);
+        triangles.push(corners.map(|corner| {
+            let number = &mut numbers[corner as usize];
+            if *number == u32::MAX {
+                *number = vertices.len() as u32;
+                vertices.push(tile.vertices[corner as usize]);
+            }
+            *number
+        }));
+    }
+    (vertices, triangles)
+}
+
+/// Triangles, each with the corner to begin at, so that most share an edge with the one before.
+fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
+    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(triangles.len() * 3);
+    for (number, corners) in (0..).zip(triangles) {
+        edges.extend((0..3).map(|k| ([corners[k], corners[(k + 1) % 3]], number)));
+    }
+    edges.sort_unstable();
+    let beyond = |from: u32, to: u32| {
+        let found = edges.binary_search_by_key(&[to, from], |(edge, _)| *edge);
+        found.ok().map(|i| edges[i].1 as usize)
+    };
+    let mut is_done = vec![false; triangles.len()];
+    let mut order = Vec::with_capacity(triangles.len());
+    let mut open = vec![(0, 0)];
+    while let Some((triangle, first)) = open.pop() {
+        if std::mem::replace(&mut is_done[triangle], true) {
+            continue;
+        }
+        order.push((triangle, first));
+        let corners = triangles[triangle];
+        // Across the edge that it came over there is nothing left.
+        for k in [(first + 2) % 3, (first + 1) % 3, first] {
+            let [from, to] = [corners[k], corners[(k + 1) % 3]];
+            if let Some(next) = beyond(from, to).filter(|next| !is_done[*next]) {
+                let corner = triangles[next].iter().position(|corner| *corner == to).unwrap_or(0);
+                open.push((next, corner));
+            }
+        }
+    }
+    order
+}
+
+/// What is at right angles to the ground at a place: a function of the ground alone, so that tiles beside each
+/// other are lit alike.
+fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Vector {
+    let by = level.slope;
+    let upright = Upright::at(place);
+    let [east, north] = upright.across();
+    let here = ground.height(place);
+    let slope = |axis: usize| {
+        let mut ends = [place; 2];
+        ends[0][axis] -= by;
+        ends[1][axis] += by;
+        let found = ends.map(|end| ground.height(end));
+        let rise = match (found, here) {
+            ([Some(low), Some(high)], _) => high - low,
+            ([None, Some(high)], Some(here)) => 2.0 * (high - here),
+            ([Some(low), None], Some(here)) => 2.0 * (here - low),
+            _ => return 0.0,
+        };
+        let length = (Upright::at(ends[1]).point(0.0) - Upright::at(ends[0]).point(0.0)).length();
+        if length > 0.0 { rise / length } else { 0.0 }
+    };
+    (upright.normal - east * slope(0) - north * slope(1)).unit()
+}
+
+/// A direction in two bytes: its octahedron, unfolded (Cigolle et al. 2014, "A Survey of Efficient Representations
+/// for Independent Unit Vectors").
+fn octants(direction: Vector) -> [u8; 2] {
+    let [x, y, z] = direction.0;
+    let size = x.abs() + y.abs() + z.abs();
+    let [mut x, mut y] = [x / size, y / size];
+    if z < 0.0 {
+        let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
+        [x, y] = [(1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)];
+    }
+    [x, y].map(|value| ((value.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0).round() as u8)
+}
+
+/// Tells the error, rounded up.
+fn metadata(error: f64, out: &mut Vec<u8>) {
+    let scale = 10_f64.powi(PLACES);
+    let text = format!(r#"{{"error":{}}}"#, (error * scale).ceil() / scale);
+    out.push(METADATA);
+    out.extend((text.len() as u32 + 4).to_le_bytes());
+    out.extend((text.len() as u32).to_le_bytes());
+    out.extend(text.as_bytes());
+}

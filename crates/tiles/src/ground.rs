@@ -1,0 +1,370 @@
+//! The ground that tiles are made of: samples of a grid, what lies between them, and what stands for them where
+//! there are none.
+
+use crate::globe::{Turn, Upright, bend};
+use crate::tiling::Bounds;
+use terrane_base::geom::{Affine, Rect};
+
+/// A sample of the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Longitude and latitude in degrees.
+    pub place: [f64; 2],
+    /// Metres.
+    pub height: f64,
+    /// What is upright there.
+    pub upright: Upright,
+}
+
+impl Sample {
+    /// A sample at a longitude and a latitude.
+    pub fn new(place: [f64; 2], height: f64) -> Self {
+        Self { place, height, upright: Upright::at(place) }
+    }
+}
+
+/// What is known of the ground. Everything is a function of the grid and the place alone, so that tiles that share
+/// a border agree on it.
+pub trait Ground {
+    /// The height at a place, between the four samples around it; `None` where one of them is void.
+    fn height(&self, place: [f64; 2]) -> Option<f64>;
+
+    /// What stands for it where nothing is known.
+    fn fill(&self, place: [f64; 2]) -> f64;
+
+    /// Hands on where the ground bends along the straight line between two places on one meridian or parallel, and
+    /// the heights there: in between it is straight.
+    fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64));
+
+    /// Hands on every `stride`-th valid sample in a rectangle, its border included; near ones one after another.
+    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
+}
+
+/// Samples that a place may be beside one and still be on it.
+const HAIR: f64 = 1e-7;
+
+/// A rectangle of heights of a grid whose rows run from west to east and whose columns from north to south.
+#[derive(Clone, Debug)]
+pub struct Patch<'a> {
+    heights: &'a [f64],
+    rect: Rect,
+    /// Samples of the whole grid along both sides.
+    whole: [u32; 2],
+    map: Affine,
+    cols: Vec<Turn>,
+    rows: Vec<(Turn, f64)>,
+    fill: &'a Fill,
+}
+
+impl<'a> Patch<'a> {
+    /// The heights of `rect`, row by row, NaN where void, of a grid of so many columns and rows, which `map`
+    /// takes to longitudes and latitudes without turning it.
+    pub fn new(
+        heights: &'a [f64],
+        rect: Rect,
+        whole: [u32; 2],
+        map: Affine,
+        fill: &'a Fill,
+    ) -> Self {
+        debug_assert!(map.b == 0.0 && map.d == 0.0 && heights.len() == rect.len());
+        let col = |col: u32| Turn::of(map.apply(f64::from(col), 0.0)[0]);
+        let row = |row: u32| {
+            let turn = Turn::of(map.apply(0.0, f64::from(row))[1]);
+            (turn, bend(turn))
+        };
+        let cols = (rect.col..rect.col + rect.width).map(col).collect();
+        let rows = (rect.row..rect.row + rect.height).map(row).collect();
+        Self { heights, rect, whole, map, cols, rows, fill }
+    }
+
+    /// The height of a sample of the patch.
+    fn at(&self, col: u32, row: u32) -> Option<f64> {
+        let [col, row] = [col.checked_sub(self.rect.col)?, row.checked_sub(self.rect.row)?];
+        if col >= self.rect.width || row >= self.rect.height {
+            return None;
+        }
+        let height = self.heights[row as usize * self.rect.width as usize + col as usize];
+        height.is_finite().then_some(height)
+    }
+
+    /// The samples along an axis that lie from `low` to `high`, both included.
+    fn range(&self, axis: usize, [low, high]: [f64; 2]) -> [u32; 2] {
+        let [first, count] = match axis {
+            0 => [self.rect.col, self.rect.width],
+            _ => [self.rect.row, self.rect.height],
+        };
+        let inverse = |value: f64| match axis {
+            0 => self.map.invert(value, self.map.y0)[0],
+            _ => self.map.invert(self.map.x0, value)[1],
+        };
+        let place = |index: u32| match axis {
+            0 => self.map.apply(f64::from(index), 0.0)[0],
+            _ => self.map.apply(0.0, f64::from(index))[1],
+        };
+        let holds = |index: u32| (low..=high).contains(&place(index));
+        let [a, b] = [inverse(low), inverse(high)];
+        let clip = |value: f64| value.clamp(f64::from(first), f64::from(first + count)) as u32;
+        // Rounding may be off by one.
+        let mut start = clip(a.min(b).floor() - 1.0);
+        let mut end = clip(a.max(b).ceil() + 2.0).max(start);
+        while start < end && !holds(start) {
+            start += 1;
+        }
+        while start < end && !holds(end - 1) {
+            end -= 1;
+        }
+        [start, end]
+    }
+}
+
+impl Ground for Patch<'_> {
+    fn height(&self, place: [f64; 2]) -> Option<f64> {
+        let at = self.map.invert(place[0], place[1]);
+        let mut ends = [[(0, 0.0); 2]; 2];
+        for axis in 0..2 {
+            let most = self.whole[axis] - 1;
+            // A hair beside a sample is on it.
+            let near = at[axis].round();
+            let along = if (at[axis] - near).abs() < HAIR { near } else { at[axis] };
+            if !(0.0..=f64::from(most)).contains(&along) {
+                return None;
+            }
+            let first = along as u32;
+            let part = along - f64::from(first);
+            ends[axis] = [(first, 1.0 - part), ((first + 1).min(most), part)];
+        }
+        let [cols, rows] = ends;
+        let mut sum = 0.0;
+        for (row, down) in rows.into_iter().filter(|(_, part)| *part > 0.0) {
+            for (col, along) in cols.into_iter().filter(|(_, part)| *part > 0.0) {
+                sum += down * along * self.at(col, row)?;
+            }
+        }
+        Some(sum)
+    }
+
+    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64)) {
+        let axis = usize::from(from[0] == to[0]);
+        let [first, end] = self.range(axis, [from[axis], to[axis]]);
+        for index in first..end {
+            let mut place = from;
+            place[axis] = self.map.apply(f64::from(index), f64::from(index))[axis];
+            if let Some(height) = self.height(place) {
+                found(place, height);
+            }
+        }
+    }
+
+    fn fill(&self, place: [f64; 2]) -> f64 {
+        self.fill.at(self.map.invert(place[0], place[1]))
+    }
+
+    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+        let [left, right] = self.range(0, [bounds.west, bounds.east]);
+        let [top, bottom] = self.range(1, [bounds.south, bounds.north]);
+        let wanted =
+            |from: u32, to: u32| (from.next_multiple_of(stride)..to).step_by(stride as usize);
+        for row in wanted(top, bottom) {
+            let down = (row - self.rect.row) as usize;
+            let line = &self.heights[down * self.rect.width as usize..][..self.rect.width as usize];
+            let (lat, bend) = self.rows[down];
+            for col in wanted(left, right) {
+                let along = (col - self.rect.col) as usize;
+                let height = line[along];
+                if height.is_finite() {
+                    let place = self.map.apply(f64::from(col), f64::from(row));
+                    found(Sample {
+                        place,
+                        height,
+                        upright: Upright::of(self.cols[along], lat, bend),
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Heights that stand for those of voids and of what lies beyond the grid: means of squares of samples, and where
+/// a square has none, of ever larger ones around it. Between the lowest and the highest sample everywhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fill {
+    means: Vec<f64>,
+    width: u32,
+    height: u32,
+    /// Samples along the side of a square.
+    square: u32,
+}
+
+/// Sums for a [`Fill`], of samples in any order.
+#[derive(Clone, Debug)]
+pub struct Means {
+    /// Sum in steps of 2^-20 m, so that order does not matter, and count.
+    sums: Vec<(i128, u64)>,
+    width: u32,
+    height: u32,
+    square: u32,
+}
+
+/// Squares along a side, at most.
+const SQUARES: u32 = 128;
+/// Steps that sums of heights are counted in.
+const FRACTION: f64 = (1 << 20) as f64;
+
+impl Means {
+    /// Of a grid of so many columns and rows.
+    pub fn new([width, height]: [u32; 2]) -> Self {
+        let square = width.max(height).div_ceil(SQUARES).max(1);
+        let [width, height] = [width, height].map(|side| side.div_ceil(square));
+        Self { sums: vec![(0, 0); (width * height) as usize], width, height, square }
+    }
+
+    /// Adds a run of samples of a row; those that are not finite are none.
+    pub fn add(&mut self, first: u32, row: u32, heights: &[f64]) {
+        for (col, height) in (first..).zip(heights).filter(|(_, height)| height.is_finite()) {
+            let place = row / self.square * self.width + col / self.square;
+            let (sum, count) = &mut self.sums[place as usize];
+            *sum += (height * FRACTION).round() as i128;
+            *count += 1;
+        }
+    }
+
+    /// Adds the sums of other samples of the same grid.
+    pub fn join(&mut self, other: &Self) {
+        for (here, there) in self.sums.iter_mut().zip(&other.sums) {
+            here.0 += there.0;
+            here.1 += there.1;
+        }
+    }
+
+    /// What stands for voids; `None` without a sample.
+    pub fn fill(&self) -> Option<Fill> {
+        let means = filled(&self.sums, [self.width as usize, self.height as usize])?;
+        Some(Fill { means, width: self.width, height: self.height, square: self.square })
+    }
+}
+
+/// The means of sums, those without samples from the sums of four at a time.
+fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>> {
+    let mean = |(sum, count): &(i128, u64)| *sum as f64 / *count as f64 / FRACTION;
+    if sums.iter().all(|(_, count)| *count > 0) {
+        return Some(sums.iter().map(mean).collect());
+    }
+    if width == 1 && height == 1 {
+        return None;
+    }
+    let [wide, high] = [width.div_ceil(2), height.div_ceil(2)];
+    let mut fewer = vec![(0, 0); wide * high];
+    for (i, (sum, count)) in sums.iter().enumerate() {
+        let place = &mut fewer[i / width / 2 * wide + i % width / 2];
+        *place = (place.0 + sum, place.1 + count);
+    }
+    let coarse = filled(&fewer, [wide, high])?;
+    let of = |(i, sum): (usize, &(i128, u64))| match sum.1 {
+        0 => coarse[i / width / 2 * wide + i % width / 2],
+        _ => mean(sum),
+    };
+    Some(sums.iter().enumerate().map(of).collect())
+}
+
+impl Fill {
+    /// At a place of the grid, in samples; beyond the grid as at its border.
+    pub fn at(&self, place: [f64; 2]) -> f64 {
+        let along = |axis: usize, count: u32| {
+            let place = (place[axis] + 0.5) / f64::from(self.square) - 0.5;
+            let place = place.clamp(0.0, f64::from(count - 1));
+            let first = place.floor();
+            [
+                (first as u32, 1.0 - (place - first)),
+                ((first as u32 + 1).min(count - 1), place - first),
+            ]
+        };
+        let (cols, rows) = (along(0, self.width), along(1, self.height));
+        let mean = |col: u32, row: u32| self.means[(row * self.width + col) as usize];
+        let part = |(row, down): (u32, f64)| {
+            cols.map(|(col, part)| part * down * mean(col, row)).iter().sum::<f64>()
+        };
+        rows.map(part).iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MAP: Affine = Affine { x0: 7.0, a: 0.01, b: 0.0, y0: 46.0, d: 0.0, e: -0.01 };
+
+    fn fill(value: f64) -> Fill {
+        let mut means = Means::new([50, 40]);
+        means.add(0, 0, &[value]);
+        means.fill().unwrap()
+    }
+
+    #[test]
+    fn heights_between_samples_are_those_of_straight_lines() {
+        let heights: Vec<f64> =
+            (0..2000).map(|i| f64::from(i % 50) * 3.0 - f64::from(i / 50) * 2.0).collect();
+        let fill = fill(5.0);
+        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        for [col, row] in [[0.0, 0.0], [3.3, 7.8], [49.0, 39.0], [20.5, 0.0]] {
+            let found = patch.height(MAP.apply(col, row)).unwrap();
+            assert!((found - (col * 3.0 - row * 2.0)).abs() < 1e-9, "{col} {row}");
+        }
+        assert_eq!(patch.height(MAP.apply(-0.1, 3.0)), None);
+        assert_eq!(patch.height(MAP.apply(3.0, 39.2)), None);
+        let mut bends = Vec::new();
+        let [from, to] = [MAP.apply(7.25, 20.5), MAP.apply(7.25, 10.5)];
+        patch.bends([from, to], &mut |[_, lat], height| bends.push((lat, height)));
+        assert_eq!(bends.len(), 10);
+        for (lat, height) in bends {
+            assert!((height - 21.75 + MAP.invert(0.0, lat)[1] * 2.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_grid_is_as_the_whole() {
+        let heights: Vec<f64> = (0..2000).map(|i| f64::from(i * 7919 % 997)).collect();
+        let fill = fill(5.0);
+        let whole = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        let rect = Rect::new(11, 5, 30, 30);
+        let part: Vec<f64> =
+            (5..35).flat_map(|row| heights[row * 50 + 11..][..30].to_vec()).collect();
+        let part = Patch::new(&part, rect, [50, 40], MAP, &fill);
+        let bounds = Bounds { west: 7.2, south: 45.7, east: 7.3, north: 45.9 };
+        for stride in [1, 2, 4] {
+            let all = |patch: &Patch<'_>| {
+                let mut found = Vec::new();
+                patch.each(&bounds, stride, &mut |sample| {
+                    found.push((sample.place, sample.height));
+                });
+                found
+            };
+            assert_eq!(all(&whole), all(&part));
+            assert!(!all(&whole).is_empty());
+            assert!(all(&whole).iter().all(|(place, _)| bounds.holds(*place)));
+            let place = [7.2345, 45.8123];
+            assert_eq!(whole.height(place), part.height(place));
+        }
+        let mut count = 0;
+        whole.each(&bounds, 1, &mut |_| count += 1);
+        assert_eq!(count, 11 * 21);
+    }
+
+    #[test]
+    fn voids_are_void_and_filled_with_what_is_around() {
+        let mut heights = vec![10.0; 2000];
+        heights[0] = f64::NAN;
+        heights[1999] = 30.0;
+        let mut means = Means::new([50, 40]);
+        for (row, line) in (0..).zip(heights.chunks(50)) {
+            means.add(0, row, line);
+        }
+        let fill = means.fill().unwrap();
+        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        assert_eq!(patch.height(MAP.apply(0.2, 0.2)), None);
+        assert_eq!(patch.height(MAP.apply(1.0, 0.0)), Some(10.0), "on a sample it alone counts");
+        let filled = patch.fill(MAP.apply(0.0, 0.0));
+        assert!((10.0..=30.0).contains(&filled));
+        assert_eq!(patch.fill([100.0, 80.0]), patch.fill(MAP.apply(49.0, 0.0)), "beyond the grid");
+        assert!(Means::new([3, 3]).fill().is_none());
+    }
+}

@@ -1,0 +1,113 @@
+//! What clients need to know of a tile before they draw it: a sphere around it, and the point that is below the
+//! horizon when all of it is.
+
+use crate::globe::{EQUATOR, POLE, Vector};
+
+/// Part of the radius of a sphere that covers rounding.
+const SLACK: f64 = 1e-12;
+/// How far out the occlusion point of what can always be seen is, in radii of the earth.
+const ALWAYS: f64 = 1e6;
+
+/// The middle of the box around points, and the distance of the furthest of them from it.
+pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
+    let end = |start: f64, choose: fn(f64, f64) -> f64| {
+        let far = |end: [f64; 3], p: &Vector| std::array::from_fn(|i| choose(end[i], p.0[i]));
+        Vector(points.iter().fold([start; 3], far))
+    };
+    let centre = (end(f64::INFINITY, f64::min) + end(f64::NEG_INFINITY, f64::max)) * 0.5;
+    let radius = points.iter().map(|p| (*p - centre).length()).fold(0.0, f64::max);
+    (centre, radius + EQUATOR * SLACK)
+}
+
+/// The point above the middle of a tile that is hidden by the earth only where all points are, in radii of the
+/// ellipsoid. Where the lowest height is below it, clients shrink the ellipsoid by as much, and so does this.
+///
+/// A point at distance `m` is hidden where the line from the eye to it touches the unit sphere at an angle of
+/// acos(1 / m) from it or later; so what lies over the middle must be as far out as that line is there.
+pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vector {
+    let below = lowest.min(0.0);
+    let scaled = |point: Vector| {
+        let [x, y, z] = point.0;
+        Vector([x / (EQUATOR + below), y / (EQUATOR + below), z / (POLE + below)])
+    };
+    let towards = scaled(centre).unit();
+    let out = |point: &Vector| {
+        let point = scaled(*point);
+        let length = point.length().max(1.0);
+        let direction = point.unit();
+        let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
+        let (near, far) = (1.0 / length, (length * length - 1.0).sqrt() / length);
+        let down = cos * near - sin * far;
+        // Beyond a quarter of the earth there is no such place.
+        if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
+    };
+    let most = points.iter().map(out).fold(1.0, f64::max);
+    towards * most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::globe::Upright;
+
+    /// Whether a point, in radii, is hidden from an eye, in radii: Ring 2013, "Horizon Culling".
+    fn is_hidden(eye: Vector, point: Vector) -> bool {
+        let limb = eye.dot(eye) - 1.0;
+        let to = point - eye;
+        let along = -to.dot(eye);
+        along > limb && along * along / to.dot(to) > limb
+    }
+
+    #[test]
+    fn where_the_occlusion_point_is_hidden_all_of_the_tile_is() {
+        for (size, heights) in
+            [(0.1, [-400.0, -100.0]), (2.0, [-50.0, 4000.0]), (20.0, [0.0, 9000.0])]
+        {
+            let at = |i: i32, j: i32| {
+                [7.0 + f64::from(i) * size / 4.0, 46.0 + f64::from(j) * size / 4.0]
+            };
+            let height = |i: i32, j: i32| heights[((i * 7 + j * 3) % 2) as usize];
+            let places = (0..5).flat_map(|i| (0..5).map(move |j| (i, j)));
+            let points: Vec<Vector> =
+                places.map(|(i, j)| Upright::at(at(i, j)).point(height(i, j))).collect();
+            let (centre, radius) = sphere(&points);
+            assert!(points.iter().all(|p| (*p - centre).length() <= radius));
+            let occlusion = occlusion(centre, &points, heights[0]);
+            let below = heights[0].min(0.0);
+            let scaled = |p: Vector| {
+                Vector([
+                    p.0[0] / (EQUATOR + below),
+                    p.0[1] / (EQUATOR + below),
+                    p.0[2] / (POLE + below),
+                ])
+            };
+            let mut hidden = 0;
+            for lon in (-180..180).step_by(5) {
+                for (lat, high) in
+                    (-90..=90).step_by(5).flat_map(|l| [(l, 2e3), (l, 3e5), (l, 2e7)])
+                {
+                    let eye = scaled(Upright::at([f64::from(lon), f64::from(lat)]).point(high));
+                    if is_hidden(eye, occlusion) {
+                        hidden += 1;
+                        // Points below the shrunk ellipsoid count as on it.
+                        let on = |p: &Vector| {
+                            let p = scaled(*p);
+                            if p.length() < 1.0 { p.unit() } else { p }
+                        };
+                        assert!(points.iter().all(|p| is_hidden(eye, on(p))), "{lon} {lat} {high}");
+                    }
+                }
+            }
+            assert!(hidden > 100, "{hidden}");
+        }
+    }
+
+    #[test]
+    fn half_the_globe_can_always_be_seen() {
+        let corners = [[-180.0, -90.0], [0.0, -90.0], [-90.0, 0.0], [0.0, 90.0], [-180.0, 0.0]];
+        let points = corners.map(|place| Upright::at(place).point(0.0));
+        let (centre, _) = sphere(&points);
+        let found = occlusion(centre, &points, 0.0);
+        assert!(found.0.iter().all(|x| x.is_finite()) && found.length() > 1e3);
+    }
+}

@@ -1,0 +1,124 @@
+//! What all tiles of a level have in common: the error that is allowed, the lattice of heights, and how finely
+//! the ground is looked at.
+
+use crate::globe::EQUATOR;
+use crate::tiling;
+use terrane_base::error::{Error, Result};
+
+/// Samples that a tile has along a side when it is first made, at least, where there are as many.
+const FINENESS: f64 = 256.0;
+/// Steps of heights in the error of a level, at least.
+const STEPS_OF_ERROR: f64 = 32.0;
+/// Units that the kernel counts in, in a step of heights.
+const UNITS: f64 = 64.0;
+/// Part of a level's error that a triangle may be off by because it is flat and the earth is not, where nothing
+/// is known that could tell.
+const SAG: f64 = 0.25;
+/// Part of a level's error that borders of tiles may take, as what is beside them adds to it.
+const OF_BORDERS: f64 = 0.75;
+/// Part of a level's error that goes into rounding positions to steps.
+const OF_ROUNDING: f64 = 0.01;
+/// Steps of heights up or down, so that single precision holds the lowest and the highest of each tile.
+const MOST_STEPS: f64 = 8_000_000.0;
+
+/// A level of detail.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Its number.
+    pub level: u8,
+    /// Metres that no sample may be further from the surface; what clients assume.
+    pub tolerance: f64,
+    /// Metres of a step of heights: a power of two. All heights of the level are whole numbers of it.
+    pub step: f64,
+    /// Every how manieth sample, of columns and of rows, a tile is first made of.
+    pub stride: u32,
+    /// Parts that the sides of each tile are divided into, so that triangles follow the bend of the earth.
+    pub posts: u32,
+    /// Degrees across which slopes are told.
+    pub slope: f64,
+}
+
+impl Level {
+    /// Level `level` of a ground whose samples are so many degrees apart, and whose heights reach so many metres
+    /// up or down.
+    ///
+    /// # Errors
+    /// A level too deep for heights that large.
+    pub fn new(level: u8, spacing: f64, reach: f64) -> Result<Self> {
+        let tolerance = tiling::level_error(level);
+        let step = power_below(tolerance / STEPS_OF_ERROR);
+        if reach / step > MOST_STEPS {
+            return Err(Error::usage(format!(
+                "heights of {reach} m are more than can be told apart at level {level}"
+            ))
+            .remedy("pass a smaller --max-level"));
+        }
+        let across = tiling::degrees(level) / spacing;
+        let stride = power_below(across / FINENESS).max(1.0) as u32;
+        // A chord of length L is L^2 / 8 R below an arc.
+        let chord = (8.0 * EQUATOR * SAG * tolerance).sqrt();
+        let arc = tiling::degrees(level).to_radians() * EQUATOR;
+        let posts = power_above(arc / chord).max(1.0) as u32;
+        let slope = spacing * f64::from(stride);
+        Ok(Self { level, tolerance, step, stride, posts, slope })
+    }
+
+    /// Metres that the kernel counts in.
+    pub(crate) fn unit(&self) -> f64 {
+        self.step / UNITS
+    }
+
+    /// Metres that the kernel may be off by, so that what it makes is within the tolerance once it is rounded.
+    pub(crate) fn goal(&self) -> f64 {
+        self.tolerance * (1.0 - OF_ROUNDING) - self.step / 2.0
+    }
+
+    /// The same along borders.
+    pub(crate) fn border_goal(&self) -> f64 {
+        self.goal() * OF_BORDERS
+    }
+
+    /// A height in steps.
+    pub(crate) fn steps(&self, height: f64) -> i32 {
+        (height / self.step).round() as i32
+    }
+}
+
+/// The deepest level that shows more than a coarser one would: where a tile has no more than 64 samples, so many
+/// degrees apart, along a side.
+pub fn deepest_for(spacing: f64) -> u8 {
+    let is_fine = |level: &u8| tiling::degrees(*level) <= 64.0 * spacing * (1.0 + 1e-9);
+    (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
+}
+
+fn power_below(value: f64) -> f64 {
+    value.log2().floor().exp2()
+}
+
+fn power_above(value: f64) -> f64 {
+    if value > 0.0 { value.log2().ceil().exp2() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_of_a_second_of_arc() {
+        let second = 1.0 / 3600.0;
+        assert_eq!(deepest_for(second), 14);
+        let level = |level| Level::new(level, second, 4000.0).unwrap();
+        assert_eq!((level(14).stride, level(14).posts, level(14).step), (1, 1, 0.125));
+        assert_eq!((level(9).stride, level(9).slope), (4, 4.0 * second));
+        assert_eq!((level(0).posts, level(0).stride), (32, 2048));
+    }
+
+    #[test]
+    fn rounding_takes_a_small_part_of_the_error() {
+        for level in 0..=tiling::DEEPEST {
+            let level = Level::new(level, 1e-6, 9000.0).unwrap();
+            assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
+        }
+        assert!(Level::new(tiling::DEEPEST, 1e-6, 20_000.0).is_err());
+    }
+}

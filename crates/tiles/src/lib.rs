@@ -1,0 +1,35 @@
+//! Tiles of a globe's terrain at every level of detail, each with a proven error.
+//!
+//! A tile is a mesh of places in degrees and heights in metres, rounded to a lattice; a client draws flat triangles
+//! between them, on the bent earth. The error of a tile is the largest vertical distance of any sample under it
+//! from what is drawn: rounding and bend are in it. No tile is further off than clients take its level to be.
+//!
+//! - Borders are chosen from what lies on them alone, and heights of a level are on one lattice, so tiles beside
+//!   each other have the same border, bit by bit ([`Level`], `border`).
+//! - Within, the sample that is furthest off becomes a vertex (Garland & Heckbert 1995) until all are near enough;
+//!   the kernel counts heights from a plane, so it knows of the bend ([`build`]).
+//! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`Shell`]);
+//!   those beyond the error become vertices, and all are measured again.
+//!
+//! Voids, and what lies beyond the data, are spanned by triangles between what is known and means of what is around
+//! ([`Fill`]).
+
+mod border;
+mod encode;
+mod globe;
+mod ground;
+mod horizon;
+mod level;
+mod measure;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod tiling;
+
+pub use encode::quantized_mesh;
+pub use globe::{Turn, Upright, Vector};
+pub use ground::{Fill, Ground, Means, Patch, Sample};
+pub use level::{Level, deepest_for};
+pub use measure::{Measure, Shell};
+pub use surface::{Builder, Tile, Vertex, build, too_steep};
+pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

@@ -1,0 +1,143 @@
+//! How far samples are from the surface of a tile as a client decodes it: flat triangles between places on and
+//! above the ellipsoid, looked at along what is upright at each sample.
+
+use std::collections::BTreeMap;
+
+use crate::globe::Vector;
+use crate::ground::Sample;
+use crate::surface::Vertex;
+use crate::tiling::{STEPS, TileId};
+
+/// No triangle.
+const NONE: u32 = u32::MAX;
+
+/// What was measured of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measure {
+    /// Samples.
+    pub samples: u64,
+    /// Metres of the largest vertical distance.
+    pub largest: f64,
+}
+
+impl Measure {
+    /// Adds what was measured of other samples.
+    pub fn join(&mut self, other: Self) {
+        self.samples += other.samples;
+        self.largest = self.largest.max(other.largest);
+    }
+}
+
+/// A triangle of the surface.
+struct Facet {
+    corners: [Vector; 3],
+    /// At right angles to it; its length is twice the area.
+    across: Vector,
+    twins: [u32; 3],
+}
+
+/// The surface of a tile.
+pub struct Shell {
+    id: TileId,
+    facets: Vec<Facet>,
+    /// A triangle for each square of positions, to start from.
+    starts: Vec<u32>,
+    squares: usize,
+    last: u32,
+    measure: Measure,
+    /// By triangle, the sample that is furthest off, of those beyond the tolerance.
+    beyond: BTreeMap<u32, (f64, Sample)>,
+}
+
+impl Shell {
+    /// Of vertices, where they are, and triangles with those across from each corner.
+    pub(crate) fn new(
+        id: TileId,
+        vertices: &[Vertex],
+        points: Vec<Vector>,
+        triangles: Vec<([u32; 3], [u32; 3])>,
+    ) -> Self {
+        let squares = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
+        let mut starts = vec![0; squares * squares];
+        let square = |at: i32| (at as usize * squares / (STEPS as usize + 1)).min(squares - 1);
+        for (number, (corners, _)) in (0..).zip(&triangles) {
+            let [u, v] = vertices[corners[0] as usize].at;
+            starts[square(v) * squares + square(u)] = number;
+        }
+        let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
+            let corners = corners.map(|corner| points[corner as usize]);
+            let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            Facet { corners, across, twins: *twins }
+        };
+        let facets = triangles.iter().map(facet).collect();
+        let (measure, beyond) = (Measure::default(), BTreeMap::new());
+        Self { id, facets, starts, squares, last: 0, measure, beyond }
+    }
+
+    /// Measures a sample, and notes it where it is further off than the tolerance.
+    pub fn add(&mut self, sample: Sample, tolerance: f64) {
+        let point = sample.upright.point(sample.height);
+        let facet = self.facet(&sample, point);
+        let Facet { corners, across, .. } = &self.facets[facet as usize];
+        let up = sample.upright.normal;
+        let off = (across.dot(corners[0] - point) / across.dot(up)).abs();
+        self.measure.samples += 1;
+        self.measure.largest = self.measure.largest.max(off);
+        if off > tolerance {
+            self.note(facet, off, sample);
+        }
+    }
+
+    /// Of each triangle the furthest sample is noted, so that few become vertices.
+    fn note(&mut self, facet: u32, off: f64, sample: Sample) {
+        let noted = self.beyond.entry(facet).or_insert((off, sample));
+        if noted.0 < off {
+            *noted = (off, sample);
+        }
+    }
+
+    /// The triangle that the line upright at a sample goes through: a walk over the edges that it is beyond; at
+    /// the border of the tile it ends.
+    fn facet(&mut self, sample: &Sample, point: Vector) -> u32 {
+        let up = sample.upright.normal;
+        let mut now = self.last;
+        let mut steps = 0;
+        'walk: loop {
+            let Facet { corners, twins, .. } = &self.facets[now as usize];
+            let from = corners.map(|corner| corner - point);
+            for k in 0..3 {
+                let [a, b] = [from[(k + 1) % 3], from[(k + 2) % 3]];
+                if up.dot(a.cross(b)) < 0.0 && twins[k] != NONE {
+                    steps += 1;
+                    if steps == 64 {
+                        now = self.start(sample);
+                    } else if steps > 64 + self.facets.len() {
+                        break 'walk;
+                    } else {
+                        now = twins[k];
+                    }
+                    continue 'walk;
+                }
+            }
+            break;
+        }
+        self.last = now;
+        now
+    }
+
+    /// A triangle near a sample.
+    fn start(&self, sample: &Sample) -> u32 {
+        let square = |at: f64| {
+            let square = at / f64::from(STEPS + 1) * self.squares as f64;
+            square.clamp(0.0, self.squares as f64 - 1.0) as usize
+        };
+        let [u, v] = self.id.steps(sample.place);
+        self.starts[square(v) * self.squares + square(u)]
+    }
+
+    /// What was measured, and the samples that are beyond the tolerance: of each triangle the furthest.
+    pub fn end(self) -> (Measure, Vec<Sample>) {
+        let beyond = self.beyond.into_values().map(|(_, sample)| sample).collect();
+        (self.measure, beyond)
+    }
+}

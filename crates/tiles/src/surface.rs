@@ -1,0 +1,259 @@
+//! The surface of a tile: its borders, the posts that follow the bend of the earth, and the samples that are
+//! furthest off, until all are within the error of the level as a client decodes the tile.
+
+use crate::border::{self, Side};
+use crate::globe::{Turn, Upright, Vector, bend};
+use crate::ground::{Ground, Sample};
+use crate::level::Level;
+use crate::measure::{Measure, Shell};
+use crate::tiling::{STEPS, TileId};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point;
+use terrane_tin::scatter::{Fit, Mesh};
+
+/// Rounds in which samples that are found beyond the error are put into the mesh.
+const MOST_ROUNDS: u32 = 32;
+
+/// A vertex of a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Vertex {
+    /// Steps from the west and from the south, of [`STEPS`].
+    pub at: [i32; 2],
+    /// Steps of the level from the ellipsoid.
+    pub height: i32,
+}
+
+/// A tile that is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile {
+    /// Which.
+    pub id: TileId,
+    /// Metres of a step of heights.
+    pub step: f64,
+    /// Those on the borders first.
+    pub vertices: Vec<Vertex>,
+    /// Counter-clockwise seen from above, as indices of vertices.
+    pub triangles: Vec<[u32; 3]>,
+    /// What was measured.
+    pub measure: Measure,
+}
+
+impl Tile {
+    /// Where a vertex is, as a client decodes it.
+    pub fn point(&self, vertex: Vertex) -> Vector {
+        point(self.id, self.step, vertex)
+    }
+}
+
+fn point(id: TileId, step: f64, vertex: Vertex) -> Vector {
+    Upright::at(id.place(vertex.at)).point(f64::from(vertex.height) * step)
+}
+
+/// A tile that is being made.
+pub struct Builder<'a> {
+    id: TileId,
+    level: &'a Level,
+    drop: Drop,
+    mesh: Mesh,
+}
+
+impl<'a> Builder<'a> {
+    /// The borders and the posts of a tile.
+    ///
+    /// # Errors
+    /// None but of a broken tile, which is a mistake of the program.
+    pub fn new(id: TileId, level: &'a Level, ground: &impl Ground) -> Result<Self> {
+        let mut drop = Drop::new(id, level);
+        let mut first = Vec::new();
+        for side in Side::ALL {
+            for [along, height] in border::vertices(id, side, level, ground) {
+                first.push(Vertex { at: side.position(along), height });
+            }
+        }
+        let inner = |part: u32| border::along(part, level.posts);
+        for row in 1..level.posts {
+            for col in 1..level.posts {
+                let at = [inner(col), inner(row)];
+                let place = id.place(at);
+                let height = ground.height(place);
+                let height = level.steps(height.unwrap_or_else(|| ground.fill(place)));
+                first.push(Vertex { at, height });
+            }
+        }
+        let points: Vec<Point> = first.into_iter().map(|vertex| drop.lift(vertex)).collect();
+        let corners = [[0, 0], [STEPS, 0], [0, STEPS]];
+        let corner = |at: &[i32; 2]| points.iter().copied().find(|p| [p.x, p.y] == *at);
+        let corners: Vec<Point> = corners.iter().filter_map(corner).collect();
+        let mesh = <[Point; 3]>::try_from(corners).ok().and_then(Mesh::new);
+        let mut mesh =
+            mesh.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile has no corners"))?;
+        points.into_iter().for_each(|point| {
+            mesh.insert(point);
+        });
+        Ok(Self { id, level, drop, mesh })
+    }
+
+    /// Takes samples for vertices until all that are handed on, each with its place rounded, are within the
+    /// level's error.
+    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(Sample))) {
+        let mut points = Vec::new();
+        samples(&mut |sample| {
+            points.push(self.candidate(self.id.steps(sample.place), sample.height))
+        });
+        let goal = self.level.goal() / self.level.unit();
+        Fit::new(&mut self.mesh, &points, goal).run();
+    }
+
+    /// Takes samples for vertices, however far off they seem. Where one is a vertex already, its place was rounded
+    /// into a triangle that is steep there: another of the places around it becomes one, too.
+    pub fn insert(&mut self, samples: &[Sample]) {
+        for sample in samples {
+            let [u, v] = self.id.steps(sample.place);
+            let ends = |at: f64| {
+                if at.round() > at { [at.ceil(), at.floor()] } else { [at.floor(), at.ceil()] }
+            };
+            let ([near, far], [close, off]) = (ends(u), ends(v));
+            let places = [[near, close], [far, close], [near, off], [far, off]];
+            places.into_iter().any(|place| {
+                let point = self.candidate(place, sample.height);
+                self.mesh.insert(point).is_some()
+            });
+        }
+    }
+
+    fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
+        // The borders are not this tile's alone.
+        let at = place.map(|at| (at.round() as i32).clamp(1, STEPS - 1));
+        self.drop.lift(Vertex { at, height: self.level.steps(height) })
+    }
+
+    /// The surface as it is, to measure samples against.
+    pub fn shell(&self) -> Shell {
+        let (vertices, numbers) = self.vertices();
+        let points = vertices.iter().map(|vertex| point(self.id, self.level.step, *vertex));
+        Shell::new(self.id, &vertices, points.collect(), self.triangles(&numbers))
+    }
+
+    /// The tile as it is, with what was measured of it.
+    pub fn finish(&self, measure: Measure) -> Tile {
+        let (vertices, numbers) = self.vertices();
+        let triangles = self.triangles(&numbers).iter().map(|(corners, _)| *corners).collect();
+        Tile { id: self.id, step: self.level.step, vertices, triangles, measure }
+    }
+
+    fn vertices(&self) -> (Vec<Vertex>, Vec<u32>) {
+        let vertices = self.mesh.points().iter().map(|point| self.drop.lower(*point)).collect();
+        // Ghosts have no number.
+        let is_inner = |i: &u32| self.mesh.corners(*i).is_some();
+        let mut numbers = vec![u32::MAX; self.mesh.triangles().len()];
+        let inner = (0..self.mesh.triangles().len() as u32).filter(is_inner);
+        for (number, triangle) in inner.enumerate() {
+            numbers[triangle as usize] = number as u32;
+        }
+        (vertices, numbers)
+    }
+
+    /// Corners, and the triangles across from each: [`u32::MAX`] beyond the borders.
+    fn triangles(&self, numbers: &[u32]) -> Vec<([u32; 3], [u32; 3])> {
+        let inner = self.mesh.triangles().iter().zip(numbers).filter(|(_, n)| **n != u32::MAX);
+        inner.map(|(t, _)| (t.corners, t.twins.map(|twin| numbers[twin as usize]))).collect()
+    }
+}
+
+/// Makes a tile of samples that can be handed on as often as it takes.
+///
+/// # Errors
+/// A tile that cannot be made as exact as its level is to be: cliffs within a step of positions.
+pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
+    let bounds = id.bounds();
+    let mut builder = Builder::new(id, level, ground)?;
+    builder.fit(|each| ground.each(&bounds, level.stride, &mut |sample| each(sample)));
+    for _ in 0..MOST_ROUNDS {
+        let mut shell = builder.shell();
+        ground.each(&bounds, 1, &mut |sample| shell.add(sample, level.tolerance));
+        let (measure, beyond) = shell.end();
+        if beyond.is_empty() {
+            return Ok(builder.finish(measure));
+        }
+        builder.insert(&beyond);
+    }
+    Err(too_steep(id, level))
+}
+
+/// The error of a tile that cannot be made.
+pub fn too_steep(id: TileId, level: &Level) -> Error {
+    let TileId { level: z, x, y } = id;
+    Error::usage(format!("heights in tile {z}/{x}/{y} cannot be held to {} m", level.tolerance))
+        .remedy(format!("pass --max-level {}", z.saturating_sub(1)))
+}
+
+/// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there
+/// make flat triangles what they are for a client, nearly. In units of the kernel.
+struct Drop {
+    id: TileId,
+    step: f64,
+    unit: f64,
+    middle: Turn,
+    centre: f64,
+    lon: f64,
+    /// The last row that was asked for: what it adds, and what is multiplied by the cosine along it.
+    row: (i32, [f64; 2]),
+}
+
+impl Drop {
+    fn new(id: TileId, level: &Level) -> Self {
+        let bounds = id.bounds();
+        let middle = Turn::of((bounds.south + bounds.north) / 2.0);
+        let mut drop = Self {
+            id,
+            step: level.step,
+            unit: level.unit(),
+            middle,
+            centre: 0.0,
+            lon: (bounds.west + bounds.east) / 2.0,
+            row: (-1, [0.0; 2]),
+        };
+        let [add, by] = drop.terms(middle);
+        drop.centre = add + by;
+        drop
+    }
+
+    fn terms(&self, lat: Turn) -> [f64; 2] {
+        let bend = bend(lat);
+        // The part of the earth's axis, and that of the equator.
+        let up = Upright::of(Turn { sin: 0.0, cos: 1.0 }, lat, bend).point(0.0).0;
+        [up[2] * self.middle.sin, up[0] * self.middle.cos]
+    }
+
+    /// Units that the ellipsoid lies above the plane, which is never more than none.
+    fn of(&mut self, at: [i32; 2]) -> f64 {
+        let [lon, lat] = self.id.place(at);
+        if self.row.0 != at[1] {
+            self.row = (at[1], self.terms(Turn::of(lat)));
+        }
+        let [add, by] = self.row.1;
+        ((add + by * cosine((lon - self.lon).to_radians())) - self.centre) / self.unit
+    }
+
+    fn lift(&mut self, vertex: Vertex) -> Point {
+        let height = f64::from(vertex.height) * (self.step / self.unit);
+        let z = (height + self.of(vertex.at)).round();
+        Point::new(vertex.at[0], vertex.at[1], z as i32)
+    }
+
+    fn lower(&self, point: Point) -> Vertex {
+        let at = [point.x, point.y];
+        let mut fresh = Self { row: (-1, [0.0; 2]), ..*self };
+        let height = (f64::from(point.z) - fresh.of(at)) / (self.step / self.unit);
+        Vertex { at, height: height.round() as i32 }
+    }
+}
+
+/// A cosine, fast where angles are small.
+fn cosine(angle: f64) -> f64 {
+    let square = angle * angle;
+    if square > 0.01 {
+        return angle.cos();
+    }
+    1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
+}

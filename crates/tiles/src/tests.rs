@@ -1,0 +1,189 @@
+//! Tiles of small grounds, looked at by ways of their own.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::border::Side;
+use terrane_base::geom::{Affine, Rect};
+
+/// A grid of a second of arc, with noise of so many metres on a slope, and voids.
+struct Land {
+    heights: Vec<f64>,
+    side: u32,
+    map: Affine,
+    fill: Fill,
+}
+
+impl Land {
+    fn new(side: u32, south: f64, relief: f64, seed: u32, voids: u32) -> Self {
+        let noise = |i: u32| f64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16) / 65536.0;
+        let height = |i: u32| {
+            let [col, row] = [i % side, i / side].map(f64::from);
+            let smooth = (col / 17.0).sin() * (row / 23.0).cos() + (col + row) / 97.0;
+            match voids > 0 && (i / 5).wrapping_mul(2_654_435_761) >> 16 < voids {
+                true => f64::NAN,
+                false => {
+                    relief
+                        * (smooth
+                            + noise(i / side / 9 * 1000 + i % side / 9) * 0.3
+                            + noise(i) * 0.02)
+                }
+            }
+        };
+        let heights: Vec<f64> = (0..side * side).map(height).collect();
+        let step = 1.0 / 3600.0;
+        let map = Affine {
+            x0: 10.0,
+            a: step,
+            b: 0.0,
+            y0: south + step * f64::from(side - 1),
+            d: 0.0,
+            e: -step,
+        };
+        let mut means = Means::new([side; 2]);
+        for (row, line) in (0..).zip(heights.chunks(side as usize)) {
+            means.add(0, row, line);
+        }
+        Self { fill: means.fill().unwrap(), heights, side, map }
+    }
+
+    fn patch(&self) -> Patch<'_> {
+        let all = Rect::new(0, 0, self.side, self.side);
+        Patch::new(&self.heights, all, [self.side; 2], self.map, &self.fill)
+    }
+
+    fn bounds(&self) -> Bounds {
+        let [west, north] = self.map.apply(0.0, 0.0);
+        let last = f64::from(self.side - 1);
+        let [east, south] = self.map.apply(last, last);
+        Bounds { west, south, east, north }
+    }
+
+    fn level(&self, level: u8) -> Level {
+        Level::new(level, 1.0 / 3600.0, 9000.0).unwrap()
+    }
+
+    fn tiles(&self, level: u8) -> Vec<TileId> {
+        let [[west, east], [south, north]] = TileId::meeting(level, &self.bounds());
+        (south..=north).flat_map(|y| (west..=east).map(move |x| TileId { level, x, y })).collect()
+    }
+}
+
+/// The distance of a sample from the surface, by all triangles: the nearest hit of the line upright there.
+fn distance(tile: &Tile, sample: &Sample) -> Option<f64> {
+    let (up, point) = (sample.upright.normal, sample.upright.point(sample.height));
+    let hit = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|corner| tile.point(tile.vertices[corner as usize]) - point);
+        let sides = [b.cross(c), c.cross(a), a.cross(b)].map(|side| side.dot(up));
+        let whole: f64 = sides.iter().sum();
+        let is_in = sides.iter().all(|side| *side >= -1e-9 * whole);
+        let along = (a * sides[0] + b * sides[1] + c * sides[2]).dot(up) / whole;
+        is_in.then_some(along.abs())
+    };
+    tile.triangles.iter().filter_map(hit).reduce(f64::max)
+}
+
+/// Fails unless the triangles are counter-clockwise, meet edge to edge, and cover the square.
+fn validate(tile: &Tile) {
+    let mut edges = std::collections::HashSet::new();
+    let mut area = 0;
+    for corners in &tile.triangles {
+        let [a, b, c] = corners.map(|corner| tile.vertices[corner as usize].at.map(i64::from));
+        let double = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        assert!(double > 0, "{corners:?}");
+        area += double;
+        for k in 0..3 {
+            assert!(edges.insert([corners[k], corners[(k + 1) % 3]]));
+        }
+    }
+    assert_eq!(area, 2 * i64::from(STEPS) * i64::from(STEPS));
+    for [from, to] in &edges {
+        let ends = [from, to].map(|end| tile.vertices[*end as usize].at);
+        let on_side =
+            Side::ALL.iter().any(|side| ends.iter().all(|end| side.along(*end).is_some()));
+        assert!(edges.contains(&[*to, *from]) || on_side, "{ends:?}");
+    }
+}
+
+/// Position along a side, and height, of its vertices.
+fn side(tile: &Tile, side: Side) -> Vec<(i32, i32)> {
+    let on_side = tile.vertices.iter().filter_map(|v| Some((side.along(v.at)?, v.height)));
+    let mut found: Vec<_> = on_side.collect();
+    found.sort_unstable();
+    found
+}
+
+fn check(land: &Land, level: u8) -> usize {
+    let (level, patch) = (land.level(level), land.patch());
+    let tiles: Vec<Tile> =
+        land.tiles(level.level).iter().map(|id| build(*id, &level, &patch).unwrap()).collect();
+    for tile in &tiles {
+        validate(tile);
+        let (mut count, mut most) = (0, 0.0_f64);
+        patch.each(&tile.id.bounds(), 1, &mut |sample| {
+            count += 1;
+            // At a border the line may pass beside the tile.
+            let off = distance(tile, &sample).unwrap_or(0.0);
+            assert!(off <= level.tolerance, "{:?} {off}", tile.id);
+            most = most.max(off);
+        });
+        assert_eq!(tile.measure.samples, count);
+        assert!(tile.measure.largest <= level.tolerance);
+        assert!(most <= tile.measure.largest * (1.0 + 1e-6) + 1e-6, "{most} {:?}", tile.measure);
+        for other in &tiles {
+            if (other.id.x, other.id.y) == (tile.id.x + 1, tile.id.y) {
+                assert_eq!(side(tile, Side::East), side(other, Side::West));
+            }
+            if (other.id.x, other.id.y) == (tile.id.x, tile.id.y + 1) {
+                assert_eq!(side(tile, Side::North), side(other, Side::South));
+            }
+        }
+    }
+    tiles.len()
+}
+
+#[test]
+fn every_level_is_within_its_error_and_borders_are_one() {
+    for (south, relief, voids) in [(46.0, 900.0, 0), (-0.01, 300.0, 9000), (79.99, 2000.0, 500)] {
+        let land = Land::new(101, south, relief, 7, voids);
+        let tiles: usize = (0..=14).map(|level| check(&land, level)).sum();
+        assert!(tiles > 25, "{tiles}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn any_land_is_within_the_error(
+        side in 2_u32..120, south in -89.0..88.0_f64, relief in 0.0..3000.0_f64, seed: u32,
+        voids in 0_u32..40_000, level in 6_u8..=16,
+    ) {
+        let voids = if side < 12 { 0 } else { voids };
+        check(&Land::new(side, south, relief, seed, voids), level);
+    }
+}
+
+#[test]
+fn bytes_are_those_of_the_format() {
+    let land = Land::new(101, 46.0, 900.0, 3, 0);
+    let (level, patch) = (land.level(12), land.patch());
+    let tile = build(land.tiles(12)[0], &level, &patch).unwrap();
+    let bytes = quantized_mesh(&tile, Some((&level, &patch))).unwrap();
+    let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let count = number(88) as usize;
+    assert_eq!(count, tile.vertices.len());
+    let triangles = 92 + 6 * count;
+    assert_eq!(number(triangles) as usize, tile.triangles.len());
+    let mut edges = triangles + 4 + 6 * tile.triangles.len();
+    for side in Side::ALL {
+        let on_side = tile.vertices.iter().filter(|v| side.along(v.at).is_some()).count();
+        assert_eq!(number(edges) as usize, on_side);
+        edges += 4 + 2 * on_side;
+    }
+    assert_eq!((bytes[edges], number(edges + 1) as usize), (1, 2 * count));
+    let text = String::from_utf8_lossy(&bytes[edges + 5 + 2 * count..]).into_owned();
+    assert!(text.ends_with('}') && text.contains(r#"{"error":"#), "{text}");
+    let none: Option<(&Level, &Patch<'_>)> = None;
+    assert_eq!(quantized_mesh(&tile, none).unwrap().len(), bytes.len() - 5 - 2 * count);
+}
