@@ -19,6 +19,7 @@ mod reference;
 mod shared;
 mod signal;
 mod synth;
+mod tiles;
 mod tin;
 mod usage;
 mod verify;
@@ -44,6 +45,7 @@ const VERBS: &[Entry] = &[
     Entry::of::<grid::Args>(),
     Entry::of::<contour::Args>(),
     Entry::of::<line::Args>(),
+    Entry::of::<tiles::Args>(),
     Entry::of::<synth::Args>(),
     Entry::of::<plan::Args>(),
     Entry::of::<plan::run::Args>(),

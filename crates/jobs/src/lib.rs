@@ -26,6 +26,7 @@ mod points;
 pub mod reading;
 pub mod sift;
 pub mod survey;
+pub mod tiles;
 pub mod tin;
 pub mod verify;
 pub mod view;

@@ -77,6 +77,13 @@ impl<'a> Patch<'a> {
         Self { heights, rect, whole, map, cols, rows, fill }
     }
 
+    /// True when a valid sample lies in a rectangle, its border included.
+    pub fn holds_any(&self, bounds: &Bounds) -> bool {
+        let [left, right] = self.range(0, [bounds.west, bounds.east]);
+        let [top, bottom] = self.range(1, [bounds.south, bounds.north]);
+        (top..bottom).any(|row| (left..right).any(|col| self.at(col, row).is_some()))
+    }
+
     /// The height of a sample of the patch.
     fn at(&self, col: u32, row: u32) -> Option<f64> {
         let [col, row] = [col.checked_sub(self.rect.col)?, row.checked_sub(self.rect.row)?];

@@ -3,10 +3,15 @@
 
 use std::collections::BTreeMap;
 
-use crate::globe::Vector;
+use crate::globe::{POLE, Vector};
 use crate::ground::Sample;
 use crate::surface::Vertex;
 use crate::tiling::{STEPS, TileId};
+
+/// Degrees from the equator beyond which meridians are too close to each other for planes.
+const FAR_NORTH: f64 = 80.0;
+/// Triangles that are looked at for a block, at most.
+const MOST_FACETS: usize = 24;
 
 /// No triangle.
 const NONE: u32 = u32::MAX;
@@ -88,6 +93,60 @@ impl Shell {
         }
     }
 
+    /// Measures a block of so many samples at once, none of which is further than `off` from the plane through
+    /// `corners`: where none can be beyond the tolerance, they count with what they are off by at the most.
+    /// `false` where that is not so.
+    pub fn add_block(
+        &mut self,
+        corners: &[Sample; 4],
+        off: f64,
+        count: u32,
+        tolerance: f64,
+    ) -> bool {
+        let points = corners.each_ref().map(|corner| corner.upright.point(corner.height));
+        let Some(most) = self.furthest(corners, &points) else { return false };
+        // The earth bends between the corners, which a plane does not.
+        let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
+        let most = most + off + across * across / (4.0 * POLE);
+        if most > tolerance || corners[0].place[1].abs() > FAR_NORTH {
+            return false;
+        }
+        self.measure.samples += u64::from(count);
+        self.measure.largest = self.measure.largest.max(most);
+        true
+    }
+
+    /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block;
+    /// `None` where there are many.
+    fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<f64> {
+        let first = self.facet(&corners[0], points[0]);
+        let [east, north] = corners[0].upright.across();
+        let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
+        let quad = points.map(flat);
+        let (mut open, mut seen) = (vec![first], vec![first]);
+        let mut most = 0.0_f64;
+        while let Some(facet) = open.pop() {
+            let Facet { corners: ends, across, twins } = &self.facets[facet as usize];
+            if !meets(ends.map(flat), &quad) {
+                continue;
+            }
+            for (corner, point) in corners.iter().zip(points) {
+                let up = corner.upright.normal;
+                most = most.max((across.dot(ends[0] - *point) / across.dot(up)).abs());
+            }
+            for twin in twins.iter().filter(|twin| **twin != NONE) {
+                if !seen.contains(twin) {
+                    seen.push(*twin);
+                    open.push(*twin);
+                }
+            }
+            if seen.len() > MOST_FACETS {
+                return None;
+            }
+        }
+        Some(most)
+    }
+
     /// Of each triangle the furthest sample is noted, so that few become vertices.
     fn note(&mut self, facet: u32, off: f64, sample: Sample) {
         let noted = self.beyond.entry(facet).or_insert((off, sample));
@@ -141,3 +200,28 @@ impl Shell {
         (self.measure, beyond)
     }
 }
+
+/// Whether a triangle, counter-clockwise, may have a place in common with a quadrilateral: no edge of the triangle
+/// has all of it on its right, and the boxes around both meet.
+fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
+    let ends = |points: &[[f64; 2]], axis: usize| {
+        let all = points.iter().map(|point| point[axis]);
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+    };
+    let apart = |axis: usize| {
+        let ([a, b], [c, d]) = (ends(&triangle, axis), ends(quad, axis));
+        // Part of the size, so that rounding and what the earth bends never part them.
+        let slack = (d - c) * SLACK;
+        b < c - slack || d < a - slack
+    };
+    let beside = |k: usize| {
+        let ([ax, ay], [bx, by]) = (triangle[k], triangle[(k + 1) % 3]);
+        let [ex, ey] = [bx - ax, by - ay];
+        let size = (ex * ex + ey * ey).sqrt() * (ends(quad, 0)[1] - ends(quad, 0)[0]).abs() * SLACK;
+        quad.iter().all(|[x, y]| ex * (y - ay) - ey * (x - ax) < -size)
+    };
+    !(apart(0) || apart(1) || (0..3).any(beside))
+}
+
+/// Part of a block's size by which triangles may be beside it and still count as meeting it.
+const SLACK: f64 = 0.05;

@@ -1,0 +1,82 @@
+//! Tiles with more samples than are looked at one by one.
+
+use super::folder::Folder;
+use super::{Ground, glance};
+use crate::Cancel;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_tiles::{Bounds, Builder, Ground as _, Patch, Shell, TileId, too_steep};
+
+/// Rounds in which samples beyond the error are put into a mesh.
+const MOST_ROUNDS: u32 = 32;
+
+impl Ground<'_> {
+    /// Makes a tile of a far level.
+    pub(super) fn far(&self, id: TileId, folder: &Folder, cancel: &Cancel) -> Result<()> {
+        let (level, bounds) = (self.level(id), id.bounds());
+        let mut builder = Builder::new(id, level, &self.overview)?;
+        builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
+        for _ in 0..MOST_ROUNDS {
+            let mut shell = builder.shell();
+            self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
+            let (measure, beyond) = shell.end();
+            if beyond.is_empty() {
+                return folder.put(&builder.finish(measure), level, &self.overview);
+            }
+            builder.insert(&beyond);
+        }
+        Err(too_steep(id, level))
+    }
+
+    /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell.
+    fn measure(
+        &self,
+        bounds: &Bounds,
+        tolerance: f64,
+        shell: &mut Shell,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let [cols, rows] = self.overview.blocks_in(bounds);
+        let mut heights = Vec::new();
+        for row in rows[0]..rows[1] {
+            cancel.check()?;
+            // Neighbours in a row are read together.
+            let mut open: Option<Rect> = None;
+            for col in cols[0]..cols[1] {
+                let block = self.overview.block([col, row]);
+                let corners = self.overview.corners([col, row]);
+                let is_within = corners.iter().all(|corner| bounds.holds(corner.place));
+                let is_told = block.count == 0
+                    || is_within && shell.add_block(&corners, block.off(), block.count, tolerance);
+                if is_told {
+                    self.read(open.take(), bounds, tolerance, shell, &mut heights)?;
+                    continue;
+                }
+                let rect = self.overview.plan().rect([col, row]);
+                open = Some(match open {
+                    Some(before) => Rect { width: before.width + rect.width, ..before },
+                    None => rect,
+                });
+            }
+            self.read(open, bounds, tolerance, shell, &mut heights)?;
+        }
+        Ok(())
+    }
+
+    fn read(
+        &self,
+        rect: Option<Rect>,
+        bounds: &Bounds,
+        tolerance: f64,
+        shell: &mut Shell,
+        heights: &mut Vec<f64>,
+    ) -> Result<()> {
+        let Some(rect) = rect else { return Ok(()) };
+        glance::read(self.grid, &self.place, rect, heights)?;
+        let fill = self.overview.voids();
+        let patch = Patch::new(heights, rect, self.place.whole, self.place.map, fill);
+        patch.each(bounds, 1, &mut |sample| shell.add(sample, tolerance));
+        self.grid.copied(rect);
+        Ok(())
+    }
+}

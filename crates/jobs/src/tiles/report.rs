@@ -1,0 +1,42 @@
+//! What was made.
+
+use serde::Serialize;
+
+use crate::figures::Figures;
+
+/// What a job that makes tiles did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct TilesReport {
+    pub input: String,
+    pub output: String,
+    pub crs: String,
+    pub samples: u64,
+    pub tiles: u64,
+    pub levels: Vec<LevelReport>,
+    pub notes: Vec<String>,
+    pub output_bytes: u64,
+    #[serde(flatten)]
+    pub run: Figures,
+}
+
+/// The tiles of a level.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct LevelReport {
+    /// From 0.
+    pub level: u8,
+    /// Metres that clients take the level to be off by, which no sample is further from its tile.
+    pub tolerance: f64,
+    /// Metres of a step of heights.
+    pub step: f64,
+    /// Metres that no sample is further from its tile: measured of samples, or of blocks of them.
+    pub error: f64,
+    /// How many.
+    pub tiles: u64,
+    /// In all tiles.
+    pub vertices: u64,
+    /// In all tiles.
+    pub triangles: u64,
+    /// Of all files.
+    pub bytes: u64,
+}

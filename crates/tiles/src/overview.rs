@@ -1,0 +1,475 @@
+//! The ground from afar: a plane for each block of samples and how far they are from it, for the levels whose tiles
+//! have too many samples to look at each again and again; and the samples along the lines where these tiles meet.
+
+use std::collections::BTreeMap;
+
+use crate::globe::{Turn, Upright, bend};
+use crate::ground::{Fill, Ground, Means, Sample};
+use crate::tiling::Bounds;
+use terrane_base::geom::{Affine, Rect};
+
+/// Samples along a block, at least.
+const LEAST_SIDE: u32 = 16;
+/// Blocks of a grid, at most.
+const MOST_BLOCKS: u64 = 1 << 21;
+
+/// What is known of a block of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Block {
+    /// Valid samples.
+    pub count: u32,
+    /// Height at its first sample, and what a column and a row add.
+    plane: [f64; 3],
+    /// The samples that are furthest below the plane, and above it.
+    ends: [Extreme; 2],
+}
+
+/// A sample of a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Extreme {
+    /// Columns and rows from the first sample of the block.
+    at: [u16; 2],
+    height: f64,
+    /// Metres above the plane.
+    off: f64,
+}
+
+/// How a grid is divided into blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blocks {
+    /// Samples along the side of a block.
+    pub side: u32,
+    /// Columns and rows of blocks.
+    pub counts: [u32; 2],
+    /// Columns and rows of samples.
+    whole: [u32; 2],
+}
+
+impl Blocks {
+    /// Of a grid of so many columns and rows.
+    pub fn of(whole: [u32; 2]) -> Self {
+        let count =
+            |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
+        let mut side = LEAST_SIDE;
+        while count(side) > MOST_BLOCKS {
+            side *= 2;
+        }
+        Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }
+    }
+
+    /// The samples of a block.
+    pub fn rect(&self, [col, row]: [u32; 2]) -> Rect {
+        let [col, row] = [col * self.side, row * self.side];
+        Rect::new(col, row, self.side.min(self.whole[0] - col), self.side.min(self.whole[1] - row))
+    }
+}
+
+impl Block {
+    /// Of heights, `stride` values from one row to the next.
+    fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
+        let at = |col: usize, row: usize| heights[row * stride + col];
+        let valid = || {
+            let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
+            all.filter_map(move |(col, row)| {
+                let z = at(col, row);
+                z.is_finite().then_some((col as f64, row as f64, z))
+            })
+        };
+        let Some((_, _, first)) = valid().next() else { return Self::default() };
+        let mut sums = [0.0; 9];
+        for (x, y, z) in valid() {
+            let z = z - first;
+            let terms = [1.0, x, y, z, x * x, x * y, y * y, x * z, y * z];
+            (0..9).for_each(|i| sums[i] += terms[i]);
+        }
+        let [n, x, y, z, xx, xy, yy, xz, yz] = sums;
+        let [xx, xy, yy] = [xx - x * x / n, xy - x * y / n, yy - y * y / n];
+        let [xz, yz] = [xz - x * z / n, yz - y * z / n];
+        let area = xx * yy - xy * xy;
+        // Of less than three samples, or some on a line, the plane is level.
+        let slopes = match area > 1e-9 * (xx * yy).max(1.0) {
+            true => [(xz * yy - yz * xy) / area, (yz * xx - xz * xy) / area],
+            false => [0.0; 2],
+        };
+        let base = first + (z - slopes[0] * x - slopes[1] * y) / n;
+        let mut block = Self {
+            count: n as u32,
+            plane: [base, slopes[0], slopes[1]],
+            ends: [Extreme::default(); 2],
+        };
+        let found = valid().map(|(x, y, height)| {
+            let at = [x as u16, y as u16];
+            Extreme { at, height, off: height - block.height([x, y]) }
+        });
+        let less = |a: &Extreme, b: &Extreme| a.off.total_cmp(&b.off);
+        let low = found.clone().min_by(less).unwrap_or_default();
+        let high = found.max_by(less).unwrap_or_default();
+        block.ends = [low, high];
+        block
+    }
+
+    /// The height of the plane, so many columns and rows from the first sample.
+    fn height(&self, [col, row]: [f64; 2]) -> f64 {
+        self.plane[0] + self.plane[1] * col + self.plane[2] * row
+    }
+
+    /// Metres that no sample is further from the plane.
+    pub fn off(&self) -> f64 {
+        // What was added up is rounded.
+        let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
+        self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
+    }
+}
+
+/// A part of what is looked at in a first pass, to be joined with the others.
+#[derive(Clone, Debug)]
+pub struct Glance {
+    rect: Rect,
+    blocks: Vec<Block>,
+    lines: [BTreeMap<u32, Vec<f64>>; 2],
+    means: Means,
+    range: Option<[f64; 2]>,
+}
+
+/// What is to be looked at: a grid of blocks, and the columns and rows whose samples are kept.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// How it is divided.
+    pub blocks: Blocks,
+    map: Affine,
+    lines: [Vec<u32>; 2],
+}
+
+impl Plan {
+    /// Of a grid of so many columns and rows, which `map` takes to longitudes and latitudes. Along the meridians
+    /// and parallels of `lines` the samples on both sides are kept.
+    pub fn new(whole: [u32; 2], map: Affine, lines: [&[f64]; 2]) -> Self {
+        let beside = |axis: usize| {
+            let place = |line: &f64| match axis {
+                0 => map.invert(*line, map.y0)[0],
+                _ => map.invert(map.x0, *line)[1],
+            };
+            let most = f64::from(whole[axis] - 1);
+            let near = lines[axis].iter().map(place).filter(|at| (-1.0..=most + 1.0).contains(at));
+            let both = near.flat_map(|at| {
+                // Rounding may put a place on either side of a sample.
+                [at.floor() - 1.0, at.floor(), at.floor() + 1.0, at.floor() + 2.0]
+            });
+            let mut found: Vec<u32> =
+                both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32).collect();
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        Self { blocks: Blocks::of(whole), map, lines: [beside(0), beside(1)] }
+    }
+
+    /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
+    pub fn look(&self, rect: Rect, heights: &[f64]) -> Glance {
+        let Blocks { side, whole, .. } = self.blocks;
+        let mut means = Means::new(whole);
+        for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
+            means.add(rect.col, row, line);
+        }
+        let mut blocks = Vec::new();
+        for row in (0..rect.height).step_by(side as usize) {
+            for col in (0..rect.width).step_by(side as usize) {
+                let size = [side.min(rect.width - col), side.min(rect.height - row)];
+                let from = &heights[row as usize * rect.width as usize + col as usize..];
+                blocks.push(Block::of(from, rect.width as usize, size.map(|side| side as usize)));
+            }
+        }
+        let valid = || heights.iter().copied().filter(|height| height.is_finite());
+        let range = valid().map(|height| [height; 2]).reduce(around);
+        let within = |axis: usize, from: u32, count: u32| {
+            self.lines[axis].iter().copied().filter(move |line| (from..from + count).contains(line))
+        };
+        let width = rect.width as usize;
+        let column = |col: u32| {
+            let from = (col - rect.col) as usize;
+            (col, heights[from..].iter().step_by(width).copied().collect())
+        };
+        let row = |row: u32| {
+            let from = (row - rect.row) as usize * width;
+            (row, heights[from..from + width].to_vec())
+        };
+        let lines = [
+            within(0, rect.col, rect.width).map(column).collect(),
+            within(1, rect.row, rect.height).map(row).collect(),
+        ];
+        Glance { rect, blocks, lines, means, range }
+    }
+
+    /// Joins what was seen in rectangles that cover the grid; `None` where all of it is void.
+    pub fn join(&self, glances: Vec<Glance>) -> Option<Overview> {
+        let Blocks { side, counts, whole } = self.blocks;
+        let mut blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
+        let line = |axis: usize| {
+            let empty = |at: &u32| (*at, vec![f64::NAN; whole[1 - axis] as usize]);
+            self.lines[axis].iter().map(empty).collect::<BTreeMap<_, _>>()
+        };
+        let mut lines = [line(0), line(1)];
+        let (mut means, mut range) = (Means::new(whole), None);
+        for glance in glances {
+            let Rect { col, row, width, .. } = glance.rect;
+            let across = width.div_ceil(side) as usize;
+            for (i, block) in glance.blocks.into_iter().enumerate() {
+                let [x, y] = [col / side, row / side].map(|at| at as usize);
+                blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
+            }
+            for (axis, from) in [(0, row), (1, col)] {
+                for (at, heights) in &glance.lines[axis] {
+                    if let Some(line) = lines[axis].get_mut(at) {
+                        line[from as usize..][..heights.len()].copy_from_slice(heights);
+                    }
+                }
+            }
+            means.join(&glance.means);
+            range = range.into_iter().chain(glance.range).reduce(around);
+        }
+        Some(Overview { plan: self.clone(), blocks, lines, fill: means.fill()?, range: range? })
+    }
+}
+
+fn around(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// A grid from afar.
+#[derive(Clone, Debug)]
+pub struct Overview {
+    plan: Plan,
+    blocks: Vec<Block>,
+    lines: [BTreeMap<u32, Vec<f64>>; 2],
+    fill: Fill,
+    /// Metres of the lowest and the highest sample.
+    pub range: [f64; 2],
+}
+
+impl Overview {
+    /// How the grid is divided.
+    pub fn plan(&self) -> &Blocks {
+        &self.plan.blocks
+    }
+
+    /// What stands for voids.
+    pub fn voids(&self) -> &Fill {
+        &self.fill
+    }
+
+    /// A block, by column and row of blocks.
+    pub fn block(&self, [col, row]: [u32; 2]) -> &Block {
+        &self.blocks[row as usize * self.plan.blocks.counts[0] as usize + col as usize]
+    }
+
+    /// The first and the last column and row of blocks with samples in a rectangle, the last ones excluded.
+    pub fn blocks_in(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
+        let Affine { x0, y0, .. } = self.plan.map;
+        let ends = [
+            [bounds.west, bounds.east].map(|lon| self.plan.map.invert(lon, y0)[0]),
+            [bounds.south, bounds.north].map(|lat| self.plan.map.invert(x0, lat)[1]),
+        ];
+        let side = f64::from(self.plan.blocks.side);
+        [0, 1].map(|axis: usize| {
+            let [a, b] = ends[axis];
+            let count = f64::from(self.plan.blocks.counts[axis]);
+            // A sample more on each side, as places are rounded.
+            let first = ((a.min(b) - 1.0) / side).floor().clamp(0.0, count);
+            let end = ((a.max(b) + 1.0) / side).floor() + 1.0;
+            [first as u32, end.clamp(first, count) as u32]
+        })
+    }
+
+    /// The corners of a block's samples, on its plane.
+    pub fn corners(&self, at: [u32; 2]) -> [Sample; 4] {
+        let rect = self.plan.blocks.rect(at);
+        let ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
+        ends.map(|[right, down]| {
+            let offset = [right * (rect.width - 1), down * (rect.height - 1)].map(f64::from);
+            let [col, row] = [f64::from(rect.col) + offset[0], f64::from(rect.row) + offset[1]];
+            Sample::new(self.plan.map.apply(col, row), self.block(at).height(offset))
+        })
+    }
+
+    /// The height on a column or row that is kept, between samples along it; `Err` where it is none of them.
+    fn on_line(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+        let [wide, high] = self.plan.blocks.whole.map(|count| f64::from(count - 1));
+        if !(0.0..=wide).contains(&col) || !(0.0..=high).contains(&row) {
+            return Ok(None);
+        }
+        for (axis, [across, along]) in [(0, [col, row]), (1, [row, col])] {
+            let first = across as u32;
+            let part = across - f64::from(first);
+            let next = first + u32::from(part > 0.0);
+            let [Some(a), Some(b)] = [first, next].map(|at| self.lines[axis].get(&at)) else {
+                continue;
+            };
+            let at = along as usize;
+            let down = along - at as f64;
+            let below = at + usize::from(down > 0.0);
+            let mixed = |line: &[f64]| match down > 0.0 {
+                true => line[at] * (1.0 - down) + line[below] * down,
+                false => line[at],
+            };
+            let height = match part > 0.0 {
+                true => mixed(a) * (1.0 - part) + mixed(b) * part,
+                false => mixed(a),
+            };
+            return Ok(height.is_finite().then_some(height));
+        }
+        Err(())
+    }
+
+    /// Columns and rows of a place; a hair beside a sample is on it.
+    fn at(&self, place: [f64; 2]) -> [f64; 2] {
+        self.plan.map.invert(place[0], place[1]).map(|at| {
+            let near = at.round();
+            if (at - near).abs() < 1e-7 { near } else { at }
+        })
+    }
+}
+
+impl Ground for Overview {
+    /// Exact along the lines that were kept; elsewhere that of the block's plane.
+    fn height(&self, place: [f64; 2]) -> Option<f64> {
+        let [col, row] = self.at(place);
+        if let Ok(found) = self.on_line([col, row]) {
+            return found;
+        }
+        let side = f64::from(self.plan.blocks.side);
+        let at = [(col / side) as u32, (row / side) as u32];
+        let block = self.block(at);
+        let [low, high] = self.range;
+        let offset = [col - f64::from(at[0]) * side, row - f64::from(at[1]) * side];
+        (block.count > 0).then(|| block.height(offset).clamp(low, high))
+    }
+
+    fn fill(&self, place: [f64; 2]) -> f64 {
+        self.fill.at(self.plan.map.invert(place[0], place[1]))
+    }
+
+    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64)) {
+        let axis = usize::from(from[0] == to[0]);
+        let ends = [self.at(from)[axis], self.at(to)[axis]];
+        let most = f64::from(self.plan.blocks.whole[axis] - 1);
+        let first = ends[0].min(ends[1]).ceil().max(0.0);
+        let last = ends[0].max(ends[1]).floor().min(most);
+        let mut index = first;
+        while index <= last {
+            let mut place = from;
+            place[axis] = self.plan.map.apply(index, index)[axis];
+            if let Ok(Some(height)) = self.on_line(self.at(place)) {
+                found(place, height);
+            }
+            index += 1.0;
+        }
+    }
+
+    /// Of each block the samples furthest from its plane.
+    fn each(&self, bounds: &Bounds, _: u32, found: &mut impl FnMut(Sample)) {
+        let [cols, rows] = self.blocks_in(bounds);
+        for row in rows[0]..rows[1] {
+            for col in cols[0]..cols[1] {
+                let block = self.block([col, row]);
+                let rect = self.plan.blocks.rect([col, row]);
+                let ends = &block.ends[..if block.count > 0 { 2 } else { 0 }];
+                for Extreme { at: [right, down], height, .. } in ends {
+                    let at =
+                        [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
+                    let place = self.plan.map.apply(at[0], at[1]);
+                    if bounds.holds(place) {
+                        let lat = Turn::of(place[1]);
+                        let upright = Upright::of(Turn::of(place[0]), lat, bend(lat));
+                        found(Sample { place, height: *height, upright });
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MAP: Affine = Affine { x0: 7.0, a: 0.01, b: 0.0, y0: 46.0, d: 0.0, e: -0.01 };
+
+    fn overview(
+        whole: [u32; 2],
+        heights: &[f64],
+        lines: [&[f64]; 2],
+        pieces: u32,
+    ) -> Option<Overview> {
+        let plan = Plan::new(whole, MAP, lines);
+        let rows = plan.blocks.side * pieces;
+        let look = |row: u32| {
+            let rect = Rect::new(0, row, whole[0], rows.min(whole[1] - row));
+            let from = row as usize * whole[0] as usize;
+            plan.look(rect, &heights[from..][..rect.len()])
+        };
+        let glances = (0..whole[1]).step_by(rows as usize).map(look).collect();
+        plan.join(glances)
+    }
+
+    proptest! {
+        #[test]
+        fn no_sample_is_further_from_its_plane_than_told(
+            size in (1_u32..70, 1_u32..70), seed: u32, voids in 0_u32..5, relief in 0.0..1e4_f64,
+        ) {
+            let whole = [size.0, size.1];
+            let noise = |i: u32| (i ^ seed).wrapping_mul(0x9e37_79b9) >> 8;
+            let height = |i: u32| match noise(i) % 8 < voids {
+                true => f64::NAN,
+                false => f64::from(noise(i)) / 16_777_216.0 * relief + f64::from(i % whole[0]) * 3.0,
+            };
+            let heights: Vec<f64> = (0..whole[0] * whole[1]).map(height).collect();
+            let found = overview(whole, &heights, [&[7.123], &[45.77]], 1);
+            prop_assert_eq!(found.is_none(), heights.iter().all(|z| z.is_nan()));
+            let Some(found) = found else { return Ok(()) };
+            let mut count = 0;
+            for (i, z) in heights.iter().enumerate().filter(|(_, z)| z.is_finite()) {
+                let [col, row] = [i as u32 % whole[0], i as u32 / whole[0]];
+                let at = [col / 16, row / 16];
+                let offset = [col % 16, row % 16].map(f64::from);
+                let block = found.block(at);
+                prop_assert!((z - block.height(offset)).abs() <= block.off());
+                prop_assert!(found.range[0] <= *z && *z <= found.range[1]);
+                count += 1;
+            }
+            prop_assert_eq!(count, found.blocks.iter().map(|block| block.count).sum::<u32>());
+            let other = overview(whole, &heights, [&[7.123], &[45.77]], 2).unwrap();
+            prop_assert_eq!(&found.blocks, &other.blocks);
+            prop_assert_eq!(&found.fill, &other.fill);
+        }
+    }
+
+    #[test]
+    fn along_lines_heights_are_those_of_the_grid() {
+        let heights: Vec<f64> =
+            (0..5000_u32).map(|i| f64::from(i.wrapping_mul(7919) % 997)).collect();
+        let lines: [&[f64]; 2] = [&[7.2345, 7.3, 12.0], &[45.7, 45.8123]];
+        let found = overview([100, 50], &heights, lines, 1).unwrap();
+        let patch =
+            crate::Patch::new(&heights, Rect::new(0, 0, 100, 50), [100, 50], MAP, &found.fill);
+        for ends in [
+            [[7.2345, 45.6], [7.2345, 45.9]],
+            [[7.1, 45.8123], [7.9, 45.8123]],
+            [[7.3, 45.5], [7.3, 46.5]],
+        ] {
+            let all = |ground: &dyn Fn(&mut dyn FnMut([f64; 2], f64))| {
+                let mut all = Vec::new();
+                ground(&mut |place, height| all.push((place, height)));
+                all
+            };
+            let far = all(&|each| found.bends(ends, &mut |place, height| each(place, height)));
+            let near = all(&|each| patch.bends(ends, &mut |place, height| each(place, height)));
+            assert!(far.len() > 20);
+            assert_eq!(far.len(), near.len());
+            for (far, near) in far.iter().zip(&near) {
+                assert!((far.1 - near.1).abs() < 1e-6, "{far:?} {near:?}");
+            }
+        }
+        assert_eq!(found.height([7.2345, 47.0]), None);
+    }
+}

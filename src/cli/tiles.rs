@@ -1,0 +1,120 @@
+//! `terrane tiles`: terrain for the globe, at every level of detail.
+
+use std::path::PathBuf;
+
+use crate::atomic;
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
+use crate::error::Result;
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::tiles::{self, TilesJob, TilesReport};
+
+/// Make terrain tiles of a grid for viewers of the globe, at every level of detail
+///
+/// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the
+/// grid, and layer.json. No sample is further from a tile, as a client decodes it on the bent earth, than
+/// clients take its level to be off by (77 km at level 0, half as much at each further one); each tile
+/// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
+/// spanned. The grid is in longitudes and latitudes; its heights are taken from the ellipsoid on.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. The last name is
+    /// that of the folder to make
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    pub(super) input: Vec<String>,
+    #[arg(skip)]
+    pub(super) output: PathBuf,
+    /// The deepest level [default: the first whose tiles have at most 64 samples along a side]
+    #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
+          help_heading = "Tiles")]
+    max_level: Option<u8>,
+    /// Write no normals of vertices, which viewers light the ground by
+    #[arg(long, help_heading = "Tiles")]
+    no_normals: bool,
+    /// Write plain files; compressed ones (gzip) are to be served with "Content-Encoding: gzip"
+    #[arg(long, help_heading = "Tiles")]
+    no_gzip: bool,
+    /// Replace a folder of tiles that exists
+    #[arg(long, help_heading = "Tiles")]
+    overwrite: bool,
+    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
+    /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    water: Option<String>,
+    #[command(flatten)]
+    pub(super) many: many::Many,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+impl Verb for Args {
+    const NAME: &'static str = "tiles";
+    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    atomic::refuse_stdout(&args.output)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
+    args.grid.check_all(&names)?;
+    check::not_inputs(&names, &[&args.output])?;
+    check::not_among(args.grid.clip.as_slice(), &[&args.output])?;
+    check::not_among(args.water.as_slice(), &[&args.output])?;
+    check::new_file(&args.output, args.overwrite)?;
+    let job = TilesJob {
+        reading: args.grid.reading(args.water.as_ref()),
+        overwrite: args.overwrite,
+        max_level: args.max_level,
+        normals: !args.no_normals,
+        compress: !args.no_gzip,
+        resources,
+        ..TilesJob::new(names, &args.output)
+    };
+    let report = tiles::run(&job, args.show.progress().as_ref(), cancel)?;
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
+    args.show.tell(&told, || summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+fn summary(r: &TilesReport) -> String {
+    let mut rows = vec![
+        ("system", r.crs.clone()),
+        ("samples", text::count(r.samples)),
+        ("tiles", format!("{}, {}", text::count(r.tiles), text::bytes(r.output_bytes))),
+    ];
+    rows.extend(report::took(&r.run, None, ""));
+    rows.extend(report::notes(&r.notes));
+    let heading = "level     tiles  triangles       bytes   error, m  of allowed";
+    let level = |l: &tiles::LevelReport| {
+        format!(
+            "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
+            l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
+        )
+    };
+    let levels: Vec<String> = r.levels.iter().map(level).collect();
+    format!("{} -> {}\n{}\n{heading}\n{}", r.input, r.output, text::table(&rows), levels.join("\n"))
+}
