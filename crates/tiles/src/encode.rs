@@ -56,11 +56,16 @@ impl Heights {
     }
 }
 
-/// The bytes of a tile; with `normals`, those of the ground at its vertices.
+/// The bytes of a tile; with `normals`, those of the ground at its vertices, and with `available`, what tiles there
+/// are below it, as JSON.
 ///
 /// # Errors
 /// A tile whose heights have too large a range.
-pub fn quantized_mesh<G: Ground>(tile: &Tile, normals: Option<(&Level, &G)>) -> Result<Vec<u8>> {
+pub fn quantized_mesh<G: Ground>(
+    tile: &Tile,
+    normals: Option<(&Level, &G)>,
+    available: Option<&str>,
+) -> Result<Vec<u8>> {
     let heights = Heights::of(tile).ok_or_else(|| {
         let tiling::TileId { level, x, y } = tile.id;
         Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
@@ -101,7 +106,7 @@ pub fn quantized_mesh<G: Ground>(tile: &Tile, normals: Option<(&Level, &G)>) -> 
             out.extend(octants(normal(tile.id.place(vertex.at), level, ground)));
         }
     }
-    metadata(tile.measure.largest, &mut out);
+    metadata(tile.measure.largest, available, &mut out);
     Ok(out)
 }
 
@@ -219,10 +224,11 @@ fn octants(direction: Vector) -> [u8; 2] {
     [x, y].map(|value| ((value.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0).round() as u8)
 }
 
-/// Tells the error, rounded up.
-fn metadata(error: f64, out: &mut Vec<u8>) {
+/// Tells the error, rounded up, and what tiles there are below.
+fn metadata(error: f64, available: Option<&str>, out: &mut Vec<u8>) {
     let scale = 10_f64.powi(PLACES);
-    let text = format!(r#"{{"error":{}}}"#, (error * scale).ceil() / scale);
+    let below = available.map_or(String::new(), |text| format!(r#","available":{text}"#));
+    let text = format!(r#"{{"error":{}{below}}}"#, (error * scale).ceil() / scale);
     out.push(METADATA);
     out.extend((text.len() as u32 + 4).to_le_bytes());
     out.extend((text.len() as u32).to_le_bytes());

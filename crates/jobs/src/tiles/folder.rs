@@ -20,6 +20,8 @@ use terrane_tiles::{Level, Tile, TileId, level_error, quantized_mesh};
 const LAYER: &str = "layer.json";
 /// Of a tile's file.
 const ENDING: &str = "terrain";
+/// Every so many levels tiles tell what there is below them: clients that know the extension ask for it.
+const TOLD_LEVELS: u8 = 10;
 /// How hard files are compressed, of 12.
 const EFFORT: i32 = 9;
 
@@ -39,24 +41,54 @@ pub(super) struct Folder {
     folder: AtomicFolder,
     normals: bool,
     compress: bool,
+    /// The deepest level.
+    last: u8,
     rows: Mutex<BTreeMap<u8, Row>>,
 }
 
 impl Folder {
-    pub(super) fn create(job: &TilesJob) -> Result<Self> {
+    /// For tiles down to a level.
+    pub(super) fn create(job: &TilesJob, last: u8) -> Result<Self> {
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
         let (normals, compress) = (job.normals, job.compress);
-        Ok(Self { folder, normals, compress, rows: Mutex::default() })
+        Ok(Self { folder, normals, compress, last, rows: Mutex::default() })
     }
 
-    /// Writes a tile.
+    /// Notes that there is a tile, which is put later: those it is in tell of it.
+    pub(super) fn note(&self, TileId { level, x, y }: TileId) {
+        lock(&self.rows).entry(level).or_default().tiles.insert((x, y));
+    }
+
+    /// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
+    fn below(&self, id: TileId) -> Option<String> {
+        if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= self.last {
+            return None;
+        }
+        let rows = lock(&self.rows);
+        let told = (id.level + 1..=(id.level + TOLD_LEVELS).min(self.last)).map(|level| {
+            let by = level - id.level;
+            let [x, y] = [id.x, id.y].map(|at| (at << by, (at + 1) << by));
+            let column = |row: &Row| {
+                let tiles = row.tiles.range((x.0, y.0)..(x.1, 0));
+                tiles.filter(|(_, at)| (y.0..y.1).contains(at)).copied().collect()
+            };
+            rectangles(&rows.get(&level).map_or_else(BTreeSet::new, column))
+        });
+        Some(Value::Array(told.collect()).to_string())
+    }
+
+    /// Writes a tile that was noted, as all in it were.
     pub(super) fn put(
         &self,
         tile: &Tile,
         level: &Level,
         ground: &impl terrane_tiles::Ground,
     ) -> Result<()> {
-        let bytes = quantized_mesh(tile, self.normals.then_some((level, ground)))?;
+        let bytes = quantized_mesh(
+            tile,
+            self.normals.then_some((level, ground)),
+            self.below(tile.id).as_deref(),
+        )?;
         let bytes = if self.compress { packed(&bytes)? } else { bytes };
         let TileId { level, x, y } = tile.id;
         let path = self.folder.inside().join(level.to_string()).join(x.to_string());
@@ -65,7 +97,6 @@ impl Folder {
         std::fs::write(&path, &bytes).map_err(|e| Error::write(&path, e))?;
         let mut rows = lock(&self.rows);
         let row = rows.entry(level).or_default();
-        row.tiles.insert((x, y));
         row.largest = row.largest.max(tile.measure.largest);
         row.samples += tile.measure.samples;
         row.vertices += tile.vertices.len() as u64;
@@ -77,7 +108,7 @@ impl Folder {
     /// The tiles of levels before `near` that have one of that level in them, the coarsest first; and both of
     /// level 0, which every client asks for.
     pub(super) fn above(&self, near: u8) -> Vec<TileId> {
-        let rows = lock(&self.rows);
+        let mut rows = lock(&self.rows);
         let mut found = BTreeSet::new();
         let places = rows.get(&near).into_iter().flat_map(|row| &row.tiles);
         let mut here: BTreeSet<TileId> =
@@ -91,6 +122,9 @@ impl Folder {
             near == 0 && rows.get(&0).is_some_and(|row| row.tiles.contains(&(id.x, id.y)))
         };
         found.extend(roots.into_iter().filter(|id| !is_there(id)));
+        found.iter().for_each(|id| {
+            rows.entry(id.level).or_default().tiles.insert((id.x, id.y));
+        });
         found.into_iter().collect()
     }
 
@@ -187,6 +221,7 @@ fn layer(ground: &Ground<'_>, rows: &BTreeMap<u8, Row>) -> Value {
         "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
         "minzoom": 0,
         "maxzoom": last,
+        "metadataAvailability": TOLD_LEVELS,
         "available": available,
         "terrane": {
             "version": env!("CARGO_PKG_VERSION"),

@@ -97,11 +97,12 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
         return Err(Error::usage(format!("level {level} is too deep"))
             .remedy(format!("choose {DEEPEST} at most")));
     }
-    let folder = Folder::create(job)?;
+    terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let options = job.reading.options(&job.resources, 0)?;
     let (grid, shares) = memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES)?;
     let place = Place::of(grid.info(), &job.input)?;
     let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
+    let folder = Folder::create(job, last)?;
     let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
     let near = (0..last).find(is_near).unwrap_or(last);
     let overview = glance::look(&*grid, &place, near, shares.threads, progress, cancel)?;

@@ -53,14 +53,14 @@ impl Ground<'_> {
         if !patch.holds_any(&id.bounds()) {
             return Ok(());
         }
-        let level = self.level(id);
-        folder.put(&build(id, level, patch)?, level, patch)?;
+        folder.note(id);
         if usize::from(id.level) + 1 < self.levels.len() {
             let children = id.children();
             children
                 .into_iter()
                 .try_for_each(|child| self.descend(child, patch, folder, cancel))?;
         }
-        Ok(())
+        let level = self.level(id);
+        folder.put(&build(id, level, patch)?, level, patch)
     }
 }
