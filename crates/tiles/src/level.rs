@@ -2,6 +2,7 @@
 //! the ground is looked at.
 
 use crate::globe::EQUATOR;
+use crate::surface::nearest;
 use crate::tiling;
 use terrane_base::error::{Error, Result};
 
@@ -80,7 +81,7 @@ impl Level {
 
     /// A height in steps.
     pub(crate) fn steps(&self, height: f64) -> i32 {
-        (height / self.step).round() as i32
+        nearest(height / self.step)
     }
 }
 

@@ -123,7 +123,7 @@ impl<'a> Builder<'a> {
 
     fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
         // The borders are not this tile's alone.
-        let at = place.map(|at| (at.round() as i32).clamp(1, STEPS - 1));
+        let at = place.map(|at| nearest(at).clamp(1, STEPS - 1));
         self.drop.lift(Vertex { at, height: self.level.steps(height) })
     }
 
@@ -237,8 +237,8 @@ impl Drop {
 
     fn lift(&mut self, vertex: Vertex) -> Point {
         let height = f64::from(vertex.height) * (self.step / self.unit);
-        let z = (height + self.of(vertex.at)).round();
-        Point::new(vertex.at[0], vertex.at[1], z as i32)
+        let z = nearest(height + self.of(vertex.at));
+        Point::new(vertex.at[0], vertex.at[1], z)
     }
 
     fn lower(&self, point: Point) -> Vertex {
@@ -247,6 +247,13 @@ impl Drop {
         let height = (f64::from(point.z) - fresh.of(at)) / (self.step / self.unit);
         Vertex { at, height: height.round() as i32 }
     }
+}
+
+/// The nearest whole number, without the call that rounding takes on processors of all kinds.
+pub(crate) fn nearest(value: f64) -> i32 {
+    /// Makes all values positive that are in reach.
+    const UP: f64 = (1_u64 << 31) as f64;
+    ((value + UP + 0.5) as i64 - (1 << 31)) as i32
 }
 
 /// A cosine, fast where angles are small.
