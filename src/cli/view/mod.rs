@@ -1,4 +1,6 @@
-//! `terrane view`: a picture of a grid or a mesh.
+//! `terrane view`: a picture of a grid or a mesh, or a page to look at these and at lines in.
+
+mod page;
 
 use std::path::PathBuf;
 
@@ -6,12 +8,13 @@ use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
 use crate::error::Result;
-use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
 use crate::jobs::view::{self, ViewJob, ViewReport};
+use crate::jobs::{Cancel, Resources};
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
-/// vertices have colours is drawn in these
+/// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
+/// shows and loads nothing
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
@@ -19,15 +22,27 @@ pub(super) struct Args {
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
-    /// Replace a picture that exists
+    #[arg(
+        short,
+        long,
+        value_name = "FILE",
+        required_unless_present = "html",
+        conflicts_with = "html"
+    )]
+    output: Option<PathBuf>,
+    /// Page to write in place of a picture, ending in .html
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
+    #[arg(long, value_name = "GRID", requires = "html", value_parser = names::any())]
+    against: Option<String>,
+    /// Replace a file that exists
     #[arg(long)]
     overwrite: bool,
     /// Columns of the picture; rows follow from the aspect on the ground
-    #[arg(long, value_name = "PX", default_value_t = 1600)]
+    #[arg(long, value_name = "PX", default_value_t = 1600, conflicts_with = "html")]
     width: u32,
-    /// Draw the edges of a mesh's triangles
+    /// Draw the edges of a mesh's triangles; on a page, from the start
     #[arg(long)]
     edges: bool,
     /// Where the light comes from, in degrees clockwise from north
@@ -76,15 +91,29 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     let args = &Args { input: names, ..args.clone() };
-    args.grid.check_all(&args.input)?;
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
-    check::ending(&args.output, &["png"], "a picture")?;
-    check::new_file(&args.output, args.overwrite)?;
+    if let Some(html) = &args.html {
+        let report = page::make(args, html, resources, cancel)?;
+        let told = report::WithSkipped { report: &report, skipped: &skipped };
+        args.show.tell(&told, || page::summary(&report))?;
+        return Ok(Outcome::Kept);
+    }
+    let report = picture(args, resources, cancel)?;
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
+    args.show.tell(&told, || summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
+    args.grid.check_all(&args.input)?;
+    let output = args.output.clone().unwrap_or_default();
+    check::ending(&output, &["png"], "a picture")?;
+    check::new_file(&output, args.overwrite)?;
     view::check_width(args.width)?;
     let job = ViewJob {
         input: args.input.clone().into(),
         reading: args.grid.reading(None),
-        output: args.output.clone(),
+        output,
         overwrite: args.overwrite,
         width: args.width,
         edges: args.edges,
@@ -94,10 +123,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         bbox: args.bbox,
         resources,
     };
-    let report = view::run(&job, args.show.progress().as_ref(), cancel)?;
-    let told = report::WithSkipped { report: &report, skipped: &skipped };
-    args.show.tell(&told, || summary(&report))?;
-    Ok(Outcome::Kept)
+    view::run(&job, args.show.progress().as_ref(), cancel)
 }
 
 fn summary(r: &ViewReport) -> String {
