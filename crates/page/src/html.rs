@@ -21,17 +21,30 @@ pub struct Template {
 }
 
 /// Every kind of page. A new one is its files in `web/` and an entry here.
-pub const TEMPLATES: &[Template] = &[Template {
-    name: "surface",
-    body: include_str!("../web/surface.html"),
-    scripts: &[
-        include_str!("../web/common.js"),
-        include_str!("../web/camera.js"),
-        include_str!("../web/surface_index.js"),
-        include_str!("../web/surface_draw.js"),
-        include_str!("../web/surface.js"),
-    ],
-}];
+pub const TEMPLATES: &[Template] = &[
+    Template {
+        name: "surface",
+        body: include_str!("../web/surface.html"),
+        scripts: &[
+            include_str!("../web/common.js"),
+            include_str!("../web/camera.js"),
+            include_str!("../web/surface_index.js"),
+            include_str!("../web/surface_draw.js"),
+            include_str!("../web/surface.js"),
+        ],
+    },
+    Template {
+        name: "lines",
+        body: include_str!("../web/lines.html"),
+        scripts: &[
+            include_str!("../web/common.js"),
+            include_str!("../web/camera.js"),
+            include_str!("../web/lines_filter.js"),
+            include_str!("../web/lines_draw.js"),
+            include_str!("../web/lines.js"),
+        ],
+    },
+];
 
 /// The style of all pages.
 const STYLE: &str = include_str!("../web/page.css");

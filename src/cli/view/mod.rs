@@ -18,7 +18,7 @@ use crate::jobs::{Cancel, Resources};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
-    /// pattern in quotes are one mosaic
+    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
@@ -36,6 +36,9 @@ pub(super) struct Args {
     /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
     #[arg(long, value_name = "GRID", requires = "html", value_parser = names::any())]
     against: Option<String>,
+    /// The object of a TopoJSON file that a page shows [default: the first one]
+    #[arg(long, value_name = "NAME", requires = "html")]
+    layer: Option<String>,
     /// Replace a file that exists
     #[arg(long)]
     overwrite: bool,
@@ -45,13 +48,12 @@ pub(super) struct Args {
     /// Draw the edges of a mesh's triangles; on a page, from the start
     #[arg(long)]
     edges: bool,
-    /// Where the light comes from, in degrees clockwise from north
-    #[arg(long, value_name = "DEG", default_value_t = 315.0, allow_hyphen_values = true,
-          value_parser = parse::finite)]
-    azimuth: f64,
-    /// Height of the light above the horizon, in degrees from 1 to 90
-    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = parse::altitude)]
-    altitude: f64,
+    /// Where the light comes from, in degrees clockwise from north [default: 315]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = parse::finite)]
+    azimuth: Option<f64>,
+    /// Height of the light above the horizon, in degrees from 1 to 90 [default: 45]
+    #[arg(long, value_name = "DEG", value_parser = parse::altitude)]
+    altitude: Option<f64>,
     /// Factor on heights before they are lit [default: one that suits the terrain]
     #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
     exaggeration: Option<f64>,
@@ -68,6 +70,10 @@ pub(super) struct Args {
     #[command(flatten)]
     show: args::Show,
 }
+
+/// Where the light comes from unless told otherwise, in degrees.
+const AZIMUTH: f64 = 315.0;
+const ALTITUDE: f64 = 45.0;
 
 impl Verb for Args {
     const NAME: &'static str = "view";
@@ -117,8 +123,8 @@ fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewRep
         overwrite: args.overwrite,
         width: args.width,
         edges: args.edges,
-        azimuth: args.azimuth,
-        altitude: args.altitude,
+        azimuth: args.azimuth.unwrap_or(AZIMUTH),
+        altitude: args.altitude.unwrap_or(ALTITUDE),
         exaggeration: args.exaggeration,
         bbox: args.bbox,
         resources,

@@ -36,6 +36,10 @@ impl System {
         Self::of_crs(&Crs { epsg, geographic, vertical_unit, ..Crs::default() }, label)
     }
 
+    pub(super) fn of_features(crs: &Crs) -> Self {
+        Self::of_crs(crs, crs.label())
+    }
+
     fn of_crs(crs: &Crs, label: String) -> Self {
         let geographic = crs.geographic == Some(true);
         let across = crs.horizontal_unit();
@@ -49,7 +53,7 @@ impl System {
     }
 
     /// Metres of a unit along x, y and z, in the middle of `bounds`: west, south, east, north.
-    fn ground(&self, [_, south, _, north]: [f64; 4]) -> [f64; 3] {
+    pub(super) fn ground(&self, [_, south, _, north]: [f64; 4]) -> [f64; 3] {
         let [level, upright] = self.metres;
         if self.geographic {
             let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);

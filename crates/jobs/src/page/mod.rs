@@ -7,6 +7,7 @@
 mod errors;
 mod facts;
 mod lattice;
+mod lines;
 mod solid;
 mod surface;
 
@@ -28,6 +29,8 @@ use terrane_raster::Inputs;
 
 /// Most triangles of a page.
 pub const MOST_TRIANGLES: u64 = 10 << 20;
+/// Most vertices of lines on a page.
+pub const MOST_VERTICES: u64 = 4 << 20;
 /// Most samples that a page shows of a grid.
 pub const MOST_SAMPLES: u64 = 3 << 19;
 
@@ -38,6 +41,11 @@ pub enum Show {
     Surface {
         /// The grid that errors are measured against.
         against: Option<Inputs>,
+    },
+    /// Lines, with all of their simplifications.
+    Lines {
+        /// The object of a TopoJSON file; its first one when `None`.
+        layer: Option<String>,
     },
 }
 
@@ -79,6 +87,11 @@ pub struct PageReport {
     pub vertices: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub triangles: Option<u64>,
+    /// Lines and rings, and the features they are of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub features: Option<u64>,
     /// Of a grid: every so many-th sample is shown, along rows and columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stride: Option<u32>,
@@ -108,6 +121,7 @@ pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Pa
     refuse_existing(&job.output, job.overwrite)?;
     let (page, report) = match &job.show {
         Show::Surface { against } => surface(job, against.as_ref(), progress, cancel)?,
+        Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel)?,
     };
     cancel.check()?;
     let output_bytes = write(job, page)?;
