@@ -44,6 +44,15 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../web/lines.js"),
         ],
     },
+    Template {
+        name: "insertion",
+        body: include_str!("../web/insertion.html"),
+        scripts: &[
+            include_str!("../web/common.js"),
+            include_str!("../web/insertion_mesh.js"),
+            include_str!("../web/insertion.js"),
+        ],
+    },
 ];
 
 /// The style of all pages.

@@ -32,11 +32,24 @@ function room() {
   return { left, width: canvas.clientWidth - left, height: canvas.clientHeight };
 }
 
+/** Where nearly all vertices are: islands far away are left to be looked for. */
+function middleOf() {
+  const ends = ['x', 'y'].map((name) => {
+    const some = filter[name].filter((_, i) => i % Math.ceil(filter.x.length / 1e5) === 0).sort();
+    const [low, high] = [0.01, 0.99].map((share) => some[Math.floor((some.length - 1) * share)]);
+    const [first, last] = [some[0], some[some.length - 1]];
+    // A whole that is not much larger than the middle is shown whole.
+    return last - first < 2 * (high - low) ? [first, last] : [low, high];
+  });
+  return [ends.map(([low]) => low), ends.map(([, high]) => high)];
+}
+
 function fit() {
   const { left, width, height } = room();
-  const sides = view.top.map((code, k) => Math.max(code * view.ground[k], 1e-9));
+  const [low, high] = middleOf();
+  const sides = low.map((code, k) => Math.max((high[k] - code) * view.ground[k], 1e-9));
   view.pixels = Math.min((width * 0.92) / sides[0], (height * 0.88) / sides[1]);
-  view.middle = view.top.map((code) => code / 2);
+  view.middle = low.map((code, k) => (code + high[k]) / 2);
   view.middle[0] -= left / 2 / view.pixels / view.ground[0];
   view.widest = view.pixels;
   dirty = true;

@@ -71,6 +71,8 @@ class LinesFilter {
   range(method) {
     const list = this.sorted[method];
     if (list.length === 0) return [0, 0];
-    return [list[Math.floor(list.length * 0.002)], list[list.length - 1]];
+    const high = list[list.length - 1];
+    // What lies on its line but for rounding is no use on a slider.
+    return [Math.max(list[Math.floor(list.length * 0.002)], high * 1e-7), high];
   }
 }

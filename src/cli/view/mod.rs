@@ -36,6 +36,10 @@ pub(super) struct Args {
     /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
     #[arg(long, value_name = "GRID", requires = "html", value_parser = names::any())]
     against: Option<String>,
+    /// Page that inserts the samples of a small grid one by one, for teaching: how a mesh of it grows, and
+    /// how its error falls; of a large grid every n-th sample, at most 129 along a side
+    #[arg(long, requires = "html", conflicts_with_all = ["against", "edges"])]
+    insertion: bool,
     /// The object of a TopoJSON file that a page shows [default: the first one]
     #[arg(long, value_name = "NAME", requires = "html")]
     layer: Option<String>,

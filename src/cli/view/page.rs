@@ -42,12 +42,16 @@ fn show(args: &Args, are_lines: bool) -> Show {
     if are_lines {
         return Show::Lines { layer: args.layer.clone() };
     }
+    if args.insertion {
+        return Show::Insertion;
+    }
     Show::Surface { against: args.against.clone().map(|grid| vec![grid].into()) }
 }
 
 /// Fails when an option was given that does nothing for lines.
 fn refuse_for_lines(args: &Args) -> Result<()> {
     let given = [
+        ("--insertion", args.insertion),
         ("--against", args.against.is_some()),
         ("--edges", args.edges),
         ("--azimuth", args.azimuth.is_some()),

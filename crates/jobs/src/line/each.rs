@@ -1,7 +1,8 @@
 //! The threshold of each vertex of a line or ring: it is kept at all that are smaller.
 //!
 //! What [`Tool::choose`](super::tool::Tool::choose) does at one threshold, for all at once: lines that end where
-//! they began are done in two halves, rings of three vertices keep them.
+//! they began are done in two halves, rings keep three vertices. (Of a ring that would collapse the method keeps
+//! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
 
 use super::part::{check, vertices};
 use super::tool::{Measure, Vertex};
@@ -138,9 +139,9 @@ mod tests {
                 let own = thresholds(&part, Measure::Plane).unwrap();
                 let own = filtered(&part, &own[which], threshold);
                 let kept = other.parts().next().unwrap().xy.to_vec();
-                // Of a ring that collapses any three are minimal.
-                if is_ring && kept.len() == 4 {
-                    prop_assert!(own.len() == 4);
+                // A ring that collapses keeps three here; the method adds what its tolerance asks for then.
+                if is_ring && own.len() <= 4 {
+                    prop_assert!(own.len() == 4 && kept.len() >= 4);
                 } else {
                     prop_assert_eq!(own, kept, "{}", method.name);
                 }

@@ -6,6 +6,7 @@
 
 mod errors;
 mod facts;
+mod insertion;
 mod lattice;
 mod lines;
 mod solid;
@@ -22,6 +23,7 @@ use crate::input::{self, Surface};
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
+pub use insertion::MOST_SIDE;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_page::Page;
@@ -42,6 +44,8 @@ pub enum Show {
         /// The grid that errors are measured against.
         against: Option<Inputs>,
     },
+    /// Greedy insertion on a small grid, step by step.
+    Insertion,
     /// Lines, with all of their simplifications.
     Lines {
         /// The object of a TopoJSON file; its first one when `None`.
@@ -121,6 +125,7 @@ pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Pa
     refuse_existing(&job.output, job.overwrite)?;
     let (page, report) = match &job.show {
         Show::Surface { against } => surface(job, against.as_ref(), progress, cancel)?,
+        Show::Insertion => insertion(job, cancel)?,
         Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel)?,
     };
     cancel.check()?;
@@ -149,6 +154,15 @@ fn surface(
         }
         (Surface::Grid(grid), None) => lattice::page(grid.as_ref(), job, progress, cancel),
         (Surface::Mesh(mesh), _) => surface::page(mesh.as_ref(), against, job, progress, cancel),
+    }
+}
+
+fn insertion(job: &PageJob, cancel: &Cancel) -> Result<(Page, PageReport)> {
+    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
+    match input::open(job.input.names(), &options)? {
+        Surface::Grid(grid) => insertion::page(grid.as_ref(), job, cancel),
+        Surface::Mesh(_) => Err(Error::usage("samples of a grid are inserted, and this is a mesh")
+            .remedy("name the grid that it was made from")),
     }
 }
 
