@@ -154,7 +154,8 @@ function gestures(view, on) {
   };
   view.addEventListener('pointerup', end);
   view.addEventListener('pointercancel', end);
-  view.addEventListener('pointerleave', () => on.hover(NaN, NaN));
+  // A finger that goes leaves what it pointed at.
+  view.addEventListener('pointerleave', (event) => event.pointerType === 'mouse' && on.hover(NaN, NaN));
   view.addEventListener('contextmenu', (event) => event.preventDefault());
   view.addEventListener('wheel', (event) => {
     event.preventDefault();

@@ -1,6 +1,8 @@
 //! The page of lines: all lines and rings of a file, and of each vertex the thresholds at which it goes by
 //! Ramer-Douglas-Peucker and by Visvalingam-Whyatt, so that a threshold is a filter.
 
+use std::path::Path;
+
 use serde_json::json;
 
 use super::{MOST_VERTICES, PageJob, PageReport, facts, within_memory};
@@ -46,10 +48,15 @@ pub(super) fn page(
     let path = path_of(input);
     let options = OpenOptions { layer: layer.cloned() };
     let mut source = vector::open(&path, &options)?;
-    let measure = match source.layer().crs.geographic {
-        Some(true) => Measure::Geographic,
-        _ => Measure::Plane,
+    let mut crs = source.layer().crs.clone();
+    let measure = match crs.geographic == Some(true) && are_degrees(&path, &options, cancel)? {
+        true => Measure::Geographic,
+        false => Measure::Plane,
     };
+    if measure == Measure::Plane && crs.geographic == Some(true) {
+        // GeoJSON that names no system is of degrees by its standard, and often is not.
+        crs = Crs::default();
+    }
     let mut lines = Lines::default();
     progress.begin("features", source.layer().features.unwrap_or(0));
     while let Some(feature) = source.next()? {
@@ -63,8 +70,20 @@ pub(super) fn page(
         progress.advance(1);
     }
     progress.end();
-    let crs = source.layer().crs.clone();
     lines.page(job, &crs, measure)
+}
+
+/// Whether all positions of a file are longitudes and latitudes.
+fn are_degrees(path: &Path, options: &OpenOptions, cancel: &Cancel) -> Result<bool> {
+    let mut source = vector::open(path, options)?;
+    while let Some(feature) = source.next()? {
+        cancel.check()?;
+        let is_degree = |[x, y]: &[f64; 2]| x.abs() <= 360.0 && y.abs() <= 90.0;
+        if !feature.geometry.parts().all(|part| part.xy.iter().all(is_degree)) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 impl Lines {
