@@ -259,6 +259,7 @@ function makeProfile() {
   const line = pieces.flat().map(([share, height]) => [share, at(share, height)]);
   profile = { from, to, pieces, line, length: apart(from, to).plan };
   $('sheet').hidden = false;
+  tell([['Section', 'point at it to read it, click for another']]);
   drawProfile();
   dirty = true;
 }

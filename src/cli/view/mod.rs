@@ -97,13 +97,18 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let options = args.grid.open_options(&resources);
-    let Sifted { names, skipped } =
-        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
+    let are_lines = args.html.is_some() && page::are_lines(&args.input);
+    let Sifted { names, skipped } = match are_lines {
+        true => Sifted { names: args.input.clone(), skipped: Vec::new() },
+        false => {
+            let options = args.grid.open_options(&resources);
+            args.many.take(&args.input, many::Kind::Grids(&options), &resources)?
+        }
+    };
     let args = &Args { input: names, ..args.clone() };
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
     if let Some(html) = &args.html {
-        let report = page::make(args, html, resources, cancel)?;
+        let report = page::make(args, html, are_lines, resources, cancel)?;
         let told = report::WithSkipped { report: &report, skipped: &skipped };
         args.show.tell(&told, || page::summary(&report))?;
         return Ok(Outcome::Kept);

@@ -8,14 +8,18 @@ use crate::error::{Error, Result};
 use crate::jobs::page::{self, PageJob, PageReport, Show};
 use crate::jobs::{Cancel, Resources};
 
+/// True when one of the inputs is of features, or of lines by name.
+pub(super) fn are_lines(inputs: &[String]) -> bool {
+    inputs.iter().any(|input| many::are_features(input) || many::are_made_lines(input))
+}
+
 pub(super) fn make(
     args: &Args,
     html: &Path,
+    are_lines: bool,
     resources: Resources,
     cancel: &Cancel,
 ) -> Result<PageReport> {
-    let is_lines = |input: &String| many::are_features(input) || many::are_made_lines(input);
-    let are_lines = args.input.iter().any(is_lines);
     match are_lines {
         true => refuse_for_lines(args)?,
         false => refuse_for_surfaces(args)?,
@@ -60,7 +64,7 @@ fn refuse_for_lines(args: &Args) -> Result<()> {
         ("--bbox", args.bbox.is_some()),
     ];
     let given = given.into_iter().filter(|(_, given)| *given).map(|(option, _)| option);
-    match args.grid.given().into_iter().chain(given).next() {
+    match args.grid.given().into_iter().chain(args.many.given()).chain(given).next() {
         Some(option) => Err(Error::usage(format!("{option} is not for a page of lines"))
             .remedy(format!("leave {option} out"))),
         None => Ok(()),

@@ -169,3 +169,24 @@ impl Lines {
         page.fact("notes", json!(notes));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::Show;
+    use crate::page::tests::job;
+    use terrane_vector::Geometry;
+
+    #[test]
+    fn lines_beyond_the_limit_and_the_memory_are_refused_by_name() {
+        let line = Geometry::line(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]);
+        let part = line.parts().next().unwrap();
+        let push = |vertices, memory| {
+            let mut lines = Lines { vertices, ..Lines::default() };
+            lines.push(&part, Measure::Plane, &job(Show::Lines { layer: None }, memory))
+        };
+        assert!(push(0, 64 << 20).is_ok());
+        assert_eq!(push(MOST_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);
+        assert_eq!(push(MOST_VERTICES - 3, 64 << 20).unwrap_err().kind(), ErrorKind::Resource);
+    }
+}

@@ -182,3 +182,44 @@ fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
     let message = format!("a page of {what} takes {mib} MiB of memory");
     Err(Error::new(ErrorKind::Resource, message).remedy(format!("pass --memory {mib}M or more")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Silent;
+
+    /// A page of nothing in particular.
+    pub(super) fn job(show: Show, memory: u64) -> PageJob {
+        PageJob {
+            input: "synth:rough,size=65".into(),
+            reading: Reading::default(),
+            show,
+            output: "page.html".into(),
+            overwrite: false,
+            edges: false,
+            azimuth: 315.0,
+            altitude: 45.0,
+            exaggeration: None,
+            bbox: None,
+            resources: Resources { memory, ..Resources::default() },
+        }
+    }
+
+    #[test]
+    fn what_does_not_go_together_is_refused_and_nothing_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |show: Show, memory: u64| {
+            let job = PageJob { output: folder.path().join("a.html"), ..job(show, memory) };
+            run(&job, &Silent, &Cancel::default())
+        };
+        let against = Show::Surface { against: Some("synth:rough,size=65".into()) };
+        assert_eq!(run(against, 1 << 30).unwrap_err().kind(), ErrorKind::Usage);
+        let grid = || Show::Surface { against: None };
+        assert_eq!(run(grid(), 1 << 20).unwrap_err().kind(), ErrorKind::Resource);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let report = run(grid(), 1 << 30).unwrap();
+        assert_eq!((report.vertices, report.triangles), (65 * 65, Some(2 * 64 * 64)));
+        let written = std::fs::metadata(folder.path().join("a.html")).unwrap().len();
+        assert_eq!(written, report.output_bytes);
+    }
+}

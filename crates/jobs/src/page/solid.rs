@@ -63,11 +63,8 @@ impl Shape {
     pub(super) fn drop_unused(&mut self) {
         let mut place = vec![u32::MAX; self.vertices()];
         self.triangles.iter().flatten().for_each(|vertex| place[*vertex as usize] = 0);
-        let mut count = 0;
-        for place in place.iter_mut().filter(|place| **place == 0) {
-            *place = count;
-            count += 1;
-        }
+        let used = place.iter_mut().filter(|place| **place == 0);
+        used.zip(0..).for_each(|(place, id)| *place = id);
         for axis in &mut self.axes {
             let mut places = place.iter();
             axis.retain(|_| places.next() != Some(&u32::MAX));
@@ -123,6 +120,39 @@ mod tests {
         all.into_iter().for_each(|position| shape.push(position));
         shape.triangles = vec![[1, 2, 3], [2, 4, 3]];
         shape
+    }
+
+    /// What stands in a page between two texts.
+    fn between<'a>(html: &'a str, from: &str, to: &str) -> &'a str {
+        html.split(from).nth(1).unwrap().split(to).next().unwrap()
+    }
+
+    #[test]
+    fn a_page_holds_the_surface() {
+        let shape = two();
+        let mut page = Page::new("surface", "x").unwrap();
+        let report = shape.clone().put(&mut page).unwrap();
+        assert_eq!((report.vertices, report.triangles, report.rounding), (5, Some(2), 0.0));
+        let html = page.html();
+        let facts = between(&html, "type=\"application/json\">", "</script>");
+        let facts: serde_json::Value = serde_json::from_str(facts).unwrap();
+        let array = |name: &str| {
+            let of = &facts["arrays"][name];
+            let text = between(&html, &format!("id=\"array-{name}\" type=\"text/plain\">"), "<");
+            let count = of["count"].as_u64().unwrap() as usize;
+            let differences = of["differences"].as_bool().unwrap();
+            Packed { count, differences, text: text.to_owned() }.unpack().unwrap()
+        };
+        for (name, values) in ["x", "y", "z"].into_iter().zip(&shape.axes) {
+            let [low, step] = ["low", "step"].map(|of| facts[name][of].as_f64().unwrap());
+            let found: Vec<f64> = array(name).iter().map(|c| low + f64::from(*c) * step).collect();
+            assert_eq!(&found, values);
+        }
+        let [first, second, third] = ["first", "second", "third"].map(array);
+        let triangle = |t: usize| {
+            [first[t], first[t].wrapping_add(second[t]), first[t].wrapping_add(third[t])]
+        };
+        assert_eq!([triangle(0), triangle(1)], shape.triangles[..]);
     }
 
     #[test]

@@ -189,3 +189,52 @@ fn notes(report: &PageReport) -> Vec<String> {
     }
     notes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::page::Show;
+    use crate::page::tests::job;
+
+    #[test]
+    fn meshes_beyond_the_limit_and_the_memory_are_refused_by_name() {
+        let job = job(Show::Surface { against: None }, 1 << 30);
+        let check =
+            |vertices, triangles| check_size(&MeshInfo::plain("PLY", vertices, triangles), &job);
+        assert!(check(1_000_000, 2_000_000).is_ok());
+        let error = check(5_500_000, MOST_TRIANGLES + 1).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Limit);
+        assert!(error.to_string().contains("10485760 triangles"), "{error}");
+        let error = check(5_000_000, 10_000_000).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Resource);
+        assert!(error.to_string().contains("--memory"), "{error}");
+    }
+
+    #[test]
+    fn errors_are_told_to_six_digits() {
+        let system = System::of_mesh(&MeshInfo::plain("PLY", 3, 1));
+        let told = |error| told(error, &system);
+        assert_eq!(
+            [told(10.0), told(3.321_818), told(0.0), told(123_456.7)],
+            ["10", "3.32182", "0", "123457"]
+        );
+    }
+
+    #[test]
+    fn equal_positions_become_one_vertex() {
+        let mut shape = Shape::default();
+        for position in [
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ] {
+            shape.push(position);
+        }
+        shape.triangles = vec![[0, 1, 2], [3, 4, 5]];
+        weld(&mut shape);
+        assert_eq!((shape.vertices(), &shape.triangles[..]), (4, &[[0, 1, 2], [1, 3, 2]][..]));
+    }
+}
