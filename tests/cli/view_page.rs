@@ -40,14 +40,16 @@ fn a_page_of_each_kind_is_one_file_that_loads_nothing() {
 #[test]
 fn what_a_page_cannot_do_is_refused() {
     let place = place();
-    let cases: [(&[&str], &[&str]); 12] = [
+    let cases: [(&[&str], &[&str]); 14] = [
         (&["dem.tif"], &["--output"]),
         (&["dem.tif", "--html", "a.html", "-o", "a.png"], &["cannot be used"]),
         (&["dem.tif", "--html", "a.png"], &[".html"]),
         (&["dem.tif", "--html", "a.html", "--width", "100"], &["--width"]),
         (&["dem.tif", "--html", "a.html", "--against", "dem.tif"], &["--against", "mesh"]),
         (&["dem.tif", "--html", "a.html", "--layer", "x"], &["--layer", "lines"]),
-        (&["dem.tif", "-o", "a.png", "--insertion"], &["--html"]),
+        (&["dem.tif", "-o", "a.png", "--insertion"], &["--insertion"]),
+        (&["mesh.ply", "-o", "a.png", "--against", "dem.tif"], &["--against"]),
+        (&["dem.tif", "-o", "a.png", "--layer", "x"], &["--layer"]),
         (&["mesh.ply", "--html", "a.html", "--insertion"], &["grid", "mesh"]),
         (&["mesh.ply", "--html", "a.html", "--band", "1"], &["--band", "mesh"]),
         (&["areas.fgb", "--html", "a.html", "--azimuth", "3"], &["--azimuth", "lines"]),

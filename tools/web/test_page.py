@@ -1,6 +1,6 @@
 """Pages of `terrane view --html`, as a browser shows them.
 
-    python -m pytest tools/web [with TERRANE=path/to/terrane, CHROMIUM=/usr/bin/chromium]
+    python -m pytest tools/web      # with TERRANE=target/debug/terrane and CHROMIUM=/usr/bin/chromium, or others
 
 Pages are made by the program, opened in headless Chromium without a network, and asked through what they give to
 scripts (`window.terrane`) and through real clicks and keys. What they show is compared with the files they were

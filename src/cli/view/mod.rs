@@ -34,16 +34,16 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
-    #[arg(long, value_name = "GRID", requires = "html", value_parser = names::any())]
+    #[arg(long, value_name = "GRID", conflicts_with = "output", value_parser = names::any())]
     against: Option<String>,
     /// Page that inserts the samples of a small grid one by one, for teaching: how a mesh of it grows, and
     /// how its error falls; of a large grid every n-th sample, at most 129 along a side
-    #[arg(long, requires = "html", conflicts_with_all = ["against", "edges"])]
+    #[arg(long, conflicts_with_all = ["output", "against", "edges"])]
     insertion: bool,
     /// The object of a TopoJSON file that a page shows [default: the first one]
-    #[arg(long, value_name = "NAME", requires = "html")]
+    #[arg(long, value_name = "NAME", conflicts_with = "output")]
     layer: Option<String>,
-    /// Replace a file that exists
+    /// Replace a picture or page that exists
     #[arg(long)]
     overwrite: bool,
     /// Columns of the picture; rows follow from the aspect on the ground
