@@ -60,7 +60,8 @@ fn what_a_page_cannot_do_is_refused() {
         place.fails(&[&["view"], args].concat(), 2, told);
     }
     place.fails(&["view", "mesh.ply", "--html", "a.html", "--bbox", "0,0,1,1"], 65, &["--bbox"]);
-    place.fails(&["view", "dem.tif", "--html", "a.html", "--memory", "2M"], 75, &["--memory"]);
+    let large = ["view", "synth:rough,size=513", "--html", "a.html", "--memory", "16M"];
+    place.fails(&large, 75, &["--memory"]);
     place.fails(&["view", "gone.ply", "--html", "a.html"], 65, &["gone.ply"]);
     assert!(!place.path("a.html").exists());
 }
