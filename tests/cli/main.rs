@@ -40,4 +40,5 @@ mod tin_fit;
 mod tin_keep;
 mod tin_limits;
 mod tin_methods;
+mod view_page;
 mod water;

@@ -20,6 +20,7 @@ pub mod kept;
 pub mod line;
 pub mod memory;
 mod on_cloud;
+pub mod page;
 pub mod placing;
 pub mod plan;
 mod points;

@@ -140,7 +140,7 @@ fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
 }
 
 /// Metres of one degree along a meridian.
-const DEGREE_METRES: f64 = 111_320.0;
+pub(crate) const DEGREE_METRES: f64 = 111_320.0;
 
 /// Ground units per world unit along x and y.
 fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {

@@ -28,5 +28,5 @@ pub use frame::{Frame, MAX_PICTURE_SIDE};
 pub use light::{Light, natural_exaggeration};
 pub use paint::{Painter, Style};
 pub use text::{text_size, write_text};
-pub use tint::Tint;
+pub use tint::{Tint, palette};
 pub use triangle::{fill_coloured, fill_triangle};

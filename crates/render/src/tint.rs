@@ -15,6 +15,11 @@ const LAND: [[u8; 3]; 8] = [
 ];
 /// Colour stops of ground at or below zero, deep to shallow.
 const WATER: [[u8; 3]; 3] = [[74, 124, 160], [126, 172, 198], [184, 214, 226]];
+/// Colour stops of land, low to high, and of water, deep to shallow: red, green and blue in sRGB.
+pub fn palette() -> [&'static [[u8; 3]]; 2] {
+    [&LAND, &WATER]
+}
+
 /// Steps of height whose areas are counted.
 const BINS: usize = 2048;
 

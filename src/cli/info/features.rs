@@ -2,19 +2,12 @@
 
 use serde::{Serialize, Serializer};
 
-use crate::cli::shared::many::are_lines;
 use crate::cli::shared::text;
 use crate::error::Result;
 use crate::files::{path_of, shown};
 use crate::jobs::feature_stats::{FeatureStats, FieldStats, feature_stats};
-use crate::jobs::input::is_mesh;
 use crate::jobs::{Cancel, Progress};
 use crate::vector::{Kind, OpenOptions};
-
-/// True for a file of features that is no grid or mesh as well.
-pub(crate) fn are_features(file: &str) -> bool {
-    are_lines(&path_of(file)) && is_mesh(file).is_err()
-}
 
 /// What is known of a file of features.
 #[derive(Serialize)]

@@ -120,7 +120,7 @@ fn skip(failures: &[(String, Error)], args: &Args) -> Result<Outcome> {
 /// The files that are taken of what is to be told about together.
 fn sift(files: &[String], args: &Args) -> Result<Sifted> {
     let resources = args.machine.resources();
-    if files.iter().any(|file| features::are_features(file)) {
+    if files.iter().any(|file| many::are_features(file)) {
         let options = vector::OpenOptions { layer: args.layer.clone() };
         return args.many.take(files, Kind::Features(&options), &resources);
     }
@@ -167,7 +167,7 @@ fn describe(
         args.refuse_layer(files)?;
         return describe_cloud(files, args, progress, cancel);
     }
-    if files.iter().any(|file| features::are_features(file)) {
+    if files.iter().any(|file| many::are_features(file)) {
         args.quality.refuse(files, "a file of features")?;
         return describe_features(files, args, progress, cancel);
     }

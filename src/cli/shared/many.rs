@@ -8,6 +8,7 @@ use crate::error::{Error, Result, all};
 use crate::files::is_made;
 use crate::files::path_of;
 use crate::jobs::Resources;
+use crate::jobs::input::is_mesh;
 use crate::jobs::sift::{self, Sifted, Skipped};
 use crate::raster;
 use crate::vector;
@@ -72,6 +73,16 @@ impl Kind<'_> {
 /// True for a file of features.
 pub(crate) fn are_lines(path: &Path) -> bool {
     path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
+}
+
+/// True for a file of features that is no grid or mesh as well.
+pub(crate) fn are_features(input: &str) -> bool {
+    are_lines(&path_of(input)) && is_mesh(input).is_err()
+}
+
+/// True for synthetic lines by name.
+pub(crate) fn are_made_lines(input: &str) -> bool {
+    vector::synthetic(&path_of(input)).is_some_and(|lines| lines.is_ok())
 }
 
 /// Fails when a cloud is missing.

@@ -1,6 +1,7 @@
 //! Lines made simpler: features stream through one by one, or, where their topology counts, all of
 //! them are taken together.
 
+mod each;
 mod files;
 mod goal;
 mod part;
@@ -15,6 +16,7 @@ mod whole;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+pub(crate) use each::thresholds;
 pub use files::outputs;
 pub(crate) use goal::measured as goal_of;
 pub use goal::{Goal, Length, Threshold};

@@ -1,0 +1,194 @@
+//! Numbers as short texts, and back.
+//!
+//! An array of `u32` becomes: differences to the value before (if that is asked for) modulo 2^32, zigzag, four
+//! planes of bytes from the lowest to the highest, zlib, base64. A page undoes it with what browsers have.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+
+/// Codes stay below this, so that 32-bit floats hold each of them.
+pub const MOST_CODE: u32 = (1 << 24) - 1;
+
+/// An array, ready to be put into a page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packed {
+    /// Values.
+    pub count: usize,
+    /// Whether differences are stored.
+    pub differences: bool,
+    /// Base64 of zlib.
+    pub text: String,
+}
+
+impl Packed {
+    /// Values that are near to those before them.
+    pub fn steps(values: &[u32]) -> Self {
+        let mut before = 0;
+        let differ =
+            |value: &u32| zigzag(value.wrapping_sub(std::mem::replace(&mut before, *value)));
+        Self::of(values.iter().map(differ).collect(), true)
+    }
+
+    /// Signed values that are small, or repeat: as they are.
+    pub fn signed(values: impl Iterator<Item = i32>) -> Self {
+        Self::of(values.map(|value| zigzag(value as u32)).collect(), false)
+    }
+
+    /// Floats, bit for bit.
+    pub fn floats(values: &[f32]) -> Self {
+        Self::of(values.iter().map(|value| zigzag(value.to_bits())).collect(), false)
+    }
+
+    fn of(words: Vec<u32>, differences: bool) -> Self {
+        let mut planes = Vec::with_capacity(words.len() * 4);
+        for shift in [0, 8, 16, 24] {
+            planes.extend(words.iter().map(|word| (word >> shift) as u8));
+        }
+        let count = words.len();
+        drop(words);
+        let mut deflate = flate2::Compress::new(flate2::Compression::default(), true);
+        // What cannot be made smaller takes five bytes more for each 16 KiB, and a few around all.
+        let mut bytes = Vec::with_capacity(planes.len() + planes.len() / 1024 + 1024);
+        let done = deflate.compress_vec(&planes, &mut bytes, flate2::FlushCompress::Finish);
+        debug_assert!(matches!(done, Ok(flate2::Status::StreamEnd)));
+        Self { count, differences, text: STANDARD.encode(bytes) }
+    }
+
+    /// The values as a page finds them; `None` for a text that was not made here.
+    pub fn unpack(&self) -> Option<Vec<u32>> {
+        let bytes = STANDARD.decode(&self.text).ok()?;
+        let mut planes = Vec::with_capacity(self.count * 4 + 1);
+        let mut inflate = flate2::Decompress::new(true);
+        inflate.decompress_vec(&bytes, &mut planes, flate2::FlushDecompress::Finish).ok()?;
+        if planes.len() != self.count * 4 {
+            return None;
+        }
+        let word =
+            |i: usize| (0..4).map(|p| u32::from(planes[p * self.count + i]) << (8 * p)).sum();
+        let words = (0..self.count).map(|i| unzigzag(word(i)));
+        if !self.differences {
+            return Some(words.collect());
+        }
+        let mut before = 0u32;
+        let add = |word: u32| {
+            before = before.wrapping_add(word);
+            before
+        };
+        Some(words.map(add).collect())
+    }
+}
+
+/// Signed numbers near zero as small ones.
+fn zigzag(value: u32) -> u32 {
+    (value << 1) ^ (((value as i32) >> 31) as u32)
+}
+
+fn unzigzag(value: u32) -> u32 {
+    (value >> 1) ^ (value & 1).wrapping_neg()
+}
+
+/// Coordinates along one axis as whole numbers: `low + code * step`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// The lowest coordinate.
+    pub low: f64,
+    /// One step of the codes.
+    pub step: f64,
+    /// One a coordinate, at most [`MOST_CODE`].
+    pub codes: Vec<u32>,
+    /// The largest distance of a coordinate from what its code stands for; 0 where all are exact.
+    pub rounding: f64,
+}
+
+impl Axis {
+    /// Codes of finite coordinates. The step is the finest power of two that [`MOST_CODE`] allows, times
+    /// the greatest divisor of all codes: a lattice of whole steps gets its columns and is exact.
+    pub fn of(values: &[f64]) -> Self {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let range = high - low;
+        if !(range > 0.0 && range.is_finite()) {
+            let low = if low.is_finite() { low } else { 0.0 };
+            return Self { low, step: 1.0, codes: vec![0; values.len()], rounding: 0.0 };
+        }
+        let fine = power_above(range / f64::from(MOST_CODE));
+        let code = |value: &f64| ((value - low) / fine).round().min(f64::from(MOST_CODE)) as u32;
+        let mut codes: Vec<u32> = values.iter().map(code).collect();
+        let divisor = codes.iter().fold(0, |d, code| gcd(*code, d)).max(1);
+        codes.iter_mut().for_each(|code| *code /= divisor);
+        let mut axis = Self { low, step: fine * f64::from(divisor), codes, rounding: 0.0 };
+        let off = |(value, code): (&f64, &u32)| (value - axis.at(*code)).abs();
+        axis.rounding = values.iter().zip(&axis.codes).map(off).fold(0.0, f64::max);
+        axis
+    }
+
+    /// The coordinate that a code stands for.
+    pub fn at(&self, code: u32) -> f64 {
+        self.low + f64::from(code) * self.step
+    }
+}
+
+/// The smallest power of two that is not below `least`.
+fn power_above(least: f64) -> f64 {
+    let mut power = least.log2().ceil().exp2();
+    while power < least {
+        power *= 2.0;
+    }
+    power
+}
+
+fn gcd(a: u32, b: u32) -> u32 {
+    let (mut a, mut b) = (a, b);
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_lattice_is_exact_and_its_codes_are_its_columns() {
+        let axis = Axis::of(&[4_745_030.0, 4_745_000.0, 4_745_070.0]);
+        assert_eq!((axis.low, axis.step, axis.rounding), (4_745_000.0, 10.0, 0.0));
+        assert_eq!(axis.codes, [3, 0, 7]);
+        for same in [&[7.5, 7.5][..], &[]] {
+            let axis = Axis::of(same);
+            assert_eq!((axis.codes.len(), axis.step, axis.rounding), (same.len(), 1.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn what_repeats_is_short() {
+        let packed = Packed::steps(&(0..1_000_000).collect::<Vec<u32>>());
+        assert!(packed.text.len() < 10_000, "{}", packed.text.len());
+        assert_eq!(packed.unpack().unwrap()[999_999], 999_999);
+        let broken = Packed { count: 7, ..packed };
+        assert_eq!(broken.unpack(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn numbers_come_back(values in prop::collection::vec(any::<u32>(), 0..3000)) {
+            prop_assert_eq!(Packed::steps(&values).unpack().unwrap(), values.clone());
+            let signed = Packed::signed(values.iter().map(|v| *v as i32)).unpack().unwrap();
+            prop_assert_eq!(signed, values.clone());
+            let floats: Vec<f32> = values.iter().map(|v| f32::from_bits(*v)).collect();
+            prop_assert_eq!(Packed::floats(&floats).unpack().unwrap(), values);
+        }
+
+        #[test]
+        fn coordinates_are_within_half_a_step(values in prop::collection::vec(-1e7..1e7f64, 2..300)) {
+            let axis = Axis::of(&values);
+            let range = values.iter().fold(f64::MIN, |a, b| a.max(*b)) - axis.low;
+            prop_assert!(axis.rounding <= range / f64::from(MOST_CODE) * 1.000_001);
+            for (value, code) in values.iter().zip(&axis.codes) {
+                prop_assert!(*code <= MOST_CODE);
+                prop_assert!((axis.at(*code) - value).abs() <= axis.rounding);
+            }
+        }
+    }
+}

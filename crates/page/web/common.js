@@ -1,0 +1,144 @@
+// What all pages share: facts, packed arrays, numbers as text, the panel.
+
+const $ = (id) => document.getElementById(id);
+const facts = JSON.parse($('facts').textContent);
+
+/** Bytes of base64, in parts so that no text is copied whole. */
+function bytesOf(text) {
+  const part = 1 << 20; // a multiple of 4
+  const end = text.endsWith('==') ? 2 : text.endsWith('=') ? 1 : 0;
+  const out = new Uint8Array((text.length / 4) * 3 - end);
+  let at = 0;
+  for (let from = 0; from < text.length; from += part) {
+    const binary = atob(text.slice(from, from + part));
+    for (let i = 0; i < binary.length; i++) out[at++] = binary.charCodeAt(i);
+  }
+  return out;
+}
+
+/** The array of a name: inflated, its planes of bytes joined, zigzag and differences undone. */
+async function array(name) {
+  const block = $('array-' + name);
+  const { count, differences } = facts.arrays[name];
+  const packed = new Blob([bytesOf(block.textContent)]);
+  block.remove();
+  const stream = packed.stream().pipeThrough(new DecompressionStream('deflate'));
+  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+  if (planes.length !== 4 * count) throw new Error('the array ' + name + ' is damaged');
+  const out = new Uint32Array(count);
+  let before = 0;
+  for (let i = 0; i < count; i++) {
+    const word = planes[i] | (planes[count + i] << 8) | (planes[2 * count + i] << 16) | (planes[3 * count + i] << 24);
+    const value = (word >>> 1) ^ -(word & 1);
+    before = differences ? (before + value) | 0 : value;
+    out[i] = before;
+  }
+  return out;
+}
+
+const has = (name) => name in facts.arrays;
+
+/** A number with as many digits behind the point as `step` needs. */
+function num(value, step = 0) {
+  if (!Number.isFinite(value)) return '–';
+  const digits = step > 0 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9))) : undefined;
+  const most = digits ?? (Math.abs(value) >= 1000 ? 0 : Math.abs(value) >= 10 ? 1 : Math.abs(value) >= 1 ? 2 : 4);
+  return value.toLocaleString('en', { minimumFractionDigits: digits ?? 0, maximumFractionDigits: most });
+}
+
+const count = (value) => value.toLocaleString('en');
+
+function element(tag, text, parent) {
+  const made = document.createElement(tag);
+  if (text !== undefined) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+}
+
+/** Rows of names and values into a table. */
+function rows(table, list) {
+  table.replaceChildren();
+  for (const [name, value] of list) {
+    const row = element('tr', undefined, table);
+    element('td', name, row);
+    element('td', typeof value === 'number' ? count(value) : value, row);
+  }
+}
+
+/** Names and values into the line below the view. */
+function tell(list) {
+  $('status').replaceChildren();
+  for (const [name, value] of list) {
+    const one = element('span', name + ' ', $('status'));
+    element('b', value, one);
+  }
+}
+
+function press(button, on) {
+  button.setAttribute('aria-pressed', String(Boolean(on)));
+}
+
+const pressed = (button) => button.getAttribute('aria-pressed') === 'true';
+
+/** A canvas with as many pixels as the screen has under it, cleared; its context has units of the layout. */
+function plane(canvas) {
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext('2d');
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = '11px system-ui, sans-serif';
+  return [context, width, height];
+}
+
+/** Round numbers between two others, about so many. */
+function ticks(low, high, about) {
+  const rough = (high - low) / Math.max(1, about);
+  if (!(rough > 0)) return [low];
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((k) => k >= rough) ?? 10 * power;
+  const out = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + step * 1e-9; i++) out.push(i * step || 0);
+  return out;
+}
+
+/** A colour between stops ([r, g, b], 0 to 255), at 0 to 1. */
+function between(stops, at) {
+  const place = Math.min(1, Math.max(0, at)) * (stops.length - 1);
+  const i = Math.min(stops.length - 2, Math.floor(place));
+  const t = place - i;
+  return stops[i].map((from, k) => from + (stops[i + 1][k] - from) * t);
+}
+
+const css = ([r, g, b], alpha = 1) => `rgba(${Math.round(r)},${Math.round(g)},${Math.round(b)},${alpha})`;
+
+/** What does not work is said in the middle of the page. */
+function fail(error) {
+  const wait = $('wait');
+  wait.hidden = false;
+  wait.textContent = 'This page cannot be shown: ' + (error?.message ?? error);
+  document.body.dataset.state = 'failed';
+}
+
+function setPanel() {
+  const toggle = $('fold');
+  toggle.addEventListener('click', () => {
+    const closed = $('panel').classList.toggle('closed');
+    toggle.textContent = closed ? '☰' : '–';
+    toggle.setAttribute('aria-expanded', String(!closed));
+  });
+  if (window.innerWidth < 720 && document.body.className !== 'insertion') toggle.click();
+  const help = $('help');
+  const flip = (open = help.hidden) => { help.hidden = !open; };
+  $('ask').addEventListener('click', () => flip());
+  $('done').addEventListener('click', () => flip(false));
+  window.addEventListener('keydown', (event) => {
+    if (event.target.matches('input[type="number"]')) return;
+    if (event.key === '?' || (event.key === 'h' && !event.ctrlKey && !event.metaKey)) flip();
+    if (event.key === 'Escape') flip(false);
+  });
+}

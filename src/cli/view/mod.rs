@@ -1,0 +1,159 @@
+//! `terrane view`: a picture of a grid or a mesh, or a page to look at these and at lines in.
+
+mod page;
+
+use std::path::PathBuf;
+
+use crate::cli::shared::many::Many;
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
+use crate::error::Result;
+use crate::jobs::sift::Sifted;
+use crate::jobs::view::{self, ViewJob, ViewReport};
+use crate::jobs::{Cancel, Resources};
+
+/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
+/// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
+/// shows and loads nothing
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
+    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons
+    #[arg(required = true, value_parser = names::any())]
+    input: Vec<String>,
+    /// Picture to write, ending in .png
+    #[arg(
+        short,
+        long,
+        value_name = "FILE",
+        required_unless_present = "html",
+        conflicts_with = "html"
+    )]
+    output: Option<PathBuf>,
+    /// Page to write in place of a picture, ending in .html
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
+    #[arg(long, value_name = "GRID", conflicts_with = "output", value_parser = names::any())]
+    against: Option<String>,
+    /// Page that inserts the samples of a small grid one by one, for teaching: how a mesh of it grows, and
+    /// how its error falls; of a large grid every n-th sample, at most 129 along a side
+    #[arg(long, conflicts_with_all = ["output", "against", "edges"])]
+    insertion: bool,
+    /// The object of a TopoJSON file that a page shows [default: the first one]
+    #[arg(long, value_name = "NAME", conflicts_with = "output")]
+    layer: Option<String>,
+    /// Replace a picture or page that exists
+    #[arg(long)]
+    overwrite: bool,
+    /// Columns of the picture; rows follow from the aspect on the ground
+    #[arg(long, value_name = "PX", default_value_t = 1600, conflicts_with = "html")]
+    width: u32,
+    /// Draw the edges of a mesh's triangles; on a page, from the start
+    #[arg(long)]
+    edges: bool,
+    /// Where the light comes from, in degrees clockwise from north [default: 315]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = parse::finite)]
+    azimuth: Option<f64>,
+    /// Height of the light above the horizon, in degrees from 1 to 90 [default: 45]
+    #[arg(long, value_name = "DEG", value_parser = parse::altitude)]
+    altitude: Option<f64>,
+    /// Factor on heights before they are lit [default: one that suits the terrain]
+    #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
+    exaggeration: Option<f64>,
+    /// Part to show, in the coordinates of the data
+    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
+          value_parser = parse::bbox)]
+    bbox: Option<[f64; 4]>,
+    #[command(flatten)]
+    pub(super) many: many::Many,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// Where the light comes from unless told otherwise, in degrees.
+const AZIMUTH: f64 = 315.0;
+const ALTITUDE: f64 = 45.0;
+
+impl Verb for Args {
+    const NAME: &'static str = "view";
+
+    fn lists() -> Vec<String> {
+        vec![lists::grids(), lists::meshes()]
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let are_lines = args.html.is_some() && page::are_lines(&args.input);
+    let Sifted { names, skipped } = match are_lines {
+        true => Sifted { names: args.input.clone(), skipped: Vec::new() },
+        false => {
+            let options = args.grid.open_options(&resources);
+            args.many.take(&args.input, many::Kind::Grids(&options), &resources)?
+        }
+    };
+    let args = &Args { input: names, ..args.clone() };
+    args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
+    if let Some(html) = &args.html {
+        let report = page::make(args, html, are_lines, resources, cancel)?;
+        let told = report::WithSkipped { report: &report, skipped: &skipped };
+        args.show.tell(&told, || page::summary(&report))?;
+        return Ok(Outcome::Kept);
+    }
+    let report = picture(args, resources, cancel)?;
+    let told = report::WithSkipped { report: &report, skipped: &skipped };
+    args.show.tell(&told, || summary(&report))?;
+    Ok(Outcome::Kept)
+}
+
+fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
+    args.grid.check_all(&args.input)?;
+    let output = args.output.clone().unwrap_or_default();
+    check::ending(&output, &["png"], "a picture")?;
+    check::new_file(&output, args.overwrite)?;
+    view::check_width(args.width)?;
+    let job = ViewJob {
+        input: args.input.clone().into(),
+        reading: args.grid.reading(None),
+        output,
+        overwrite: args.overwrite,
+        width: args.width,
+        edges: args.edges,
+        azimuth: args.azimuth.unwrap_or(AZIMUTH),
+        altitude: args.altitude.unwrap_or(ALTITUDE),
+        exaggeration: args.exaggeration,
+        bbox: args.bbox,
+        resources,
+    };
+    view::run(&job, args.show.progress().as_ref(), cancel)
+}
+
+fn summary(r: &ViewReport) -> String {
+    let heights = match (r.lowest, r.highest) {
+        (Some(low), Some(high)) => {
+            format!("{} to {}", text::number(low.into()), text::number(high.into()))
+        }
+        _ => "none: there is no surface in this picture".to_owned(),
+    };
+    let mut rows = vec![
+        ("picture", format!("{} x {} pixels, {}", r.width, r.height, text::bytes(r.output_bytes))),
+        ("bounds", r.bounds.map(text::number).join(", ")),
+        ("heights", heights),
+        ("exaggeration", text::number(r.exaggeration)),
+    ];
+    rows.extend(report::took(&r.run, None, ""));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}

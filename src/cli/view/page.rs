@@ -1,0 +1,107 @@
+//! `terrane view --html`: a page of a grid, a mesh or lines.
+
+use std::path::Path;
+
+use super::{ALTITUDE, AZIMUTH, Args};
+use crate::cli::shared::{check, many, report, text};
+use crate::error::{Error, Result};
+use crate::jobs::page::{self, PageJob, PageReport, Show};
+use crate::jobs::{Cancel, Resources};
+
+/// True when one of the inputs is of features, or of lines by name.
+pub(super) fn are_lines(inputs: &[String]) -> bool {
+    inputs.iter().any(|input| many::are_features(input) || many::are_made_lines(input))
+}
+
+pub(super) fn make(
+    args: &Args,
+    html: &Path,
+    are_lines: bool,
+    resources: Resources,
+    cancel: &Cancel,
+) -> Result<PageReport> {
+    match are_lines {
+        true => refuse_for_lines(args)?,
+        false => refuse_for_surfaces(args)?,
+    }
+    check::ending(html, &["html", "htm"], "a page")?;
+    check::new_file(html, args.overwrite)?;
+    let job = PageJob {
+        input: args.input.clone().into(),
+        reading: args.grid.reading(None),
+        show: show(args, are_lines),
+        output: html.to_path_buf(),
+        overwrite: args.overwrite,
+        edges: args.edges,
+        azimuth: args.azimuth.unwrap_or(AZIMUTH),
+        altitude: args.altitude.unwrap_or(ALTITUDE),
+        exaggeration: args.exaggeration,
+        bbox: args.bbox,
+        resources,
+    };
+    page::run(&job, args.show.progress().as_ref(), cancel)
+}
+
+fn show(args: &Args, are_lines: bool) -> Show {
+    if are_lines {
+        return Show::Lines { layer: args.layer.clone() };
+    }
+    if args.insertion {
+        return Show::Insertion;
+    }
+    Show::Surface { against: args.against.clone().map(|grid| vec![grid].into()) }
+}
+
+/// Fails when an option was given that does nothing for lines.
+fn refuse_for_lines(args: &Args) -> Result<()> {
+    let given = [
+        ("--insertion", args.insertion),
+        ("--against", args.against.is_some()),
+        ("--edges", args.edges),
+        ("--azimuth", args.azimuth.is_some()),
+        ("--altitude", args.altitude.is_some()),
+        ("--exaggeration", args.exaggeration.is_some()),
+        ("--bbox", args.bbox.is_some()),
+    ];
+    let given = given.into_iter().filter(|(_, given)| *given).map(|(option, _)| option);
+    match args.grid.given().into_iter().chain(args.many.given()).chain(given).next() {
+        Some(option) => Err(Error::usage(format!("{option} is not for a page of lines"))
+            .remedy(format!("leave {option} out"))),
+        None => Ok(()),
+    }
+}
+
+/// Fails when an option was given that does nothing for a grid or mesh.
+fn refuse_for_surfaces(args: &Args) -> Result<()> {
+    if args.layer.is_some() {
+        return Err(Error::usage("--layer is for a page of lines").remedy("leave --layer out"));
+    }
+    match &args.against {
+        Some(grid) => args.grid.check(grid),
+        None => args.grid.check_all(&args.input),
+    }
+}
+
+pub(super) fn summary(r: &PageReport) -> String {
+    let mut rows = vec![("page", format!("{}, {}", r.page, text::bytes(r.output_bytes)))];
+    let triangles = r.triangles.map(|n| format!(", {} triangles", text::count(n)));
+    let vertices = format!("{} vertices{}", text::count(r.vertices), triangles.unwrap_or_default());
+    rows.push(("holds", vertices));
+    if let (Some(parts), Some(features)) = (r.parts, r.features) {
+        let of =
+            format!("{} lines and rings of {} features", text::count(parts), text::count(features));
+        rows.push(("lines", of));
+    }
+    if let Some(stride) = r.stride.filter(|stride| *stride > 1) {
+        rows.push(("samples", format!("one in {stride} along rows and columns")));
+    }
+    rows.push(("bounds", r.bounds.map(text::number).join(", ")));
+    if let (Some(low), Some(high)) = (r.lowest, r.highest) {
+        rows.push(("heights", format!("{} to {}", text::number(low), text::number(high))));
+    }
+    if let Some(error) = r.max_error {
+        rows.push(("error", format!("{} at the most", text::number(error))));
+    }
+    rows.extend(report::took(&r.run, None, ""));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
