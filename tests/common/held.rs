@@ -98,6 +98,12 @@ pub(crate) fn read(source: &dyn MeshSource, batch: u64) -> Result<Mesh> {
     Ok(mesh)
 }
 
+/// The same mesh, every triangle begun with the smallest of its ids.
+pub(crate) fn turned(mesh: &Mesh) -> Mesh {
+    let turn = |&[a, b, c]: &[u64; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap();
+    Mesh { triangles: mesh.triangles.iter().map(turn).collect(), vertices: mesh.vertices.clone() }
+}
+
 /// The positions of the triangles' corners, which every format keeps.
 pub(crate) fn corners(mesh: &Mesh) -> Vec<[Point3; 3]> {
     let position = |id: u64| mesh.vertices[id as usize];

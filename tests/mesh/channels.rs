@@ -71,19 +71,21 @@ fn channels_are_read_back() {
         let bytes = write(&path, &channels).unwrap();
         assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
         check(&*mesh::open(&path).unwrap(), &channels);
-        let path = folder.path().join("a.glb");
         let is_colour = channels[0].name == "red";
-        match write(&path, &channels) {
-            Ok(_) => assert!(is_colour),
-            Err(error) => {
-                assert!(!is_colour && error.kind() == ErrorKind::Usage, "{error}");
-                continue;
+        for name in ["a.glb", "a.meshopt.glb"] {
+            let path = folder.path().join(name);
+            match write(&path, &channels) {
+                Ok(_) => assert!(is_colour),
+                Err(error) => {
+                    assert!(!is_colour && error.kind() == ErrorKind::Usage, "{error}");
+                    continue;
+                }
             }
+            let source = mesh::open(&path).unwrap();
+            let mut origin = [[0.0; 3]];
+            source.read_vertices(0, &mut origin).unwrap();
+            check(&*source, &channels);
         }
-        let source = mesh::open(&path).unwrap();
-        let mut origin = [[0.0; 3]];
-        source.read_vertices(0, &mut origin).unwrap();
-        check(&*source, &channels);
     }
 }
 
@@ -92,7 +94,7 @@ fn values_that_are_missing_or_do_not_fit_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let channels = Channel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
     let header = MeshHeader { channels, ..held::header() };
-    for name in ["a.ply", "a.glb"] {
+    for name in ["a.ply", "a.glb", "a.meshopt.glb"] {
         for values in [&[1.0, 2.0][..], &[1.0, 2.0, 256.0], &[1.0, 0.5, 2.0], &[f64::NAN, 1.0, 2.0]]
         {
             let path = folder.path().join(name);

@@ -2,8 +2,7 @@
 
 mod capacity;
 mod channels;
-mod glb;
-mod glb_read;
+mod gltf;
 mod input;
 mod local;
 mod obj;
@@ -27,8 +26,10 @@ use terrane_files::format::{self, Format};
 pub use channels::{Carries, Channel, ChannelKind, is_colour};
 pub use sidecar::{check_prj, prj_path, write_prj};
 
-/// Every mesh format. A new one is a file in this folder and a line here.
-pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];
+/// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first
+/// is meant.
+pub const FORMATS: &[MeshFormat] =
+    &[ply::FORMAT, obj::FORMAT, stl::FORMAT, gltf::PACKED, gltf::FORMAT];
 
 /// The format called `name`, or else the one that `path`'s extension stands for (letter case does
 /// not matter). Unknown names and extensions are usage errors that list the known ones.

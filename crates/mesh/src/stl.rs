@@ -148,7 +148,7 @@ impl Encoder for StlEncoder {
         self.local.check()
     }
 
-    fn complete(&mut self, body: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut Out, _tail: &mut Out) -> Result<()> {
         let Some(Solid { base, outline, .. }) = self.solid.take() else { return Ok(()) };
         outline.complete(|edge| {
             self.written += 2;
