@@ -46,6 +46,7 @@ pub(crate) fn header() -> MeshHeader {
         crs,
         origin: ORIGIN,
         scale,
+        unit: None,
         bounds,
         comments: vec!["max error 1.5 metre".into()],
         channels: Vec::new(),

@@ -94,7 +94,7 @@ impl Writer {
     ) {
         match self.shared(corners) {
             Some((age, corners)) => codes.push((age as u8) << 4 | self.third(corners, data)),
-            None => codes.push(self.alone(self.from_next(corners), data)),
+            None => codes.push(self.alone(self.begun_at_next(corners), data)),
         }
     }
 
@@ -137,7 +137,7 @@ impl Writer {
     }
 
     /// The corners from that on which is the next vertex, if one is.
-    fn from_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    fn begun_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         match self.state.next {
             next if b == next => [b, c, a],
             next if c == next => [c, a, b],
