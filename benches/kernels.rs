@@ -221,6 +221,7 @@ fn header() -> MeshHeader {
         crs: Crs::default(),
         origin,
         scale: [1.0; 3],
+        unit: None,
         bounds,
         comments: Vec::new(),
         channels: Vec::new(),

@@ -127,7 +127,9 @@ fn jobs() -> Vec<String> {
         let mesh = format.extensions[0];
         add(format!("tin ../in/rough.tif o.{mesh} --max-error 4"));
         add(format!("tin ../in/rough.tif o -f {} --max-error 4 --tile 64 --split 2", format.name));
-        add(format!("tin ../in/degrees.asc o.{mesh} --max-error 2"));
+        if format.name != "LandXML" {
+            add(format!("tin ../in/degrees.asc o.{mesh} --max-error 2"));
+        }
         add(format!("tin ../in/dense.laz o.{mesh} --max-error 0.3"));
     }
     for how in ["--strict", "--no-drop", "--fit", "--max-vertices 900", "-f STL"] {

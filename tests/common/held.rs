@@ -46,6 +46,7 @@ pub(crate) fn header() -> MeshHeader {
         crs,
         origin: ORIGIN,
         scale,
+        unit: None,
         bounds,
         comments: vec!["max error 1.5 metre".into()],
         channels: Vec::new(),
@@ -96,6 +97,12 @@ pub(crate) fn read(source: &dyn MeshSource, batch: u64) -> Result<Mesh> {
         source.read_triangles(i * batch, part)?;
     }
     Ok(mesh)
+}
+
+/// The same mesh, every triangle begun with the smallest of its ids.
+pub(crate) fn turned(mesh: &Mesh) -> Mesh {
+    let turn = |&[a, b, c]: &[u64; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap();
+    Mesh { triangles: mesh.triangles.iter().map(turn).collect(), vertices: mesh.vertices.clone() }
 }
 
 /// The positions of the triangles' corners, which every format keeps.

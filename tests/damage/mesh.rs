@@ -59,7 +59,11 @@ fn read(path: &Path) -> Result<Mesh, Error> {
     let source = mesh::open(path)?;
     let info = source.info();
     let bytes = std::fs::metadata(path).unwrap().len();
-    assert!(info.vertices <= bytes && info.triangles <= bytes, "counts beyond the file's bytes");
+    // Of 256 equal vertices two bits for each group of 16 remain, of all of their 12 bytes.
+    assert!(
+        info.vertices <= 6 * bytes && info.triangles <= bytes,
+        "counts beyond the file's bytes"
+    );
     let mesh = held::read(&*source, 4)?;
     assert!(mesh.vertices.iter().flatten().all(|c| c.is_finite()));
     assert!(mesh.triangles.iter().flatten().all(|&id| id < info.vertices));
@@ -80,9 +84,13 @@ fn truncated_files_are_refused() {
             match lab.read(ending, &sound[..length]) {
                 Err(error) => assert_ne!(error.kind(), ErrorKind::Io, "{error}"),
                 // Text may end after any line, or within its last number.
-                Ok(part) => {
-                    assert_eq!(ending, "obj");
+                Ok(part) if ending == "obj" => {
                     assert!(part.triangles.len() <= whole.triangles.len());
+                }
+                // Other text ends in a line break, and nothing else may be missing.
+                Ok(part) => {
+                    assert_eq!((length, sound.last()), (sound.len() - 1, Some(&b'\n')), "{ending}");
+                    assert_eq!(part, whole);
                 }
             }
         }
@@ -345,4 +353,39 @@ fn lying_glb_files() {
     let mut lying = glb(FOREIGN_GLB, &foreign_data());
     lying[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     lab.assert_refused("glb", &lying, "JSON chunk of 4294967295 bytes is truncated");
+}
+
+#[test]
+fn lying_compressed_glb_files() {
+    let lab = Lab::new();
+    let sound = lab.sound("meshopt.glb");
+    let data = sound.windows(4).position(|some| some == b"BIN\0").unwrap() + 4;
+    let refuse = |from: &str, to: &str, reason: &str| {
+        let to = format!("{to:0$}", from.len());
+        assert_eq!(to.len(), from.len(), "{from} is as long as {to}");
+        let mut bytes = sound.clone();
+        let at = bytes.windows(from.len()).position(|some| some == from.as_bytes()).unwrap();
+        bytes[at..at + from.len()].copy_from_slice(to.as_bytes());
+        lab.assert_refused("meshopt.glb", &bytes, reason);
+    };
+    refuse(r#""count":9,"mode""#, r#""count":8,"mode""#, "outside its compressed buffer view");
+    refuse(r#""ATTRIBUTES""#, r#""TRIANGLES" "#, "of another type");
+    refuse(r#""ATTRIBUTES""#, r#""INDICES"   "#, r#"the mode "INDICES""#);
+    refuse(r#""byteStride":12"#, r#""byteStride":13"#, "elements of 13 bytes");
+    refuse(r#""byteStride":12"#, r#""byteStride":0 "#, "elements of 0 bytes");
+    refuse(r#""byteOffset":0"#, r#""byteOffset":9"#, "kind or version");
+    refuse(r#""byteStride":4"#, r#""byteStride":2"#, "of another type");
+    refuse(r#""buffer":0"#, r#""buffer":1"#, "uses buffer 1");
+    let with = |at: usize, byte: u8, reason: &str| {
+        let mut bytes = sound.clone();
+        bytes[at] = byte;
+        lab.assert_refused("meshopt.glb", &bytes, reason);
+    };
+    with(data, 0xa1, "kind or version");
+    // Differences of a byte that take more room than there is, and less.
+    with(data + 1, 3, "compressed buffer view");
+    let triangles = sound[data..].iter().rposition(|byte| *byte == 0xe1).unwrap() + data;
+    with(triangles, 0xe0, "kind or version");
+    with(triangles + 2, 0xeb, "vertex 4294967295 does not exist");
+    with(sound.len() - 8, 0xff, "a table that is none");
 }

@@ -21,6 +21,12 @@ fn assert_near(found: &Point3, expected: &Point3, exact: bool) {
 
 fn assert_same(format: &MeshFormat, found: &Mesh, expected: &Mesh, indexed: bool) {
     let exact = !format.single_precision;
+    let [found, expected] = [found, expected].map(|mesh| match format.name {
+        // Compressed triangles may begin with another of their corners.
+        "GLB-meshopt" => held::turned(mesh),
+        _ => mesh.clone(),
+    });
+    let (found, expected) = (&found, &expected);
     if indexed {
         assert_eq!(found.triangles, expected.triangles);
         assert_eq!(found.vertices.len(), expected.vertices.len());
@@ -52,9 +58,10 @@ fn what_is_pushed_is_read_back() {
             assert_eq!(info.triangles, mesh.triangles.len() as u64);
             if format.name != "STL" {
                 assert_eq!(info.crs.as_deref(), Some("EPSG:32611 (UTM zone 11N)"));
-                assert_eq!(info.vertices, mesh.vertices.len() as u64);
                 assert!(info.details.iter().any(|(_, text)| text == "max error 1.5 metre"));
             }
+            let own = if info.indexed { mesh.vertices.len() } else { 3 * mesh.triangles.len() };
+            assert_eq!(info.vertices, own as u64);
             for batch in [1 << 20, 777] {
                 let found = held::read(&*source, batch).unwrap();
                 assert_same(format, &found, &mesh, info.indexed);
@@ -94,7 +101,7 @@ fn positions_in_units_of_the_file_come_back() {
             let own = if format.single_precision { scale } else { [1.0; 3] };
             assert_eq!(source.info().scale, own, "{}", format.name);
             let found = held::read(&*source, 100).unwrap();
-            let found = held::corners(&found);
+            let found = held::corners(&held::turned(&found));
             let expected = triangles.iter().map(|ids| ids.map(|id| vertices[id as usize]));
             for (found, expected) in found.iter().flatten().zip(expected.flatten()) {
                 for i in 0..3 {
@@ -123,7 +130,8 @@ fn odd_numbers_survive() {
         held::write(format, &path, &mesh, &SinkOptions::default(), 2).unwrap();
         let found = held::read(&*mesh::open(&path).unwrap(), 100).unwrap();
         let bits = |mesh: &Mesh| -> Vec<u64> {
-            held::corners(mesh).iter().flatten().flatten().map(|c| c.to_bits()).collect()
+            let turned = held::turned(mesh);
+            held::corners(&turned).iter().flatten().flatten().map(|c| c.to_bits()).collect()
         };
         assert_eq!(bits(&found), bits(&mesh), "{}", format.name);
     }
@@ -231,11 +239,14 @@ fn formats_are_found_by_name_extension_and_content() {
     for error in [
         mesh::by_path(Path::new("mesh.xyz"), None).unwrap_err(),
         mesh::by_path(Path::new("mesh"), None).unwrap_err(),
-        mesh::by_path(Path::new("mesh.ply"), Some("dxf")).unwrap_err(),
+        mesh::by_path(Path::new("mesh.ply"), Some("dwg")).unwrap_err(),
     ] {
         assert_eq!(error.kind(), ErrorKind::Usage);
         let text = error.to_string().to_lowercase();
-        assert!(FORMATS.iter().all(|f| text.contains(f.extensions[0])), "{text}");
+        let is_told = |f: &MeshFormat| {
+            text.contains(f.extensions[0]) || text.contains(&f.name.to_lowercase())
+        };
+        assert!(FORMATS.iter().all(is_told), "{text}");
     }
     let folder = tempfile::tempdir().unwrap();
     for format in FORMATS {

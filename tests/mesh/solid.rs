@@ -1,4 +1,4 @@
-//! Solids in STL: closed, upright, on a flat bottom, and the right way out.
+//! Solids in STL and 3MF: closed, upright, on a flat bottom, and the right way out.
 
 use crate::held::{self, Mesh, edges, six_volumes};
 use terrane::ErrorKind;
@@ -11,17 +11,60 @@ fn stl() -> &'static MeshFormat {
     mesh::by_path("a.stl".as_ref(), None).unwrap()
 }
 
+/// The formats that solids can be in.
+fn formats() -> impl Iterator<Item = &'static MeshFormat> {
+    mesh::FORMATS.iter().filter(|format| format.can_be_solid)
+}
+
 fn solid(mesh: &Mesh, base: f64) -> terrane::Result<Vec<[Point3; 3]>> {
+    Ok(held::corners(&solid_in(stl(), mesh, base)?))
+}
+
+fn solid_in(format: &MeshFormat, mesh: &Mesh, base: f64) -> terrane::Result<Mesh> {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("solid.stl");
+    let path = folder.path().join("solid").with_extension(format.extensions[0]);
     let options = SinkOptions { solid_base: Some(base), ..SinkOptions::default() };
-    let written = held::write(stl(), &path, mesh, &options, 100);
+    let written = held::write(format, &path, mesh, &options, 100);
     if written.is_err() {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
     written?;
-    let found = held::read(&*mesh::open(&path).unwrap(), 1000).unwrap();
-    Ok(held::corners(&found))
+    let source = mesh::open(&path).unwrap();
+    assert!(source.info().solid);
+    Ok(held::read(&*source, 1000).unwrap())
+}
+
+#[test]
+fn every_edge_of_a_3mf_has_two_triangles_by_their_vertices() {
+    let format = mesh::by_path("a.3mf".as_ref(), None).unwrap();
+    let surfaces = [
+        held::surface(1, 9),
+        held::surface(40, 1000),
+        held::surface(41, 205),
+        held::surface(30, 31),
+    ];
+    let mut middles = 0;
+    for mesh in surfaces {
+        let solid = solid_in(format, &mesh, BASE).unwrap();
+        let mut edges = std::collections::HashMap::new();
+        for [a, b, c] in &solid.triangles {
+            for edge in [[*a, *b], [*b, *c], [*c, *a]] {
+                *edges.entry(edge).or_insert(0) += 1;
+            }
+        }
+        for ([a, b], count) in &edges {
+            assert_eq!((*count, edges.get(&[*b, *a])), (1, Some(&1)), "{a} {b}");
+        }
+        assert!(solid.triangles.iter().all(|[a, b, c]| a != b && b != c && c != a));
+        middles += solid.vertices.len() - 2 * mesh.vertices.len();
+        let corners = held::corners(&solid);
+        let area = |[a, b, c]: &[Point3; 3]| {
+            let [u, v] = [b, c].map(|p| [0, 1, 2].map(|i| p[i] - a[i]));
+            (0..3).any(|i| u[i] * v[(i + 1) % 3] != u[(i + 1) % 3] * v[i])
+        };
+        assert!(corners.iter().all(area), "a triangle without an area");
+    }
+    assert!(middles > 0, "no outlines touch");
 }
 
 #[test]
@@ -85,15 +128,19 @@ fn the_volume_is_that_under_the_surface() {
         area * (a[2] + b[2] + c[2] - 3.0 * BASE)
     };
     let expected: f64 = held::corners(&mesh).iter().map(under).sum();
-    let found = six_volumes(&solid(&mesh, BASE).unwrap());
-    assert!((found / expected - 1.0).abs() < 1e-4, "{found} is not {expected}");
+    for format in formats() {
+        let found = six_volumes(&held::corners(&solid_in(format, &mesh, BASE).unwrap()));
+        assert!((found / expected - 1.0).abs() < 1e-4, "{found} is not {expected}");
+    }
 }
 
 #[test]
 fn a_base_that_is_not_below_the_surface_is_refused() {
     for base in [36.0, 50.0, 1e9, f64::NAN, 1e300] {
-        let error = solid(&held::surface(5, 99), base).err().unwrap();
-        assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+        for format in formats() {
+            let error = solid_in(format, &held::surface(5, 99), base).err().unwrap();
+            assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+        }
     }
     let folder = tempfile::tempdir().unwrap();
     let options = SinkOptions { solid_base: Some(10.0), ..SinkOptions::default() };

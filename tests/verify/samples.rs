@@ -1,5 +1,7 @@
 //! Vertices are samples: what moved off its sample is counted, and fails a mesh of terrane's own.
 
+use std::io::{Cursor, Read, Write};
+
 use crate::cli_support::Place;
 use crate::support::{Grid, Mesh, check, check_with, noise, split_cells};
 use serde_json::Value;
@@ -170,10 +172,7 @@ fn a_mesh_that_states_no_bound_is_not_said_to_keep_it() {
             (&5.0.into(), &true.into()),
             "{mesh}"
         );
-        let mut bytes = std::fs::read(place.path(&mesh)).unwrap();
-        let at = bytes.windows(9).position(|some| some == b"max error").unwrap();
-        bytes[at..at + 9].copy_from_slice(b"any error");
-        place.write(&mesh, &bytes);
+        replace(&place, &mesh, "max error", "any error");
         let told = place.run(&["verify", &mesh, TERRAIN]);
         assert!(told.code == 3 && told.out.contains("not judged: the error"), "{}", told.out);
         assert!(!told.out.contains("every promise"), "{}", told.out);
@@ -185,6 +184,29 @@ fn a_mesh_that_states_no_bound_is_not_said_to_keep_it() {
         place.ok(&["verify", &mesh, TERRAIN, "--max-error", "5"]);
         assert_eq!(place.run(&["verify", &mesh, TERRAIN, "--max-error", "0.01"]).code, 1);
     }
+}
+
+/// Replaces the first of some words of a file, or of the files in it where it is an archive.
+fn replace(place: &Place, name: &str, from: &str, to: &str) {
+    let change = |mut bytes: Vec<u8>| {
+        let at = bytes.windows(from.len()).position(|some| some == from.as_bytes())?;
+        bytes.splice(at..at + from.len(), to.bytes());
+        Some(bytes)
+    };
+    let bytes = std::fs::read(place.path(name)).unwrap();
+    let Ok(mut archive) = zip::ZipArchive::new(Cursor::new(&bytes)) else {
+        place.write(name, change(bytes).unwrap());
+        return;
+    };
+    let mut changed = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for index in 0..archive.len() {
+        let mut file = archive.by_index(index).unwrap();
+        let mut text = Vec::new();
+        file.read_to_end(&mut text).unwrap();
+        changed.start_file(file.name(), zip::write::SimpleFileOptions::default()).unwrap();
+        changed.write_all(&change(text.clone()).unwrap_or(text)).unwrap();
+    }
+    place.write(name, changed.finish().unwrap().into_inner());
 }
 
 #[test]

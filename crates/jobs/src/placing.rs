@@ -104,6 +104,7 @@ impl Placing {
         (bounds, steps): ([Point3; 2], Point3),
         format: &MeshFormat,
     ) -> Result<(Placed, Vec<String>)> {
+        (format.admits)(crs)?;
         let (placed, notes) = self.scaled(crs, bounds, format)?;
         self.check_size(&placed, (bounds, steps), format)?;
         Ok((placed, notes))
@@ -119,21 +120,25 @@ impl Placing {
         if !format.single_precision {
             return self.keep(is_geographic, format);
         }
-        if self.base.is_some() && format.name != "STL" {
-            return Err(refusal("--base", "is for STL, which can be a solid"));
+        if self.base.is_some() && !format.can_be_solid {
+            return Err(refusal("--base", "is for STL and 3MF, which can be solids"));
+        }
+        if self.keep_degrees && format.states_unit {
+            let why = format!("is not for {}, whose unit is a length", format.name);
+            return Err(refusal("--keep-degrees", &why));
         }
         if self.keep_degrees && !is_geographic {
             return Err(refusal("--keep-degrees", "is for longitudes and latitudes"));
         }
         let is_print = self.size.is_some() || self.scale.is_some();
         let rise = self.exaggerate.unwrap_or(1.0);
-        if !is_print && (self.keep_degrees || !is_geographic) {
+        if !is_print && !format.states_unit && (self.keep_degrees || !is_geographic) {
             let placed = Placed { scale: rounded([1.0, 1.0, rise]), unit: None };
             return Ok((placed, notes_on_degrees(is_geographic, format)));
         }
         let (metres, mut notes) = metres(crs, bounds)?;
         let shrink = self.shrink(metres, bounds)?;
-        let is_millimetres = is_print && format.name == "STL";
+        let is_millimetres = is_print && format.can_be_solid;
         let unit = if is_millimetres { 1000.0 } else { 1.0 };
         let [x, y, z] = metres.map(|metres| metres * shrink * unit);
         let unit = if is_millimetres { "millimetre" } else { "metre" };
@@ -187,7 +192,7 @@ impl Placing {
     fn keep(&self, is_geographic: bool, format: &MeshFormat) -> Result<(Placed, Vec<String>)> {
         match self.given() {
             Some(option) => {
-                let why = format!("is for STL and GLB: {} keeps the coordinates", format.name);
+                let why = format!("is for STL, 3MF and GLB: {} keeps the coordinates", format.name);
                 Err(refusal(option, &why))
             }
             None => Ok((Placed::default(), notes_on_degrees(is_geographic, format))),
@@ -218,8 +223,8 @@ fn refusal(option: &str, why: &str) -> Error {
 
 fn notes_on_degrees(is_geographic: bool, format: &MeshFormat) -> Vec<String> {
     let note = format!(
-        "x and y of this {} are degrees and its heights are not: viewers show a needle; GLB and STL \
-         are written in metres",
+        "x and y of this {} are degrees and its heights are not: viewers show a needle; GLB, STL and \
+         3MF are written in metres",
         format.name
     );
     if is_geographic { vec![note] } else { Vec::new() }
@@ -344,8 +349,8 @@ mod tests {
             "{feet:?}"
         );
         for (placing, crs, name, part) in [
-            (print, &utm, "PLY", "--size is for STL and GLB: PLY"),
-            (kept, &degrees, "OBJ", "--keep-degrees is for STL and GLB: OBJ"),
+            (print, &utm, "PLY", "--size is for STL, 3MF and GLB: PLY"),
+            (kept, &degrees, "OBJ", "--keep-degrees is for STL, 3MF and GLB: OBJ"),
             (kept, &utm, "GLB", "--keep-degrees is for longitudes"),
             (Placing { base: Some(0.003), ..print }, &utm, "GLB", "--base is for STL"),
             (print, &self::crs(32631, "sazhen"), "STL", "sazhen"),

@@ -77,9 +77,9 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::CannotWrite);
         let text = error.to_string();
         assert!(text.contains("at most 4294967295 bytes"), "{text}");
-        assert!(text.ends_with("write PLY or OBJ or STL"), "{text}");
+        assert!(text.contains("write PLY or OBJ or STL"), "{text}");
         let text = format("PLY").check_capacity(1 << 33, 1 << 34).unwrap_err().to_string();
-        assert!(text.contains("4294967296 vertices") && text.ends_with("write OBJ"), "{text}");
+        assert!(text.contains("4294967296 vertices") && text.contains("write OBJ"), "{text}");
         let text = format("OBJ").check_capacity(u64::MAX, u64::MAX).unwrap_err().to_string();
         assert!(!text.contains("write"), "{text}");
     }

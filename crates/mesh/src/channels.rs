@@ -220,7 +220,7 @@ mod tests {
         let format = |name| FORMATS.iter().find(|format| format.name == name).unwrap();
         let colour = Channel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
         let number = Channel::of_bands(&[(1, Byte)]);
-        for name in ["PLY", "GLB"] {
+        for name in ["PLY", "GLB", "GLB-meshopt"] {
             assert!(format(name).check_channels(&colour).is_ok());
         }
         assert!(format("PLY").check_channels(&number).is_ok());
@@ -229,7 +229,7 @@ mod tests {
         assert!(told("GLB", &number).ends_with("write PLY"));
         for name in ["STL", "OBJ"] {
             assert!(told(name, &colour).contains("no channels"), "{}", told(name, &colour));
-            assert!(told(name, &colour).ends_with("write PLY or GLB"));
+            assert!(told(name, &colour).ends_with("write PLY or GLB-meshopt or GLB"));
         }
     }
 }

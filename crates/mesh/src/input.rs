@@ -90,15 +90,26 @@ impl Input {
         Ok(())
     }
 
+    /// What is in `file`, whose errors name `path`.
+    pub(super) fn of(file: File, path: &Path) -> Result<Self> {
+        let bytes = file.metadata().map_err(|e| Error::read(path, e))?.len();
+        Ok(Self { file, path: path.to_path_buf(), bytes })
+    }
+
+    /// The bytes from `offset` on.
+    pub(super) fn from(&self, offset: u64) -> BufReader<Cursor<'_>> {
+        BufReader::with_capacity(64 << 10, Cursor { input: self, at: offset })
+    }
+
     /// The lines from byte `offset` on, which is the start of line `number` (from 1).
     pub(super) fn lines(&self, offset: u64, number: u64) -> Lines<'_> {
-        let reader = BufReader::with_capacity(64 << 10, Cursor { input: self, at: offset });
+        let reader = self.from(offset);
         Lines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
     }
 }
 
 /// Reads an input from some place on.
-struct Cursor<'a> {
+pub(super) struct Cursor<'a> {
     input: &'a Input,
     at: u64,
 }

@@ -2,9 +2,10 @@
 
 mod capacity;
 mod channels;
-mod glb;
-mod glb_read;
+mod dxf;
+mod gltf;
 mod input;
+mod landxml;
 mod local;
 mod obj;
 mod obj_index;
@@ -16,6 +17,8 @@ mod solid;
 pub mod split;
 mod stl;
 mod text;
+mod threemf;
+mod xml;
 
 use std::path::Path;
 
@@ -27,8 +30,18 @@ use terrane_files::format::{self, Format};
 pub use channels::{Carries, Channel, ChannelKind, is_colour};
 pub use sidecar::{check_prj, prj_path, write_prj};
 
-/// Every mesh format. A new one is a file in this folder and a line here.
-pub const FORMATS: &[MeshFormat] = &[ply::FORMAT, obj::FORMAT, stl::FORMAT, glb::FORMAT];
+/// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first
+/// is meant.
+pub const FORMATS: &[MeshFormat] = &[
+    ply::FORMAT,
+    obj::FORMAT,
+    stl::FORMAT,
+    threemf::FORMAT,
+    gltf::PACKED,
+    gltf::FORMAT,
+    landxml::FORMAT,
+    dxf::FORMAT,
+];
 
 /// The format called `name`, or else the one that `path`'s extension stands for (letter case does
 /// not matter). Unknown names and extensions are usage errors that list the known ones.
@@ -94,6 +107,8 @@ pub struct MeshHeader {
     /// Stored units in one unit of x, y and z, for these formats: they store
     /// `(position - origin) * scale`, and record the scale where it is not 1.
     pub scale: Point3,
+    /// The stored unit, "metre" or "millimetre", where it is not that of the coordinates.
+    pub unit: Option<String>,
     /// World bounding box of everything that can come: (min, max), x and y from the grid;
     /// z may be NaN when unknown.
     pub bounds: [Point3; 2],
@@ -123,7 +138,7 @@ pub struct MeshBatch<'a> {
 /// the file appears under its final name in [`finish`](MeshSink::finish); dropping the sink
 /// before that leaves nothing.
 pub trait MeshSink: Send {
-    /// True for formats that store triangles by position (STL).
+    /// True for formats that store triangles by position (STL, DXF), and for solids.
     fn wants_corners(&self) -> bool {
         false
     }
@@ -141,7 +156,7 @@ pub trait MeshSource: Send + Sync {
     fn info(&self) -> &MeshInfo;
 
     /// Reads vertices `first .. first + out.len()` in world coordinates (origin added back).
-    /// For STL every triangle has three vertices of its own (`3 * triangle + corner`).
+    /// For STL and DXF every triangle has three vertices of its own (`3 * triangle + corner`).
     fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()>;
 
     /// Reads triangles `first .. first + out.len()` as vertex ids, in file order.
@@ -171,7 +186,7 @@ pub struct MeshInfo {
     /// True when positions are stored in f32 (x and y carry rounding of the order of 1e-7 of the
     /// extent).
     pub single_precision: bool,
-    /// True when vertices have an identity of their own (PLY, OBJ, GLB), false for STL.
+    /// True when vertices have an identity of their own, false for STL and DXF.
     pub indexed: bool,
     /// True when the surface is closed with walls and a flat bottom.
     pub solid: bool,
@@ -188,7 +203,7 @@ pub struct MeshInfo {
 pub struct SinkOptions {
     /// Replace an existing file.
     pub overwrite: bool,
-    /// STL: close the surface with walls and a flat bottom at this height.
+    /// For formats that [can be solids](MeshFormat::can_be_solid): close the surface with walls and a flat bottom at this height.
     pub solid_base: Option<f64>,
     /// Directory for spools; the output's own directory when `None`.
     pub temp_dir: Option<std::path::PathBuf>,
@@ -205,6 +220,13 @@ pub struct MeshFormat {
     pub about: &'static str,
     /// True when z is stored as f32 (heights are then rounded before the error is bounded).
     pub single_precision: bool,
+    /// True when the surface can be closed with walls and a bottom: it is a format of printers, and a print is
+    /// stored in millimetres.
+    pub can_be_solid: bool,
+    /// True when the file always says which length its unit is.
+    pub states_unit: bool,
+    /// Fails where the format cannot say what the coordinates of a system are.
+    pub admits: fn(&Crs) -> Result<()>,
     /// Most vertices and triangles the format can hold.
     pub most: fn() -> MeshCapacity,
     /// What vertices can have beside their positions.

@@ -1,6 +1,7 @@
 //! The sink behind every format: counts, checks, spools, and completes a file; an [`Encoder`] knows
 //! the bytes.
 
+use std::fs::File;
 use std::path::Path;
 
 use crate::channels::check_values;
@@ -43,8 +44,18 @@ pub(super) trait Encoder: Send {
     /// Encodes a batch that was found sound.
     fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()>;
 
-    /// Appends to the body what can be known only at the end.
-    fn complete(&mut self, _body: &mut Out) -> Result<()> {
+    /// True for formats in which the whole is packed once more, by [`pack`](Self::pack).
+    fn is_packed(&self) -> bool {
+        false
+    }
+
+    /// Writes the file from all that was encoded.
+    fn pack(&self, _whole: File, _to: &File) -> Result<()> {
+        Ok(())
+    }
+
+    /// Appends to the body and to the tail what can be known only at the end.
+    fn complete(&mut self, _body: &mut Out, _tail: &mut Out) -> Result<()> {
         Ok(())
     }
 }
@@ -74,8 +85,9 @@ impl<E: Encoder + 'static> FileSink<E> {
 
     fn new(path: &Path, options: &SinkOptions, encoder: E) -> Result<Self> {
         let target = AtomicFile::create(path, options.overwrite)?;
-        let tail = Out::spool(folder_for(path, options.temp_dir.as_deref()))?;
-        let mut body = Out::of(&target, 0)?;
+        let folder = folder_for(path, options.temp_dir.as_deref());
+        let tail = Out::spool(folder)?;
+        let mut body = if encoder.is_packed() { Out::spool(folder)? } else { Out::of(&target, 0)? };
         let header = encoder.header(Counts::default());
         body.write(&header)?;
         let header_bytes = header.len() as u64;
@@ -127,12 +139,15 @@ impl<E: Encoder + 'static> MeshSink for FileSink<E> {
 
     fn finish(self: Box<Self>) -> Result<u64> {
         self.check_whole()?;
-        let Self { mut encoder, header_bytes, counts, target, mut body, tail, .. } = *self;
-        encoder.complete(&mut body).map_err(|e| e.in_file(target.path()))?;
+        let Self { mut encoder, header_bytes, counts, target, mut body, mut tail, .. } = *self;
+        encoder.complete(&mut body, &mut tail).map_err(|e| e.in_file(target.path()))?;
         body.append(tail)?;
         let header = encoder.header(counts);
         debug_assert_eq!(header.len() as u64, header_bytes);
         body.replace(0, &header)?;
+        if encoder.is_packed() {
+            encoder.pack(body.into_file()?, target.file()).map_err(|e| e.in_file(target.path()))?;
+        }
         target.commit()
     }
 }
@@ -212,7 +227,7 @@ mod tests {
         assert!(over(5, 0).contains("Tiny holds at most 4 vertices"));
         assert!(over(1, 4).contains("Tiny holds at most 3 triangles"));
         assert!(over(3, 3).contains("Tiny holds at most 100 bytes"), "20 + 30 + 60 are too many");
-        assert!(over(3, 3).ends_with("write PLY or OBJ or STL or GLB"));
+        assert!(over(3, 3).contains("write PLY or OBJ or STL or 3MF"));
     }
 
     #[test]

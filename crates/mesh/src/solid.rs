@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::MeshHeader;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::Out;
 
@@ -54,6 +55,52 @@ impl Edge {
     fn is_opposite(&self, other: &Edge) -> bool {
         self.ids[0] == other.ids[1] && self.ids[1] == other.ids[0]
     }
+}
+
+/// The flat bottom of a solid.
+pub(super) struct Base {
+    /// As it was given.
+    height: f64,
+    /// Relative to the origin, as stored.
+    stored: f32,
+    /// Height of the origin.
+    origin: f64,
+    /// Stored units in one of the heights.
+    scale: f64,
+}
+
+impl Base {
+    /// At `height`, which fails where it is known not to be below the surface.
+    pub(super) fn new(height: f64, header: &MeshHeader) -> Result<Self> {
+        let (origin, scale) = (header.origin[2], header.scale[2]);
+        let stored = ((height - origin) * scale) as f32;
+        if !stored.is_finite() {
+            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
+        }
+        let base = Self { height, stored, origin, scale };
+        let lowest = ((header.bounds[0][2] - origin) * scale) as f32;
+        if lowest.is_nan() { Ok(base) } else { base.check(lowest).map(|()| base) }
+    }
+
+    /// As it is stored.
+    pub(super) fn stored(&self) -> f32 {
+        self.stored
+    }
+
+    /// Fails unless a stored height is above it.
+    pub(super) fn check(&self, stored: f32) -> Result<()> {
+        if stored > self.stored {
+            return Ok(());
+        }
+        let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
+        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
+        Err(Error::usage(message).remedy("choose a base below the lowest height"))
+    }
+}
+
+/// A stored position at a base.
+pub(super) fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
+    [x, y, base]
 }
 
 /// Collects edges and hands out those without a counterpart.

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::input::{Input, check_position, check_range};
 use crate::local::{Local, is_scale, to_world};
 use crate::sink::{Counts, Encoder, FileSink};
-use crate::solid::{Edge, Outline};
+use crate::solid::{Base, Edge, Outline, lowered};
 use crate::{
     Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
     SinkOptions, capacity, text,
@@ -22,6 +22,9 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     about: "binary STL, f32 relative to an origin in the header; optionally closed to a solid",
     single_precision: true,
     carries: Carries::Nothing,
+    can_be_solid: true,
+    states_unit: false,
+    admits: |_| Ok(()),
     most,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
@@ -57,16 +60,10 @@ type Corners = [[f32; 3]; 3];
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin, header.scale)?;
     let title = title(header.origin, local.scale(), bound(&header.comments).as_deref())?;
-    let solid = options.solid_base.map(|base| {
-        let (lowest, stored) = (header.bounds[0][2], (header.origin[2], header.scale[2]));
-        Solid::new(
-            base,
-            lowest,
-            stored,
-            Outline::new(folder_for(path, options.temp_dir.as_deref())),
-        )
-    });
-    let encoder = StlEncoder { local, title, solid: solid.transpose()?, written: 0 };
+    let folder = folder_for(path, options.temp_dir.as_deref());
+    let base = options.solid_base.map(|height| Base::new(height, header)).transpose()?;
+    let solid = base.map(|base| Solid { base, outline: Outline::new(folder) });
+    let encoder = StlEncoder { local, title, solid, written: 0 };
     FileSink::create(path, options, encoder)
 }
 
@@ -148,8 +145,9 @@ impl Encoder for StlEncoder {
         self.local.check()
     }
 
-    fn complete(&mut self, body: &mut Out) -> Result<()> {
-        let Some(Solid { base, outline, .. }) = self.solid.take() else { return Ok(()) };
+    fn complete(&mut self, body: &mut Out, _tail: &mut Out) -> Result<()> {
+        let Some(Solid { base, outline }) = self.solid.take() else { return Ok(()) };
+        let base = base.stored();
         outline.complete(|edge| {
             self.written += 2;
             body.records(&wall(&edge, base), record)
@@ -168,59 +166,21 @@ impl Encoder for StlEncoder {
 /// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
 /// that edge two; every loop of the outline has walls of its own, closed by themselves.
 struct Solid {
-    /// As it was given.
-    height: f64,
-    /// Relative to the origin, as stored.
-    base: f32,
-    /// Height of the origin.
-    origin: f64,
-    /// Stored units in one of the heights.
-    scale: f64,
+    base: Base,
     outline: Outline,
 }
 
 impl Solid {
-    /// `lowest` is the smallest height that can come; NaN when that is unknown. `origin` is the
-    /// height that stored ones are relative to, and `scale` what they were multiplied by.
-    fn new(
-        height: f64,
-        lowest: f64,
-        (origin, scale): (f64, f64),
-        outline: Outline,
-    ) -> Result<Self> {
-        let base = ((height - origin) * scale) as f32;
-        if !base.is_finite() {
-            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
-        }
-        let solid = Self { height, base, origin, scale, outline };
-        let lowest = ((lowest - origin) * scale) as f32;
-        if lowest.is_nan() { Ok(solid) } else { solid.check(lowest).map(|()| solid) }
-    }
-
     fn bottom(&self, top: Corners) -> Result<Corners> {
         let [a, b, c] = top;
-        self.check(a[2].min(b[2]).min(c[2]))?;
-        Ok(beneath(top, self.base))
-    }
-
-    /// Fails unless a stored height is above the base.
-    fn check(&self, stored: f32) -> Result<()> {
-        if stored > self.base {
-            return Ok(());
-        }
-        let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
-        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
-        Err(Error::usage(message).remedy("choose a base below the lowest height"))
+        self.base.check(a[2].min(b[2]).min(c[2]))?;
+        Ok(beneath(top, self.base.stored()))
     }
 }
 
 /// The triangle of the bottom under one of the surface.
 fn beneath([a, b, c]: Corners, base: f32) -> Corners {
     [c, b, a].map(|p| lowered(p, base))
-}
-
-fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
-    [x, y, base]
 }
 
 /// The wall under an edge of the outline, which has the surface on its left.

@@ -10,6 +10,14 @@ pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
     }
 }
 
+/// Appends the shortest text that reads back as exactly `value` (finite), as an f32.
+pub(super) fn push_f32(value: f32, text: &mut Vec<u8>) {
+    push_json(&value, text);
+    if text.ends_with(b".0") {
+        text.truncate(text.len() - 2);
+    }
+}
+
 /// Appends a whole number.
 pub(super) fn push_u64(value: u64, text: &mut Vec<u8>) {
     push_json(&value, text);

@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// Mesh format [default: by the output's ending]
     #[arg(short, long, value_name = "NAME", help_heading = "Output")]
     pub(crate) format: Option<String>,
-    /// Option of the format: SOLID_BASE=HEIGHT closes an STL with walls and a flat bottom
+    /// Option of the format: SOLID_BASE=HEIGHT closes an STL or 3MF with walls and a flat bottom
     #[arg(long, value_name = "KEY=VAL", value_parser = parse_creation, help_heading = "Output")]
     pub(crate) co: Vec<Creation>,
     /// Replace files that exist
@@ -87,21 +87,21 @@ impl Split {
 
 /// How the mesh lies in its file.
 #[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Viewers and printers (STL and GLB)")]
+#[command(next_help_heading = "Viewers and printers (STL, 3MF and GLB)")]
 pub(crate) struct PrintArgs {
     /// Leave longitudes and latitudes as they are [default: metres east, north and up of the middle]
     #[arg(long)]
     keep_degrees: bool,
-    /// Longest side of the print, such as 100mm or 12cm; STL is in millimetres then
+    /// Longest side of the print, such as 100mm or 12cm; STL and 3MF are in millimetres then
     #[arg(long, value_name = "LENGTH", value_parser = parse::print_length, conflicts_with_all = ["scale", "keep_degrees"])]
     size: Option<f64>,
-    /// Scale of the print, such as 1:50000 or 0.001; STL is in millimetres then
+    /// Scale of the print, such as 1:50000 or 0.001; STL and 3MF are in millimetres then
     #[arg(long, value_name = "SCALE", value_parser = parse::scale, conflicts_with = "keep_degrees")]
     scale: Option<f64>,
     /// Make heights so many times higher
     #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
     exaggerate: Option<f64>,
-    /// For STL: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
+    /// For STL and 3MF: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
     #[arg(long, value_name = "LENGTH", value_parser = parse::print_length)]
     base: Option<f64>,
 }

@@ -89,9 +89,9 @@ fn job(args: &Args) -> Result<TinJob> {
         std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
     check::report(args.report.as_deref(), &files, &results, args.overwrite)?;
     let solid_base = args.co.iter().map(|Creation::SolidBase(height)| *height).next_back();
-    if solid_base.is_some() && format.name != "STL" {
+    if solid_base.is_some() && !format.can_be_solid {
         return Err(Error::usage(format!("{} has no option SOLID_BASE", format.name))
-            .remedy("write STL, or leave --co out"));
+            .remedy("write STL or 3MF, or leave --co out"));
     }
     let placing = args.print.placing()?;
     if let Some(option) = placing.given().filter(|_| args.workdir.is_some()) {

@@ -116,6 +116,7 @@ impl Mesh {
             crs,
             origin,
             scale,
+            unit: None,
             bounds: [low, high],
             comments: state.comments,
             channels: Vec::new(),

@@ -239,6 +239,7 @@ pub(super) fn make(
     let (placed, notes) =
         job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
     header.scale = placed.scale;
+    header.unit.clone_from(&placed.unit);
     header.origin = placed.origin(header.origin, header.bounds);
     let options = SinkOptions { overwrite: job.overwrite, ..SinkOptions::default() };
     let options = SinkOptions { temp_dir: job.resources.temp_dir.clone(), ..options };
@@ -404,7 +405,15 @@ fn header(
     }));
     let bounds: [Point3; 2] = bounds.map(|corner| info.frame.world(corner));
     let (crs, origin) = (info.crs.clone(), info.frame.world(centre));
-    Ok(MeshHeader { crs, origin, scale: [1.0; 3], bounds, comments, channels: Vec::new() })
+    Ok(MeshHeader {
+        crs,
+        origin,
+        scale: [1.0; 3],
+        unit: None,
+        bounds,
+        comments,
+        channels: Vec::new(),
+    })
 }
 
 /// Fails where f32 does not tell one step from the next.

@@ -60,7 +60,7 @@ pub struct TinJob {
     /// Write a folder of meshes, each of so many by so many tiles.
     #[serde(skip)]
     pub split: Option<u32>,
-    /// STL: close the surface down to this height.
+    /// STL and 3MF: close the surface down to this height.
     #[serde(skip)]
     pub solid_base: Option<f64>,
     /// How the mesh lies in a file of its own coordinates.

@@ -233,6 +233,7 @@ impl Maker<'_> {
         let mut header = header(info, from, &spec, height);
         self.opened.carried.tell(&mut header, tolerance);
         header.scale = self.opened.placed.scale;
+        header.unit.clone_from(&self.opened.placed.unit);
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
         let solid_base = self.solid_base(&mut header)?;
         let options = SinkOptions {
@@ -449,6 +450,7 @@ pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64
         crs: info.crs.clone(),
         origin: origin(bounds, height),
         scale: [1.0; 3],
+        unit: None,
         bounds,
         comments: comments(from, spec, &unit),
         channels: Vec::new(),

@@ -40,7 +40,7 @@ pub type RunReport = plan::RunReport<MeshRun>;
 pub struct Form {
     /// Write a folder of meshes, each of so many by so many tiles.
     pub split: Option<u32>,
-    /// STL: close the surface down to this height.
+    /// STL and 3MF: close the surface down to this height.
     pub solid_base: Option<f64>,
 }
 

@@ -1,42 +1,22 @@
-//! Binary glTF 2.0: one mesh, Y up, positions in f32 relative to an origin kept in `asset.extras`.
+//! Writing of binary glTF: positions and triangles as they are, or compressed.
 
 use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
+use super::packer::{Packer, Sizes};
+use super::{
+    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, PACKED, POINTS, Packing, TRIANGLES, UNSIGNED_INT,
+    VERSION, meshopt, to_y_up,
+};
 use crate::channels::{linear, opacity};
-use crate::glb_read::GlbSource;
 use crate::local::Local;
 use crate::sink::{Counts, Encoder, FileSink};
-use crate::text;
-use crate::{
-    Carries, Channel, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions,
-};
+use crate::{Channel, MeshBatch, MeshCapacity, MeshHeader, MeshSink, SinkOptions, capacity, text};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
-use terrane_files::Out;
+use terrane_files::{Out, folder_for};
 
-pub(super) const FORMAT: MeshFormat = MeshFormat {
-    name: "GLB",
-    extensions: &["glb"],
-    about: "binary glTF 2.0, f32 relative to an origin in asset.extras, Y up",
-    single_precision: true,
-    carries: Carries::Colours,
-    most,
-    create,
-    open: |path| Ok(Box::new(GlbSource::open(path)?)),
-    sniff: |head| head.starts_with(MAGIC),
-};
-
-pub(super) const MAGIC: &[u8; 4] = b"glTF";
-pub(super) const VERSION: u32 = 2;
-pub(super) const JSON_CHUNK: &[u8; 4] = b"JSON";
-pub(super) const BIN_CHUNK: &[u8; 4] = b"BIN\0";
-/// Component types and modes of glTF that occur here.
-pub(super) const FLOAT: u32 = 5126;
-pub(super) const UNSIGNED_INT: u32 = 5125;
-pub(super) const TRIANGLES: u32 = 4;
-pub(super) const POINTS: u32 = 0;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
@@ -45,8 +25,8 @@ const TRIANGLE_BYTES: usize = 12;
 /// The file's header and the headers of both chunks.
 const FRAME_BYTES: u64 = 12 + 8 + 8;
 
-/// The file's length is a u32.
-fn most() -> MeshCapacity {
+/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
+pub(super) fn most() -> MeshCapacity {
     MeshCapacity {
         vertices: u32::MAX.into(),
         triangles: u32::MAX.into(),
@@ -56,13 +36,24 @@ fn most() -> MeshCapacity {
     }
 }
 
-fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+pub(super) fn create(
+    path: &Path,
+    header: &MeshHeader,
+    options: &SinkOptions,
+    packing: Packing,
+) -> Result<Box<dyn MeshSink>> {
     let local = Local::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.comments.clone();
     FORMAT.check_channels(&header.channels)?;
     let (channels, light) = (header.channels.clone(), linear());
-    FileSink::create(path, options, GlbEncoder { local, crs, comments, channels, light })
+    let spool = folder_for(path, options.temp_dir.as_deref());
+    let packer = match packing {
+        Packing::None => None,
+        Packing::Meshopt => Some(Packer::new(VERTEX_BYTES + 4 * channels.len(), spool)?),
+    };
+    let encoder = GlbEncoder { local, crs, comments, channels, light, packer };
+    FileSink::create(path, options, encoder)
 }
 
 struct GlbEncoder {
@@ -74,15 +65,12 @@ struct GlbEncoder {
     channels: Vec<Channel>,
     /// What bytes of sRGB are in light.
     light: [f32; 256],
-}
-
-/// World axes (x east, y north, z up) to those of glTF (x east, y up, z south).
-fn to_y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [x, z, 0.0 - y]
+    /// What compresses.
+    packer: Option<Packer>,
 }
 
 impl GlbEncoder {
-    fn json(&self, counts: Counts, [low, high]: [[f32; 3]; 2]) -> Vec<u8> {
+    fn json(&self, counts: Counts, [low, high]: [[f32; 3]; 2], packed: Option<Sizes>) -> Vec<u8> {
         let mut asset = json!({
             "version": "2.0",
             "generator": text::generator(),
@@ -102,6 +90,9 @@ impl GlbEncoder {
             let (low, high) =
                 (to_y_up([low[0], high[1], low[2]]), to_y_up([high[0], low[1], high[2]]));
             add_mesh(&mut document, counts, [low, high], self.channels.len());
+            if let Some(sizes) = packed {
+                pack(&mut document, sizes, counts, self.vertex_bytes() as u64);
+            }
         }
         document.to_string().into_bytes()
     }
@@ -120,22 +111,30 @@ impl GlbEncoder {
         }
     }
 
+    /// Bytes of what is compressed.
+    fn sizes(&self) -> Option<Sizes> {
+        self.packer.as_ref().map(Packer::sizes)
+    }
+
+    /// Bytes behind the JSON.
+    fn data_bytes(&self, counts: Counts) -> u64 {
+        let raw =
+            counts.vertices * self.vertex_bytes() as u64 + counts.triangles * TRIANGLE_BYTES as u64;
+        self.sizes().map_or(raw, Sizes::bytes)
+    }
+
     /// Bytes kept free for the JSON text: as many as the largest mesh could need.
     fn json_bytes(&self) -> usize {
         let largest = u32::MAX.into();
         let counts = Counts { vertices: largest, triangles: largest };
-        self.json(counts, [[f32::MIN; 3]; 2]).len().next_multiple_of(4)
+        let sizes = self.sizes().map(|_| Sizes([largest; 2]));
+        self.json(counts, [[f32::MIN; 3]; 2], sizes).len().next_multiple_of(4)
     }
 }
 
 /// Completes a document with its mesh. A mesh without triangles becomes a set of points, because
 /// glTF has no empty index lists. A colour of three or four channels lies behind the position of its vertex.
-fn add_mesh(
-    document: &mut serde_json::Value,
-    counts: Counts,
-    [low, high]: [[f32; 3]; 2],
-    channels: usize,
-) {
+fn add_mesh(document: &mut Value, counts: Counts, [low, high]: [[f32; 3]; 2], channels: usize) {
     let Counts { vertices, triangles } = counts;
     let vertex_bytes = (VERTEX_BYTES + 4 * channels) as u64;
     let (position_bytes, index_bytes) =
@@ -187,7 +186,7 @@ fn add_mesh(
 
 impl Encoder for GlbEncoder {
     fn name(&self) -> &'static str {
-        FORMAT.name
+        if self.packer.is_some() { PACKED.name } else { FORMAT.name }
     }
 
     fn most(&self) -> MeshCapacity {
@@ -201,15 +200,14 @@ impl Encoder for GlbEncoder {
     /// Frame and JSON; spaces after the JSON take up the room that larger numbers would need. A
     /// file without vertices has no binary chunk, whose header then becomes spaces too.
     fn header(&self, counts: Counts) -> Vec<u8> {
-        let mut json = self.json(counts, self.local.bounds());
+        let mut json = self.json(counts, self.local.bounds(), self.sizes());
         let mut room = self.json_bytes();
         let is_empty = counts.vertices == 0;
         if is_empty {
             room += 8;
         }
         json.resize(room, b' ');
-        let vertices = counts.vertices * self.vertex_bytes() as u64;
-        let data = vertices + counts.triangles * TRIANGLE_BYTES as u64;
+        let data = self.data_bytes(counts);
         let file = FRAME_BYTES + self.json_bytes() as u64 + data;
         let mut header = [MAGIC.as_slice(), &VERSION.to_le_bytes(), &word(file)].concat();
         header.extend([word(room as u64), *JSON_CHUNK].concat());
@@ -221,18 +219,83 @@ impl Encoder for GlbEncoder {
     }
 
     fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
-        if self.channels.is_empty() {
+        if self.packer.is_some() {
+            self.pack(batch, body, tail)?;
+        } else if self.channels.is_empty() {
             body.records(batch.vertices, |point| placed(&mut self.local, point))?;
         } else {
             let mut values = batch.values.chunks_exact(self.channels.len());
             body.lines(batch.vertices, |point, bytes| {
-                bytes.extend(placed(&mut self.local, point));
-                values.next().into_iter().for_each(|colour| self.push_colour(colour, bytes));
+                self.push_vertex(point, values.next().unwrap_or_default(), bytes);
             })?;
         }
-        // The ids are below 2^32: the sink has checked them against a number of vertices that fits.
-        tail.records(batch.triangles, |ids| record(*ids, |id| (id as u32).to_le_bytes()))?;
+        if self.packer.is_none() {
+            // The ids are below 2^32: the sink has checked them against a number of vertices that fits.
+            tail.records(batch.triangles, |ids| record(*ids, |id| (id as u32).to_le_bytes()))?;
+        }
         self.local.check()
+    }
+
+    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+        let Some(packer) = &mut self.packer else { return Ok(()) };
+        packer.complete(body, tail)?;
+        let bytes = FRAME_BYTES + packer.sizes().bytes() + self.json_bytes() as u64;
+        if bytes > u32::MAX.into() {
+            let limit = format!("{} bytes", u32::MAX);
+            return Err(capacity::too_much(PACKED.name, &limit, 0, 0));
+        }
+        Ok(())
+    }
+}
+
+impl GlbEncoder {
+    fn push_vertex(&mut self, point: &Point3, values: &[f64], bytes: &mut Vec<u8>) {
+        bytes.extend(placed(&mut self.local, point));
+        self.push_colour(values, bytes);
+    }
+
+    /// Compresses a batch.
+    fn pack(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        let channels = self.channels.len();
+        let mut element = Vec::new();
+        for (place, point) in batch.vertices.iter().enumerate() {
+            element.clear();
+            self.push_vertex(point, &batch.values[place * channels..][..channels], &mut element);
+            if let Some(packer) = &mut self.packer {
+                packer.push_vertex(&element, body)?;
+            }
+        }
+        // As above, ids are below 2^32.
+        let triangles = batch.triangles.iter().map(|ids| ids.map(|id| id as u32));
+        let packer = self.packer.as_mut();
+        packer.map_or(Ok(()), |packer| packer.push_triangles(triangles, tail))
+    }
+}
+
+/// Says of a document that what its buffer holds is compressed, and that of what it speaks is in another
+/// buffer, which is nowhere.
+fn pack(document: &mut Value, sizes: Sizes, counts: Counts, vertex_bytes: u64) {
+    let raw = document["buffers"][0]["byteLength"].clone();
+    let fallback = json!({ meshopt::NAME: { "fallback": true } });
+    document["buffers"] = json!([
+        { "byteLength": sizes.bytes() },
+        { "byteLength": raw, "extensions": fallback },
+    ]);
+    let [vertices, triangles] = sizes.spans();
+    let views = [
+        (vertices, "ATTRIBUTES", vertex_bytes, counts.vertices),
+        (triangles, "TRIANGLES", 4, 3 * counts.triangles),
+    ];
+    let all = document["bufferViews"].as_array_mut();
+    for (view, ((offset, bytes), mode, stride, count)) in all.into_iter().flatten().zip(views) {
+        view["buffer"] = 1.into();
+        view["extensions"] = json!({ meshopt::NAME: {
+            "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": stride,
+            "mode": mode, "count": count,
+        } });
+    }
+    for list in ["extensionsUsed", "extensionsRequired"] {
+        document[list] = json!([meshopt::NAME]);
     }
 }
 
@@ -253,9 +316,4 @@ fn record<T: Copy>(values: [T; 3], encode: impl Fn(T) -> [u8; 4]) -> [u8; 12] {
         *slot = encode(value);
     }
     bytes
-}
-
-/// From the axes of glTF to those of the world.
-pub(super) fn to_z_up([x, y, z]: [f64; 3]) -> Point3 {
-    [x, -z, y]
 }

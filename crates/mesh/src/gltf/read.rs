@@ -4,10 +4,12 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::channels::{COLOURS, facts, from_linear, from_opacity, linear};
-use crate::glb::{
-    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, POINTS, TRIANGLES, UNSIGNED_INT, VERSION, to_z_up,
+use super::packed::{self, Packed};
+use super::{
+    BIN_CHUNK, FLOAT, FORMAT, JSON_CHUNK, MAGIC, PACKED, POINTS, TRIANGLES, UNSIGNED_INT, VERSION,
+    meshopt, to_z_up,
 };
+use crate::channels::{COLOURS, facts, from_linear, from_opacity, linear};
 use crate::input::{Input, check_corners, check_position, check_range};
 use crate::local::{is_scale, to_world};
 use crate::{MeshInfo, MeshSource};
@@ -101,6 +103,15 @@ struct View {
     byte_offset: u64,
     byte_length: u64,
     byte_stride: Option<u64>,
+    #[serde(default)]
+    extensions: Extensions,
+}
+
+/// Those of a buffer view.
+#[derive(Default, Deserialize)]
+struct Extensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    packed: Option<Packed>,
 }
 
 #[derive(Deserialize)]
@@ -111,13 +122,16 @@ struct Buffer {
 }
 
 /// Where the elements of an accessor lie in the file.
-#[derive(Clone, Copy, Debug)]
 struct Span {
-    offset: u64,
-    stride: u64,
+    place: Place,
     count: u64,
     /// Bytes of one component.
     width: usize,
+}
+
+enum Place {
+    Plain { offset: u64, stride: u64 },
+    Packed(packed::Place),
 }
 
 /// An open GLB file.
@@ -143,9 +157,9 @@ impl GlbSource {
         let primitive = layout.primitive()?;
         let positions = primitive.map(|p| layout.positions(p)).transpose()?;
         let indices = primitive.and_then(|p| p.indices.map(|at| layout.indices(at))).transpose()?;
-        let vertices = positions.map_or(0, |span| span.count);
+        let vertices = positions.as_ref().map_or(0, |span| span.count);
         let is_points = primitive.is_some_and(|p| p.mode == POINTS);
-        let corners = indices.map_or(vertices, |span| span.count);
+        let corners = indices.as_ref().map_or(vertices, |span| span.count);
         if !is_points && !corners.is_multiple_of(3) {
             return Err(input.bad(format!("{corners} corners are not whole triangles")));
         }
@@ -153,6 +167,9 @@ impl GlbSource {
         let colours = primitive.map(|p| layout.colours(p, vertices)).transpose()?.flatten();
         let (colours, parts) = colours.map_or((None, 0), |(span, parts)| (Some(span), parts));
         let mut info = info(&document.asset, vertices, triangles, indices.is_some() || is_points);
+        if document.buffer_views.iter().any(|view| view.extensions.packed.is_some()) {
+            info.format = PACKED.name;
+        }
         if parts > 0 {
             info.channels = COLOURS[..parts].iter().map(|name| (*name).to_owned()).collect();
             let comments = info.details.iter().filter(|(key, _)| key == "comment");
@@ -252,7 +269,8 @@ impl<'a> Layout<'a> {
 
     /// The only primitive of the only mesh, if there is any.
     fn primitive(&self) -> Result<Option<&'a Primitive>> {
-        if let Some(name) = self.document.extensions_required.first() {
+        let required = self.document.extensions_required.iter();
+        if let Some(name) = required.into_iter().find(|name| *name != meshopt::NAME) {
             return Err(self.unsupported(format!("requires the glTF extension {name}")));
         }
         let Some(mesh) = self.document.meshes.first() else { return Ok(None) };
@@ -339,6 +357,12 @@ impl<'a> Layout<'a> {
         let lost = || self.bad("has an accessor outside its buffer");
         let view = accessor.buffer_view.and_then(|at| self.document.buffer_views.get(at));
         let view = view.ok_or_else(|| self.bad("has an accessor without a buffer view"))?;
+        if let Some(packed) = &view.extensions.packed {
+            let data = self.buffer_bytes(packed.buffer())?;
+            let range = (accessor.byte_offset, accessor.count);
+            let place = packed.open(self.input, (self.data.0, data), range, (width, parts))?;
+            return Ok(Span { place: Place::Packed(place), count: accessor.count, width });
+        }
         let stride = view.byte_stride.unwrap_or(size);
         if stride < size || stride > 252 {
             return Err(self.bad(format!("has a byte stride of {stride}")));
@@ -353,7 +377,8 @@ impl<'a> Layout<'a> {
         if end > self.buffer_bytes(view.buffer)? {
             return Err(lost());
         }
-        Ok(Span { offset: self.data.0 + start, stride, count: accessor.count, width })
+        let place = Place::Plain { offset: self.data.0 + start, stride };
+        Ok(Span { place, count: accessor.count, width })
     }
 
     /// Bytes of the buffer, which must be the file's own.
@@ -382,17 +407,21 @@ impl GlbSource {
     /// stride would go on, so that it is read by itself.
     fn elements(
         &self,
-        span: Span,
+        span: &Span,
         parts: usize,
         first: u64,
         count: usize,
         mut each: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
         let Some(last) = count.checked_sub(1) else { return Ok(()) };
-        let start = span.offset + first * span.stride;
-        let end = start + last as u64 * span.stride;
+        let (offset, stride) = match &span.place {
+            Place::Plain { offset, stride } => (offset, *stride),
+            Place::Packed(place) => return place.elements(&self.input, first, count, each),
+        };
+        let start = offset + first * stride;
+        let end = start + last as u64 * stride;
         let size = (span.width * parts) as u64;
-        self.input.records(start..end, span.stride, &mut each)?;
+        self.input.records(start..end, stride, &mut each)?;
         self.input.records(end..end + size, size, |_, record| each(last, record))
     }
 }
@@ -416,7 +445,7 @@ impl MeshSource for GlbSource {
 
     fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
         check_range("vertices", first, out.len(), self.info.vertices)?;
-        let Some(span) = self.positions else { return Ok(()) };
+        let Some(span) = &self.positions else { return Ok(()) };
         self.elements(span, 3, first, out.len(), |place, record| {
             let local = position(record).unwrap_or([f64::NAN; 3]);
             out[place] = to_world(to_z_up(local), self.info.origin, self.info.scale);
@@ -427,7 +456,7 @@ impl MeshSource for GlbSource {
     fn read_channels(&self, first: u64, out: &mut [f64]) -> Result<()> {
         let vertices = out.len() / self.parts.max(1);
         check_range("vertices", first, vertices, self.info.vertices)?;
-        let Some(span) = self.colours else { return Ok(()) };
+        let Some(span) = &self.colours else { return Ok(()) };
         self.elements(span, self.parts, first, vertices, |place, record| {
             let (shares, _) = record.as_chunks::<4>();
             let values = out[place * self.parts..].iter_mut().zip(shares).take(self.parts);
@@ -443,7 +472,10 @@ impl MeshSource for GlbSource {
 
     fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
         check_range("triangles", first, out.len(), self.info.triangles)?;
-        match self.indices {
+        match &self.indices {
+            Some(Span { place: Place::Packed(place), .. }) => {
+                place.triangles(&self.input, first, out)?;
+            }
             Some(span) => {
                 let ids = out.as_flattened_mut();
                 self.elements(span, 1, 3 * first, ids.len(), |place, record| {

@@ -1,0 +1,304 @@
+//! DXF, as text and of release 12, which every reader knows: a 3DFACE for each triangle, f64. The unit is that of
+//! all coordinates, or none; what else there is to say stands in comments (group 999).
+
+use std::path::Path;
+
+use crate::input::{Input, Lines, check_range};
+use crate::obj_index::{Mark, SparseIndex};
+use crate::sink::{Counts, Encoder, FileSink};
+use crate::text::{self, push_f64};
+use crate::{
+    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
+    SinkOptions,
+};
+use terrane_base::error::Result;
+use terrane_base::geom::{Crs, Point3};
+use terrane_files::Out;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "DXF",
+    extensions: &["dxf"],
+    about: "DXF (release 12), a 3DFACE for each triangle, f64 as text",
+    single_precision: false,
+    carries: Carries::Nothing,
+    can_be_solid: false,
+    states_unit: false,
+    admits: |_| Ok(()),
+    most,
+    create,
+    open: |path| Ok(Box::new(DxfSource::open(path)?)),
+    sniff,
+};
+
+/// What begins a binary file.
+const BINARY: &[u8] = b"AutoCAD Binary DXF";
+/// Groups of the coordinates of a face, corner by corner.
+const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23, 33]];
+/// Comments that are kept.
+const MOST_COMMENTS: usize = 64;
+
+/// Text has no limit of its own; the bytes are typical ones.
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: u64::MAX - 1,
+        triangles: u64::MAX / 3,
+        bytes: u64::MAX,
+        vertex_bytes: 0,
+        triangle_bytes: 170,
+    }
+}
+
+/// The number that stands for the unit of all coordinates of a system; 0 for none, where there is no such or
+/// heights have another.
+fn unit(crs: &Crs) -> u8 {
+    const KNOWN: [(f64, u8); 3] = [(1.0, 6), (0.3048, 2), (1200.0 / 3937.0, 21)];
+    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
+    let Some(metres) = crs.horizontal_metres() else { return 0 };
+    let is_one = crs.vertical_metres().is_none_or(|up| is(up, metres));
+    let found = KNOWN.iter().find(|(known, _)| is_one && is(*known, metres));
+    found.map_or(0, |(_, number)| *number)
+}
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let comments = text::comments(header);
+    let comments = comments.iter().map(|text| format!("999\n{text}\n")).collect::<String>();
+    let unit = unit(&header.crs);
+    let head = format!(
+        "{comments}0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1009\n9\n$INSUNITS\n70\n{unit}\n0\nENDSEC\n\
+         0\nSECTION\n2\nENTITIES\n"
+    );
+    FileSink::create(path, options, DxfEncoder { head })
+}
+
+const END: &[u8] = b"0\nENDSEC\n0\nEOF\n";
+
+/// The pairs of lines at the start of a file.
+fn sniff(head: &[u8]) -> bool {
+    let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let mut pair = || Some((lines.next()?, lines.next()?));
+    let first = std::iter::from_fn(&mut pair).find(|(code, _)| *code != b"999");
+    head.starts_with(BINARY)
+        || head.starts_with(b"999\nterrane ")
+        || first.is_some_and(|(code, value)| code == b"0" && value == b"SECTION")
+}
+
+struct DxfEncoder {
+    head: String,
+}
+
+impl Encoder for DxfEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    fn most(&self) -> MeshCapacity {
+        most()
+    }
+
+    fn header(&self, _counts: Counts) -> Vec<u8> {
+        self.head.clone().into_bytes()
+    }
+
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, _tail: &mut Out) -> Result<()> {
+        body.lines(batch.corners, |corners, text| {
+            text.extend_from_slice(b"0\n3DFACE\n8\nTERRAIN\n");
+            let [a, b, c] = corners;
+            // A triangle is a face whose last corner is there twice.
+            for (groups, corner) in GROUPS.iter().zip([a, b, c, c]) {
+                for (group, value) in groups.iter().zip(corner) {
+                    text::push_u64((*group).into(), text);
+                    text.push(b'\n');
+                    push_f64(*value, text);
+                    text.push(b'\n');
+                }
+            }
+        })
+    }
+
+    fn complete(&mut self, body: &mut Out, _tail: &mut Out) -> Result<()> {
+        body.write(END)
+    }
+}
+
+/// The pairs of lines of a file: a number that says what is meant, and a value.
+struct Pairs<'a> {
+    lines: Lines<'a>,
+    code: u32,
+    /// Where the pair began.
+    start: Mark,
+}
+
+impl<'a> Pairs<'a> {
+    fn new(input: &'a Input, mark: Mark) -> Self {
+        Self { lines: input.lines(mark.offset, mark.line), code: 0, start: mark }
+    }
+
+    /// Goes to the next pair; false at the end of the file.
+    fn advance(&mut self) -> Result<bool> {
+        if !self.lines.advance()? {
+            return Ok(false);
+        }
+        let (offset, line) = (self.lines.start(), self.lines.number());
+        self.start = Mark { offset, line, vertices: 0 };
+        self.code = self.number()?;
+        if !self.lines.advance()? {
+            return Err(self.lines.bad("ends within a group"));
+        }
+        Ok(true)
+    }
+
+    fn value(&self) -> &[u8] {
+        self.lines.text().trim_ascii()
+    }
+
+    fn is(&self, code: u32, value: &str) -> bool {
+        self.code == code && self.value() == value.as_bytes()
+    }
+
+    /// The line as a number of some kind.
+    fn number<T: std::str::FromStr>(&self) -> Result<T> {
+        let text = std::str::from_utf8(self.value()).ok();
+        text.and_then(|text| text.parse().ok()).ok_or_else(|| {
+            let word: String = String::from_utf8_lossy(self.value()).chars().take(40).collect();
+            self.lines.bad(format!("\"{}\" is not a number", word.escape_debug()))
+        })
+    }
+
+    /// The corners of the face that has just begun; the pair behind it is at hand then.
+    fn face(&mut self) -> Result<[Point3; 3]> {
+        let mut corners = [[f64::NAN, f64::NAN, 0.0]; 4];
+        while self.advance()? && self.code != 0 {
+            let slots = corners.as_flattened_mut().iter_mut().zip(GROUPS.as_flattened());
+            let slot = slots.into_iter().find(|(_, group)| **group == self.code);
+            if let Some((slot, _)) = slot {
+                *slot = self.number()?;
+                if !slot.is_finite() {
+                    return Err(self.lines.bad("position is not finite"));
+                }
+            }
+        }
+        let [a, b, c, d] = corners;
+        if [a, b, c].as_flattened().iter().any(|value| value.is_nan()) {
+            return Err(self.lines.bad("3DFACE has fewer than three corners"));
+        }
+        if !d[0].is_nan() && d != c && d != a {
+            return Err(self
+                .lines
+                .unsupported("3DFACE has four corners")
+                .remedy("faces must have three corners each; triangulate it first"));
+        }
+        Ok([a, b, c])
+    }
+}
+
+/// An open file. Every triangle has three vertices of its own.
+struct DxfSource {
+    input: Input,
+    faces: SparseIndex,
+    info: MeshInfo,
+}
+
+impl DxfSource {
+    /// Goes through the whole file once.
+    fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        if input.head(BINARY.len())? == BINARY {
+            let error = input.unsupported("is a binary DXF file");
+            return Err(error.remedy("write it as text"));
+        }
+        let mut faces = SparseIndex::new();
+        let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
+        let mut pairs = Pairs::new(&input, Mark { offset: 0, line: 1, vertices: 0 });
+        let (mut is_section, mut is_over) = (false, false);
+        while !is_over && pairs.advance()? {
+            if is_section && pairs.code == 2 {
+                section = pairs.value().to_vec();
+            }
+            is_section = pairs.is(0, "SECTION");
+            is_over = pairs.is(0, "EOF");
+            match pairs.code {
+                999 if comments.len() < MOST_COMMENTS && faces.count() == 0 => {
+                    comments.push(String::from_utf8_lossy(pairs.value()).into_owned());
+                }
+                0 if pairs.is(0, "ENDSEC") => section.clear(),
+                0 if section == b"ENTITIES" && pairs.is(0, "3DFACE") => faces.note(pairs.start),
+                0 if section == b"ENTITIES" => others += 1,
+                _ => {}
+            }
+        }
+        if !is_over {
+            return Err(input.bad("does not end in EOF").remedy("write or copy it again"));
+        }
+        if faces.count() == 0 && comments.is_empty() {
+            return Err(input.unsupported("has no 3DFACE among its entities"));
+        }
+        let info = info(faces.count(), comments, others);
+        drop(pairs);
+        Ok(Self { input, faces, info })
+    }
+
+    /// Hands `each` the corners of `count` faces from `first` on.
+    fn scan(&self, first: u64, count: u64, mut each: impl FnMut(u64, [Point3; 3])) -> Result<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        let (mut at, mark) = self.faces.before(first);
+        let mut pairs = Pairs::new(&self.input, mark);
+        let mut is_read = pairs.advance()?;
+        while is_read {
+            if !pairs.is(0, "3DFACE") {
+                is_read = pairs.advance()?;
+                continue;
+            }
+            let corners = pairs.face()?;
+            if at >= first {
+                each(at - first, corners);
+            }
+            at += 1;
+            if at == first + count {
+                return Ok(());
+            }
+        }
+        Err(self.input.bad("has become shorter since it was opened"))
+    }
+}
+
+fn info(triangles: u64, comments: Vec<String>, others: u64) -> MeshInfo {
+    let crs = comments.iter().find_map(|text| text.strip_prefix(text::CRS)).map(str::to_owned);
+    let others = (others > 0)
+        .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
+    let comments = comments.into_iter().map(|text| ("comment".to_owned(), text));
+    let details = comments.chain(others).collect();
+    let plain = MeshInfo::plain(FORMAT.name, 3 * triangles, triangles);
+    MeshInfo { crs, details, indexed: false, ..plain }
+}
+
+impl MeshSource for DxfSource {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let end = first + out.len() as u64;
+        let (from, to) = (first / 3, end.div_ceil(3));
+        self.scan(from, to - from, |face, corners| {
+            for (index, corner) in (3 * (from + face)..).zip(corners) {
+                let slot = index.checked_sub(first).and_then(|i| out.get_mut(i as usize));
+                slot.into_iter().for_each(|slot| *slot = corner);
+            }
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        for (triangle, ids) in (first..).zip(out) {
+            *ids = [0, 1, 2].map(|corner| 3 * triangle + corner);
+        }
+        Ok(())
+    }
+}

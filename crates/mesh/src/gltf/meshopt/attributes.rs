@@ -1,0 +1,282 @@
+//! Elements of so many bytes, such as positions: blocks of up to 256 of them, the differences of each byte
+//! from that of the element before, in groups of 16 that take 0, 2, 4 or 8 bits each.
+
+use super::stream::{Codec, Window};
+use terrane_base::error::{Error, Result};
+
+const HEADER: u8 = 0xa0;
+const GROUP: usize = 16;
+/// Bytes of a block and elements of one, at the most.
+const BLOCK_BYTES: usize = 8192;
+const BLOCK_ELEMENTS: usize = 256;
+const TAIL_BYTES: usize = 32;
+/// Bits of a difference by the two bits that stand for a group. What does not fit into 2 or 4 of them is
+/// marked, by all of them set, and follows behind.
+const BITS: [usize; 4] = [0, 2, 4, 8];
+
+/// Elements of a block of elements of `stride` bytes.
+const fn block_elements(stride: usize) -> usize {
+    let most = BLOCK_BYTES / stride / GROUP * GROUP;
+    if most < BLOCK_ELEMENTS { most } else { BLOCK_ELEMENTS }
+}
+
+/// Writes one stream of elements.
+pub(in crate::gltf) struct Writer {
+    stride: usize,
+    /// The first of all; empty until it is known.
+    first: Vec<u8>,
+    /// The last one of the blocks written.
+    last: Vec<u8>,
+    /// Elements of the block to come.
+    waiting: Vec<u8>,
+}
+
+impl Writer {
+    /// For elements of `stride` bytes: a multiple of 4, at most 256.
+    pub(in crate::gltf) fn new(stride: usize) -> Self {
+        Self { stride, first: Vec::new(), last: Vec::new(), waiting: Vec::new() }
+    }
+
+    /// Adds elements; what is complete goes to `out`.
+    pub(in crate::gltf) fn push(&mut self, elements: &[u8], out: &mut Vec<u8>) {
+        if self.first.is_empty() && !elements.is_empty() {
+            self.first = elements[..self.stride].to_vec();
+            self.last.clone_from(&self.first);
+            out.push(HEADER);
+        }
+        let block = block_elements(self.stride) * self.stride;
+        for element in elements.chunks_exact(self.stride) {
+            self.waiting.extend_from_slice(element);
+            if self.waiting.len() == block {
+                self.write_block(out);
+            }
+        }
+    }
+
+    /// Writes what is left. Of no elements there is no stream.
+    pub(in crate::gltf) fn complete(&mut self, out: &mut Vec<u8>) {
+        if self.first.is_empty() {
+            return;
+        }
+        if !self.waiting.is_empty() {
+            self.write_block(out);
+        }
+        out.extend(std::iter::repeat_n(0, TAIL_BYTES.saturating_sub(self.stride)));
+        out.extend_from_slice(&self.first);
+    }
+
+    fn write_block(&mut self, out: &mut Vec<u8>) {
+        let mut codes = [0; BLOCK_ELEMENTS];
+        let elements = self.waiting.len() / self.stride;
+        let groups = elements.div_ceil(GROUP);
+        for place in 0..self.stride {
+            let mut before = self.last[place];
+            codes[..groups * GROUP].fill(0);
+            let bytes = self.waiting[place..].iter().step_by(self.stride);
+            for (code, &byte) in codes.iter_mut().zip(bytes) {
+                *code = folded(byte.wrapping_sub(before));
+                before = byte;
+            }
+            write_groups(&codes[..groups * GROUP], out);
+        }
+        self.last.copy_from_slice(&self.waiting[(elements - 1) * self.stride..]);
+        self.waiting.clear();
+    }
+}
+
+/// Small differences either way as small numbers.
+fn folded(difference: u8) -> u8 {
+    difference << 1 ^ if difference & 0x80 == 0 { 0 } else { 0xff }
+}
+
+fn unfolded(code: u8) -> u8 {
+    code >> 1 ^ (code & 1).wrapping_neg()
+}
+
+/// The groups of one byte of the elements: first two bits for each, then what each takes.
+fn write_groups(codes: &[u8], out: &mut Vec<u8>) {
+    let groups = codes.len() / GROUP;
+    let head = out.len();
+    out.resize(head + groups.div_ceil(4), 0);
+    for (group, codes) in codes.chunks_exact(GROUP).enumerate() {
+        let cost = |mode: &usize| group_bytes(codes, BITS[*mode]);
+        let mode = (0..BITS.len()).min_by_key(cost).unwrap_or(3);
+        out[head + group / 4] |= (mode as u8) << (2 * (group % 4));
+        write_group(codes, BITS[mode], out);
+    }
+}
+
+/// Bytes of a group at so many bits; more than any other way where it cannot be written so.
+fn group_bytes(codes: &[u8], bits: usize) -> usize {
+    let marked = |mark: u8| codes.iter().filter(|code| **code >= mark).count();
+    match bits {
+        0 if marked(1) > 0 => usize::MAX,
+        0 | 8 => 2 * bits,
+        _ => 2 * bits + marked(mark(bits)),
+    }
+}
+
+/// What stands for a code that does not fit into so many bits.
+fn mark(bits: usize) -> u8 {
+    (1 << bits) - 1
+}
+
+fn write_group(codes: &[u8], bits: usize, out: &mut Vec<u8>) {
+    match bits {
+        0 => {}
+        8 => out.extend_from_slice(codes),
+        _ => {
+            let mark = mark(bits);
+            for some in codes.chunks_exact(8 / bits) {
+                out.push(some.iter().fold(0, |byte, code| byte << bits | code.min(&mark)));
+            }
+            out.extend(codes.iter().filter(|code| **code >= mark));
+        }
+    }
+}
+
+/// Reads a stream of elements.
+pub(in crate::gltf) struct Reader {
+    /// Where the stream begins in the file, and its last element.
+    start: u64,
+    end: u64,
+    stride: usize,
+    count: u64,
+    first: Vec<u8>,
+}
+
+/// A place between two blocks.
+#[derive(Clone)]
+pub(in crate::gltf) struct Place {
+    element: u64,
+    offset: u64,
+    /// The element before.
+    last: Vec<u8>,
+}
+
+impl Reader {
+    /// The stream of `count` elements of `stride` bytes at `start`, of `bytes`.
+    pub(in crate::gltf) fn new(
+        window: &mut Window<'_>,
+        (start, bytes): (u64, u64),
+        (stride, count): (usize, u64),
+    ) -> Result<Self> {
+        if !(4..=256).contains(&stride) || !stride.is_multiple_of(4) {
+            return Err(bad(format!("has elements of {stride} bytes")));
+        }
+        let tail = TAIL_BYTES.max(stride) as u64;
+        // A byte of differences has two bits for each group, at the least.
+        let block = block_elements(stride);
+        let of = |elements: u64| elements.div_ceil(GROUP as u64).div_ceil(4) * stride as u64;
+        let least = (count / block as u64).checked_mul(of(block as u64));
+        let least = least.and_then(|b| b.checked_add(of(count % block as u64) + 1 + tail));
+        if least.is_none_or(|least| bytes < least) {
+            return Err(bad(format!("has {bytes} bytes for {count} elements")));
+        }
+        if window.bytes(start, 1)? != [HEADER] {
+            return Err(bad("is of a kind or version that is not known"));
+        }
+        let end = start + bytes - tail;
+        let first = window.bytes(end + tail - stride as u64, stride)?.to_vec();
+        Ok(Self { start, end, stride, count, first })
+    }
+}
+
+impl Codec for Reader {
+    type Place = Place;
+
+    fn start(&self) -> Place {
+        Place { element: 0, offset: self.start + 1, last: self.first.clone() }
+    }
+
+    fn index(&self, place: &Place) -> u64 {
+        place.element
+    }
+
+    fn count(&self) -> u64 {
+        self.count
+    }
+
+    fn step_elements(&self) -> u64 {
+        block_elements(self.stride) as u64
+    }
+
+    fn element_bytes(&self) -> usize {
+        self.stride
+    }
+
+    fn step(&self, place: &mut Place, window: &mut Window<'_>, out: &mut Vec<u8>) -> Result<()> {
+        let left = self.count - place.element;
+        let elements = left.min(self.step_elements()) as usize;
+        let groups = elements.div_ceil(GROUP);
+        out.clear();
+        out.resize(groups * GROUP * self.stride, 0);
+        for at in 0..self.stride {
+            let mut before = place.last[at];
+            let mut heads = [0; BLOCK_ELEMENTS / GROUP / 4];
+            let heads = &mut heads[..groups.div_ceil(4)];
+            self.take(place, heads.len(), window, heads)?;
+            for group in 0..groups {
+                let bits = BITS[usize::from(heads[group / 4] >> (2 * (group % 4)) & 3)];
+                let codes = self.group(place, bits, window)?;
+                let bytes = out[group * GROUP * self.stride + at..].iter_mut();
+                for (byte, code) in bytes.step_by(self.stride).zip(codes) {
+                    before = before.wrapping_add(unfolded(code));
+                    *byte = before;
+                }
+            }
+        }
+        out.truncate(elements * self.stride);
+        place.last.copy_from_slice(&out[(elements - 1) * self.stride..]);
+        place.element += elements as u64;
+        if place.element == self.count && place.offset != self.end {
+            return Err(bad(format!("has {} bytes too many", self.end - place.offset)));
+        }
+        Ok(())
+    }
+}
+
+impl Reader {
+    /// Copies the next bytes of the stream.
+    fn take(
+        &self,
+        place: &mut Place,
+        count: usize,
+        window: &mut Window<'_>,
+        to: &mut [u8],
+    ) -> Result<()> {
+        if place.offset + count as u64 > self.end {
+            return Err(bad("ends within an element"));
+        }
+        to.copy_from_slice(window.bytes(place.offset, count)?);
+        place.offset += count as u64;
+        Ok(())
+    }
+
+    /// The next group.
+    fn group(&self, place: &mut Place, bits: usize, window: &mut Window<'_>) -> Result<[u8; 16]> {
+        let mut codes = [0; GROUP];
+        if bits == 0 {
+            return Ok(codes);
+        }
+        let mut packed = [0; GROUP];
+        let packed = &mut packed[..2 * bits];
+        self.take(place, 2 * bits, window, packed)?;
+        let per_byte = 8 / bits;
+        for (at, code) in codes.iter_mut().enumerate() {
+            let shift = 8 - bits * (at % per_byte + 1);
+            *code = packed[at / per_byte] >> shift & ((1_u16 << bits) - 1) as u8;
+        }
+        if bits < 8 {
+            let marked = codes.iter_mut().filter(|code| **code == mark(bits));
+            for code in marked {
+                self.take(place, 1, window, std::slice::from_mut(code))?;
+            }
+        }
+        Ok(codes)
+    }
+}
+
+fn bad(message: impl std::fmt::Display) -> Error {
+    Error::bad_input(format!("a compressed buffer view {message}"))
+}

@@ -1,0 +1,171 @@
+//! Compressed streams read at any element: places to begin at are remembered as they are passed, in bounded
+//! memory, and so are those where reading ended, as it mostly goes on there.
+
+use std::sync::Mutex;
+
+use crate::input::Input;
+use terrane_base::error::Result;
+use terrane_files::lock;
+
+/// Places remembered of one stream, at the most.
+const MOST_MARKS: u64 = 1 << 12;
+/// Places where reading ended.
+const MOST_ENDS: usize = 16;
+/// Bytes read at a time.
+const WINDOW_BYTES: u64 = 64 << 10;
+
+/// A kind of stream that is decoded in steps of so many elements, of which the last may have fewer.
+pub(in crate::gltf) trait Codec {
+    /// All that is known between two steps.
+    type Place: Clone;
+
+    /// Before the first element.
+    fn start(&self) -> Self::Place;
+
+    /// The element that comes next.
+    fn index(&self, place: &Self::Place) -> u64;
+
+    /// Elements in all.
+    fn count(&self) -> u64;
+
+    /// Elements of a step.
+    fn step_elements(&self) -> u64;
+
+    /// Bytes of an element.
+    fn element_bytes(&self) -> usize;
+
+    /// Decodes the next elements, of which there are some.
+    fn step(
+        &self,
+        place: &mut Self::Place,
+        window: &mut Window<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()>;
+}
+
+/// A stream and what is remembered of it.
+pub(in crate::gltf) struct Stream<C: Codec> {
+    codec: C,
+    known: Mutex<Known<C::Place>>,
+    /// Steps from one remembered place to the next.
+    stride: u64,
+}
+
+struct Known<P> {
+    marks: Vec<Option<P>>,
+    ends: Vec<P>,
+}
+
+impl<C: Codec> Stream<C> {
+    pub(in crate::gltf) fn new(codec: C) -> Self {
+        Self::with_marks(codec, MOST_MARKS)
+    }
+
+    pub(super) fn with_marks(codec: C, most: u64) -> Self {
+        let steps = codec.count().div_ceil(codec.step_elements());
+        let stride = steps.div_ceil(most).max(1);
+        Self { codec, known: Mutex::new(Known { marks: Vec::new(), ends: Vec::new() }), stride }
+    }
+
+    /// Hands `each` the bytes of elements `first .. first + count`, which there are, by number from 0.
+    pub(in crate::gltf) fn read(
+        &self,
+        input: &Input,
+        first: u64,
+        count: usize,
+        mut each: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let (codec, end) = (&self.codec, first + count as u64);
+        let mut window = Window::new(input);
+        let mut place = self.before(first);
+        let mut elements = Vec::new();
+        // Where the next reader will begin.
+        let mut resume = place.clone();
+        while codec.index(&place) < end {
+            resume.clone_from(&place);
+            let from = codec.index(&place);
+            self.remember(&place);
+            codec
+                .step(&mut place, &mut window, &mut elements)
+                .map_err(|e| e.in_file(input.path()))?;
+            for (index, element) in (from..).zip(elements.chunks_exact(codec.element_bytes())) {
+                if (first..end).contains(&index) {
+                    each((index - first) as usize, element).map_err(|e| e.in_file(input.path()))?;
+                }
+            }
+        }
+        let resume = if codec.index(&place) == end { place } else { resume };
+        let ends = &mut lock(&self.known).ends;
+        if ends.len() == MOST_ENDS {
+            ends.remove(0);
+        }
+        ends.push(resume);
+        Ok(())
+    }
+
+    /// The last place known at or before an element.
+    fn before(&self, wanted: u64) -> C::Place {
+        let known = lock(&self.known);
+        let at = (wanted / self.codec.step_elements() / self.stride) as usize;
+        let marks = &known.marks[..known.marks.len().min(at + 1)];
+        let mark = marks.iter().rev().flatten().next();
+        let usable =
+            mark.into_iter().chain(&known.ends).filter(|place| self.codec.index(place) <= wanted);
+        let best = usable.max_by_key(|place| self.codec.index(place));
+        best.cloned().unwrap_or_else(|| self.codec.start())
+    }
+
+    fn remember(&self, place: &C::Place) {
+        let step = self.codec.index(place) / self.codec.step_elements();
+        if !step.is_multiple_of(self.stride) {
+            return;
+        }
+        let at = (step / self.stride) as usize;
+        let marks = &mut lock(&self.known).marks;
+        if marks.len() <= at {
+            marks.resize(at + 1, None);
+        }
+        marks[at].get_or_insert_with(|| place.clone());
+    }
+}
+
+/// A part of a file, held while it is read from front to back, or from two places in turn.
+pub(in crate::gltf) struct Window<'a> {
+    input: &'a Input,
+    parts: [(u64, Vec<u8>); 2],
+    /// The part used last.
+    latest: usize,
+}
+
+impl<'a> Window<'a> {
+    pub(in crate::gltf) fn new(input: &'a Input) -> Self {
+        Self { input, parts: [(0, Vec::new()), (0, Vec::new())], latest: 0 }
+    }
+
+    /// So many bytes from `offset` on, fewer than a window has, and inside the file.
+    pub(in crate::gltf) fn bytes(&mut self, offset: u64, count: usize) -> Result<&[u8]> {
+        let holds = |(start, bytes): &(u64, Vec<u8>)| {
+            offset >= *start && offset + count as u64 <= start + bytes.len() as u64
+        };
+        let found = self.parts.iter().position(holds);
+        self.latest = match found {
+            Some(part) => part,
+            None => self.load(1 - self.latest, offset, count)?,
+        };
+        let (start, bytes) = &self.parts[self.latest];
+        let at = (offset - start) as usize;
+        Ok(&bytes[at..at + count])
+    }
+
+    fn load(&mut self, part: usize, offset: u64, count: usize) -> Result<usize> {
+        let left = self.input.bytes().saturating_sub(offset);
+        let bytes = left.min(WINDOW_BYTES.max(count as u64));
+        let (start, held) = &mut self.parts[part];
+        *start = offset;
+        held.clear();
+        held.resize(bytes.max(count as u64) as usize, 0);
+        // Beyond the end of the file this fails, as it would in any other way.
+        self.input.read_at(offset, held)?;
+        Ok(part)
+    }
+}

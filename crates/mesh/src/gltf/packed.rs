@@ -1,0 +1,132 @@
+//! Accessors into compressed buffer views.
+
+use serde::Deserialize;
+
+use super::meshopt::stream::{Stream, Window};
+use super::meshopt::{attributes, triangles};
+use crate::input::Input;
+use terrane_base::error::{Error, Result};
+
+/// What a buffer view says of its compression.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Packed {
+    buffer: u64,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: u64,
+    count: u64,
+    mode: String,
+    filter: Option<String>,
+}
+
+/// Where the elements of an accessor are.
+pub(super) enum Place {
+    /// In those of a stream from `first` on, `inner` bytes from the start of each.
+    Attributes { stream: Stream<attributes::Reader>, first: u64, inner: usize },
+    /// In those of a stream, all of them.
+    Triangles(Stream<triangles::Reader>),
+}
+
+impl Packed {
+    /// The buffer that the compressed bytes are in.
+    pub(super) fn buffer(&self) -> u64 {
+        self.buffer
+    }
+
+    /// The elements of an accessor: `range` is its first byte in the view and how many elements there are,
+    /// `shape` the bytes of a component and how many there are. `data` is where the buffer begins in the
+    /// file, and its length.
+    pub(super) fn open(
+        &self,
+        input: &Input,
+        data: (u64, u64),
+        range: (u64, u64),
+        shape: (usize, u64),
+    ) -> Result<Place> {
+        let end = self.byte_offset.checked_add(self.byte_length);
+        if end.is_none_or(|end| end > data.1) {
+            return Err(input.bad("has a compressed buffer view outside its buffer"));
+        }
+        if let Some(filter) = self.filter.as_ref().filter(|filter| *filter != "NONE") {
+            let filter: String = filter.chars().take(20).collect();
+            return Err(input.unsupported(format!("has a buffer view with the filter {filter:?}")));
+        }
+        let bytes = (data.0 + self.byte_offset, self.byte_length);
+        let place = match self.mode.as_str() {
+            "ATTRIBUTES" => self.attributes(input, bytes, range, shape),
+            "TRIANGLES" => self.triangles(input, bytes, range, shape),
+            mode => {
+                let mode: String = mode.chars().take(20).collect();
+                Err(Error::unsupported(format!("has a buffer view of the mode {mode:?}")))
+            }
+        };
+        place.map_err(|e| e.in_file(input.path()))
+    }
+
+    fn attributes(
+        &self,
+        input: &Input,
+        bytes: (u64, u64),
+        (offset, count): (u64, u64),
+        (width, parts): (usize, u64),
+    ) -> Result<Place> {
+        let stride = usize::try_from(self.byte_stride).unwrap_or(0);
+        let reader = attributes::Reader::new(&mut Window::new(input), bytes, (stride, self.count))?;
+        let (first, inner) = (offset / self.byte_stride, offset % self.byte_stride);
+        let is_within = inner + width as u64 * parts <= self.byte_stride
+            && first.checked_add(count).is_some_and(|end| end <= self.count);
+        if !is_within {
+            return Err(input.bad("has an accessor outside its compressed buffer view"));
+        }
+        Ok(Place::Attributes { stream: Stream::new(reader), first, inner: inner as usize })
+    }
+
+    fn triangles(
+        &self,
+        input: &Input,
+        bytes: (u64, u64),
+        (offset, count): (u64, u64),
+        (width, parts): (usize, u64),
+    ) -> Result<Place> {
+        if self.byte_stride != width as u64 || width < 2 || parts != 1 {
+            return Err(input.bad("has compressed triangles whose corners are of another type"));
+        }
+        if offset != 0 || count != self.count || !count.is_multiple_of(3) {
+            return Err(input.unsupported("takes a part of its compressed triangles"));
+        }
+        let reader = triangles::Reader::new(&mut Window::new(input), bytes, count / 3)?;
+        Ok(Place::Triangles(Stream::new(reader)))
+    }
+}
+
+impl Place {
+    /// Hands `each` the bytes of elements of attributes, and what follows behind them.
+    pub(super) fn elements(
+        &self,
+        input: &Input,
+        first: u64,
+        count: usize,
+        mut each: impl FnMut(usize, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let Self::Attributes { stream, first: start, inner } = self else {
+            return Err(input.bad("has triangles where attributes of vertices should be"));
+        };
+        stream.read(input, start + first, count, |place, element| each(place, &element[*inner..]))
+    }
+
+    /// Reads triangles from `first` on.
+    pub(super) fn triangles(&self, input: &Input, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        let Self::Triangles(stream) = self else {
+            return Err(input.bad("has attributes of vertices where triangles should be"));
+        };
+        stream.read(input, first, out.len(), |place, corners| {
+            let (ids, _) = corners.as_chunks::<4>();
+            for (id, bytes) in out[place].iter_mut().zip(ids) {
+                *id = u32::from_le_bytes(*bytes).into();
+            }
+            Ok(())
+        })
+    }
+}

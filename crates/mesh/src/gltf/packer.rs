@@ -1,0 +1,102 @@
+//! Puts vertices and triangles into compressed streams as they come.
+
+use std::path::Path;
+
+use super::meshopt::{attributes, triangles};
+use terrane_base::error::Result;
+use terrane_files::Out;
+
+/// Streams begin at such offsets.
+const ALIGNED: u64 = 4;
+
+/// Both streams of a file.
+pub(super) struct Packer {
+    vertices: attributes::Writer,
+    triangles: triangles::Writer,
+    /// Of the triangles what follows behind all their codes.
+    data: Out,
+    is_begun: bool,
+    sizes: Sizes,
+}
+
+impl Packer {
+    /// For vertices of so many bytes; what has to wait goes to a nameless file in `folder`.
+    pub(super) fn new(vertex_bytes: usize, folder: &Path) -> Result<Self> {
+        let (vertices, triangles) =
+            (attributes::Writer::new(vertex_bytes), triangles::Writer::new());
+        Ok(Self {
+            vertices,
+            triangles,
+            data: Out::spool(folder)?,
+            is_begun: false,
+            sizes: Sizes::default(),
+        })
+    }
+
+    pub(super) fn push_vertex(&mut self, element: &[u8], body: &mut Out) -> Result<()> {
+        let before = body.bytes();
+        self.vertices.push(element, &mut body.buffer);
+        self.sizes.0[0] += body.bytes() - before;
+        body.settle()
+    }
+
+    pub(super) fn push_triangles(
+        &mut self,
+        all: impl Iterator<Item = [u32; 3]>,
+        tail: &mut Out,
+    ) -> Result<()> {
+        for corners in all {
+            if !self.is_begun {
+                tail.write(&triangles::Writer::HEAD)?;
+                self.is_begun = true;
+            }
+            self.triangles.push(corners, &mut tail.buffer, &mut self.data.buffer);
+            tail.settle()?;
+            self.data.settle()?;
+        }
+        Ok(())
+    }
+
+    /// Ends both streams.
+    pub(super) fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+        let before = body.bytes();
+        self.vertices.complete(&mut body.buffer);
+        self.sizes.0[0] += body.bytes() - before;
+        pad(self.sizes.0[0], body);
+        if self.is_begun {
+            let empty = Out::spool(self.data.path())?;
+            tail.append(std::mem::replace(&mut self.data, empty))?;
+            tail.write(&triangles::Writer::TAIL)?;
+            self.sizes.0[1] = tail.bytes();
+            pad(self.sizes.0[1], tail);
+        }
+        Ok(())
+    }
+
+    /// Bytes of both streams, once they are complete.
+    pub(super) fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+}
+
+/// Bytes of a stream of vertices, and of one of triangles.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sizes(pub(super) [u64; 2]);
+
+impl Sizes {
+    /// Where both begin in the data of the file, and how many bytes they have.
+    pub(super) fn spans(self) -> [(u64, u64); 2] {
+        let [vertices, triangles] = self.0;
+        [(0, vertices), (vertices.next_multiple_of(ALIGNED), triangles)]
+    }
+
+    /// Bytes of both, as they lie in the file.
+    pub(super) fn bytes(self) -> u64 {
+        self.0.iter().map(|bytes| bytes.next_multiple_of(ALIGNED)).sum()
+    }
+}
+
+fn pad(bytes: u64, out: &mut Out) {
+    let more = bytes.next_multiple_of(ALIGNED) - bytes;
+    out.buffer.extend(std::iter::repeat_n(0, more as usize));
+}

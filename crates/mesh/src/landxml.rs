@@ -1,0 +1,413 @@
+//! LandXML 1.2: one surface, a TIN of points (northing, easting, elevation) and faces, in f64. Its unit is one
+//! for all three coordinates. Dates, which the schema asks for, are always the same, and so are the bytes.
+
+use std::path::Path;
+
+use crate::input::{Input, check_range};
+use crate::obj_index::{Mark, SparseIndex};
+use crate::sink::{Counts, Encoder, FileSink};
+use crate::text::{self, push_f64, push_u64};
+use crate::xml::{Part, Xml, escaped};
+use crate::{
+    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshInfo, MeshSink, MeshSource,
+    SinkOptions,
+};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point3};
+use terrane_base::limits;
+use terrane_files::Out;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "LandXML",
+    extensions: &["xml", "landxml"],
+    about: "LandXML 1.2, a surface of points and faces, f64 as text",
+    single_precision: false,
+    carries: Carries::Nothing,
+    can_be_solid: false,
+    states_unit: false,
+    admits: |crs| unit(crs).map(drop),
+    most,
+    create,
+    open: |path| Ok(Box::new(Source::open(path)?)),
+    sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
+};
+
+/// Text has no limit of its own; the bytes are typical ones.
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: u64::MAX - 1,
+        triangles: u64::MAX,
+        bytes: u64::MAX,
+        vertex_bytes: 52,
+        triangle_bytes: 32,
+    }
+}
+
+/// Lengths that a file can be in: what one is called, metres in it, and the units that go with it.
+const UNITS: [(&str, f64, &str); 3] = [
+    ("meter", 1.0, METRIC),
+    ("foot", 0.3048, IMPERIAL),
+    ("USSurveyFoot", 1200.0 / 3937.0, IMPERIAL),
+];
+const METRIC: &str = "Metric areaUnit=\"squareMeter\" volumeUnit=\"cubicMeter\" \
+    temperatureUnit=\"celsius\" pressureUnit=\"milliBars\"";
+const IMPERIAL: &str = "Imperial areaUnit=\"squareFoot\" volumeUnit=\"cubicFeet\" \
+    temperatureUnit=\"fahrenheit\" pressureUnit=\"inchHG\"";
+
+/// The unit of a system, as an element; what is not known is taken for metres.
+fn unit(crs: &Crs) -> Result<String> {
+    let refused = |why: String| {
+        Error::unsupported(format!("LandXML has one unit of length for x, y and z: {why}"))
+            .remedy("write PLY or OBJ, or reproject the data")
+    };
+    let across = crs.horizontal_metres();
+    if across.is_none() && crs.horizontal_unit() == "degree" {
+        return Err(refused("x and y are degrees".to_owned()));
+    }
+    let metres = across.unwrap_or(1.0);
+    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
+    if let Some(up) = crs.vertical_metres().filter(|up| !is(*up, metres)) {
+        return Err(refused(format!("one of x is {metres} metres, and one of z {up}")));
+    }
+    let found = UNITS.iter().find(|(_, known, _)| is(*known, metres));
+    let (name, _, system) =
+        found.ok_or_else(|| refused(format!("none of its units has {metres} metres")))?;
+    Ok(format!("<{system} linearUnit=\"{name}\"/>"))
+}
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let unit = unit(&header.crs).map_err(|e| e.in_file(path))?;
+    FileSink::create(path, options, LandXmlEncoder { head: head(header, &unit), vertices: 0 })
+}
+
+fn head(header: &MeshHeader, unit: &str) -> String {
+    const SPACE: &str = "http://www.landxml.org/schema/LandXML-1.2";
+    let comments = text::comments(header);
+    let properties = comments
+        .iter()
+        .filter(|text| !text.starts_with(text::CRS))
+        .map(|text| format!("<Property label=\"comment\" value=\"{}\"/>\n", escaped(text)));
+    let wkt = header.crs.to_wkt().map(|text| format!(" ogcWktCode=\"{}\"", escaped(&text)));
+    let code = header.crs.epsg.map(|code| format!(" epsgCode=\"{code}\""));
+    let system = (!header.crs.is_unknown()).then(|| {
+        format!(
+            "<CoordinateSystem desc=\"{}\"{}{}/>\n",
+            escaped(&header.crs.label()),
+            code.unwrap_or_default(),
+            wkt.unwrap_or_default(),
+        )
+    });
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <LandXML xmlns=\"{SPACE}\" xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" \
+         xsi:schemaLocation=\"{SPACE} {SPACE}/LandXML-1.2.xsd\" version=\"1.2\" \
+         date=\"1970-01-01\" time=\"00:00:00\" readOnly=\"false\" language=\"English\">\n\
+         <Units>{unit}</Units>\n{}\
+         <Project name=\"terrain\">\n<Feature code=\"terrane\">\n{}</Feature>\n</Project>\n\
+         <Application name=\"terrane\" version=\"{}\"/>\n\
+         <Surfaces>\n<Surface name=\"terrain\">\n<Definition surfType=\"TIN\">\n<Pnts>\n",
+        system.unwrap_or_default(),
+        properties.collect::<String>(),
+        env!("CARGO_PKG_VERSION"),
+    )
+}
+
+const BETWEEN: &[u8] = b"</Pnts>\n<Faces>\n";
+const END: &[u8] = b"</Faces>\n</Definition>\n</Surface>\n</Surfaces>\n</LandXML>\n";
+
+struct LandXmlEncoder {
+    head: String,
+    vertices: u64,
+}
+
+impl Encoder for LandXmlEncoder {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    fn most(&self) -> MeshCapacity {
+        most()
+    }
+
+    fn header(&self, _counts: Counts) -> Vec<u8> {
+        self.head.clone().into_bytes()
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        body.lines(batch.vertices, |&[x, y, z], line| {
+            self.vertices += 1;
+            line.extend_from_slice(b"<P id=\"");
+            push_u64(self.vertices, line);
+            line.extend_from_slice(b"\">");
+            push_words(&[y, x, z], line, push_f64);
+            line.extend_from_slice(b"</P>\n");
+        })?;
+        tail.lines(batch.triangles, |ids, line| {
+            line.extend_from_slice(b"<F>");
+            push_words(&ids.map(|id| id + 1), line, push_u64);
+            line.extend_from_slice(b"</F>\n");
+        })
+    }
+
+    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+        body.write(BETWEEN)?;
+        tail.write(END)
+    }
+}
+
+fn push_words<T: Copy>(values: &[T; 3], line: &mut Vec<u8>, push: impl Fn(T, &mut Vec<u8>)) {
+    for (place, &value) in values.iter().enumerate() {
+        line.extend((place > 0).then_some(b' '));
+        push(value, line);
+    }
+}
+
+/// Runs of points whose numbers follow each other, at the most.
+const MOST_RUNS: u64 = 1 << 20;
+/// Comments that are kept, and bytes of each.
+const MOST_COMMENTS: usize = 64;
+
+/// Numbers of points, which others refer to: runs of numbers that follow each other, sorted in the end.
+#[derive(Debug, Default)]
+struct Numbers {
+    runs: Vec<Run>,
+    points: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// The number of its first point, and
+    number: u64,
+    /// that point's place among all.
+    first: u64,
+    points: u64,
+}
+
+impl Numbers {
+    fn push(&mut self, number: u64) -> Result<()> {
+        let first = self.points;
+        self.points += 1;
+        match self.runs.last_mut() {
+            Some(run) if run.number.checked_add(run.points) == Some(number) => run.points += 1,
+            _ => self.runs.push(Run { number, first, points: 1 }),
+        }
+        limits::check("runs of numbers of points", self.runs.len() as u64, MOST_RUNS)
+    }
+
+    /// Sorts them. Fails where two points have one number.
+    fn complete(&mut self) -> Result<()> {
+        self.runs.sort_unstable_by_key(|run| run.number);
+        let twice =
+            self.runs.windows(2).find(|pair| pair[1].number - pair[0].number < pair[0].points);
+        match twice {
+            None => Ok(()),
+            Some(pair) => {
+                let number = pair[1].number;
+                Err(Error::bad_input(format!("two points have the id {number}")))
+            }
+        }
+    }
+
+    /// The place of the point with this number.
+    fn place(&self, number: u64) -> Option<u64> {
+        let after = self.runs.partition_point(|run| run.number <= number);
+        let run = self.runs.get(after.checked_sub(1)?)?;
+        let along = number - run.number;
+        (along < run.points).then_some(run.first + along)
+    }
+}
+
+/// An open file.
+struct Source {
+    input: Input,
+    points: SparseIndex,
+    faces: SparseIndex,
+    numbers: Numbers,
+    info: MeshInfo,
+}
+
+/// What is found on the way through a file.
+#[derive(Default)]
+struct Found {
+    surfaces: u64,
+    is_landxml: bool,
+    crs: Option<String>,
+    unit: Option<String>,
+    comments: Vec<String>,
+}
+
+impl Source {
+    /// Goes through the whole file once.
+    fn open(path: &Path) -> Result<Self> {
+        let input = Input::open(path)?;
+        let (mut points, mut faces) = (SparseIndex::new(), SparseIndex::new());
+        let (mut numbers, mut found) = (Numbers::default(), Found::default());
+        let mut xml = Xml::new(&input, 0);
+        loop {
+            let at = xml.offset();
+            let mark = Mark { offset: at, ..Mark::default() };
+            let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
+            match xml.next()? {
+                Part::Over => break,
+                Part::Start(tag) if tag.is("P") && found.surfaces > 0 => {
+                    numbers.push(tag.number("id").map_err(place)?).map_err(place)?;
+                    points.note(mark);
+                }
+                Part::Start(tag) if tag.is("F") && found.surfaces > 0 => {
+                    // Faces of others may be there and not be seen.
+                    if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
+                        faces.note(mark);
+                    }
+                }
+                Part::Start(tag) => found.note(&tag).map_err(place)?,
+                Part::Text(_) | Part::End => {}
+            }
+        }
+        numbers.complete().map_err(|e| e.in_file(path))?;
+        if !found.is_landxml || found.surfaces != 1 {
+            let count = found.surfaces;
+            let error = Error::unsupported(format!("has {count} surfaces of points and faces"));
+            return Err(error.in_file(path).remedy("give a LandXML file with one"));
+        }
+        let info = found.info(points.count(), faces.count());
+        drop(xml);
+        Ok(Self { input, points, faces, numbers, info })
+    }
+}
+
+impl Found {
+    fn note(&mut self, tag: &crate::xml::Tag<'_>) -> Result<()> {
+        if tag.is("LandXML") {
+            self.is_landxml = true;
+        } else if tag.is("Definition") {
+            self.surfaces += 1;
+            let kind = tag.attribute("surfType")?.unwrap_or_default();
+            if kind != "TIN" {
+                return Err(Error::unsupported(format!("has a surface of the type {kind:?}")));
+            }
+        } else if tag.is("Metric") || tag.is("Imperial") {
+            self.unit = tag.attribute("linearUnit")?;
+        } else if tag.is("CoordinateSystem") {
+            let code = tag.attribute("epsgCode")?.map(|code| format!("EPSG:{code}"));
+            self.crs = tag.attribute("desc")?.or(code).or(tag.attribute("name")?);
+        } else if tag.is("Property")
+            && self.comments.len() < MOST_COMMENTS
+            && tag.attribute("label")?.as_deref() == Some("comment")
+        {
+            self.comments.extend(tag.attribute("value")?);
+        }
+        Ok(())
+    }
+
+    fn info(self, points: u64, faces: u64) -> MeshInfo {
+        let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));
+        let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
+        let details = comments.chain(unit).collect();
+        MeshInfo { crs: self.crs, details, ..MeshInfo::plain(FORMAT.name, points, faces) }
+    }
+}
+
+impl Source {
+    /// Hands `each` elements from `first` on that are called so and noted in an index, until it has enough.
+    fn scan(
+        &self,
+        index: &SparseIndex,
+        name: &str,
+        first: u64,
+        mut each: impl FnMut(&mut Xml<'_>) -> Result<bool>,
+    ) -> Result<()> {
+        let (mut at, mark) = index.before(first);
+        let mut xml = Xml::new(&self.input, mark.offset);
+        loop {
+            match xml.next()? {
+                Part::Over => {
+                    return Err(self.input.bad("has become shorter since it was opened"));
+                }
+                Part::Start(tag) if tag.is(name) => {
+                    if tag.attribute("i")?.is_some_and(|hidden| hidden == "1") {
+                        continue;
+                    }
+                    at += 1;
+                    if at > first && each(&mut xml)? {
+                        return Ok(());
+                    }
+                }
+                Part::Start(_) | Part::Text(_) | Part::End => {}
+            }
+        }
+    }
+}
+
+impl MeshSource for Source {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let mut slots = out.iter_mut();
+        let Some(mut slot) = slots.next() else { return Ok(()) };
+        self.scan(&self.points, "P", first, |xml| {
+            let [y, x, z] = xml.three::<f64>("a point")?;
+            *slot = [x, y, z];
+            if !slot.iter().all(|c| c.is_finite()) {
+                return Err(xml.bad("position is not finite"));
+            }
+            Ok(slots.next().map(|next| slot = next).is_none())
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        let mut slots = out.iter_mut();
+        let Some(mut slot) = slots.next() else { return Ok(()) };
+        self.scan(&self.faces, "F", first, |xml| {
+            for (id, number) in slot.iter_mut().zip(xml.three::<u64>("a face")?) {
+                let lost = || xml.bad(format!("point {number} does not exist"));
+                *id = self.numbers.place(number).ok_or_else(lost)?;
+            }
+            Ok(slots.next().map(|next| slot = next).is_none())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn units_that_cannot_be_said_are_refused() {
+        let crs = |epsg: u32, up: &str| Crs {
+            epsg: Some(epsg),
+            vertical_unit: (!up.is_empty()).then(|| up.to_owned()),
+            ..Crs::default()
+        };
+        assert!(unit(&crs(32611, "metre")).unwrap().contains("\"meter\""));
+        assert!(unit(&Crs::default()).unwrap().contains("\"meter\""));
+        assert!(unit(&crs(2263, "")).unwrap().contains("\"USSurveyFoot\""));
+        for (crs, why) in [(crs(4326, ""), "degrees"), (crs(32611, "foot"), "one of z 0.3048")] {
+            let error = unit(&crs).unwrap_err().to_string();
+            assert!(error.contains(why), "{error}");
+        }
+    }
+
+    proptest! {
+        /// Beside a list of all.
+        #[test]
+        fn numbers_are_found_again(numbers in prop::collection::vec(0_u64..60, 0..50)) {
+            let mut runs = Numbers::default();
+            numbers.iter().for_each(|number| runs.push(*number).unwrap());
+            let mut sorted = numbers.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            prop_assert_eq!(runs.complete().is_ok(), sorted.len() == numbers.len());
+            if sorted.len() == numbers.len() {
+                for number in 0..70 {
+                    let place = numbers.iter().position(|known| *known == number);
+                    prop_assert_eq!(runs.place(number), place.map(|place| place as u64));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! 3MF, for printers: a zip archive with one object, f32 as text relative to a recorded origin, in metres, or in
+//! millimetres of the print. Optionally the surface is closed with walls and a bottom; every edge of such a
+//! solid has two triangles.
+
+mod read;
+mod walls;
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use crate::local::Local;
+use crate::sink::{Counts, Encoder, FileSink};
+use crate::solid::{Base, lowered};
+use crate::text::{self, push_u64};
+use crate::xml::escaped;
+use crate::{
+    Carries, MeshBatch, MeshCapacity, MeshFormat, MeshHeader, MeshSink, SinkOptions, capacity,
+};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point3;
+use terrane_files::{Out, folder_for};
+use walls::Walls;
+
+pub(super) const FORMAT: MeshFormat = MeshFormat {
+    name: "3MF",
+    extensions: &["3mf"],
+    about: "3D Manufacturing Format, f32 relative to a recorded origin; optionally closed to a solid",
+    single_precision: true,
+    carries: Carries::Nothing,
+    can_be_solid: true,
+    states_unit: true,
+    admits: |_| Ok(()),
+    most,
+    create,
+    open: |path| Ok(Box::new(read::open(path)?)),
+    sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),
+};
+
+const CONTENT_TYPES: &str = "[Content_Types].xml";
+const RELATIONS: &str = "_rels/.rels";
+const MODEL: &str = "3D/3dmodel.model";
+const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
+/// The namespace of what is recorded beside the model, and what the names begin with.
+const OWN: &str = "urn:terrane:mesh";
+const PREFIX: &str = "terrane:";
+/// From here on a file in an archive needs numbers of 64 bits.
+const LARGE_BYTES: u64 = 1 << 31;
+
+/// Numbers of vertices are below 2^31.
+fn most() -> MeshCapacity {
+    MeshCapacity {
+        vertices: i32::MAX as u64,
+        triangles: u64::MAX,
+        bytes: u64::MAX,
+        vertex_bytes: 16,
+        triangle_bytes: 10,
+    }
+}
+
+fn holds(head: &[u8], words: &[u8]) -> bool {
+    head.windows(words.len()).any(|some| some == words)
+}
+
+fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
+    let local = Local::new(header.origin, header.scale)?;
+    let folder = folder_for(path, options.temp_dir.as_deref());
+    let base = options.solid_base.map(|height| Base::new(height, header)).transpose()?;
+    let walls = base.map(|base| Walls::new(base, folder));
+    let head = head(header, walls.is_some()).map_err(|e| e.in_file(path))?;
+    FileSink::create(path, options, Encoder3mf { local, head, walls })
+}
+
+/// The unit that a file states, by the name of the length.
+fn unit(header: &MeshHeader) -> Result<&'static str> {
+    let metres = header.crs.horizontal_metres().unwrap_or(1.0);
+    match header.unit.as_deref() {
+        Some("millimetre") => Ok("millimeter"),
+        Some("metre") => Ok("meter"),
+        None if metres == 1.0 => Ok("meter"),
+        _ => {
+            Err(Error::unsupported("3MF has no unit for these coordinates")
+                .remedy("write PLY or OBJ"))
+        }
+    }
+}
+
+fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
+    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
+    let record = |name: &str, value: &str| {
+        format!("<metadata name=\"{PREFIX}{name}\">{}</metadata>\n", escaped(value))
+    };
+    let mut recorded = record("origin", &numbers(header.origin));
+    if header.scale != [1.0; 3] {
+        recorded += &record("scale", &numbers(header.scale));
+    }
+    // Names may come once only.
+    for (place, comment) in text::comments(header).iter().enumerate() {
+        recorded += &record(&format!("comment-{}", place + 1), comment);
+    }
+    let kind = if is_solid { "model" } else { "surface" };
+    Ok(format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <model unit=\"{}\" xml:lang=\"en-US\" xmlns=\"{CORE}\" xmlns:terrane=\"{OWN}\">\n\
+         <metadata name=\"Application\">{}</metadata>\n{recorded}\
+         <resources>\n<object id=\"1\" name=\"terrain\" type=\"{kind}\">\n<mesh>\n<vertices>\n",
+        unit(header)?,
+        text::generator(),
+    ))
+}
+
+const BETWEEN: &[u8] = b"</vertices>\n<triangles>\n";
+const END: &[u8] = b"</triangles>\n</mesh>\n</object>\n</resources>\n\
+    <build>\n<item objectid=\"1\"/>\n</build>\n</model>\n";
+
+struct Encoder3mf {
+    local: Local,
+    head: String,
+    walls: Option<Walls>,
+}
+
+/// A vertex as an element.
+fn push_vertex(position: [f32; 3], to: &mut Vec<u8>) {
+    to.extend_from_slice(b"<vertex");
+    for (name, value) in [" x=\"", " y=\"", " z=\""].iter().zip(position) {
+        to.extend_from_slice(name.as_bytes());
+        text::push_f32(value, to);
+        to.push(b'"');
+    }
+    to.extend_from_slice(b"/>\n");
+}
+
+/// A triangle as an element.
+fn push_triangle(ids: [u64; 3], to: &mut Vec<u8>) {
+    to.extend_from_slice(b"<triangle");
+    for (name, id) in [" v1=\"", " v2=\"", " v3=\""].iter().zip(ids) {
+        to.extend_from_slice(name.as_bytes());
+        push_u64(id, to);
+        to.push(b'"');
+    }
+    to.extend_from_slice(b"/>\n");
+}
+
+impl Encoder for Encoder3mf {
+    fn name(&self) -> &'static str {
+        FORMAT.name
+    }
+
+    /// A solid has each vertex twice.
+    fn most(&self) -> MeshCapacity {
+        let surface = most();
+        let copies = if self.walls.is_some() { 2 } else { 1 };
+        MeshCapacity { vertices: surface.vertices / copies, ..surface }
+    }
+
+    fn header(&self, _counts: Counts) -> Vec<u8> {
+        self.head.clone().into_bytes()
+    }
+
+    fn wants_corners(&self) -> bool {
+        self.walls.is_some()
+    }
+
+    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        let Self { local, walls, .. } = self;
+        let base = walls.as_ref().map(Walls::base);
+        body.lines(batch.vertices, |point, text| {
+            let position = local.place(point);
+            push_vertex(position, text);
+            // Each vertex of a solid has its own one of the bottom behind it.
+            base.into_iter().for_each(|base| push_vertex(lowered(position, base), text));
+        })?;
+        match walls {
+            None => tail.lines(batch.triangles, |ids, text| push_triangle(*ids, text))?,
+            Some(walls) => {
+                walls.note_vertices(batch.vertices.len());
+                for (ids, corners) in batch.triangles.iter().zip(batch.corners) {
+                    let corners = corners.each_ref().map(|point| local.place(point));
+                    tail.lines(&walls.push(*ids, corners)?, |ids, text| push_triangle(*ids, text))?;
+                }
+            }
+        }
+        self.local.check()
+    }
+
+    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+        if let Some(walls) = self.walls.take() {
+            let vertices = walls.complete(body, tail)?;
+            if vertices > most().vertices {
+                let limit = format!("{} vertices", most().vertices);
+                return Err(capacity::too_much(FORMAT.name, &limit, vertices, 0));
+            }
+        }
+        body.write(BETWEEN)?;
+        tail.write(END)
+    }
+
+    fn is_packed(&self) -> bool {
+        true
+    }
+
+    fn pack(&self, whole: File, to: &File) -> Result<()> {
+        pack(whole, to).map_err(|e| Error::new(ErrorKind::Io, format!("cannot write: {e}")))
+    }
+}
+
+/// Puts a model into an archive. The time is always the same, and so are the bytes.
+fn pack(mut model: File, to: &File) -> io::Result<()> {
+    const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+        <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\n\
+        <Default Extension=\"rels\" \
+        ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\n\
+        <Default Extension=\"model\" \
+        ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/>\n</Types>\n";
+    const RELATED: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+        <Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\n\
+        <Relationship Target=\"/3D/3dmodel.model\" Id=\"rel0\" \
+        Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\n</Relationships>\n";
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default());
+    let mut archive = ZipWriter::new(to);
+    for (name, text) in [(CONTENT_TYPES, TYPES), (RELATIONS, RELATED)] {
+        archive.start_file(name, options)?;
+        archive.write_all(text.as_bytes())?;
+    }
+    archive.start_file(MODEL, options.large_file(model.metadata()?.len() >= LARGE_BYTES))?;
+    io::copy(&mut model, &mut archive)?;
+    archive.finish()?;
+    Ok(())
+}

@@ -1,0 +1,266 @@
+//! Reading of 3MF: one object of triangles, ours or of others. The model is unpacked into a nameless file in the
+//! system's temporary folder.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use zip::ZipArchive;
+
+use super::{FORMAT, MODEL, PREFIX, RELATIONS};
+use crate::input::{Input, check_corners, check_range};
+use crate::local::{is_scale, to_world};
+use crate::obj_index::{Mark, SparseIndex};
+use crate::text;
+use crate::xml::{Part, Tag, Xml};
+use crate::{MeshInfo, MeshSource};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Point3;
+use terrane_base::limits;
+use terrane_files::nameless;
+
+/// Entries of an archive, and bytes of its relations, at the most.
+const MOST_ENTRIES: u64 = 4096;
+const MOST_RELATION_BYTES: u64 = 1 << 20;
+/// The type of the relation that leads to the model.
+const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
+/// Comments that are kept.
+const MOST_COMMENTS: usize = 64;
+
+/// An open file, and its model.
+pub(super) struct Source {
+    input: Input,
+    vertices: SparseIndex,
+    triangles: SparseIndex,
+    info: MeshInfo,
+}
+
+/// Opens a file and goes through its model once.
+pub(super) fn open(path: &Path) -> Result<Source> {
+    let input = unpacked(path).map_err(|e| e.in_file(path))?;
+    let (mut vertices, mut triangles) = (SparseIndex::new(), SparseIndex::new());
+    let mut found = Found::default();
+    let mut xml = Xml::new(&input, 0);
+    loop {
+        let at = xml.offset();
+        let mark = Mark { offset: at, ..Mark::default() };
+        let place = |e: Error| e.in_file(path).at(format!("byte {at} of the model"));
+        match xml.next()? {
+            Part::Over => break,
+            Part::Start(tag) if tag.is("vertex") => vertices.note(mark),
+            Part::Start(tag) if tag.is("triangle") => triangles.note(mark),
+            Part::Start(tag) if tag.is("metadata") => {
+                let name = tag.attribute("name").map_err(place)?;
+                found.record(name.unwrap_or_default(), xml.text()?);
+            }
+            Part::Start(tag) => found.note(&tag).map_err(place)?,
+            Part::Text(_) | Part::End => {}
+        }
+    }
+    drop(xml);
+    if found.objects != 1 {
+        let error = Error::unsupported(format!("has {} objects of triangles", found.objects));
+        return Err(error.in_file(path).remedy("give a file with one"));
+    }
+    let info = found.info(vertices.count(), triangles.count());
+    Ok(Source { input, vertices, triangles, info })
+}
+
+fn damaged(e: impl std::fmt::Display) -> Error {
+    Error::bad_input(format!("damaged zip archive: {e}")).remedy("write or copy it again")
+}
+
+/// The model of an archive.
+fn unpacked(path: &Path) -> Result<Input> {
+    // What is no plain file is refused as for all meshes.
+    drop(Input::open(path)?);
+    let file = File::open(path).map_err(|e| Error::read(path, e))?;
+    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
+    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    let name = model_name(&mut archive)?;
+    let mut entry = archive.by_name(&name).map_err(damaged)?;
+    let declared = entry.size();
+    limits::check("unpacked bytes of the model", declared, limits::MAX_UNPACKED_BYTES)?;
+    let folder = std::env::temp_dir();
+    let mut model = nameless(&folder)?;
+    let copied = copy(&mut (&mut entry).take(declared + 1), &mut model, &folder)?;
+    if copied != declared {
+        return Err(damaged(format!("the model should unpack to {declared} bytes and does not")));
+    }
+    model.seek(SeekFrom::Start(0)).map_err(|e| Error::read(&folder, e))?;
+    Input::of(model, path)
+}
+
+/// Copies a stream; what it cannot be read for is the archive's fault, the rest that of the disk.
+fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
+    let mut buffer = vec![0; 256 << 10];
+    let mut copied = 0;
+    loop {
+        let count = from.read(&mut buffer).map_err(damaged)?;
+        if count == 0 {
+            return Ok(copied);
+        }
+        let written = io::Write::write_all(to, &buffer[..count]);
+        written.map_err(|e| Error::write(folder, e))?;
+        copied += count as u64;
+    }
+}
+
+/// The name of the model, by the relations of the archive.
+fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
+    let mut text = Vec::new();
+    {
+        let entry = archive.by_name(RELATIONS).map_err(damaged)?;
+        limits::check("bytes of relations", entry.size(), MOST_RELATION_BYTES)?;
+        entry.take(MOST_RELATION_BYTES).read_to_end(&mut text).map_err(damaged)?;
+    }
+    let text = String::from_utf8_lossy(&text);
+    let model =
+        text.split('<').find(|tag| tag.starts_with("Relationship ") && tag.contains(MODEL_TYPE));
+    let target = model.and_then(|tag| tag.split("Target=\"").nth(1)?.split('"').next());
+    Ok(target.map_or(MODEL, |target| target.trim_start_matches('/')).to_owned())
+}
+
+/// What is found on the way through a model.
+#[derive(Default)]
+struct Found {
+    unit: Option<String>,
+    is_solid: bool,
+    /// Objects with triangles.
+    objects: u64,
+    origin: Option<Point3>,
+    scale: Option<Point3>,
+    comments: Vec<String>,
+    application: Option<String>,
+}
+
+impl Found {
+    fn note(&mut self, tag: &Tag<'_>) -> Result<()> {
+        if tag.is("model") {
+            // What a file says nothing of is in millimetres.
+            self.unit = tag.attribute("unit")?.or_else(|| Some("millimeter".to_owned()));
+        } else if tag.is("object") {
+            let kind = tag.attribute("type")?;
+            self.is_solid = kind.is_none_or(|kind| kind == "model" || kind == "solidsupport");
+        } else if tag.is("mesh") {
+            self.objects += 1;
+        } else if tag.is("component") {
+            return Err(Error::unsupported("has an object made of others"));
+        } else if tag.is("item") {
+            self.check_item(tag)?;
+        }
+        Ok(())
+    }
+
+    fn check_item(&self, tag: &Tag<'_>) -> Result<()> {
+        const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        let Some(transform) = tag.attribute("transform")? else { return Ok(()) };
+        let numbers = transform.split_ascii_whitespace().map(|word| word.parse().ok());
+        match numbers.collect::<Option<Vec<f64>>>() {
+            Some(numbers) if numbers == IDENTITY => Ok(()),
+            _ => Err(Error::unsupported("has an item with a transform")),
+        }
+    }
+
+    fn record(&mut self, name: String, value: String) {
+        if name == "Application" {
+            self.application = Some(value);
+            return;
+        }
+        match name.strip_prefix(PREFIX) {
+            Some("origin") => self.origin = numbers(&value),
+            Some("scale") => self.scale = numbers(&value).filter(is_scale),
+            Some(_) if self.comments.len() < MOST_COMMENTS => self.comments.push(value),
+            _ => {}
+        }
+    }
+
+    fn info(self, vertices: u64, triangles: u64) -> MeshInfo {
+        let crs = self.comments.iter().find_map(|text| text.strip_prefix(text::CRS));
+        let crs = crs.map(str::to_owned);
+        let application = self.application.map(|name| ("generator".to_owned(), name));
+        let unit = self.unit.map(|unit| ("unit".to_owned(), unit));
+        let comments = self.comments.into_iter().map(|text| ("comment".to_owned(), text));
+        MeshInfo {
+            origin: self.origin.unwrap_or_default(),
+            scale: self.scale.unwrap_or([1.0; 3]),
+            single_precision: true,
+            solid: self.origin.is_some() && self.is_solid,
+            crs,
+            details: application.into_iter().chain(comments).chain(unit).collect(),
+            ..MeshInfo::plain(FORMAT.name, vertices, triangles)
+        }
+    }
+}
+
+/// Three finite numbers.
+fn numbers(text: &str) -> Option<Point3> {
+    let words = text.split_ascii_whitespace().map(|word| word.parse().ok());
+    let point: Point3 = words.collect::<Option<Vec<f64>>>()?.try_into().ok()?;
+    point.iter().all(|c| c.is_finite()).then_some(point)
+}
+
+impl Source {
+    /// Hands `each` the start tags from `first` on that are called so and noted in an index, with their numbers,
+    /// until it has enough.
+    fn scan(
+        &self,
+        index: &SparseIndex,
+        name: &str,
+        first: u64,
+        mut each: impl FnMut(u64, &Tag<'_>) -> Result<bool>,
+    ) -> Result<()> {
+        let (mut at, mark) = index.before(first);
+        let mut xml = Xml::new(&self.input, mark.offset);
+        loop {
+            match xml.next()? {
+                Part::Over => {
+                    let message = "the unpacked model has become shorter";
+                    return Err(Error::new(ErrorKind::Internal, message));
+                }
+                Part::Start(tag) if tag.is(name) => {
+                    at += 1;
+                    if at > first {
+                        let is_enough = each(at - 1, &tag);
+                        if is_enough.map_err(|e| e.in_file(self.input.path()))? {
+                            return Ok(());
+                        }
+                    }
+                }
+                Part::Start(_) | Part::Text(_) | Part::End => {}
+            }
+        }
+    }
+}
+
+impl MeshSource for Source {
+    fn info(&self) -> &MeshInfo {
+        &self.info
+    }
+
+    fn read_vertices(&self, first: u64, out: &mut [Point3]) -> Result<()> {
+        check_range("vertices", first, out.len(), self.info.vertices)?;
+        let mut slots = out.iter_mut();
+        let Some(mut slot) = slots.next() else { return Ok(()) };
+        self.scan(&self.vertices, "vertex", first, |index, tag| {
+            let stored: [f32; 3] = [tag.number("x")?, tag.number("y")?, tag.number("z")?];
+            if !stored.iter().all(|c| c.is_finite()) {
+                let error = Error::bad_input("position is not finite");
+                return Err(error.at(format!("vertex {index}")));
+            }
+            *slot = to_world(stored.map(f64::from), self.info.origin, self.info.scale);
+            Ok(slots.next().map(|next| slot = next).is_none())
+        })
+    }
+
+    fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+        check_range("triangles", first, out.len(), self.info.triangles)?;
+        let mut slots = out.iter_mut();
+        let Some(mut slot) = slots.next() else { return Ok(()) };
+        self.scan(&self.triangles, "triangle", first, |index, tag| {
+            *slot = [tag.number("v1")?, tag.number("v2")?, tag.number("v3")?];
+            check_corners(index, slot, self.info.vertices)?;
+            Ok(slots.next().map(|next| slot = next).is_none())
+        })
+    }
+}

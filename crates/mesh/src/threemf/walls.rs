@@ -1,0 +1,173 @@
+//! What turns a surface into a solid whose every edge has two triangles: every triangle once more at the bottom,
+//! turned around, and upright ones under the outline.
+//!
+//! Vertex v of the surface is vertex 2 v of the solid, and the one under it 2 v + 1. Where two voids touch at a
+//! corner, two loops of the outline pass through one vertex, and the upright edge under it would have four
+//! triangles. Walls of each loop but the first then turn there at a vertex of their own, in the middle of that
+//! edge, so that they have two shorter edges for themselves.
+
+use std::collections::BTreeMap;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use super::{push_triangle, push_vertex};
+use crate::solid::{Base, Edge, Outline};
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_files::Out;
+
+/// Vertices that several loops pass through, at the most.
+const MOST_PINCHES: u64 = 1 << 20;
+
+/// Makes a solid of a surface.
+pub(super) struct Walls {
+    base: Base,
+    outline: Outline,
+    folder: PathBuf,
+    /// Vertices of the surface.
+    vertices: u64,
+}
+
+impl Walls {
+    /// Down to `base`; what has to wait goes to nameless files in `folder`.
+    pub(super) fn new(base: Base, folder: &Path) -> Self {
+        let outline = Outline::new(folder);
+        Self { base, outline, folder: folder.to_path_buf(), vertices: 0 }
+    }
+
+    /// The height of the bottom, as stored.
+    pub(super) fn base(&self) -> f32 {
+        self.base.stored()
+    }
+
+    /// Counts vertices of the surface.
+    pub(super) fn note_vertices(&mut self, count: usize) {
+        self.vertices += count as u64;
+    }
+
+    /// The triangles of the solid for one of the surface.
+    pub(super) fn push(&mut self, ids: [u64; 3], corners: [[f32; 3]; 3]) -> Result<[[u64; 3]; 2]> {
+        let [a, b, c] = corners;
+        self.base.check(a[2].min(b[2]).min(c[2]))?;
+        self.outline.push(ids, corners)?;
+        let [a, b, c] = ids.map(top);
+        Ok([[a, b, c], [c + 1, b + 1, a + 1]])
+    }
+
+    /// Appends the walls, and the vertices that they need. `body` has had all vertices. Returns how many there
+    /// are in all.
+    pub(super) fn complete(self, body: &mut Out, tail: &mut Out) -> Result<u64> {
+        let base = self.base();
+        let mut edges = Out::spool(&self.folder)?;
+        let mut starts = Starts::default();
+        self.outline.complete(|edge| {
+            starts.note(edge.ids[0])?;
+            edges.write(bytemuck::bytes_of(&edge))
+        })?;
+        let mut corners = Corners::new(starts.pinches(), top(self.vertices));
+        let mut reader = BufReader::with_capacity(256 << 10, edges.into_file()?);
+        let mut bytes = [0; size_of::<Edge>()];
+        while read(&mut reader, &mut bytes, &self.folder)? {
+            let edge: Edge = bytemuck::pod_read_unaligned(&bytes);
+            let turns = [0, 1].map(|end| corners.turn(edge.ids[end], end));
+            for (turn, position) in turns.iter().zip(edge.ends) {
+                if let Some((_, true)) = turn {
+                    let [x, y, z] = position;
+                    push_vertex([x, y, f32::midpoint(z, base)], &mut body.buffer);
+                    body.settle()?;
+                }
+            }
+            let [from, to] = edge.ids.map(top);
+            let wall = wall([from, to], turns.map(|turn| turn.map(|(id, _)| id)));
+            tail.lines(&wall, |ids, text| push_triangle(*ids, text))?;
+        }
+        Ok(corners.next)
+    }
+}
+
+/// The vertex of the solid that one of the surface becomes.
+fn top(id: u64) -> u64 {
+    2 * id
+}
+
+fn read(reader: &mut impl Read, bytes: &mut [u8], folder: &Path) -> Result<bool> {
+    match reader.read_exact(bytes) {
+        Ok(()) => Ok(true),
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
+        Err(e) => Err(Error::read(folder, e)),
+    }
+}
+
+/// The triangles under an edge, whose ends are `from` and `to`, with the surface on its left; and where the wall
+/// turns in the middle below these, if it does.
+fn wall([from, to]: [u64; 2], middles: [Option<u64>; 2]) -> Vec<[u64; 3]> {
+    let (low_from, low_to) = (from + 1, to + 1);
+    match middles {
+        [None, None] => vec![[to, from, low_from], [to, low_from, low_to]],
+        [Some(middle), None] => {
+            vec![[to, from, middle], [to, middle, low_from], [to, low_from, low_to]]
+        }
+        [None, Some(middle)] => {
+            vec![[from, low_from, low_to], [from, low_to, middle], [from, middle, to]]
+        }
+        [Some(one), Some(other)] => {
+            vec![[one, low_from, low_to], [one, low_to, other], [one, other, to], [one, to, from]]
+        }
+    }
+}
+
+/// How many edges of the outline begin at each vertex, where that is more than one.
+#[derive(Default)]
+struct Starts {
+    seen: Vec<u64>,
+    several: BTreeMap<u64, u64>,
+}
+
+impl Starts {
+    fn note(&mut self, id: u64) -> Result<()> {
+        let (word, bit) = ((id / 64) as usize, 1 << (id % 64));
+        if self.seen.len() <= word {
+            self.seen.resize(word + 1, 0);
+        }
+        if self.seen[word] & bit == 0 {
+            self.seen[word] |= bit;
+            return Ok(());
+        }
+        *self.several.entry(id).or_insert(1) += 1;
+        limits::check("corners where voids touch", self.several.len() as u64, MOST_PINCHES)
+    }
+
+    fn pinches(self) -> impl Iterator<Item = u64> {
+        self.several.into_keys()
+    }
+}
+
+/// Where walls turn at vertices that several loops pass through.
+struct Corners {
+    /// By vertex the edges that have begun there and that have ended there, and the first of the numbers of
+    /// its own that walls turn at.
+    passed: BTreeMap<u64, [u64; 2]>,
+    middles: BTreeMap<(u64, u64), u64>,
+    /// The number of the next vertex in the middle.
+    next: u64,
+}
+
+impl Corners {
+    fn new(pinches: impl Iterator<Item = u64>, next: u64) -> Self {
+        Self { passed: pinches.map(|id| (id, [0; 2])).collect(), middles: BTreeMap::new(), next }
+    }
+
+    /// Where a wall turns that begins (`end` 0) or ends (1) at a vertex, if it is not at the upright edge; and
+    /// whether that vertex is new. The n-th wall that begins there goes on from the n-th that ends there.
+    fn turn(&mut self, id: u64, end: usize) -> Option<(u64, bool)> {
+        let passed = self.passed.get_mut(&id)?;
+        let pass = passed[end];
+        passed[end] += 1;
+        if pass == 0 {
+            return None;
+        }
+        let (next, is_new) = (self.next, !self.middles.contains_key(&(id, pass)));
+        self.next += u64::from(is_new);
+        Some((*self.middles.entry((id, pass)).or_insert(next), is_new))
+    }
+}
