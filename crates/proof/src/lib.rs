@@ -24,6 +24,7 @@ mod snap;
 mod sum;
 mod surface;
 mod tally;
+pub mod tiles;
 mod triangle;
 mod unit;
 mod worst;

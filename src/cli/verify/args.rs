@@ -9,14 +9,15 @@ use crate::cli::shared::{args, bands, many, names, parse, points};
 use crate::error::{Error, Result};
 use crate::jobs::line::Length;
 
-/// Prove a mesh against its grid or point cloud, or simplified lines against their original: error
-/// bound, coverage, topology; of lines also features, properties, heights and points. Exits with 1
+/// Prove a mesh against its grid or point cloud, terrain tiles against their grid, or simplified lines
+/// against their original: error bound, coverage, topology; of lines also features, properties, heights
+/// and points; of tiles also borders, gaps between levels, and which there are. Exits with 1
 /// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
 /// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Mesh file, or simplified lines
+    /// Mesh file, or simplified lines, or a folder of terrain tiles (quantized-mesh) with its layer.json
     pub(crate) mesh: PathBuf,
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
     /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was

@@ -1,10 +1,11 @@
 //! `terrane verify`: a written mesh is proved against its grid or cloud, simplified lines against their
-//! original.
+//! original, terrain tiles against their grid.
 
 mod args;
 pub(crate) mod cloud;
 mod grid;
 mod line;
+mod tiles;
 mod told;
 
 pub(crate) use args::Args;
@@ -19,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::name_of;
 use crate::jobs::Cancel;
 use crate::jobs::input::is_mesh;
+use crate::jobs::verify::tiles::is_tiles;
 
 impl Verb for Args {
     const NAME: &'static str = "verify";
@@ -39,6 +41,9 @@ impl Verb for Args {
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let mesh = name_of(args.mesh.clone())?;
     check::input(&mesh)?;
+    if is_tiles(&args.mesh) {
+        return tiles::run(args, cancel);
+    }
     if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {
         return line::run(args, cancel);
     }

@@ -13,6 +13,7 @@ mod quality;
 mod report;
 mod spread;
 mod squares;
+pub mod tiles;
 mod vertices;
 
 use std::path::{Path, PathBuf};

@@ -1,0 +1,230 @@
+//! Tiles by themselves and beside others: each is read once for itself, and its sides again for its neighbours.
+
+use std::sync::{Arc, Mutex};
+
+use serde::Deserialize;
+
+use super::cache::Cache;
+use super::{Context, folder};
+use crate::workers;
+use terrane_base::error::{Error, Result};
+use terrane_files::lock;
+use terrane_proof::tiles::{
+    Chain, Facets, Fault, Faults, Side, Tile, TileId, contain, gap, lattice, structure,
+};
+
+/// Tiles that a thread takes at a time, along a row.
+const RUN: u64 = 64;
+
+/// What is kept of a tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Record {
+    /// The error that it records.
+    pub(super) error: Option<f64>,
+    /// Its lowest and highest vertex.
+    pub(super) heights: [f64; 2],
+}
+
+/// Borders of one kind on a level.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Borders {
+    /// Those that were compared.
+    pub(super) compared: u64,
+    /// Those with no tile on the other side.
+    pub(super) alone: u64,
+    /// Those that differ, or whose gap is too large.
+    pub(super) broken: u64,
+    /// The largest gap in metres, and the tile that has it, the first of several.
+    pub(super) gap: Option<(f64, TileId)>,
+}
+
+impl Borders {
+    fn add(&mut self, apart: f64, is_broken: bool, at: TileId) {
+        self.compared += 1;
+        self.broken += u64::from(is_broken);
+        self.widen((apart, at));
+    }
+
+    fn widen(&mut self, found: (f64, TileId)) {
+        let is_less =
+            |known: &(f64, TileId)| found.0.total_cmp(&known.0).then(known.1.cmp(&found.1)).is_lt();
+        self.gap = Some(self.gap.filter(|known| is_less(known)).unwrap_or(found));
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.compared += other.compared;
+        self.alone += other.alone;
+        self.broken += other.broken;
+        if let Some(found) = other.gap {
+            self.widen(found);
+        }
+    }
+}
+
+/// What is found of tiles by themselves and beside others.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Found {
+    pub(super) faults: Faults,
+    /// By level: within it, and to the next coarser one.
+    pub(super) borders: Vec<[Borders; 2]>,
+    /// By level: vertices and triangles.
+    pub(super) sizes: Vec<[u64; 2]>,
+}
+
+impl Found {
+    fn new(levels: usize) -> Self {
+        let (borders, sizes) = (vec![Default::default(); levels], vec![[0; 2]; levels]);
+        Self { faults: Faults::default(), borders, sizes }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.faults.merge(&other.faults);
+        for (mine, theirs) in self.borders.iter_mut().zip(&other.borders) {
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| mine.merge(theirs));
+        }
+        for (mine, theirs) in self.sizes.iter_mut().zip(&other.sizes) {
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
+        }
+    }
+}
+
+/// Looks at all tiles. Records are by the number of the tile.
+pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
+    let all = &context.tiles.all;
+    let none = Record { error: None, heights: [f64::NAN; 2] };
+    let levels = usize::from(context.layer.finest) + 1;
+    let records = Mutex::new(vec![none; all.len()]);
+    let found = Mutex::new(Found::new(levels));
+    let looker = Looker { context, sides: Cache::new(context.memory / 4) };
+    context.progress.begin("tiles", all.len() as u64);
+    let work = |found: &mut Found, run: u64| {
+        let first = (run * RUN) as usize;
+        for (number, &id) in all.iter().enumerate().skip(first).take(RUN as usize) {
+            context.cancel.check()?;
+            let record = looker.look(id, found)?;
+            lock(&records)[number] = record;
+            context.progress.advance(1);
+        }
+        Ok(())
+    };
+    let finish = |mine: Found| {
+        lock(&found).merge(&mine);
+        Ok(())
+    };
+    let runs = (all.len() as u64).div_ceil(RUN);
+    let start = || Found::new(levels);
+    workers::run(context.threads, runs, context.cancel, start, work, finish)?;
+    context.progress.end();
+    let found = lock(&found).clone();
+    Ok((found, std::mem::take(&mut *lock(&records))))
+}
+
+/// The metadata of a tile, as far as it is known.
+#[derive(Deserialize)]
+struct Metadata {
+    error: Option<f64>,
+}
+
+type Sides = [Chain; 4];
+
+struct Looker<'a> {
+    context: &'a Context<'a>,
+    sides: Cache<Sides>,
+}
+
+impl Looker<'_> {
+    fn look(&self, id: TileId, found: &mut Found) -> Result<Record> {
+        let (context, layer) = (self.context, &self.context.layer);
+        let tile = context.read(id)?;
+        let faults = &mut found.faults;
+        structure(id, &tile, faults);
+        let positions = Facets::positions(id, &tile);
+        contain(id, &tile, &positions, faults);
+        if let Some(own) = layer.own(id.level) {
+            lattice(id, &tile, own.step, faults);
+        }
+        let lacks = layer.has_normals && tile.normals.is_none();
+        faults.add(Fault::NoNormals, u64::from(lacks), id);
+        let lacks = layer.has_metadata && tile.metadata.is_none();
+        faults.add(Fault::NoMetadata, u64::from(lacks), id);
+        let error = self.error(id, &tile)?;
+        let sizes = &mut found.sizes[usize::from(id.level)];
+        sizes[0] += tile.vertices.len() as u64;
+        sizes[1] += tile.triangles.len() as u64;
+        self.compare(id, &sides(id, &tile), found)?;
+        let heights = tile.vertices.iter().map(|&vertex| tile.height(vertex));
+        let heights = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| {
+            [low.min(height), high.max(height)]
+        });
+        Ok(Record { error, heights })
+    }
+
+    /// The error that a tile records.
+    fn error(&self, id: TileId, tile: &Tile) -> Result<Option<f64>> {
+        let Some(text) = &tile.metadata else { return Ok(None) };
+        let bad = |what: String| {
+            let path = folder::path_of(&self.context.layer.folder, id);
+            Error::bad_input(what).in_file(&path).at("metadata")
+        };
+        let metadata: Metadata =
+            serde_json::from_slice(text).map_err(|e| bad(format!("is not understood: {e}")))?;
+        match metadata.error {
+            Some(error) if !(0.0..f64::INFINITY).contains(&error) => {
+                Err(bad(format!("records {error}, which is no error")))
+            }
+            error => Ok(error),
+        }
+    }
+
+    /// Compares sides with those of the tiles to the east and north, and of coarser ones all around.
+    fn compare(&self, id: TileId, own: &Sides, found: &mut Found) -> Result<()> {
+        let level = usize::from(id.level);
+        for side in [Side::East, Side::North] {
+            let Some(beside) = id.beside(side) else { continue };
+            let borders = &mut found.borders[level][0];
+            let Some(other) = self.sides_of(beside)? else {
+                borders.alone += 1;
+                continue;
+            };
+            let (mine, other) = (&own[side as usize], &other[side.opposite() as usize]);
+            let is_same = mine.is_same(other);
+            borders.add(if is_same { 0.0 } else { gap(mine, other) }, !is_same, id);
+            found.faults.add(Fault::Differing, u64::from(!is_same), id);
+        }
+        for side in [Side::West, Side::South] {
+            let is_alone =
+                id.beside(side).is_some_and(|at| self.context.tiles.find_one(at).is_none());
+            found.borders[level][0].alone += u64::from(is_alone);
+        }
+        for side in Side::ALL {
+            let Some(coarser) = id.coarser_beside(side) else { continue };
+            let borders = &mut found.borders[level][1];
+            let Some(other) = self.sides_of(coarser)? else {
+                borders.alone += 1;
+                continue;
+            };
+            let apart = gap(&own[side as usize], &other[side.opposite() as usize]);
+            let is_wide = apart > self.context.allowed_gap(id.level);
+            borders.add(apart, is_wide, id);
+            found.faults.add(Fault::Gaps, u64::from(is_wide), id);
+        }
+        Ok(())
+    }
+
+    /// The sides of a tile, if it is there.
+    fn sides_of(&self, id: TileId) -> Result<Option<Arc<Sides>>> {
+        if self.context.tiles.find_one(id).is_none() {
+            return Ok(None);
+        }
+        let make = || {
+            let sides = sides(id, &self.context.read(id)?);
+            let bytes = sides.iter().map(Chain::bytes).sum();
+            Ok((sides, bytes))
+        };
+        self.sides.get(id, make).map(Some)
+    }
+}
+
+fn sides(id: TileId, tile: &Tile) -> Sides {
+    Side::ALL.map(|side| Chain::of(id, tile, side))
+}

@@ -1,0 +1,149 @@
+//! Which tiles a folder has, and one tile read.
+
+use std::fs::{DirEntry, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::GzDecoder;
+
+use super::layer::NAME;
+use crate::Cancel;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::limits;
+use terrane_proof::tiles::{MOST_LEVEL, Tile, TileId};
+
+/// The ending of tiles.
+const ENDING: &str = ".terrain";
+
+/// The first bytes of a file packed with gzip.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// Most bytes of a tile, packed or not.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// The tiles of a folder.
+#[derive(Debug, Default)]
+pub(super) struct Tiles {
+    /// Sorted.
+    pub(super) all: Vec<TileId>,
+    /// Files that are no tiles.
+    pub(super) strays: u64,
+    /// The first of them by name.
+    pub(super) first_stray: Option<PathBuf>,
+}
+
+impl Tiles {
+    /// Looks through a folder; fails where it has more than `most` tiles.
+    pub(super) fn find(folder: &Path, most: usize, cancel: &Cancel) -> Result<Self> {
+        let mut found = Self::default();
+        for level in entries(folder)? {
+            let path = level.path();
+            match number(&level, "").filter(|&level| level <= u32::from(MOST_LEVEL)) {
+                Some(level) if path.is_dir() => found.level(&path, level as u8, most, cancel)?,
+                _ if level.file_name() == NAME => (),
+                _ => found.stray(path),
+            }
+        }
+        found.all.sort_unstable();
+        Ok(found)
+    }
+
+    fn level(&mut self, folder: &Path, level: u8, most: usize, cancel: &Cancel) -> Result<()> {
+        for column in entries(folder)? {
+            cancel.check()?;
+            let path = column.path();
+            match number(&column, "").filter(|_| path.is_dir()) {
+                Some(x) => self.column(&path, (level, x), most)?,
+                None => self.stray(path),
+            }
+        }
+        Ok(())
+    }
+
+    fn column(&mut self, folder: &Path, (level, x): (u8, u32), most: usize) -> Result<()> {
+        for row in entries(folder)? {
+            let id = number(&row, ENDING).and_then(|y| TileId::new(level, x, y));
+            match id.filter(|_| row.path().is_file()) {
+                Some(id) => self.all.push(id),
+                None => self.stray(row.path()),
+            }
+        }
+        if self.all.len() > most {
+            let message = format!("there are more than {most} tiles, which memory does not hold");
+            return Err(Error::new(ErrorKind::Resource, message)
+                .in_file(folder)
+                .remedy("raise --memory"));
+        }
+        Ok(())
+    }
+
+    fn stray(&mut self, path: PathBuf) {
+        self.strays += 1;
+        self.first_stray = self.first_stray.take().into_iter().chain([path]).min();
+    }
+
+    /// The number of a tile among all.
+    pub(super) fn find_one(&self, id: TileId) -> Option<usize> {
+        self.all.binary_search(&id).ok()
+    }
+
+    /// The tiles of a level, as numbers.
+    pub(super) fn of_level(&self, level: u8) -> std::ops::Range<usize> {
+        let before = |level: u8| self.all.partition_point(|id| id.level < level);
+        before(level)..before(level + 1)
+    }
+}
+
+fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
+    let all = std::fs::read_dir(folder).and_then(Iterator::collect);
+    all.map_err(|e| Error::read(folder, e))
+}
+
+/// The number that a name says in the one way it is written, before its ending.
+fn number(entry: &DirEntry, ending: &str) -> Option<u32> {
+    let name = entry.file_name();
+    let digits = name.to_str()?.strip_suffix(ending)?;
+    digits.parse().ok().filter(|number: &u32| number.to_string() == digits)
+}
+
+/// Where a tile is.
+pub(super) fn path_of(folder: &Path, id: TileId) -> PathBuf {
+    folder.join(format!("{id}{ENDING}"))
+}
+
+/// Reads a tile of `most` vertices at the most.
+///
+/// # Errors
+/// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`Tile::read`] finds.
+pub(super) fn read(folder: &Path, id: TileId, most: usize) -> Result<Tile> {
+    let path = path_of(folder, id);
+    let read = || -> Result<Tile> {
+        let file = File::open(&path).map_err(|e| Error::read(&path, e))?;
+        let mut bytes = Vec::new();
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(&path, e))?;
+        limits::check("length of the tile", bytes.len() as u64, MOST_BYTES)?;
+        match bytes.starts_with(&GZIP) {
+            true => Tile::read(&unpacked(&bytes)?, most),
+            false => Tile::read(&bytes, most),
+        }
+    };
+    read().map_err(|e| e.in_file(&path))
+}
+
+fn unpacked(bytes: &[u8]) -> Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let mut decoder = GzDecoder::new(bytes);
+    let done = decoder.by_ref().take(MOST_BYTES + 1).read_to_end(&mut out);
+    let left = |rest: &[u8]| bytes.len() - rest.len();
+    if let Err(e) = done {
+        let at = left(decoder.get_ref());
+        return Err(Error::bad_input(format!("is no sound gzip: {e}")).at(format!("byte {at}")));
+    }
+    limits::check("length of the unpacked tile", out.len() as u64, MOST_BYTES)?;
+    let rest = decoder.into_inner();
+    if !rest.is_empty() {
+        let message = format!("{} bytes are left over after the gzip", rest.len());
+        return Err(Error::bad_input(message).at(format!("byte {}", left(rest))));
+    }
+    Ok(out)
+}

@@ -1,0 +1,213 @@
+//! `layer.json`: what a set of tiles says of itself.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+use terrane_proof::tiles::{MOST_LEVEL, TileId, assumed_error};
+
+/// The name of the file.
+pub(super) const NAME: &str = "layer.json";
+
+/// A file as it is written.
+#[derive(Debug, Deserialize)]
+struct Stored {
+    format: String,
+    scheme: Option<String>,
+    projection: Option<String>,
+    tiles: Vec<String>,
+    bounds: Option<[f64; 4]>,
+    #[serde(default)]
+    minzoom: u8,
+    maxzoom: Option<u8>,
+    available: Option<Vec<Vec<Range>>>,
+    #[serde(default)]
+    extensions: Vec<String>,
+    terrane: Option<Own>,
+}
+
+/// A rectangle of tiles that are there.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Range {
+    start_x: u32,
+    start_y: u32,
+    end_x: u32,
+    end_y: u32,
+}
+
+/// What terrane says of its own sets.
+#[derive(Debug, Deserialize)]
+struct Own {
+    levels: Vec<Level>,
+}
+
+/// A level as terrane says of its own sets.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Level {
+    level: u8,
+    pub(super) tolerance: f64,
+    pub(super) step: f64,
+    pub(super) error: f64,
+    pub(super) tiles: u64,
+}
+
+/// What a set of tiles promises.
+#[derive(Debug)]
+pub(super) struct Layer {
+    /// The folder of the tiles.
+    pub(super) folder: PathBuf,
+    /// West, south, east and north in degrees.
+    pub(super) bounds: Option<[f64; 4]>,
+    pub(super) finest: u8,
+    /// By level.
+    available: Vec<Vec<Range>>,
+    pub(super) has_normals: bool,
+    pub(super) has_metadata: bool,
+    /// By level, where terrane made it.
+    pub(super) levels: Option<Vec<Level>>,
+}
+
+/// Where the file of a set would be: the path itself, or in it where that is a folder.
+pub(super) fn place(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join(NAME) } else { path.to_path_buf() }
+}
+
+impl Layer {
+    /// Reads the file of a set, which is named by its folder or by the file itself.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
+    /// projection; levels beyond the finest there may be.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let path = place(path);
+        let stored = stored(&path).map_err(|e| e.in_file(&path))?;
+        stored.layer(&path).map_err(|e| e.in_file(&path))
+    }
+
+    /// The tolerance of a level in metres: what it states, or else what clients assume.
+    pub(super) fn tolerance(&self, level: u8) -> f64 {
+        self.own(level).map_or(assumed_error(level), |own| own.tolerance)
+    }
+
+    /// What terrane says of a level.
+    pub(super) fn own(&self, level: u8) -> Option<Level> {
+        self.levels.as_ref()?.get(usize::from(level)).copied()
+    }
+
+    /// Tiles of a level that are said to be there, by rectangles; some may come twice.
+    pub(super) fn available(&self, level: u8) -> impl Iterator<Item = TileId> {
+        let ranges = self.available.get(usize::from(level)).into_iter().flatten();
+        ranges.flat_map(move |range| {
+            let rows = range.start_y..=range.end_y;
+            rows.flat_map(move |y| {
+                (range.start_x..=range.end_x).map(move |x| TileId { level, y, x })
+            })
+        })
+    }
+}
+
+fn stored(path: &Path) -> Result<Stored> {
+    let file = File::open(path).map_err(|e| Error::read(path, e))?;
+    let mut text = Vec::new();
+    let most = limits::MAX_HEADER_BYTES;
+    file.take(most + 1).read_to_end(&mut text).map_err(|e| Error::read(path, e))?;
+    limits::check("length of the file", text.len() as u64, most)?;
+    serde_json::from_slice(&text).map_err(|e| {
+        Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
+            .remedy("name the folder of a set, or its layer.json")
+    })
+}
+
+impl Stored {
+    fn layer(self, path: &Path) -> Result<Layer> {
+        self.check_kind()?;
+        let Some(available) = self.available else {
+            return Err(Error::bad_input("does not say which tiles are available"));
+        };
+        let listed = u8::try_from(available.len()).unwrap_or(u8::MAX).saturating_sub(1);
+        let finest = self.maxzoom.unwrap_or(listed);
+        limits::check("maxzoom", u64::from(finest), u64::from(MOST_LEVEL))?;
+        if self.minzoom != 0 || usize::from(finest) + 1 != available.len() {
+            let message = format!(
+                "has levels {} to {finest}, and tiles available of {} levels",
+                self.minzoom,
+                available.len()
+            );
+            return Err(Error::bad_input(message).remedy("levels begin with 0 and are all there"));
+        }
+        (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
+        let levels = self.terrane.map(|own| own.levels(finest)).transpose()?;
+        let announces = |name: &str| self.extensions.iter().any(|own| own == name);
+        Ok(Layer {
+            folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+            bounds: self.bounds,
+            finest,
+            available,
+            has_normals: announces("octvertexnormals"),
+            has_metadata: announces("metadata"),
+            levels,
+        })
+    }
+
+    fn check_kind(&self) -> Result<()> {
+        let refuse = |what: &str, found: &str, known: &str| {
+            let message = format!("has the {what} \"{found}\", and only \"{known}\" can be proved");
+            Err(Error::unsupported(message))
+        };
+        let is = |found: &Option<String>, known| found.as_deref().unwrap_or(known) == known;
+        if self.format != "quantized-mesh-1.0" {
+            return refuse("format", &self.format, "quantized-mesh-1.0");
+        }
+        if !is(&self.scheme, "tms") {
+            return refuse("scheme", self.scheme.as_deref().unwrap_or_default(), "tms");
+        }
+        if !is(&self.projection, "EPSG:4326") {
+            let found = self.projection.as_deref().unwrap_or_default();
+            return refuse("projection", found, "EPSG:4326");
+        }
+        let known = "{z}/{x}/{y}.terrain";
+        match self.tiles.first().map(|all| all.split('?').next().unwrap_or_default()) {
+            Some(found) if found.trim_start_matches("./") == known => Ok(()),
+            Some(found) => refuse("address of tiles", found, known),
+            None => Err(Error::bad_input("does not say where tiles are")),
+        }
+    }
+}
+
+fn check_ranges(level: u8, ranges: &[Range]) -> Result<()> {
+    let is_right = |range: &&Range| {
+        let end = TileId::new(level, range.end_x, range.end_y);
+        end.is_some() && range.start_x <= range.end_x && range.start_y <= range.end_y
+    };
+    match ranges.iter().find(|range| !is_right(range)) {
+        None => Ok(()),
+        Some(range) => Err(Error::bad_input(format!(
+            "has columns {} to {} and rows {} to {} available, which level {level} does not have",
+            range.start_x, range.end_x, range.start_y, range.end_y
+        ))),
+    }
+}
+
+impl Own {
+    fn levels(mut self, finest: u8) -> Result<Vec<Level>> {
+        self.levels.sort_by_key(|level| level.level);
+        let is_each = self.levels.iter().map(|level| level.level).eq(0..=finest);
+        if !is_each {
+            return Err(Error::bad_input("does not state each of its levels once"));
+        }
+        let numbers = |own: &Level| [own.tolerance, own.step, own.error];
+        let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
+        match self.levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
+            Some(own) => Err(Error::bad_input(format!(
+                "states a tolerance, step or error of level {} that is none",
+                own.level
+            ))),
+            None => Ok(self.levels),
+        }
+    }
+}

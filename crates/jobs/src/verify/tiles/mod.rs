@@ -1,0 +1,153 @@
+//! Proves a set of terrain tiles (quantized-mesh in a geodetic pyramid) against the raster it was made of.
+//!
+//! Two passes: over the tiles, each by itself and beside its neighbours; and over the raster, each sample against
+//! the surfaces of all levels ([`terrane_proof::tiles`]). Nothing in the report but times and memory depends on
+//! threads, memory budget, or the order of work.
+
+mod alone;
+mod cache;
+mod folder;
+mod layer;
+mod place;
+mod report;
+mod sweep;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use self::folder::Tiles;
+use self::layer::Layer;
+use self::place::Places;
+use crate::figures::Figures;
+use crate::memory::{beside_program, cache_beside};
+use crate::reading::Reading;
+use crate::{Cancel, Progress, Resources};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_proof::tiles::{BYTES_PER_VERTEX, Tile, TileId};
+use terrane_raster::{self as raster, Inputs};
+
+pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
+
+/// Least memory that a proof can work in.
+const LEAST_MEMORY: u64 = 32 << 20;
+
+/// Bytes that are kept of each tile.
+const TILE_BYTES: u64 = 128;
+
+/// Metres by which a distance may be larger than what it is held to: rounding.
+pub const ROUNDING: f64 = 1e-6;
+
+/// A set of tiles to be proven.
+#[derive(Clone, Debug)]
+pub struct TilesVerifyJob {
+    /// The folder of the tiles, or the `layer.json` in it.
+    pub tiles: PathBuf,
+    /// Names of the raster's files.
+    pub raster: Inputs,
+    /// What is read of it.
+    pub reading: Reading,
+    /// What the job may use.
+    pub resources: Resources,
+}
+
+/// True for a folder with a `layer.json`, and for such a file.
+pub fn is_tiles(path: &Path) -> bool {
+    let place = layer::place(path);
+    place.file_name().is_some_and(|name| name == layer::NAME) && place.is_file()
+}
+
+/// Proves a set of tiles. An error means that it could not be done; a set that breaks a promise is no error, but
+/// a report whose verdict has not `passed`.
+///
+/// # Errors
+/// A `layer.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster that is not in
+/// WGS 84 degrees, is turned, reaches beyond the world or has no valid sample; too little memory for the number of
+/// tiles or the vertices of one.
+pub fn verify_tiles(
+    job: &TilesVerifyJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesVerifyReport> {
+    let start = Instant::now();
+    check_memory(&job.resources)?;
+    let layer = Layer::read(&job.tiles)?;
+    let name = job.raster.to_string();
+    let of_raster = |e: Error| e.in_file(Path::new(&name));
+    let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
+    let grid = raster::open_all(job.raster.names(), &options)?;
+    super::check_grid(&*grid).map_err(of_raster)?;
+    let places = Places::of(&*grid).map_err(of_raster)?;
+    let all = beside_program(job.resources.memory) / 2;
+    let most = usize::try_from(all / 2 / TILE_BYTES).unwrap_or(usize::MAX);
+    let tiles = Tiles::find(&layer.folder, most, cancel)?;
+    let context = Context::new(&layer, &tiles, places, &job.resources, (progress, cancel));
+    let (alone, records) = alone::check(&context)?;
+    let (sweep, under) = sweep::check(&context)?;
+    if sweep.valid == 0 {
+        return Err(of_raster(Error::bad_input("has no valid sample")));
+    }
+    let found = report::Found { alone, records, sweep, under };
+    let mut report = report::report(&context, &found, &grid.info().crs);
+    (report.tiles, report.raster) = (job.tiles.display().to_string(), name);
+    let figures = Figures::since(start, &job.resources);
+    report.run = Figures { threads: context.threads, ..figures };
+    report.samples_per_second = report.run.rate(report.measured);
+    Ok(report)
+}
+
+fn check_memory(resources: &Resources) -> Result<()> {
+    if resources.memory >= LEAST_MEMORY {
+        return Ok(());
+    }
+    let message = format!("{} bytes of memory are too few", resources.memory);
+    Err(Error::new(ErrorKind::Resource, message).remedy("pass --memory 32M or more"))
+}
+
+/// What both passes need to know.
+struct Context<'a> {
+    layer: &'a Layer,
+    tiles: &'a Tiles,
+    places: Places<'a>,
+    progress: &'a dyn Progress,
+    cancel: &'a Cancel,
+    threads: usize,
+    /// Bytes for what is made of tiles.
+    memory: u64,
+    /// Most vertices of a tile.
+    most: usize,
+}
+
+impl<'a> Context<'a> {
+    fn new(
+        layer: &'a Layer,
+        tiles: &'a Tiles,
+        places: Places<'a>,
+        resources: &Resources,
+        (progress, cancel): (&'a dyn Progress, &'a Cancel),
+    ) -> Self {
+        let memory = beside_program(resources.memory) / 2;
+        let memory = memory.saturating_sub(tiles.all.len() as u64 * TILE_BYTES);
+        let least = 4 * sweep::WINDOW_BYTES;
+        let fitting = usize::try_from(memory / 2 / least).unwrap_or(usize::MAX);
+        let threads = resources.threads.clamp(1, fitting.max(1));
+        let memory = memory.saturating_sub(threads as u64 * sweep::WINDOW_BYTES);
+        let share = usize::try_from(memory / 4 / threads as u64).unwrap_or(usize::MAX);
+        let most = share / BYTES_PER_VERTEX;
+        Self { layer, tiles, places, progress, cancel, threads, memory, most }
+    }
+
+    fn read(&self, id: TileId) -> Result<Tile> {
+        folder::read(&self.layer.folder, id, self.most)
+    }
+
+    /// The distance that samples of a level are held to.
+    fn limit(&self, level: u8) -> f64 {
+        self.layer.tolerance(level) + ROUNDING
+    }
+
+    /// The gap that borders between a level and the next coarser one are held to.
+    fn allowed_gap(&self, level: u8) -> f64 {
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.tolerance(level));
+        self.layer.tolerance(level) + coarser + ROUNDING
+    }
+}

@@ -1,0 +1,374 @@
+//! What a proof of tiles found.
+
+use serde::Serialize;
+
+use super::alone::{self, Record};
+use super::sweep::{self, Far, Under};
+use super::{Context, ROUNDING};
+use crate::figures::Figures;
+use crate::verify::found::Verdict;
+use terrane_base::geom::Crs;
+use terrane_proof::tiles::{Check, Fault, Faults, TileId, assumed_error};
+
+/// Degrees by which bounds may miss a sample: they are written in decimals.
+const DEGREES: f64 = 1e-9;
+
+/// What was found. Distances and heights are in metres; tiles are "level/column/row".
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesVerifyReport {
+    /// The set of tiles.
+    pub tiles: String,
+    /// The raster.
+    pub raster: String,
+    /// Its reference system.
+    pub crs: String,
+    /// What came of it.
+    #[serde(flatten)]
+    pub verdict: Verdict,
+    /// What else should be known.
+    pub notes: Vec<String>,
+    /// True when `layer.json` says what terrane says of its own sets: tolerances, steps and errors.
+    pub made_by_terrane: bool,
+    /// Tiles, vertices and triangles of all levels.
+    pub files: u64,
+    /// See `files`.
+    pub vertices: u64,
+    /// See `files`.
+    pub triangles: u64,
+    /// Valid samples of the raster.
+    pub samples: u64,
+    /// Samples that were measured on all levels together; those on a border once for each tile.
+    pub measured: u64,
+    /// Lowest and highest valid sample.
+    pub heights: Option<[f64; 2]>,
+    /// West, south, east and north of the valid samples.
+    pub bounds: Option<[f64; 4]>,
+    /// By how much the error that a tile records is larger than what was measured, at the most.
+    pub most_overstated: Option<f64>,
+    /// One for each thing that is proved.
+    pub checks: Vec<CheckReport>,
+    /// One for each level, the coarsest first.
+    pub levels: Vec<LevelReport>,
+    /// Samples measured a second.
+    pub samples_per_second: f64,
+    /// What the run took.
+    #[serde(flatten)]
+    pub run: Figures,
+}
+
+/// What came of one thing that is proved.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct CheckReport {
+    /// What: structure, samples, borders, levels, containment or index.
+    pub check: &'static str,
+    /// Nothing wrong was found.
+    pub kept: bool,
+    /// What was looked at, in words.
+    pub looked_at: String,
+    /// What is wrong.
+    pub faults: Vec<FoundFault>,
+}
+
+/// Something wrong.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FoundFault {
+    /// What.
+    pub what: &'static str,
+    /// How often.
+    pub count: u64,
+    /// The first tile that has it.
+    pub first: Option<String>,
+}
+
+/// A level.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct LevelReport {
+    pub level: u8,
+    pub tiles: u64,
+    pub vertices: u64,
+    pub triangles: u64,
+    /// Largest allowed distance of a sample.
+    pub tolerance: f64,
+    /// Step of all heights, where it is stated.
+    pub step: Option<f64>,
+    /// Samples measured, and those over the tolerance.
+    pub samples: u64,
+    pub over: u64,
+    pub max_error: Option<f64>,
+    /// The tile of that error, and longitude and latitude of the sample.
+    pub max_error_tile: Option<String>,
+    pub max_error_at: Option<[f64; 2]>,
+    pub rmse: Option<f64>,
+    /// Borders between tiles of the level: compared, with no tile on the other side, different, largest gap.
+    pub borders: u64,
+    pub borders_alone: u64,
+    pub borders_differing: u64,
+    pub gap: Option<f64>,
+    /// Borders to tiles of the next coarser level, likewise: those over have a larger gap than allowed.
+    pub coarser: u64,
+    pub coarser_alone: u64,
+    pub coarser_over: u64,
+    pub coarser_gap: Option<f64>,
+    pub coarser_gap_tile: Option<String>,
+    pub coarser_gap_allowed: Option<f64>,
+}
+
+/// All that was found.
+pub(super) struct Found {
+    pub(super) alone: alone::Found,
+    pub(super) records: Vec<Record>,
+    pub(super) sweep: sweep::Found,
+    pub(super) under: Vec<Under>,
+}
+
+/// The findings, judged; without names of files and figures of the run.
+pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVerifyReport {
+    let mut faults = found.alone.faults.clone();
+    faults.merge(&found.sweep.faults);
+    let judge = Judge { context, found };
+    judge.tiles(&mut faults);
+    judge.index(&mut faults);
+    let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
+    judge.levels(&levels, &mut faults);
+    let checks: Vec<_> = Check::ALL
+        .map(|(check, name)| {
+            CheckReport::new(check, name, &faults, judge.looked_at(check, &levels))
+        })
+        .into();
+    let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum();
+    TilesVerifyReport {
+        crs: crs.label(),
+        verdict: Verdict::of(judge.failures(&checks), judge.not_judged()),
+        notes: judge.notes(),
+        made_by_terrane: context.layer.levels.is_some(),
+        files: context.tiles.all.len() as u64,
+        vertices: sum(|level| level.vertices),
+        triangles: sum(|level| level.triangles),
+        samples: found.sweep.valid,
+        measured: sum(|level| level.samples),
+        heights: found.sweep.heights,
+        bounds: found.sweep.bounds,
+        most_overstated: judge.most_overstated(),
+        checks,
+        levels,
+        ..TilesVerifyReport::default()
+    }
+}
+
+impl CheckReport {
+    fn new(check: Check, name: &'static str, faults: &Faults, looked_at: String) -> Self {
+        let told = |(_, what, count): (Fault, &'static str, terrane_proof::tiles::Count)| {
+            let first = count.first.map(|id| id.to_string());
+            FoundFault { what, count: count.count, first }
+        };
+        let faults: Vec<_> = faults.found(check).map(told).collect();
+        Self { check: name, kept: faults.is_empty(), looked_at, faults }
+    }
+}
+
+struct Judge<'a> {
+    context: &'a Context<'a>,
+    found: &'a Found,
+}
+
+impl Judge<'_> {
+    /// What is only known when samples and tiles have been looked at.
+    fn tiles(&self, faults: &mut Faults) {
+        let layer = self.context.layer;
+        let numbered = self.context.tiles.all.iter().zip(&self.found.records);
+        let [lowest, highest] = self.found.sweep.heights.unwrap_or_default();
+        for ((&id, record), under) in numbered.zip(&self.found.under) {
+            let step = layer.own(id.level).map_or(0.0, |own| own.step);
+            let [low, high] = record.heights;
+            let is_spike = low < lowest - step - ROUNDING || high > highest + step + ROUNDING;
+            faults.add(Fault::Spikes, u64::from(is_spike), id);
+            let is_vain = under.count == 0 && id.level > 0;
+            faults.add(Fault::Superfluous, u64::from(is_vain), id);
+            let Some(recorded) = record.error else {
+                faults.add(Fault::NoError, u64::from(layer.levels.is_some()), id);
+                continue;
+            };
+            let is_over = under.far.is_some_and(|far| far.distance > recorded + ROUNDING);
+            faults.add(Fault::OverRecorded, u64::from(is_over), id);
+            let is_reckless = recorded > self.context.limit(id.level);
+            faults.add(Fault::Reckless, u64::from(is_reckless), id);
+        }
+    }
+
+    /// Which tiles there are, and what is said of them.
+    fn index(&self, faults: &mut Faults) {
+        let (layer, tiles) = (self.context.layer, self.context.tiles);
+        for x in 0..2 {
+            let root = TileId { level: 0, y: 0, x };
+            faults.add(Fault::NoRoot, u64::from(tiles.find_one(root).is_none()), root);
+        }
+        for level in 0..=layer.finest {
+            self.available(level, faults);
+        }
+        let beyond = tiles.all.partition_point(|id| id.level <= layer.finest);
+        tiles.all[beyond..].iter().for_each(|&id| faults.add(Fault::NotAvailable, 1, id));
+        faults.add(Fault::Stray, tiles.strays, None);
+        let Some(data) = self.found.sweep.bounds else { return };
+        let holds = |[west, south, east, north]: [f64; 4]| {
+            let low = west <= data[0] + DEGREES && south <= data[1] + DEGREES;
+            low && east >= data[2] - DEGREES && north >= data[3] - DEGREES
+        };
+        faults.add(Fault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
+        let is_beyond = |[west, south, east, north]: [f64; 4]| {
+            west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0
+        };
+        faults.add(Fault::BeyondWorld, u64::from(layer.bounds.is_some_and(is_beyond)), None);
+    }
+
+    /// Holds the files of a level to those that are said to be there.
+    fn available(&self, level: u8, faults: &mut Faults) {
+        let tiles = self.context.tiles;
+        let of_level = tiles.of_level(level);
+        let mut is_named = vec![false; of_level.len()];
+        // Rectangles may name far more than there is.
+        let mut left = sweep::MOST_MISSING;
+        for id in self.context.layer.available(level) {
+            let fault = match tiles.find_one(id) {
+                None => Fault::NotThere,
+                Some(number) if is_named[number - of_level.start] => Fault::NamedTwice,
+                Some(number) => {
+                    is_named[number - of_level.start] = true;
+                    continue;
+                }
+            };
+            faults.add(fault, 1, id);
+            left -= 1;
+            if left == 0 {
+                break;
+            }
+        }
+        let all = tiles.all[of_level].iter().zip(is_named);
+        all.filter(|(_, named)| !named).for_each(|(&id, _)| faults.add(Fault::NotAvailable, 1, id));
+    }
+
+    fn level(&self, level: u8) -> LevelReport {
+        let (layer, at) = (self.context.layer, usize::from(level));
+        let [vertices, triangles] = self.found.alone.sizes[at];
+        let [within, coarser] = self.found.alone.borders[at];
+        let samples = &self.found.sweep.levels[at];
+        let far = self.farthest(level);
+        let places = &self.context.places;
+        LevelReport {
+            level,
+            tiles: self.context.tiles.of_level(level).len() as u64,
+            vertices,
+            triangles,
+            tolerance: layer.tolerance(level),
+            step: layer.own(level).map(|own| own.step),
+            samples: samples.samples,
+            over: samples.over,
+            max_error: far.map(|(far, _)| far.distance),
+            max_error_tile: far.map(|(_, id)| id.to_string()),
+            max_error_at: far.map(|(Far { sample: [row, col], .. }, _)| {
+                [places.longitude(col), places.latitude(row)]
+            }),
+            rmse: samples.rmse(),
+            borders: within.compared,
+            borders_alone: within.alone,
+            borders_differing: within.broken,
+            gap: within.gap.map(|(gap, _)| gap),
+            coarser: coarser.compared,
+            coarser_alone: coarser.alone,
+            coarser_over: coarser.broken,
+            coarser_gap: coarser.gap.map(|(gap, _)| gap),
+            coarser_gap_tile: coarser.gap.map(|(_, id)| id.to_string()),
+            coarser_gap_allowed: (level > 0).then(|| self.context.allowed_gap(level)),
+        }
+    }
+
+    /// The farthest sample of a level, and its tile.
+    fn farthest(&self, level: u8) -> Option<(Far, TileId)> {
+        let of_level = self.context.tiles.of_level(level);
+        let all = self.context.tiles.all[of_level.clone()].iter().zip(&self.found.under[of_level]);
+        let fars = all.filter_map(|(&id, under)| Some((under.far?, id)));
+        fars.reduce(|a, b| if b.0.distance > a.0.distance { b } else { a })
+    }
+
+    /// What is said of levels.
+    fn levels(&self, levels: &[LevelReport], faults: &mut Faults) {
+        for found in levels {
+            let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
+            let is_lax = found.tolerance > assumed_error(found.level) * (1.0 + 1e-6);
+            faults.add(Fault::Assumed, u64::from(is_lax), id.copied());
+            let Some(own) = self.context.layer.own(found.level) else { continue };
+            let is_larger = found.max_error.is_some_and(|error| error > own.error + ROUNDING);
+            faults.add(Fault::LevelError, u64::from(is_larger), id.copied());
+            faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
+        }
+    }
+
+    fn most_overstated(&self) -> Option<f64> {
+        let both = self.found.records.iter().zip(&self.found.under);
+        let over = both.filter_map(|(record, under)| Some(record.error? - under.far?.distance));
+        over.reduce(f64::max)
+    }
+
+    fn looked_at(&self, check: Check, levels: &[LevelReport]) -> String {
+        let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum::<u64>();
+        let files = self.context.tiles.all.len();
+        match check {
+            Check::Structure => format!("{files} tiles"),
+            Check::Samples => {
+                format!("{} samples on {} levels", self.found.sweep.valid, levels.len())
+            }
+            Check::Borders => format!(
+                "{} borders within levels, {} with no tile beside",
+                sum(|level| level.borders),
+                sum(|level| level.borders_alone)
+            ),
+            Check::Levels => format!(
+                "{} borders to coarser tiles, {} with no such tile beside",
+                sum(|level| level.coarser),
+                sum(|level| level.coarser_alone)
+            ),
+            Check::Containment => format!("{} vertices", sum(|level| level.vertices)),
+            Check::Index => format!("layer.json, {files} files"),
+        }
+    }
+
+    fn failures(&self, checks: &[CheckReport]) -> Vec<String> {
+        let told = |fault: &FoundFault| {
+            let first = match (&fault.first, &self.context.tiles.first_stray) {
+                (Some(tile), _) => format!(", first in tile {tile}"),
+                (None, Some(path)) if fault.what == stray() => {
+                    format!(", first {}", path.display())
+                }
+                _ => String::new(),
+            };
+            match fault.what.strip_prefix("layer.json") {
+                Some(_) => fault.what.to_owned(),
+                None => format!("{} {}{first}", fault.count, fault.what),
+            }
+        };
+        checks.iter().flat_map(|check| &check.faults).map(told).collect()
+    }
+
+    fn not_judged(&self) -> Vec<String> {
+        let mut not = Vec::new();
+        if self.context.layer.levels.is_none() {
+            not.push(
+                "whether heights are on one lattice, as layer.json states no steps".to_owned(),
+            );
+            let none = self.found.records.iter().filter(|record| record.error.is_none()).count();
+            not.extend((none > 0).then(|| format!("the errors of {none} tiles that record none")));
+        }
+        not
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let unknown = !self.context.places.knows_unit;
+        let note = "the raster does not say what its heights are in: they are taken for metres";
+        unknown.then(|| note.to_owned()).into_iter().collect()
+    }
+}
+
+fn stray() -> &'static str {
+    let is_it = |(fault, ..): &&(Fault, Check, &'static str)| *fault == Fault::Stray;
+    Fault::ALL.iter().find(is_it).map_or("", |(_, _, what)| what)
+}

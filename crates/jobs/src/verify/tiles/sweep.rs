@@ -1,0 +1,292 @@
+//! Samples against the surfaces of all levels: the raster is read once, window by window, and what is made of
+//! tiles stays in a cache while windows next to each other ask for it.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+
+use super::Context;
+use super::cache::Cache;
+use crate::workers;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_files::lock;
+use terrane_proof::ExactSum;
+use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, TileId};
+
+/// Columns and rows of a window.
+const WINDOW: u32 = 512;
+/// Bytes of a window and what is made of it.
+pub(super) const WINDOW_BYTES: u64 = (WINDOW as u64 * WINDOW as u64) * 8 + (1 << 20);
+/// Most tiles that are counted as missing.
+pub(super) const MOST_MISSING: usize = 1 << 20;
+
+/// The farthest sample of a tile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Far {
+    /// In metres.
+    pub(super) distance: f64,
+    /// Row and column.
+    pub(super) sample: [u32; 2],
+}
+
+/// Samples of a tile.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Under {
+    pub(super) count: u64,
+    pub(super) far: Option<Far>,
+}
+
+/// Samples of a level.
+#[derive(Clone, Debug, Default)]
+pub(super) struct OfLevel {
+    pub(super) samples: u64,
+    pub(super) over: u64,
+    squares: ExactSum,
+}
+
+impl OfLevel {
+    /// Root mean square of the distances.
+    pub(super) fn rmse(&self) -> Option<f64> {
+        (self.samples > 0).then(|| (self.squares.value() / self.samples as f64).sqrt())
+    }
+}
+
+/// What is found of samples.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    pub(super) faults: Faults,
+    pub(super) levels: Vec<OfLevel>,
+    /// Valid samples of the raster.
+    pub(super) valid: u64,
+    /// Lowest and highest of them, in metres.
+    pub(super) heights: Option<[f64; 2]>,
+    /// West, south, east and north of them.
+    pub(super) bounds: Option<[f64; 4]>,
+    missing: BTreeSet<TileId>,
+}
+
+impl Found {
+    fn new(levels: usize) -> Self {
+        Self { levels: vec![OfLevel::default(); levels], ..Self::default() }
+    }
+
+    fn merge(&mut self, other: Self) {
+        self.faults.merge(&other.faults);
+        for (mine, theirs) in self.levels.iter_mut().zip(&other.levels) {
+            mine.samples += theirs.samples;
+            mine.over += theirs.over;
+            mine.squares.merge(&theirs.squares);
+        }
+        self.valid += other.valid;
+        other.heights.into_iter().flatten().for_each(|height| self.reach(height));
+        if let Some([west, south, east, north]) = other.bounds {
+            self.hold([west, south]);
+            self.hold([east, north]);
+        }
+        self.missing.extend(other.missing);
+    }
+
+    fn reach(&mut self, height: f64) {
+        let [low, high] = self.heights.unwrap_or([height; 2]);
+        self.heights = Some([low.min(height), high.max(height)]);
+    }
+
+    fn hold(&mut self, [x, y]: [f64; 2]) {
+        let [west, south, east, north] = self.bounds.unwrap_or([x, y, x, y]);
+        self.bounds = Some([west.min(x), south.min(y), east.max(x), north.max(y)]);
+    }
+
+    fn miss(&mut self, id: TileId) {
+        if self.missing.len() < MOST_MISSING {
+            self.missing.insert(id);
+        }
+    }
+}
+
+/// Measures all samples. What lies under tiles is by the number of the tile.
+pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
+    let levels = usize::from(context.layer.finest) + 1;
+    let under = Mutex::new(vec![Under::default(); context.tiles.all.len()]);
+    let found = Mutex::new(Found::new(levels));
+    let facets = Cache::new(context.memory / 2);
+    let bounds = context.places.bounds();
+    let across = u64::from(bounds.width.div_ceil(WINDOW));
+    let windows = across * u64::from(bounds.height.div_ceil(WINDOW));
+    context.progress.begin("samples", u64::from(bounds.width) * u64::from(bounds.height));
+    let work = |(found, heights): &mut (Found, Vec<f64>), number: u64| {
+        let [row, col] = [number / across, number % across].map(|at| at as u32 * WINDOW);
+        let rect = Rect::new(col, row, WINDOW, WINDOW).intersect(&bounds);
+        heights.resize(rect.len(), 0.0);
+        context.places.read(rect, heights)?;
+        let window = Window::new(context, rect, heights);
+        window.count(found);
+        (0..=context.layer.finest).try_for_each(|level| {
+            let mut level = Level { window: &window, level, facets: &facets, under: &under, found };
+            level.measure()
+        })?;
+        context.progress.advance(rect.len() as u64);
+        Ok(())
+    };
+    let finish = |(mine, _): (Found, Vec<f64>)| {
+        lock(&found).merge(mine);
+        Ok(())
+    };
+    let start = || (Found::new(levels), Vec::new());
+    workers::run(context.threads, windows, context.cancel, start, work, finish)?;
+    context.progress.end();
+    let mut found = std::mem::take(&mut *lock(&found));
+    let missing = std::mem::take(&mut found.missing);
+    missing.into_iter().for_each(|id| found.faults.add(Fault::Missing, 1, id));
+    Ok((found, std::mem::take(&mut *lock(&under))))
+}
+
+/// Samples that are looked at together.
+struct Window<'a> {
+    context: &'a Context<'a>,
+    rect: Rect,
+    heights: &'a [f64],
+    longitudes: Vec<f64>,
+    latitudes: Vec<f64>,
+    meridians: Vec<Meridian>,
+    parallels: Vec<Parallel>,
+}
+
+impl<'a> Window<'a> {
+    fn new(context: &'a Context<'a>, rect: Rect, heights: &'a [f64]) -> Self {
+        let places = &context.places;
+        let longitudes = (rect.col..rect.end_col()).map(|col| places.longitude(col));
+        let latitudes = (rect.row..rect.end_row()).map(|row| places.latitude(row));
+        let (longitudes, latitudes): (Vec<_>, Vec<_>) = (longitudes.collect(), latitudes.collect());
+        let meridians = longitudes.iter().map(|&at| Meridian::at(at)).collect();
+        let parallels = latitudes.iter().map(|&at| Parallel::at(at)).collect();
+        Self { context, rect, heights, longitudes, latitudes, meridians, parallels }
+    }
+
+    fn row(&self, row: usize, columns: &Range<usize>) -> &[f64] {
+        &self.heights[row * self.longitudes.len()..][columns.clone()]
+    }
+
+    /// Counts the valid samples.
+    fn count(&self, found: &mut Found) {
+        for (row, &latitude) in self.latitudes.iter().enumerate() {
+            let heights = self.row(row, &(0..self.longitudes.len()));
+            let valid = heights.iter().zip(&self.longitudes).filter(|(height, _)| !height.is_nan());
+            for (&height, &longitude) in valid {
+                found.valid += 1;
+                found.reach(height);
+                found.hold([longitude, latitude]);
+            }
+        }
+    }
+
+    fn has_samples(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
+        rows.clone().any(|row| self.row(row, columns).iter().any(|height| !height.is_nan()))
+    }
+}
+
+/// Runs of neighbours that lie in a tile each, by the column or row of the tile.
+fn runs<I: Iterator<Item = u32>>(
+    at: &[f64],
+    tiles_of: impl Fn(f64) -> I,
+) -> Vec<(u32, Range<usize>)> {
+    let mut runs: Vec<(u32, Range<usize>)> = Vec::new();
+    for (index, &degrees) in at.iter().enumerate() {
+        for tile in tiles_of(degrees) {
+            // Of those that go on, the last three at the most are not over.
+            match runs.iter_mut().rev().take(3).find(|(known, _)| *known == tile) {
+                Some((_, run)) => run.end = index + 1,
+                None => runs.push((tile, index..index + 1)),
+            }
+        }
+    }
+    runs
+}
+
+/// A level above a window.
+struct Level<'a> {
+    window: &'a Window<'a>,
+    level: u8,
+    facets: &'a Cache<Facets>,
+    under: &'a Mutex<Vec<Under>>,
+    found: &'a mut Found,
+}
+
+impl Level<'_> {
+    fn measure(&mut self) -> Result<()> {
+        let (window, level) = (self.window, self.level);
+        let columns = runs(&window.longitudes, |at| TileId::columns_of(level, at));
+        for (y, rows) in runs(&window.latitudes, |at| TileId::rows_of(level, at)) {
+            window.context.cancel.check()?;
+            for (x, columns) in &columns {
+                self.tile(TileId { level, y, x: *x }, &rows, columns)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn tile(&mut self, id: TileId, rows: &Range<usize>, columns: &Range<usize>) -> Result<()> {
+        let context = self.window.context;
+        if !self.window.has_samples(rows, columns) {
+            return Ok(());
+        }
+        let Some(number) = context.tiles.find_one(id) else {
+            self.found.miss(id);
+            return Ok(());
+        };
+        let facets = self.facets_of(id)?;
+        let under = self.samples(id, &facets, rows, columns);
+        let mut all = lock(self.under);
+        let known = &mut all[number];
+        known.count += under.count;
+        known.far = farther(known.far, under.far);
+        Ok(())
+    }
+
+    fn facets_of(&self, id: TileId) -> Result<Arc<Facets>> {
+        self.facets.get(id, || {
+            let tile = self.window.context.read(id)?;
+            let facets = Facets::new(&tile, &Facets::positions(id, &tile));
+            let bytes = facets.bytes();
+            Ok((facets, bytes))
+        })
+    }
+
+    fn samples(
+        &mut self,
+        id: TileId,
+        facets: &Facets,
+        rows: &Range<usize>,
+        columns: &Range<usize>,
+    ) -> Under {
+        let (window, level) = (self.window, &mut self.found.levels[usize::from(self.level)]);
+        let limit = window.context.limit(self.level);
+        let meridians = &window.meridians[columns.clone()];
+        let (mut under, mut from, mut squares, mut over) = (Under::default(), 0, 0.0, 0);
+        for row in rows.clone() {
+            let parallel = &window.parallels[row];
+            let seen = facets.row(&mut from, parallel, meridians, window.row(row, columns), limit);
+            under.count += seen.count;
+            over += seen.over;
+            squares += seen.squares;
+            let far = seen.most.map(|(distance, index)| {
+                let col = window.rect.col + (columns.start + index) as u32;
+                Far { distance, sample: [window.rect.row + row as u32, col] }
+            });
+            under.far = farther(under.far, far);
+        }
+        level.samples += under.count;
+        level.over += over;
+        level.squares.add(squares);
+        self.found.faults.add(Fault::OverTolerance, over, id);
+        under
+    }
+}
+
+/// The farther of two samples, and of those as far the first in the raster.
+pub(super) fn farther(a: Option<Far>, b: Option<Far>) -> Option<Far> {
+    a.into_iter().chain(b).reduce(|a, b| {
+        let is_b = b.distance.total_cmp(&a.distance).then(a.sample.cmp(&b.sample)).is_gt();
+        if is_b { b } else { a }
+    })
+}

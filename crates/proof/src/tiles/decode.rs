@@ -1,0 +1,256 @@
+//! One tile from its bytes (quantized-mesh 1.0, little-endian, unpacked). What cannot be read so is an error with
+//! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
+
+use super::tiling::{Side, TileId};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// The largest u, v and height of a vertex.
+pub const LAST: u16 = 32_767;
+
+/// Most vertices with indices of 16 bits.
+const MOST_SHORT: usize = 1 << 16;
+
+/// A tile as it is stored.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tile {
+    /// Earth-centred middle of the tile.
+    pub centre: [f64; 3],
+    /// Heights that 0 and [`LAST`] stand for.
+    pub heights: [f32; 2],
+    /// Middle and radius of the bounding sphere.
+    pub sphere: ([f64; 3], f64),
+    /// Horizon occlusion point, on an ellipsoid scaled to a sphere of radius 1.
+    pub horizon: [f64; 3],
+    /// u, v and height of each vertex.
+    pub vertices: Vec<[u16; 3]>,
+    /// Vertices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Vertices said to be on each side, in the order of [`Side::ALL`].
+    pub sides: [Vec<u32>; 4],
+    /// Normals of vertices, oct-encoded.
+    pub normals: Option<Vec<[u8; 2]>>,
+    /// True when there is a water mask.
+    pub has_water: bool,
+    /// Metadata, as text that is meant to be JSON.
+    pub metadata: Option<Vec<u8>>,
+}
+
+impl Tile {
+    /// Reads a tile of `most` vertices at the most.
+    ///
+    /// # Errors
+    /// Bad input with the byte: counts that the bytes do not hold, indices of vertices that are not there,
+    /// coordinates out of their range, numbers that are not finite, extensions of a wrong length or there twice,
+    /// bytes left over. Resource: more vertices.
+    pub fn read(bytes: &[u8], most: usize) -> Result<Self> {
+        let mut from = Cursor { bytes, at: 0 };
+        let mut tile = Self { centre: from.point()?, ..Self::default() };
+        tile.heights = [from.float()?, from.float()?];
+        tile.sphere = (from.point()?, from.double()?);
+        tile.horizon = from.point()?;
+        let count = from.count(6, "vertices")?;
+        if count > most {
+            let message = format!("has {count} vertices, and {most} fit into memory");
+            return Err(Error::new(ErrorKind::Resource, message).remedy("raise --memory"));
+        }
+        tile.vertices = from.vertices(count)?;
+        from.skip_to(if count > MOST_SHORT { 4 } else { 2 })?;
+        tile.triangles = from.triangles(count)?;
+        for side in &mut tile.sides {
+            *side = from.indices(count)?;
+        }
+        while from.at < bytes.len() {
+            from.extension(&mut tile)?;
+        }
+        Ok(tile)
+    }
+
+    /// Height of a vertex in metres: exact where the heights are on a lattice.
+    pub fn height(&self, vertex: [u16; 3]) -> f64 {
+        let [low, high] = self.heights.map(f64::from);
+        low + f64::from(vertex[2]) * (high - low) / f64::from(LAST)
+    }
+
+    /// Longitude and latitude of a vertex in degrees.
+    pub fn place(id: TileId, vertex: [u16; 3]) -> [f64; 2] {
+        let [west, south, east, north] = id.bounds();
+        let part = |at: u16, low: f64, high: f64| match at {
+            LAST => high,
+            at => low + f64::from(at) / f64::from(LAST) * (high - low),
+        };
+        [part(vertex[0], west, east), part(vertex[1], south, north)]
+    }
+
+    /// True where a vertex lies on a side.
+    pub fn is_on(vertex: [u16; 3], side: Side) -> bool {
+        match side {
+            Side::West => vertex[0] == 0,
+            Side::South => vertex[1] == 0,
+            Side::East => vertex[0] == LAST,
+            Side::North => vertex[1] == LAST,
+        }
+    }
+}
+
+/// Bytes and how far they are read.
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        let Some(taken) = rest.get(..length) else {
+            let left = rest.len();
+            let message = format!("{what} would take {length} bytes, and {left} are left");
+            return Err(self.bad(message));
+        };
+        self.at += length;
+        Ok(taken)
+    }
+
+    fn bad(&self, message: String) -> Error {
+        Error::bad_input(message).at(format!("byte {}", self.at))
+    }
+
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let mut out = [0; N];
+        out.copy_from_slice(self.take(N, what)?);
+        Ok(out)
+    }
+
+    fn finite(&self, value: f64) -> Result<f64> {
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(self.bad(format!("a number of the header is {value}"))),
+        }
+    }
+
+    fn double(&mut self) -> Result<f64> {
+        let value = f64::from_le_bytes(self.array("the header")?);
+        self.finite(value)
+    }
+
+    fn float(&mut self) -> Result<f32> {
+        let value = f32::from_le_bytes(self.array("the header")?);
+        self.finite(f64::from(value)).map(|_| value)
+    }
+
+    fn point(&mut self) -> Result<[f64; 3]> {
+        Ok([self.double()?, self.double()?, self.double()?])
+    }
+
+    /// A count of things of so many bytes each that follow.
+    fn count(&mut self, bytes: usize, what: &str) -> Result<usize> {
+        let count = u32::from_le_bytes(self.array(what)?);
+        let left = self.bytes.len() - self.at;
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        match count.checked_mul(bytes) {
+            Some(needed) if needed <= left => Ok(count),
+            _ => Err(self.bad(format!("{count} {what} do not fit into the {left} bytes left"))),
+        }
+    }
+
+    /// Three runs of differences, zig-zag coded.
+    fn vertices(&mut self, count: usize) -> Result<Vec<[u16; 3]>> {
+        let mut vertices = vec![[0; 3]; count];
+        for (axis, name) in ["u", "v", "height"].into_iter().enumerate() {
+            let mut value = 0i32;
+            for (number, vertex) in vertices.iter_mut().enumerate() {
+                let code = i32::from(u16::from_le_bytes(self.array(name)?));
+                value += (code >> 1) ^ -(code & 1);
+                let found = u16::try_from(value).ok().filter(|&found| found <= LAST);
+                vertex[axis] = found.ok_or_else(|| {
+                    self.bad(format!("{name} of vertex {number} is {value}, not 0 to {LAST}"))
+                })?;
+            }
+        }
+        Ok(vertices)
+    }
+
+    fn skip_to(&mut self, multiple: usize) -> Result<()> {
+        let padding = self.at.next_multiple_of(multiple) - self.at;
+        self.take(padding, "the padding").map(drop)
+    }
+
+    /// One index of `count` vertices, of 16 or 32 bits.
+    fn code(&mut self, count: usize) -> Result<u32> {
+        match count > MOST_SHORT {
+            true => Ok(u32::from_le_bytes(self.array("an index")?)),
+            false => Ok(u32::from(u16::from_le_bytes(self.array("an index")?))),
+        }
+    }
+
+    fn index_of(&self, index: u32, count: usize) -> Result<u32> {
+        match (index as usize) < count {
+            true => Ok(index),
+            false => Err(self.bad(format!("names vertex {index} of {count}"))),
+        }
+    }
+
+    /// Triangles, as differences to the highest index so far.
+    fn triangles(&mut self, count: usize) -> Result<Vec<[u32; 3]>> {
+        let bytes = if count > MOST_SHORT { 12 } else { 6 };
+        let mut triangles = vec![[0; 3]; self.count(bytes, "triangles")?];
+        let mut highest = 0u32;
+        for index in triangles.as_flattened_mut() {
+            let code = self.code(count)?;
+            let value = highest.checked_sub(code).ok_or_else(|| {
+                self.bad(format!("an index is {code} below the highest so far, {highest}"))
+            })?;
+            *index = self.index_of(value, count)?;
+            highest += u32::from(code == 0);
+        }
+        Ok(triangles)
+    }
+
+    fn indices(&mut self, count: usize) -> Result<Vec<u32>> {
+        let bytes = if count > MOST_SHORT { 4 } else { 2 };
+        let mut indices = vec![0; self.count(bytes, "vertices of a side")?];
+        for index in &mut indices {
+            let code = self.code(count)?;
+            *index = self.index_of(code, count)?;
+        }
+        Ok(indices)
+    }
+
+    fn extension(&mut self, tile: &mut Tile) -> Result<()> {
+        let at = self.at;
+        let [id] = self.array("an extension")?;
+        let length = self.count(1, "bytes of an extension")?;
+        let bytes = self.take(length, "an extension")?;
+        let fail = |message: String| Err(Error::bad_input(message).at(format!("byte {at}")));
+        let is_twice = match id {
+            1 if length != 2 * tile.vertices.len() => {
+                let count = tile.vertices.len();
+                return fail(format!("the normals of {count} vertices have {length} bytes"));
+            }
+            1 => tile.normals.replace(bytes.as_chunks().0.to_vec()).is_some(),
+            2 if length != 1 && length != 1 << 16 => {
+                return fail(format!("a water mask has {length} bytes, not 1 or 65536"));
+            }
+            2 => std::mem::replace(&mut tile.has_water, true),
+            4 => {
+                let mut inner = Cursor { bytes, at: 0 };
+                let text = inner.count(1, "bytes of metadata").and_then(|length| {
+                    let text = inner.take(length, "metadata")?;
+                    match inner.at == bytes.len() {
+                        true => Ok(text),
+                        false => Err(inner.bad("bytes are left over after metadata".to_owned())),
+                    }
+                });
+                match text {
+                    Ok(text) => tile.metadata.replace(text.to_vec()).is_some(),
+                    Err(e) => return Err(Error::bad_input(e.to_string()).at(format!("byte {at}"))),
+                }
+            }
+            // Readers pass over what they do not know.
+            _ => false,
+        };
+        if is_twice {
+            return fail(format!("extension {id} is there twice"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! Arithmetic on the WGS 84 ellipsoid. Longitudes and latitudes in degrees, heights and positions in metres.
+
+/// Half the longer axis.
+pub(super) const A: f64 = 6_378_137.0;
+/// Flattening.
+const F: f64 = 1.0 / 298.257_223_563;
+/// Half the shorter axis.
+pub(super) const B: f64 = A * (1.0 - F);
+/// Square of the first eccentricity.
+const E2: f64 = F * (2.0 - F);
+
+/// A point or direction, earth-centred.
+pub(super) type Vector = [f64; 3];
+
+/// Cosine and sine of a longitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Meridian {
+    pub(super) cos: f64,
+    pub(super) sin: f64,
+}
+
+impl Meridian {
+    /// Of a longitude in degrees.
+    pub fn at(longitude: f64) -> Self {
+        let (sin, cos) = longitude.to_radians().sin_cos();
+        Self { cos, sin }
+    }
+
+    /// The direction to the east.
+    pub(super) fn east(self) -> Vector {
+        [-self.sin, self.cos, 0.0]
+    }
+}
+
+/// What all places of a latitude have in common.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Parallel {
+    pub(super) cos: f64,
+    pub(super) sin: f64,
+    /// From the ellipsoid along the normal to the axis.
+    pub(super) radius: f64,
+    /// How far up that point of the axis is from the centre, downwards.
+    pub(super) drop: f64,
+}
+
+impl Parallel {
+    /// Of a latitude in degrees.
+    pub fn at(latitude: f64) -> Self {
+        let (sin, cos) = latitude.to_radians().sin_cos();
+        let radius = A / (1.0 - E2 * sin * sin).sqrt();
+        Self { cos, sin, radius, drop: radius * E2 * sin }
+    }
+
+    /// The normal of the ellipsoid.
+    pub(super) fn normal(&self, at: Meridian) -> Vector {
+        [self.cos * at.cos, self.cos * at.sin, self.sin]
+    }
+
+    /// The direction to the north.
+    pub(super) fn north(&self, at: Meridian) -> Vector {
+        [-self.sin * at.cos, -self.sin * at.sin, self.cos]
+    }
+
+    /// A position at a height.
+    pub(super) fn position(&self, at: Meridian, height: f64) -> Vector {
+        let [x, y, z] = self.normal(at);
+        let far = self.radius + height;
+        [far * x, far * y, far * z - self.drop]
+    }
+}
+
+/// Earth-centred position of a longitude, latitude and height.
+pub fn position(longitude: f64, latitude: f64, height: f64) -> [f64; 3] {
+    Parallel::at(latitude).position(Meridian::at(longitude), height)
+}
+
+pub(super) fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(super) fn plus(a: Vector, b: Vector) -> Vector {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+pub(super) fn length(a: Vector) -> f64 {
+    dot(a, a).sqrt()
+}

@@ -1,0 +1,227 @@
+//! The surface of a tile as a viewer draws it, and the vertical distances of samples from it.
+//!
+//! The triangle that the normal at a sample meets is found by walking: across a side that the normal passes on the
+//! outside, until there is none; beyond the border of the tile the last triangle counts. Which side of an edge a
+//! normal passes is the sign of a determinant of the edge's ends and the normal; along a parallel that is a sum of
+//! a cosine and a sine with constant factors, and so is the height at which the normal meets the plane of the
+//! triangle. Both triangles of an edge compute the same number with other signs, so a walk does not go to and fro.
+
+use super::decode::Tile;
+use super::ellipsoid::{Meridian, Parallel, Vector, cross, dot, minus, plus};
+use super::tiling::TileId;
+
+/// No triangle beside.
+const NONE: u32 = u32::MAX;
+
+/// Bytes that a vertex and its two triangles take here, while they are made.
+pub const BYTES_PER_VERTEX: usize =
+    2 * size_of::<Facet>() + size_of::<Vector>() + 6 * size_of::<[u32; 3]>();
+
+/// A triangle.
+#[derive(Clone, Debug)]
+struct Facet {
+    /// Of each side, what the normal is multiplied with for the determinant.
+    sides: [Vector; 3],
+    /// x and y of each side, for the part of the determinant that comes of the ellipsoid being no sphere.
+    flat: [[f64; 2]; 3],
+    /// Normal of its plane, and what it gives with any place of the plane.
+    plane: (Vector, f64),
+    /// The triangles beside, by side.
+    beside: [u32; 3],
+}
+
+/// The triangles of a tile, in space.
+#[derive(Clone, Debug)]
+pub struct Facets {
+    facets: Vec<Facet>,
+}
+
+/// What a run of samples comes to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Samples with a height.
+    pub count: u64,
+    /// Those further from the surface than a limit.
+    pub over: u64,
+    /// Sum of the squares of their distances.
+    pub squares: f64,
+    /// The largest distance, and which sample of the run it is, the first of several.
+    pub most: Option<(f64, usize)>,
+}
+
+/// A triangle on a parallel: what the determinants of its sides, and its plane, have as factors there.
+struct Row {
+    sides: [[f64; 3]; 3],
+    plane: [f64; 4],
+    radius: f64,
+}
+
+impl Facets {
+    /// Those of a tile; `positions` are those of its vertices.
+    pub fn new(tile: &Tile, positions: &[Vector]) -> Self {
+        let origin = positions.first().copied().unwrap_or_default();
+        let mut facets: Vec<_> = tile
+            .triangles
+            .iter()
+            .map(|corners| Facet::new(corners.map(|corner| positions[corner as usize]), origin))
+            .collect();
+        let around = (0u32..).zip(&tile.triangles).flat_map(|(number, &[a, b, c])| {
+            let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
+            [side(0, a, b), side(1, b, c), side(2, c, a)]
+        });
+        let mut all: Vec<_> = around.collect();
+        all.sort_unstable();
+        for same in all.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, one, at), (_, other, there)] = *same {
+                facets[one as usize].beside[at] = other;
+                facets[other as usize].beside[there] = one;
+            }
+        }
+        facets.iter_mut().for_each(Facet::open_borders);
+        Self { facets }
+    }
+
+    /// Positions of the vertices of a tile.
+    pub fn positions(id: TileId, tile: &Tile) -> Vec<Vector> {
+        let place = |&vertex: &[u16; 3]| {
+            let [longitude, latitude] = Tile::place(id, vertex);
+            Parallel::at(latitude).position(Meridian::at(longitude), tile.height(vertex))
+        };
+        tile.vertices.iter().map(place).collect()
+    }
+
+    /// Bytes that they take.
+    pub fn bytes(&self) -> usize {
+        self.facets.len() * size_of::<Facet>() + size_of::<Self>()
+    }
+
+    /// Measures the samples of a row at these longitudes; voids are NaN. `from` is the triangle where the search
+    /// begins, and becomes that of the first sample. A distance that is no number, because a triangle has no area,
+    /// is infinite.
+    pub fn row(
+        &self,
+        from: &mut u32,
+        parallel: &Parallel,
+        meridians: &[Meridian],
+        heights: &[f64],
+        limit: f64,
+    ) -> Seen {
+        let mut seen = Seen::default();
+        let mut now = *from;
+        let Some(facet) = self.facets.get(now as usize) else { return seen };
+        let mut row = facet.on(parallel);
+        for (index, (&at, &height)) in meridians.iter().zip(heights).enumerate() {
+            if height.is_nan() {
+                continue;
+            }
+            if !row.has(at) {
+                now = self.walk(now, parallel, at);
+                row = self.facets[now as usize].on(parallel);
+            }
+            if seen.count == 0 {
+                *from = now;
+            }
+            seen.add(index, (row.height(at) - height).abs(), limit);
+        }
+        seen
+    }
+
+    /// The triangle that the normal meets, or the last one before the border.
+    fn walk(&self, from: u32, parallel: &Parallel, at: Meridian) -> u32 {
+        let mut now = from;
+        for step in 0..=self.facets.len() {
+            let facet = &self.facets[now as usize];
+            let row = facet.on(parallel);
+            // Not the same side first every time: a walk could go round in circles.
+            let sides = (0..3).map(|k| (step + k) % 3);
+            let mut out = sides.filter(|&k| row.side(k, at) < 0.0);
+            match out.next() {
+                Some(side) => now = facet.beside[side],
+                None => return now,
+            }
+        }
+        self.search(parallel, at).unwrap_or(now)
+    }
+
+    /// The same by looking at every triangle.
+    fn search(&self, parallel: &Parallel, at: Meridian) -> Option<u32> {
+        self.facets
+            .iter()
+            .position(|facet| facet.on(parallel).has(at))
+            .and_then(|found| u32::try_from(found).ok())
+    }
+}
+
+impl Facet {
+    fn new(corners: [Vector; 3], origin: Vector) -> Self {
+        let [a, b, c] = corners.map(|corner| minus(corner, origin));
+        let side = |from: Vector, to: Vector| {
+            // Seen from the origin, so that no digits are lost: from x to, less (from - to) x the foot of the normal.
+            plus(cross(from, to), cross(minus(from, to), origin))
+        };
+        let flat = |from: Vector, to: Vector| [from[0] - to[0], from[1] - to[1]];
+        let normal = cross(minus(b, a), minus(c, a));
+        Self {
+            sides: [side(a, b), side(b, c), side(c, a)],
+            flat: [flat(a, b), flat(b, c), flat(c, a)],
+            plane: (normal, dot(normal, a) + dot(normal, origin)),
+            beside: [NONE; 3],
+        }
+    }
+
+    /// Nothing is beyond a side without a triangle beside: every normal passes it on the inside.
+    fn open_borders(&mut self) {
+        for k in 0..3 {
+            if self.beside[k] == NONE {
+                (self.sides[k], self.flat[k]) = ([0.0; 3], [0.0; 2]);
+            }
+        }
+    }
+
+    /// Its factors on a parallel.
+    fn on(&self, parallel: &Parallel) -> Row {
+        let &Parallel { cos, sin, radius, drop } = parallel;
+        let side = |k: usize| {
+            let ([x, y, z], [along_x, along_y]) = (self.sides[k], self.flat[k]);
+            [cos * (x + drop * along_y), cos * (y - drop * along_x), sin * z]
+        };
+        let (normal, level) = self.plane;
+        let rest = level - normal[2] * (radius * sin - drop);
+        Row {
+            sides: [side(0), side(1), side(2)],
+            plane: [cos * normal[0], cos * normal[1], sin * normal[2], rest],
+            radius,
+        }
+    }
+}
+
+impl Row {
+    /// Above zero where the normal passes a side on the inside.
+    fn side(&self, k: usize, at: Meridian) -> f64 {
+        let [x, y, rest] = self.sides[k];
+        x * at.cos + y * at.sin + rest
+    }
+
+    fn has(&self, at: Meridian) -> bool {
+        (0..3).all(|k| self.side(k, at) >= 0.0)
+    }
+
+    /// The height at which the normal meets the plane.
+    fn height(&self, at: Meridian) -> f64 {
+        let [x, y, z, rest] = self.plane;
+        let across = x * at.cos + y * at.sin;
+        (rest - self.radius * across) / (across + z)
+    }
+}
+
+impl Seen {
+    fn add(&mut self, index: usize, distance: f64, limit: f64) {
+        let distance = if distance.is_nan() { f64::INFINITY } else { distance };
+        self.count += 1;
+        self.over += u64::from(distance > limit);
+        self.squares += distance * distance;
+        if self.most.is_none_or(|(most, _)| distance > most) {
+            self.most = Some((distance, index));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! What can be wrong with a set of tiles, how often it was found and where first.
+
+use super::tiling::TileId;
+
+/// What is proved of a set of tiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Check {
+    /// Each tile by itself.
+    Structure,
+    /// Samples against surfaces.
+    Samples,
+    /// Tiles beside each other on one level.
+    Borders,
+    /// Tiles beside those of the next coarser level.
+    Levels,
+    /// Spheres, horizons and ranges of heights.
+    Containment,
+    /// Which tiles there are, and what `layer.json` says of them.
+    Index,
+}
+
+impl Check {
+    /// All of them with their names, in the order of reports.
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::Structure, "structure"),
+        (Self::Samples, "samples"),
+        (Self::Borders, "borders"),
+        (Self::Levels, "levels"),
+        (Self::Containment, "containment"),
+        (Self::Index, "index"),
+    ];
+}
+
+macro_rules! faults {
+    ($($name:ident $check:ident $what:literal;)*) => {
+        /// Something wrong with a set of tiles.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(missing_docs)]
+        pub enum Fault {
+            $($name,)*
+        }
+
+        impl Fault {
+            /// All of them, with what they belong to and what they are called.
+            pub const ALL: &'static [(Self, Check, &'static str)] =
+                &[$((Self::$name, Check::$check, $what),)*];
+        }
+    };
+}
+
+faults! {
+    Clockwise Structure "clockwise triangles";
+    Flat Structure "triangles without area";
+    Cracks Structure "edges of one triangle inside a tile (cracks, T-junctions)";
+    Tangled Structure "edges of more than two triangles, or passed twice in one direction";
+    BrokenSides Structure "sides of tiles that edges do not follow from vertex to vertex, corner to corner";
+    Uncovered Structure "tiles whose triangles do not have the area of the tile";
+    Duplicates Structure "vertices beyond the first at one place";
+    Unused Structure "vertices of no triangle";
+    SideLists Structure "lists of the vertices of a side that are not those";
+    Normals Structure "normals that do not point outwards";
+    NoNormals Structure "tiles without the normals that layer.json announces";
+    NoMetadata Structure "tiles without the metadata that layer.json announces";
+    OverTolerance Samples "samples further from the surface than the tolerance of the level";
+    OverRecorded Samples "tiles with a larger error than they record";
+    Reckless Samples "tiles that record a larger error than the tolerance of the level";
+    LevelError Samples "levels with a larger error than layer.json states";
+    NoError Samples "tiles that record no error";
+    Differing Borders "borders with other vertices or heights on one side than on the other";
+    OffLattice Borders "vertices whose height is no whole number of the steps of the level";
+    WrongStep Borders "tiles whose own step of heights is no part of the step of the level";
+    Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
+    Sphere Containment "vertices outside of the bounding sphere";
+    Range Containment "tiles whose least height is above the largest";
+    Centre Containment "tiles whose centre is not near them";
+    Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
+    Spikes Containment "tiles with vertices lower or higher than all samples";
+    Missing Index "tiles that are not there and have samples";
+    Superfluous Index "tiles that are there and have no sample";
+    NoRoot Index "roots that are not there";
+    NotAvailable Index "tiles that layer.json does not name as available";
+    NotThere Index "tiles that layer.json names as available and that are not there";
+    NamedTwice Index "tiles that layer.json names as available twice";
+    Bounds Index "layer.json has bounds that do not hold all samples";
+    BeyondWorld Index "layer.json has bounds beyond the world";
+    Assumed Index "levels with a larger tolerance than clients assume";
+    Counts Index "levels with another number of tiles than layer.json states";
+    Stray Index "files that are neither layer.json nor a tile";
+}
+
+/// How often something was found, and the first tile.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Count {
+    /// How often.
+    pub count: u64,
+    /// The first in the order of tiles.
+    pub first: Option<TileId>,
+}
+
+impl Count {
+    fn add(&mut self, count: u64, at: Option<TileId>) {
+        if count > 0 {
+            self.count = self.count.saturating_add(count);
+            self.first = self.first.into_iter().chain(at).min();
+        }
+    }
+}
+
+/// All that was found. The same whatever the order it was found in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Faults(Vec<Count>);
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self(vec![Count::default(); Fault::ALL.len()])
+    }
+}
+
+impl Faults {
+    /// Adds what was found `count` times in a tile.
+    pub fn add(&mut self, fault: Fault, count: u64, at: impl Into<Option<TileId>>) {
+        self.0[fault as usize].add(count, at.into());
+    }
+
+    /// What was found of one kind.
+    pub fn of(&self, fault: Fault) -> Count {
+        self.0[fault as usize]
+    }
+
+    /// Adds what was found elsewhere.
+    pub fn merge(&mut self, other: &Self) {
+        for (mine, theirs) in self.0.iter_mut().zip(&other.0) {
+            mine.add(theirs.count, theirs.first);
+        }
+    }
+
+    /// All that was found of a check, with its name.
+    pub fn found(&self, check: Check) -> impl Iterator<Item = (Fault, &'static str, Count)> + '_ {
+        let all = Fault::ALL.iter().zip(&self.0);
+        all.filter(move |((_, own, _), count)| *own == check && count.count > 0)
+            .map(|((fault, _, what), count)| (*fault, *what, *count))
+    }
+}

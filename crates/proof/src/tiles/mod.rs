@@ -1,0 +1,36 @@
+//! Proof of terrain tiles (quantized-mesh 1.0 in a geodetic pyramid): their structure, how far samples are from
+//! what a viewer makes of them, and how they fit together.
+//!
+//! A viewer places a vertex by its u, v and height on the WGS 84 ellipsoid and draws flat triangles between
+//! such places. The distance of a sample is measured along the normal of the ellipsoid at the sample: the
+//! triangle that this line meets need not be the one that has the sample in (u, v), as chords bow, and its
+//! height there is lower by the sag of the chord. [`Facets`] find both exactly as far as `f64` goes.
+
+mod border;
+mod contain;
+mod decode;
+mod ellipsoid;
+mod facets;
+mod fault;
+mod structure;
+mod tiling;
+
+pub use border::{Chain, gap, lattice};
+pub use contain::contain;
+pub use decode::{LAST, Tile};
+pub use ellipsoid::{Meridian, Parallel, position};
+pub use facets::{BYTES_PER_VERTEX, Facets, Seen};
+pub use fault::{Check, Count, Fault, Faults};
+pub use structure::structure;
+pub use tiling::{MOST_LEVEL, Side, TileId, columns, rows};
+
+/// What clients take for the error of level 0, in metres; each level has half of the one before.
+pub const ERROR_OF_ROOT: f64 = 77_067.34;
+
+/// What clients take for the error of a level, in metres.
+pub fn assumed_error(level: u8) -> f64 {
+    ERROR_OF_ROOT / 2f64.powi(i32::from(level))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,137 @@
+//! The geodetic tiling: level z has 2^(z+1) columns from -180 degrees and 2^z rows from the south pole.
+
+use std::fmt;
+
+/// The finest level there may be: all borders of tiles are exact in `f64`, and columns fit in 32 bits.
+pub const MOST_LEVEL: u8 = 30;
+
+/// A tile by its level, column and row. Sorted by level, then row from the south, then column.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TileId {
+    /// Level, 0 the coarsest.
+    pub level: u8,
+    /// Row, from the south.
+    pub y: u32,
+    /// Column, from the west.
+    pub x: u32,
+}
+
+/// A side of a tile, in the order of the format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Side {
+    West,
+    South,
+    East,
+    North,
+}
+
+impl Side {
+    /// All of them, in the order of the format.
+    pub const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
+
+    /// The same border seen from the tile beside.
+    pub fn opposite(self) -> Self {
+        match self {
+            Self::West => Self::East,
+            Self::South => Self::North,
+            Self::East => Self::West,
+            Self::North => Self::South,
+        }
+    }
+
+    /// True where longitude is the same all along.
+    pub fn is_meridian(self) -> bool {
+        matches!(self, Self::West | Self::East)
+    }
+}
+
+impl fmt::Display for TileId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}/{}", self.level, self.x, self.y)
+    }
+}
+
+impl TileId {
+    /// The tile of column `x` and row `y`; `None` beyond the last ones, or [`MOST_LEVEL`].
+    pub fn new(level: u8, x: u32, y: u32) -> Option<Self> {
+        let is_there = level <= MOST_LEVEL && x < columns(level) && y < rows(level);
+        is_there.then_some(Self { level, y, x })
+    }
+
+    /// West, south, east and north in degrees, exact.
+    pub fn bounds(self) -> [f64; 4] {
+        let side = side(self.level);
+        let [x, y] = [self.x, self.y].map(f64::from);
+        let (west, south) = (x * side - 180.0, y * side - 90.0);
+        [west, south, west + side, south + side]
+    }
+
+    /// The tile beside it on its level; none beyond the poles and the antimeridian.
+    pub fn beside(self, side: Side) -> Option<Self> {
+        let Self { level, x, y } = self;
+        match side {
+            Side::West => Self::new(level, x.checked_sub(1)?, y),
+            Side::South => Self::new(level, x, y.checked_sub(1)?),
+            Side::East => Self::new(level, x + 1, y),
+            Side::North => Self::new(level, x, y + 1),
+        }
+    }
+
+    /// The tile of the next coarser level that it lies in.
+    pub fn parent(self) -> Option<Self> {
+        Self::new(self.level.checked_sub(1)?, self.x / 2, self.y / 2)
+    }
+
+    /// The tile of the next coarser level on the other side of a border, where that border is one of that
+    /// level, too.
+    pub fn coarser_beside(self, side: Side) -> Option<Self> {
+        let parent = self.parent()?;
+        let [is_east, is_north] = [self.x, self.y].map(|at| at % 2 == 1);
+        let is_outer = match side {
+            Side::West => !is_east,
+            Side::East => is_east,
+            Side::South => !is_north,
+            Side::North => is_north,
+        };
+        parent.beside(side).filter(|_| is_outer)
+    }
+
+    /// The rows of tiles of a level that have a latitude, borders included.
+    pub fn rows_of(level: u8, latitude: f64) -> impl Iterator<Item = u32> {
+        around(level, latitude + 90.0).filter(move |&y| {
+            let bounds = Self::new(level, 0, y).map(Self::bounds);
+            bounds.is_some_and(|[_, south, _, north]| (south..=north).contains(&latitude))
+        })
+    }
+
+    /// The columns of tiles of a level that have a longitude, borders included.
+    pub fn columns_of(level: u8, longitude: f64) -> impl Iterator<Item = u32> {
+        around(level, longitude + 180.0).filter(move |&x| {
+            let bounds = Self::new(level, x, 0).map(Self::bounds);
+            bounds.is_some_and(|[west, _, east, _]| (west..=east).contains(&longitude))
+        })
+    }
+}
+
+/// Columns of a level.
+pub fn columns(level: u8) -> u32 {
+    2 << level
+}
+
+/// Rows of a level.
+pub fn rows(level: u8) -> u32 {
+    1 << level
+}
+
+/// Degrees of a side of a tile, exact.
+fn side(level: u8) -> f64 {
+    180.0 / f64::from(rows(level))
+}
+
+/// Numbers of tiles that may hold what is so many degrees from the first.
+fn around(level: u8, degrees: f64) -> impl Iterator<Item = u32> {
+    // Rounds to nearest and saturates: what is next to it is looked at, too.
+    let near = (degrees / side(level)) as u32;
+    near.saturating_sub(1)..=near.saturating_add(1)
+}

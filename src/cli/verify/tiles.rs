@@ -1,0 +1,95 @@
+//! `terrane verify` on terrain tiles.
+
+use crate::cli::shared::{Outcome, check, many, report, text};
+use crate::cli::verify::args::Args;
+use crate::cli::verify::told;
+use crate::error::{Error, Result};
+use crate::files::name_of;
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::verify::tiles::{
+    CheckReport, LevelReport, TilesVerifyJob, TilesVerifyReport, verify_tiles,
+};
+use crate::raster;
+
+pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    refuse(args)?;
+    let resources = args.machine.resources();
+    let options = args.grid.open_options(&resources);
+    let Sifted { names, skipped } =
+        args.many.take(&args.source, many::Kind::Grids(&options), &resources)?;
+    let args = &Args { source: names, ..args.clone() };
+    args.grid.check_all(&args.source)?;
+    let mut read = args.grid.read_with(raster::files(&args.source)?);
+    read.push(name_of(args.mesh.clone())?);
+    check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
+    let job = TilesVerifyJob {
+        tiles: args.mesh.clone(),
+        raster: args.source.clone().into(),
+        reading: args.grid.reading(None),
+        resources,
+    };
+    let report = verify_tiles(&job, args.show.progress().as_ref(), cancel)?;
+    let whole = report::WithSkipped { report: &report, skipped: &skipped };
+    told::finish(args, &whole, &report.verdict, || summary(&report))
+}
+
+/// Refuses what tiles are not held to.
+fn refuse(args: &Args) -> Result<()> {
+    let of_lines = args.lines.given();
+    let option = of_lines.or(args.max_error.is_some().then_some("--max-error"));
+    if let Some(option) = option {
+        let what = if of_lines.is_some() { "simplified lines" } else { "meshes" };
+        return Err(Error::usage(format!("{option} is for {what}, and these are terrain tiles"))
+            .in_file(&args.mesh)
+            .remedy(format!("leave {option} out: layer.json states what tiles promise")));
+    }
+    args.refuse_of_meshes("these are terrain tiles")?;
+    args.points.refuse(&args.source[0])
+}
+
+/// A proof for people: the verdict, what failed, and the figures.
+fn summary(r: &TilesVerifyReport) -> String {
+    let verdict = told::in_words(&r.verdict);
+    let failures: String = r.verdict.failures.iter().map(|f| format!("  - {f}\n")).collect();
+    let sizes = [r.files, r.vertices, r.triangles].map(text::count);
+    let mut rows = vec![(
+        "tiles".to_owned(),
+        format!("{}, {} vertices, {} triangles", sizes[0], sizes[1], sizes[2]),
+    )];
+    rows.extend(r.checks.iter().map(|check| (check.check.to_owned(), judged(check))));
+    rows.extend(r.levels.iter().map(|level| (format!("level {}", level.level), of(level))));
+    let rate = text::rate(r.samples_per_second, "samples");
+    let took = report::took(&r.run, Some(rate), "");
+    rows.extend(took.into_iter().chain(report::notes(&r.notes)).map(|(k, v)| (k.to_owned(), v)));
+    format!("{verdict}\n{failures}{}", text::table(&rows))
+}
+
+fn judged(check: &CheckReport) -> String {
+    let faults: u64 = check.faults.iter().map(|fault| fault.count).sum();
+    let verdict = match faults {
+        0 => "nothing wrong".to_owned(),
+        count => format!("{} faults", text::count(count)),
+    };
+    format!("{verdict}; {}", check.looked_at)
+}
+
+/// A level on one line.
+fn of(level: &LevelReport) -> String {
+    let [error, allowed] =
+        [level.max_error.map_or("-".to_owned(), text::bound), text::number(level.tolerance)];
+    let gap = match (level.coarser_gap, level.coarser_gap_allowed) {
+        (Some(gap), Some(allowed)) => {
+            format!(", gap {} of {} to the coarser level", text::bound(gap), text::number(allowed))
+        }
+        _ => String::new(),
+    };
+    format!(
+        "{} tiles, error {error} of {allowed} m, RMSE {}; {} borders, {} differ, gap {}{gap}",
+        text::count(level.tiles),
+        text::height(level.rmse),
+        text::count(level.borders),
+        text::count(level.borders_differing),
+        level.gap.map_or("-".to_owned(), text::bound)
+    )
+}
