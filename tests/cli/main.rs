@@ -30,6 +30,7 @@ mod print;
 mod resume;
 mod shapes;
 mod synth;
+mod tiles;
 mod tin_angle;
 mod tin_bands;
 mod tin_breaklines;

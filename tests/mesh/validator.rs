@@ -57,7 +57,7 @@ fn home(name: &str) -> PathBuf {
         let name = package.split('@').next().unwrap();
         folder.join("node_modules").join(name).join("package.json").exists()
     };
-    if PACKAGES.iter().all(|package| is_there(&package)) {
+    if PACKAGES.iter().all(is_there) {
         return folder;
     }
     std::fs::create_dir_all(&folder).unwrap();

@@ -154,12 +154,11 @@ impl Edges {
     /// True when one of the edges that are asked for, and do not run along a row, goes through a sample.
     #[inline(always)]
     pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
-        let mut any = false;
-        for i in 0..3 {
+        let through = |i: usize| {
             let off = self.offsets[i] + self.slopes[i] * f64::from(row) - f64::from(col);
-            any |= asked[i] & (self.sides[i] != Side::Level) & (off.abs() <= SLACK);
-        }
-        any
+            asked[i] & (self.sides[i] != Side::Level) & (off.abs() <= SLACK)
+        };
+        through(0) | through(1) | through(2)
     }
 
     /// First and last decimated column of a decimated row; first > last when there is none.

@@ -1,0 +1,94 @@
+//! `terrane tiles`: proved by `verify`, the same bytes however they are made, and refused by name.
+
+use crate::cli_support::{Place, json};
+
+/// Heights of so many samples a side, a second of arc apart, with a void.
+fn grid(side: usize) -> String {
+    let height = |i: usize| match (i % side, i / side) {
+        (20..24, 30..40) => -9999.0,
+        (col, row) => {
+            ((col as f64 / 9.0).sin() + (row as f64 / 13.0).cos()) * 150.0 + (i % 7) as f64
+        }
+    };
+    let row = |row: usize| {
+        let all = (row * side..(row + 1) * side).map(|i| format!("{:.2}", height(i)));
+        all.collect::<Vec<_>>().join(" ")
+    };
+    let rows: Vec<_> = (0..side).map(row).collect();
+    format!(
+        "ncols {side}\nnrows {side}\nxllcenter 7.03\nyllcenter 46.02\ncellsize 0.000277777777777778\n\
+         NODATA_value -9999\n{}\n",
+        rows.join("\n")
+    )
+}
+
+fn place(side: usize) -> Place {
+    let place = Place::new();
+    place.write("dem.asc", grid(side)).write("dem.prj", "EPSG:4326");
+    place
+}
+
+#[test]
+fn every_level_is_proved_and_the_bytes_are_the_same() {
+    let place = place(150);
+    let made = json(&place.ok(&["tiles", "dem.asc", "one", "--threads", "1", "--json"]).out);
+    assert_eq!(made["levels"].as_array().unwrap().len(), 15, "{made}");
+    for level in made["levels"].as_array().unwrap() {
+        let [error, allowed] = ["error", "tolerance"].map(|key| level[key].as_f64().unwrap());
+        assert!(error <= allowed && level["tiles"].as_u64().unwrap() > 0, "{level}");
+    }
+    place.ok(&["tiles", "dem.asc", "two", "--threads", "2", "--memory", "96M", "-q"]);
+    for name in walk(&place, "one") {
+        assert_eq!(
+            place.bytes(&format!("one/{name}")),
+            place.bytes(&format!("two/{name}")),
+            "{name}"
+        );
+    }
+    assert_eq!(walk(&place, "one"), walk(&place, "two"));
+    let told = json(&place.ok(&["verify", "one", "dem.asc", "--json"]).out);
+    assert_eq!(told["passed"], true, "{told}");
+    place.ok(&[
+        "tiles",
+        "dem.asc",
+        "plain",
+        "--no-gzip",
+        "--no-normals",
+        "--max-level",
+        "11",
+        "-q",
+    ]);
+    place.ok(&["verify", "plain", "dem.asc", "-q"]);
+}
+
+/// All files below a folder.
+fn walk(place: &Place, folder: &str) -> Vec<String> {
+    let top = place.path(folder);
+    let (mut open, mut found) = (vec![top.clone()], Vec::new());
+    while let Some(path) = open.pop() {
+        for entry in std::fs::read_dir(&path).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => open.push(path),
+                false => found.push(path.strip_prefix(&top).unwrap().display().to_string()),
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+#[test]
+fn what_cannot_be_placed_on_the_globe_is_refused_by_name() {
+    let place = place(20);
+    place.write("plain.asc", grid(20));
+    place.fails(&["tiles", "plain.asc", "t"], 65, &["plain.asc", "where on the globe"]);
+    place.fails(&["tiles", "synth:rough,size=50", "t"], 65, &["EPSG:32631", "EPSG:4326"]);
+    place.write("far.asc", grid(20).replace("7.03", "179.999")).write("far.prj", "EPSG:4326");
+    place.fails(&["tiles", "far.asc", "t"], 65, &["far.asc", "180 degrees"]);
+    place.ok(&["tiles", "dem.asc", "t", "-q"]);
+    place.fails(&["tiles", "dem.asc", "t"], 73, &["t", "exists"]);
+    place.ok(&["tiles", "dem.asc", "t", "--overwrite", "-q"]);
+    place.write("t/mine.txt", "mine");
+    place.fails(&["tiles", "dem.asc", "t", "--overwrite"], 2, &["holds other files too"]);
+}
