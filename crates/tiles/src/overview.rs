@@ -457,13 +457,9 @@ mod tests {
             [[7.1, 45.8123], [7.9, 45.8123]],
             [[7.3, 45.5], [7.3, 46.5]],
         ] {
-            let all = |ground: &dyn Fn(&mut dyn FnMut([f64; 2], f64))| {
-                let mut all = Vec::new();
-                ground(&mut |place, height| all.push((place, height)));
-                all
-            };
-            let far = all(&|each| found.bends(ends, &mut |place, height| each(place, height)));
-            let near = all(&|each| patch.bends(ends, &mut |place, height| each(place, height)));
+            let (mut far, mut near) = (Vec::new(), Vec::new());
+            found.bends(ends, &mut |place, height| far.push((place, height)));
+            patch.bends(ends, &mut |place, height| near.push((place, height)));
             assert!(far.len() > 20);
             assert_eq!(far.len(), near.len());
             for (far, near) in far.iter().zip(&near) {
