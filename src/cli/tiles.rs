@@ -84,7 +84,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::not_inputs(&names, &[&args.output])?;
     check::not_among(args.grid.clip.as_slice(), &[&args.output])?;
     check::not_among(args.water.as_slice(), &[&args.output])?;
-    check::new_file(&args.output, args.overwrite)?;
+    atomic::refuse_existing(&args.output, args.overwrite)?;
     let job = TilesJob {
         reading: args.grid.reading(args.water.as_ref()),
         overwrite: args.overwrite,

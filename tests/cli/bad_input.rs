@@ -110,7 +110,8 @@ fn reporting() -> Vec<(Vec<String>, String)> {
         verbs.push((words.split(' ').map(str::to_owned).collect(), output.to_owned()));
     };
     let ending = |endings: &[&str]| format!("out.{}", endings[0]);
-    for format in terrane_mesh::FORMATS {
+    // LandXML has no degrees.
+    for format in terrane_mesh::FORMATS.iter().filter(|format| format.name != "LandXML") {
         let output = ending(format.extensions);
         add("tin dem.asc @ --max-error 1", &output);
         add("tin cloud:cloud.txt @ --max-error 1 --crs EPSG:4326", &output);
