@@ -3,7 +3,7 @@
 //! **Once over the grid**: its range, means for voids, a plane for each block of samples, and the samples along the
 //! borders of large tiles ([`terrane_tiles::Plan`]).
 //!
-//! **Near levels**: a *region* is a tile with at most [`REGION`] samples along a side. Its samples are read once, and
+//! **Near levels**: a *region* is a tile with at most 1,024 samples along a side. Its samples are read once, and
 //! all its tiles down to the deepest level are made of them. Regions are independent.
 //!
 //! **Far levels**: tiles that hold several regions are made of the overview, and measured by blocks; where a block
