@@ -104,7 +104,7 @@ impl Upright {
         Self::of(Turn::of(lon), lat, bend(lat))
     }
 
-    /// At a longitude and a latitude, whose [`bend`] is known.
+    /// At a longitude and a latitude, whose distance from the axis is known.
     #[inline]
     pub fn of(lon: Turn, lat: Turn, bend: f64) -> Self {
         Self { normal: Vector([lat.cos * lon.cos, lat.cos * lon.sin, lat.sin]), bend }
