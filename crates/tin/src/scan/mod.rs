@@ -54,11 +54,14 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
 }
 
 /// What a triangle measures, by the widest registers of this processor; none where they are those of all.
+#[cfg(target_arch = "x86_64")]
 pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
-    #[cfg(target_arch = "x86_64")]
-    return x86::measured(triangle);
-    #[cfg(not(target_arch = "x86_64"))]
-    return None;
+    x86::measured(triangle)
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) fn measured(_: &Triangle<'_>) -> Option<(f32, f32)> {
+    None
 }
 
 /// A triangle with heights: its plane and its box, in lattice units.
