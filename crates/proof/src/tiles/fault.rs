@@ -81,6 +81,7 @@ faults! {
     NotAvailable Index "tiles that layer.json does not name as available";
     NotThere Index "tiles that layer.json names as available and that are not there";
     NamedTwice Index "tiles that layer.json names as available twice";
+    Below Index "tiles that name others below them than there are";
     Bounds Index "layer.json has bounds that do not hold all samples";
     BeyondWorld Index "layer.json has bounds beyond the world";
     Assumed Index "levels with a larger tolerance than clients assume";

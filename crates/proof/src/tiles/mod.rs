@@ -31,6 +31,3 @@ pub const ERROR_OF_ROOT: f64 = 77_067.34;
 pub fn assumed_error(level: u8) -> f64 {
     ERROR_OF_ROOT / 2f64.powi(i32::from(level))
 }
-
-#[cfg(test)]
-mod tests;

@@ -4,7 +4,9 @@ use std::sync::{Arc, Mutex};
 
 use serde::Deserialize;
 
+use super::below::Below;
 use super::cache::Cache;
+use super::layer::Range;
 use super::{Context, folder};
 use crate::workers;
 use terrane_base::error::{Error, Result};
@@ -95,7 +97,8 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
     let levels = usize::from(context.layer.finest) + 1;
     let records = Mutex::new(vec![none; all.len()]);
     let found = Mutex::new(Found::new(levels));
-    let looker = Looker { context, sides: Cache::new(context.memory / 4) };
+    let below = Below::of(context.layer, context.tiles);
+    let looker = Looker { context, sides: Cache::new(context.memory / 4), below };
     context.progress.begin("tiles", all.len() as u64);
     let work = |found: &mut Found, run: u64| {
         let first = (run * RUN) as usize;
@@ -120,9 +123,10 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Record>)> {
 }
 
 /// The metadata of a tile, as far as it is known.
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 struct Metadata {
     error: Option<f64>,
+    available: Option<Vec<Vec<Range>>>,
 }
 
 type Sides = [Chain; 4];
@@ -130,6 +134,7 @@ type Sides = [Chain; 4];
 struct Looker<'a> {
     context: &'a Context<'a>,
     sides: Cache<Sides>,
+    below: Option<Below>,
 }
 
 impl Looker<'_> {
@@ -147,7 +152,9 @@ impl Looker<'_> {
         faults.add(Fault::NoNormals, u64::from(lacks), id);
         let lacks = layer.has_metadata && tile.metadata.is_none();
         faults.add(Fault::NoMetadata, u64::from(lacks), id);
-        let error = self.error(id, &tile)?;
+        let Metadata { error, available } = self.metadata(id, &tile)?;
+        let is_wrong = |below: &Below| !below.is_right(id, available.as_deref(), context.tiles);
+        faults.add(Fault::Below, u64::from(self.below.as_ref().is_some_and(is_wrong)), id);
         let sizes = &mut found.sizes[usize::from(id.level)];
         sizes[0] += tile.vertices.len() as u64;
         sizes[1] += tile.triangles.len() as u64;
@@ -159,9 +166,9 @@ impl Looker<'_> {
         Ok(Record { error, heights })
     }
 
-    /// The error that a tile records.
-    fn error(&self, id: TileId, tile: &Tile) -> Result<Option<f64>> {
-        let Some(text) = &tile.metadata else { return Ok(None) };
+    /// The error that a tile records, and what it says there is below it.
+    fn metadata(&self, id: TileId, tile: &Tile) -> Result<Metadata> {
+        let Some(text) = &tile.metadata else { return Ok(Metadata::default()) };
         let bad = |what: String| {
             let path = folder::path_of(&self.context.layer.folder, id);
             Error::bad_input(what).in_file(&path).at("metadata")
@@ -172,7 +179,7 @@ impl Looker<'_> {
             Some(error) if !(0.0..f64::INFINITY).contains(&error) => {
                 Err(bad(format!("records {error}, which is no error")))
             }
-            error => Ok(error),
+            _ => Ok(metadata),
         }
     }
 

@@ -25,6 +25,8 @@ struct Stored {
     minzoom: u8,
     maxzoom: Option<u8>,
     available: Option<Vec<Vec<Range>>>,
+    #[serde(rename = "metadataAvailability")]
+    told_every: Option<u8>,
     #[serde(default)]
     extensions: Vec<String>,
     terrane: Option<Own>,
@@ -68,6 +70,8 @@ pub(super) struct Layer {
     available: Vec<Vec<Range>>,
     pub(super) has_normals: bool,
     pub(super) has_metadata: bool,
+    /// Levels from one whose tiles tell what is below them to the next, where there are such.
+    pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
     pub(super) levels: Option<Vec<Level>>,
 }
@@ -102,13 +106,27 @@ impl Layer {
     /// Tiles of a level that are said to be there, by rectangles; some may come twice.
     pub(super) fn available(&self, level: u8) -> impl Iterator<Item = TileId> {
         let ranges = self.available.get(usize::from(level)).into_iter().flatten();
-        ranges.flat_map(move |range| {
-            let rows = range.start_y..=range.end_y;
-            rows.flat_map(move |y| {
-                (range.start_x..=range.end_x).map(move |x| TileId { level, y, x })
-            })
-        })
+        tiles_of(level, ranges)
     }
+}
+
+impl Range {
+    /// How many tiles it has; none where it ends before it begins.
+    pub(super) fn count(&self) -> u64 {
+        let along = |start: u32, end: u32| (u64::from(end) + 1).saturating_sub(u64::from(start));
+        along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))
+    }
+}
+
+/// The tiles of rectangles, in their order.
+pub(super) fn tiles_of<'a>(
+    level: u8,
+    ranges: impl IntoIterator<Item = &'a Range>,
+) -> impl Iterator<Item = TileId> {
+    ranges.into_iter().flat_map(move |range| {
+        let rows = range.start_y..=range.end_y;
+        rows.flat_map(move |y| (range.start_x..=range.end_x).map(move |x| TileId { level, y, x }))
+    })
 }
 
 fn stored(path: &Path) -> Result<Stored> {
@@ -142,6 +160,9 @@ impl Stored {
         }
         (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
         let levels = self.terrane.map(|own| own.levels(finest)).transpose()?;
+        if self.told_every == Some(0) {
+            return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
+        }
         let announces = |name: &str| self.extensions.iter().any(|own| own == name);
         Ok(Layer {
             folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
@@ -150,6 +171,7 @@ impl Stored {
             available,
             has_normals: announces("octvertexnormals"),
             has_metadata: announces("metadata"),
+            told_every: self.told_every,
             levels,
         })
     }

@@ -5,6 +5,7 @@
 //! threads, memory budget, or the order of work.
 
 mod alone;
+mod below;
 mod cache;
 mod folder;
 mod layer;
