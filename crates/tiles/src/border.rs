@@ -79,7 +79,8 @@ pub(crate) fn along(part: u32, parts: u32) -> i32 {
     (double / (2 * u64::from(parts))) as i32
 }
 
-/// Places where the ground bends, and posts, which have a height in any case.
+/// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike, so that borders
+/// of different levels are as near to each other there as elsewhere.
 fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<Stop> {
     let stop = |along: i32, known: Option<f64>, is_post: bool| {
         let place = tile.place(side.position(along));
@@ -97,7 +98,7 @@ fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<S
     ground.bends(ends, &mut |place, height| {
         let [u, v] = tile.steps(place).map(|at| at.round() as i32);
         let along = if matches!(side, Side::West | Side::East) { v } else { u };
-        stops.push(stop(along.clamp(0, STEPS), Some(height), false));
+        stops.push(stop(along.clamp(0, STEPS), height, false));
     });
     // Of those at one position a post counts, or else the first.
     stops.sort_by_key(|stop| (stop.along, !stop.is_post));

@@ -26,22 +26,23 @@ impl Sample {
 /// What is known of the ground. Everything is a function of the grid and the place alone, so that tiles that share
 /// a border agree on it.
 pub trait Ground {
-    /// The height at a place, between the four samples around it; `None` where one of them is void.
+    /// The height at a place, between the four samples around it; `None` where one of them is void. Beyond the grid
+    /// that of its edge goes on.
     fn height(&self, place: [f64; 2]) -> Option<f64>;
 
     /// What stands for it where nothing is known.
     fn fill(&self, place: [f64; 2]) -> f64;
 
     /// Hands on where the ground bends along the straight line between two places on one meridian or parallel, and
-    /// the heights there: in between it is straight.
-    fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64));
+    /// the heights there, as [`height`](Self::height) has them: in between it is straight.
+    fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>));
 
     /// Hands on every `stride`-th valid sample in a rectangle, its border included; near ones one after another.
     fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
 }
 
 /// Samples that a place may be beside one and still be on it.
-const HAIR: f64 = 1e-7;
+pub(crate) const HAIR: f64 = 1e-7;
 
 /// A rectangle of heights of a grid whose rows run from west to east and whose columns from north to south.
 #[derive(Clone, Debug)]
@@ -133,9 +134,7 @@ impl Ground for Patch<'_> {
             // A hair beside a sample is on it.
             let near = at[axis].round();
             let along = if (at[axis] - near).abs() < HAIR { near } else { at[axis] };
-            if !(0.0..=f64::from(most)).contains(&along) {
-                return None;
-            }
+            let along = along.clamp(0.0, f64::from(most));
             let first = along as u32;
             let part = along - f64::from(first);
             ends[axis] = [(first, 1.0 - part), ((first + 1).min(most), part)];
@@ -150,15 +149,13 @@ impl Ground for Patch<'_> {
         Some(sum)
     }
 
-    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64)) {
+    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
         let axis = usize::from(from[0] == to[0]);
         let [first, end] = self.range(axis, [from[axis], to[axis]]);
         for index in first..end {
             let mut place = from;
             place[axis] = self.map.apply(f64::from(index), f64::from(index))[axis];
-            if let Some(height) = self.height(place) {
-                found(place, height);
-            }
+            found(place, self.height(place));
         }
     }
 
@@ -316,11 +313,12 @@ mod tests {
             let found = patch.height(MAP.apply(col, row)).unwrap();
             assert!((found - (col * 3.0 - row * 2.0)).abs() < 1e-9, "{col} {row}");
         }
-        assert_eq!(patch.height(MAP.apply(-0.1, 3.0)), None);
-        assert_eq!(patch.height(MAP.apply(3.0, 39.2)), None);
+        let edge = |col: f64, row: f64| patch.height(MAP.apply(col, row)).unwrap();
+        assert!((edge(-7.5, 3.5) + 7.0).abs() < 1e-9, "beyond the grid its edge goes on");
+        assert!((edge(60.0, 39.2) - 69.0).abs() < 1e-9);
         let mut bends = Vec::new();
         let [from, to] = [MAP.apply(7.25, 20.5), MAP.apply(7.25, 10.5)];
-        patch.bends([from, to], &mut |[_, lat], height| bends.push((lat, height)));
+        patch.bends([from, to], &mut |[_, lat], height| bends.push((lat, height.unwrap())));
         assert_eq!(bends.len(), 10);
         for (lat, height) in bends {
             assert!((height - 21.75 + MAP.invert(0.0, lat)[1] * 2.0).abs() < 1e-9);

@@ -11,8 +11,8 @@
 //! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`Shell`]);
 //!   those beyond the error become vertices, and all are measured again.
 //!
-//! Voids, and what lies beyond the data, are spanned by triangles between what is known and means of what is around
-//! ([`Fill`]).
+//! Voids are spanned by triangles between what is known and means of what is around ([`Fill`]); beyond the data the
+//! heights of their edge go on.
 
 mod border;
 mod encode;

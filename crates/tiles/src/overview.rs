@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::globe::{Turn, Upright, bend};
-use crate::ground::{Fill, Ground, Means, Sample};
+use crate::ground::{Fill, Ground, HAIR, Means, Sample};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
 
@@ -155,8 +155,9 @@ impl Plan {
                 // Rounding may put a place on either side of a sample.
                 [at.floor() - 1.0, at.floor(), at.floor() + 1.0, at.floor() + 2.0]
             });
-            let mut found: Vec<u32> =
-                both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32).collect();
+            let inner = both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32);
+            // Beyond the grid its edges go on.
+            let mut found: Vec<u32> = inner.chain([0, whole[axis] - 1]).collect();
             found.sort_unstable();
             found.dedup();
             found
@@ -293,10 +294,6 @@ impl Overview {
 
     /// The height on a column or row that is kept, between samples along it; `Err` where it is none of them.
     fn on_line(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
-        let [wide, high] = self.plan.blocks.whole.map(|count| f64::from(count - 1));
-        if !(0.0..=wide).contains(&col) || !(0.0..=high).contains(&row) {
-            return Ok(None);
-        }
         for (axis, [across, along]) in [(0, [col, row]), (1, [row, col])] {
             let first = across as u32;
             let part = across - f64::from(first);
@@ -321,11 +318,17 @@ impl Overview {
     }
 
     /// Columns and rows of a place; a hair beside a sample is on it.
-    fn at(&self, place: [f64; 2]) -> [f64; 2] {
+    fn beside(&self, place: [f64; 2]) -> [f64; 2] {
         self.plan.map.invert(place[0], place[1]).map(|at| {
             let near = at.round();
-            if (at - near).abs() < 1e-7 { near } else { at }
+            if (at - near).abs() < HAIR { near } else { at }
         })
+    }
+
+    /// Those of the nearest place of the grid.
+    fn at(&self, place: [f64; 2]) -> [f64; 2] {
+        let ([col, row], whole) = (self.beside(place), self.plan.blocks.whole);
+        [col.clamp(0.0, f64::from(whole[0] - 1)), row.clamp(0.0, f64::from(whole[1] - 1))]
     }
 }
 
@@ -348,9 +351,9 @@ impl Ground for Overview {
         self.fill.at(self.plan.map.invert(place[0], place[1]))
     }
 
-    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], f64)) {
+    fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
         let axis = usize::from(from[0] == to[0]);
-        let ends = [self.at(from)[axis], self.at(to)[axis]];
+        let ends = [from, to].map(|end| self.beside(end)[axis]);
         let most = f64::from(self.plan.blocks.whole[axis] - 1);
         let first = ends[0].min(ends[1]).ceil().max(0.0);
         let last = ends[0].max(ends[1]).floor().min(most);
@@ -358,7 +361,7 @@ impl Ground for Overview {
         while index <= last {
             let mut place = from;
             place[axis] = self.plan.map.apply(index, index)[axis];
-            if let Ok(Some(height)) = self.on_line(self.at(place)) {
+            if let Ok(height) = self.on_line(self.at(place)) {
                 found(place, height);
             }
             index += 1.0;
@@ -463,9 +466,9 @@ mod tests {
             assert!(far.len() > 20);
             assert_eq!(far.len(), near.len());
             for (far, near) in far.iter().zip(&near) {
-                assert!((far.1 - near.1).abs() < 1e-6, "{far:?} {near:?}");
+                assert!((far.1.unwrap() - near.1.unwrap()).abs() < 1e-6, "{far:?} {near:?}");
             }
         }
-        assert_eq!(found.height([7.2345, 47.0]), None);
+        assert_eq!(found.height([7.2345, 47.0]), found.height([7.2345, 46.0]), "its edge goes on");
     }
 }

@@ -1,10 +1,11 @@
 //! Which tiles a folder has, and one tile read.
 
+use std::cell::RefCell;
 use std::fs::{DirEntry, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use flate2::bufread::GzDecoder;
+use libdeflater::{DecompressionError, Decompressor};
 
 use super::layer::NAME;
 use crate::Cancel;
@@ -17,6 +18,9 @@ const ENDING: &str = ".terrain";
 
 /// The first bytes of a file packed with gzip.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// Bytes that one packed byte makes at the most.
+const MOST_RATIO: u64 = 1032;
 
 /// Most bytes of a tile, packed or not.
 const MOST_BYTES: u64 = 64 << 20;
@@ -130,20 +134,27 @@ pub(super) fn read(folder: &Path, id: TileId, most: usize) -> Result<Tile> {
     read().map_err(|e| e.in_file(&path))
 }
 
+/// The bytes that a gzip holds; of one member, as it says its length at the end.
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>> {
-    let mut out = Vec::new();
-    let mut decoder = GzDecoder::new(bytes);
-    let done = decoder.by_ref().take(MOST_BYTES + 1).read_to_end(&mut out);
-    let left = |rest: &[u8]| bytes.len() - rest.len();
-    if let Err(e) = done {
-        let at = left(decoder.get_ref());
-        return Err(Error::bad_input(format!("is no sound gzip: {e}")).at(format!("byte {at}")));
+    let bad = |what: &str| Error::bad_input(format!("is no sound gzip: {what}"));
+    let end = bytes.last_chunk().ok_or_else(|| bad("it has no end"))?;
+    let length = u64::from(u32::from_le_bytes(*end));
+    limits::check("length of the unpacked tile", length, MOST_BYTES)?;
+    if length > MOST_RATIO * bytes.len() as u64 {
+        return Err(bad("it says to be longer than so few bytes can make"));
     }
-    limits::check("length of the unpacked tile", out.len() as u64, MOST_BYTES)?;
-    let rest = decoder.into_inner();
-    if !rest.is_empty() {
-        let message = format!("{} bytes are left over after the gzip", rest.len());
-        return Err(Error::bad_input(message).at(format!("byte {}", left(rest))));
+    let mut out = vec![0; length as usize];
+    // One for all tiles of a thread: making one for each tears the heap into pieces.
+    thread_local! {
+        static UNPACKER: RefCell<Decompressor> = RefCell::new(Decompressor::new());
     }
-    Ok(out)
+    let done = UNPACKER.with_borrow_mut(|unpacker| unpacker.gzip_decompress(bytes, &mut out));
+    match done {
+        Ok(found) if found == out.len() => Ok(out),
+        Ok(_) => Err(bad("it is shorter than it says")),
+        Err(DecompressionError::InsufficientSpace) => {
+            Err(bad("it is longer than it says, or bytes are left over after it"))
+        }
+        Err(DecompressionError::BadData) => Err(bad("its bytes are damaged")),
+    }
 }

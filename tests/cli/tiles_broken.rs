@@ -1,0 +1,289 @@
+//! `terrane verify` on broken tiles: whatever is done to a sound set, what is wrong with it is named.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::cli_support::{Place, json as parsed};
+use crate::tiles::{place, walk};
+
+/// A sound set, unpacked so that its bytes can be changed.
+fn sound() -> Place {
+    let place = place(100);
+    place.ok(&["tiles", "dem.asc", "t", "--no-gzip", "-q"]);
+    place
+}
+
+/// A file of the finest level with triangles whose corners were all used before.
+fn tile(place: &Place) -> PathBuf {
+    let all = walk(place, "t");
+    let is_it = |name: &&String| {
+        name.starts_with("14/") && Bytes::of(&place.path("t").join(name)).later().is_some()
+    };
+    place.path("t").join(all.iter().rev().find(is_it).expect("a tile of several triangles"))
+}
+
+/// A tile's bytes, and where things are in them.
+struct Bytes {
+    bytes: Vec<u8>,
+}
+
+impl Bytes {
+    fn of(path: &Path) -> Self {
+        Self { bytes: fs::read(path).unwrap() }
+    }
+
+    fn number(&self, at: usize) -> usize {
+        u32::from_le_bytes(self.bytes[at..at + 4].try_into().unwrap()) as usize
+    }
+
+    fn short(&self, at: usize) -> u16 {
+        u16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())
+    }
+
+    fn vertices(&self) -> usize {
+        self.number(88)
+    }
+
+    /// Where the count of triangles is.
+    fn triangles(&self) -> usize {
+        92 + 6 * self.vertices()
+    }
+
+    /// Where the list of the western side begins, with its count.
+    fn sides(&self) -> usize {
+        self.triangles() + 4 + 6 * self.number(self.triangles())
+    }
+
+    /// Where the normals begin.
+    fn normals(&self) -> usize {
+        let skip = |at: usize| at + 4 + 2 * self.number(at);
+        let extensions = skip(skip(skip(skip(self.sides()))));
+        assert_eq!(self.bytes[extensions], 1);
+        extensions + 5
+    }
+
+    /// Where the first triangle is whose corners were all used before.
+    fn later(&self) -> Option<usize> {
+        let first = self.triangles() + 4;
+        let starts = (0..self.number(self.triangles())).map(|i| first + 6 * i);
+        starts.into_iter().find(|at| (0..3).all(|k| self.short(at + 2 * k) > 0))
+    }
+
+    fn double(&mut self, at: usize, change: impl Fn(f64) -> f64) {
+        let old = f64::from_le_bytes(self.bytes[at..at + 8].try_into().unwrap());
+        self.bytes[at..at + 8].copy_from_slice(&change(old).to_le_bytes());
+    }
+
+    /// Raises all heights by so many metres.
+    fn raise(&mut self, by: f32) {
+        for at in [24, 28] {
+            let old = f32::from_le_bytes(self.bytes[at..at + 4].try_into().unwrap());
+            self.bytes[at..at + 4].copy_from_slice(&(old + by).to_le_bytes());
+        }
+    }
+
+    fn swap(&mut self, a: usize, b: usize) {
+        (0..2).for_each(|k| self.bytes.swap(a + k, b + k));
+    }
+
+    /// Puts another number where the error is told, of as many places.
+    fn tell(&mut self, digit: u8) {
+        let key = b"\"error\":";
+        let at = self.bytes.windows(key.len()).rposition(|w| w == key).unwrap() + key.len();
+        for byte in self.bytes[at..].iter_mut().take_while(|byte| **byte != b'}') {
+            if byte.is_ascii_digit() {
+                *byte = digit;
+            }
+        }
+    }
+}
+
+/// What is changed in a tile, and what has to be said.
+type Change = (&'static str, fn(&mut Bytes));
+
+const CHANGES: [Change; 16] = [
+    ("clockwise triangles", |t| {
+        let at = t.later().unwrap();
+        t.swap(at, at + 2);
+    }),
+    ("triangles without area", |t| {
+        let at = t.later().unwrap();
+        let first = t.short(at);
+        t.bytes[at + 2..at + 4].copy_from_slice(&first.to_le_bytes());
+    }),
+    ("edges of one triangle inside", |t| {
+        let at = t.later().unwrap();
+        let first = t.short(at);
+        t.bytes[at + 2..at + 4].copy_from_slice(&first.to_le_bytes());
+    }),
+    ("lists of the vertices of a side", |t| {
+        let (first, last) = (t.sides() + 4, t.sides() + 2 + 2 * t.number(t.sides()));
+        let other = t.short(first);
+        t.bytes[last..last + 2].copy_from_slice(&other.to_le_bytes());
+    }),
+    ("normals that do not point outwards", |t| {
+        let at = t.normals();
+        let count = t.vertices();
+        t.bytes[at..at + 2 * count].iter_mut().for_each(|byte| *byte = 255 - *byte);
+    }),
+    ("samples further from the surface", |t| t.raise(64.0)),
+    ("tiles with a larger error than they record", |t| t.tell(b'0')),
+    ("record a larger error than the tolerance", |t| t.tell(b'9')),
+    ("borders with other vertices or heights", |t| t.raise(0.125)),
+    ("no whole number of the steps", |t| t.raise(0.03125)),
+    ("borders with a larger gap", |t| t.raise(64.0)),
+    ("vertices outside of the bounding sphere", |t| t.double(56, |radius| radius / 2.0)),
+    ("whose centre is not near", |t| t.double(0, |x| x + 1e5)),
+    ("when the horizon occlusion point is not", |t| (64..88).step_by(8).for_each(|at| t.double(at, |x| x * 0.9))),
+    ("lower or higher than all samples", |t| t.raise(4096.0)),
+    ("without the metadata that layer.json announces", |t| {
+        let text = t.bytes.iter().rposition(|byte| *byte == b'{').unwrap();
+        t.bytes[text - 9] = 77;
+    }),
+];
+
+/// Fails unless the set is told to be broken, and how.
+fn expect(place: &Place, what: &str) {
+    let ran = place.run(&["verify", "t", "dem.asc", "--json"]);
+    assert_eq!(ran.code, 1, "{what}: {}{}", ran.out, ran.err);
+    let told = parsed(&ran.out)["failures"].to_string();
+    assert!(told.contains(what), "{what} is not in {told}");
+}
+
+#[test]
+fn every_change_of_a_tile_is_named() {
+    let place = sound();
+    place.ok(&["verify", "t", "dem.asc", "-q"]);
+    let path = tile(&place);
+    let whole = Bytes::of(&path).bytes;
+    for (what, change) in CHANGES {
+        let mut bytes = Bytes { bytes: whole.clone() };
+        change(&mut bytes);
+        assert!(bytes.bytes != whole, "{what}");
+        fs::write(&path, bytes.bytes).unwrap();
+        expect(&place, what);
+    }
+    fs::write(&path, &whole).unwrap();
+    place.ok(&["verify", "t", "dem.asc", "-q"]);
+}
+
+#[test]
+fn every_change_of_the_index_is_named() {
+    let place = sound();
+    let path = place.path("t/layer.json");
+    let whole: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let last = whole["maxzoom"].as_u64().unwrap() as usize;
+    let changes: [(&str, &dyn Fn(&mut Value)); 8] = [
+        ("larger tolerance than clients assume", &|l| l["terrane"]["levels"][3]["tolerance"] = json!(1e5)),
+        ("larger error than layer.json states", &|l| l["terrane"]["levels"][last]["error"] = json!(0.001)),
+        ("another number of tiles", &|l| l["terrane"]["levels"][2]["tiles"] = json!(77)),
+        ("bounds that do not hold all samples", &|l| l["bounds"][0] = json!(7.04)),
+        ("bounds beyond the world", &|l| l["bounds"][3] = json!(91.0)),
+        ("does not name as available", &|l| l["available"][last] = json!([])),
+        ("names as available twice", &|l| {
+            let first = l["available"][last][0].clone();
+            l["available"][last].as_array_mut().unwrap().push(first);
+        }),
+        ("that are not there", &|l| {
+            l["available"][9] = json!([{"startX": 0, "startY": 0, "endX": 0, "endY": 0}]);
+        }),
+    ];
+    for (what, change) in changes {
+        let mut layer = whole.clone();
+        change(&mut layer);
+        fs::write(&path, layer.to_string()).unwrap();
+        expect(&place, what);
+    }
+}
+
+#[test]
+fn every_change_of_the_files_is_named() {
+    let changes: [(&str, fn(&Place)); 5] = [
+        ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
+        ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
+        ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),
+        ("tiles that are there and have no sample", |p| {
+            fs::create_dir(p.path("t/14/5")).unwrap();
+            fs::copy(tile(p), p.path("t/14/5/5.terrain")).unwrap();
+        }),
+        ("neither layer.json nor a tile", |p| fs::write(p.path("t/14/mine.txt"), "mine").unwrap()),
+    ];
+    for (what, change) in changes {
+        let place = sound();
+        change(&place);
+        expect(&place, what);
+    }
+}
+
+/// What tiles of every tenth level list below them.
+#[test]
+fn wrong_lists_of_what_is_below_are_named() {
+    let place = sound();
+    let all = walk(&place, "t");
+    let path = place.path("t").join(all.iter().find(|name| name.starts_with("10/")).unwrap());
+    let mut bytes = Bytes::of(&path).bytes;
+    let key = b"\"startX\":";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len();
+    bytes[at] = if bytes[at] == b'1' { b'2' } else { b'1' };
+    fs::write(&path, bytes).unwrap();
+    expect(&place, "tiles that name others below them");
+}
+
+#[test]
+fn files_that_are_no_tiles_are_errors_with_their_place() {
+    let place = sound();
+    let path = tile(&place);
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let whole = Bytes::of(&path).bytes;
+    let mut lies: Vec<Vec<u8>> = vec![Vec::new(), b"no tile".to_vec(), whole[..whole.len() / 2].to_vec()];
+    let with = |change: fn(&mut Bytes)| {
+        let mut bytes = Bytes { bytes: whole.clone() };
+        change(&mut bytes);
+        bytes.bytes
+    };
+    lies.push(with(|t| t.bytes[88..92].copy_from_slice(&u32::MAX.to_le_bytes())));
+    lies.push(with(|t| {
+        let at = t.triangles();
+        t.bytes[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+    }));
+    lies.push(with(|t| {
+        let at = t.triangles() + 4;
+        t.bytes[at..at + 2].copy_from_slice(&9_u16.to_le_bytes());
+    }));
+    lies.push(with(|t| t.double(64, |_| f64::NAN)));
+    lies.push(with(|t| t.bytes.push(0)));
+    // Packed: torn, with a lie about the length, and far longer than so few bytes can be.
+    let packed = |bytes: &[u8]| {
+        let mut packer = libdeflater::Compressor::new(libdeflater::CompressionLvl::default());
+        let mut out = vec![0; packer.gzip_compress_bound(bytes.len())];
+        let size = packer.gzip_compress(bytes, &mut out).unwrap();
+        out.truncate(size);
+        out
+    };
+    let sound = packed(&whole);
+    lies.push(sound[..sound.len() - 9].to_vec());
+    for length in [0_u32, 7, 60_000_000, u32::MAX] {
+        let mut lie = sound.clone();
+        let end = lie.len() - 4;
+        lie[end..].copy_from_slice(&length.to_le_bytes());
+        lies.push(lie);
+    }
+    lies.push([&sound[..], b"more"].concat());
+    lies.push(packed(&vec![0; 65 << 20]));
+    let mut damaged = sound.clone();
+    damaged[sound.len() / 2] ^= 0x55;
+    lies.push(damaged);
+    for (i, lie) in lies.iter().enumerate() {
+        fs::write(&path, lie).unwrap();
+        let ran = place.run(&["verify", "t", "dem.asc", "-q"]);
+        assert!([65, 75].contains(&ran.code), "{i}: {} {}", ran.code, ran.err);
+        assert!(ran.err.contains(name) && ran.err.lines().count() == 1, "{i}: {}", ran.err);
+    }
+    // The same bytes, packed, are the same tile.
+    fs::write(&path, sound).unwrap();
+    place.ok(&["verify", "t", "dem.asc", "-q"]);
+    place.write("t/layer.json", "{");
+    place.fails(&["verify", "t", "dem.asc"], 65, &["layer.json"]);
+}
