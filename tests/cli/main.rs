@@ -31,6 +31,7 @@ mod resume;
 mod shapes;
 mod synth;
 mod tiles;
+mod tiles_broken;
 mod tin_angle;
 mod tin_bands;
 mod tin_breaklines;

@@ -22,7 +22,7 @@ fn grid(side: usize) -> String {
     )
 }
 
-fn place(side: usize) -> Place {
+pub(crate) fn place(side: usize) -> Place {
     let place = Place::new();
     place.write("dem.asc", grid(side)).write("dem.prj", "EPSG:4326");
     place
@@ -62,7 +62,7 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
 }
 
 /// All files below a folder.
-fn walk(place: &Place, folder: &str) -> Vec<String> {
+pub(crate) fn walk(place: &Place, folder: &str) -> Vec<String> {
     let top = place.path(folder);
     let (mut open, mut found) = (vec![top.clone()], Vec::new());
     while let Some(path) = open.pop() {

@@ -136,7 +136,9 @@ const CHANGES: [Change; 16] = [
     ("borders with a larger gap", |t| t.raise(64.0)),
     ("vertices outside of the bounding sphere", |t| t.double(56, |radius| radius / 2.0)),
     ("whose centre is not near", |t| t.double(0, |x| x + 1e5)),
-    ("when the horizon occlusion point is not", |t| (64..88).step_by(8).for_each(|at| t.double(at, |x| x * 0.9))),
+    ("when the horizon occlusion point is not", |t| {
+        (64..88).step_by(8).for_each(|at| t.double(at, |x| x * 0.9))
+    }),
     ("lower or higher than all samples", |t| t.raise(4096.0)),
     ("without the metadata that layer.json announces", |t| {
         let text = t.bytes.iter().rposition(|byte| *byte == b'{').unwrap();
@@ -176,8 +178,12 @@ fn every_change_of_the_index_is_named() {
     let whole: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
     let last = whole["maxzoom"].as_u64().unwrap() as usize;
     let changes: [(&str, &dyn Fn(&mut Value)); 8] = [
-        ("larger tolerance than clients assume", &|l| l["terrane"]["levels"][3]["tolerance"] = json!(1e5)),
-        ("larger error than layer.json states", &|l| l["terrane"]["levels"][last]["error"] = json!(0.001)),
+        ("larger tolerance than clients assume", &|l| {
+            l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
+        }),
+        ("larger error than layer.json states", &|l| {
+            l["terrane"]["levels"][last]["error"] = json!(0.001)
+        }),
         ("another number of tiles", &|l| l["terrane"]["levels"][2]["tiles"] = json!(77)),
         ("bounds that do not hold all samples", &|l| l["bounds"][0] = json!(7.04)),
         ("bounds beyond the world", &|l| l["bounds"][3] = json!(91.0)),
@@ -237,7 +243,8 @@ fn files_that_are_no_tiles_are_errors_with_their_place() {
     let path = tile(&place);
     let name = path.file_name().unwrap().to_str().unwrap();
     let whole = Bytes::of(&path).bytes;
-    let mut lies: Vec<Vec<u8>> = vec![Vec::new(), b"no tile".to_vec(), whole[..whole.len() / 2].to_vec()];
+    let mut lies: Vec<Vec<u8>> =
+        vec![Vec::new(), b"no tile".to_vec(), whole[..whole.len() / 2].to_vec()];
     let with = |change: fn(&mut Bytes)| {
         let mut bytes = Bytes { bytes: whole.clone() };
         change(&mut bytes);
