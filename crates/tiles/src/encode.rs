@@ -3,7 +3,7 @@
 //! what is proven of the tile, in the extension for metadata.
 
 use crate::border::Side;
-use crate::globe::{Upright, Vector};
+use crate::globe::{EQUATOR, Upright, Vector};
 use crate::ground::Ground;
 use crate::horizon;
 use crate::level::Level;
@@ -19,6 +19,8 @@ const METADATA: u8 = 4;
 const SHORT: usize = 1 << 16;
 /// Halvings of a level's step that a tile's own may have.
 const MOST_HALVINGS: u32 = 14;
+/// Part of the way along a meridian that one along a parallel has to be for slopes to be told of it.
+const NARROWEST: f64 = 0.01;
 /// Places that the error is told to.
 const PLACES: i32 = 3;
 
@@ -189,7 +191,7 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
 
 /// What is at right angles to the ground at a place: a function of the ground alone, so that tiles beside each
 /// other are lit alike.
-fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Vector {
+pub(crate) fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Vector {
     let by = level.slope;
     let upright = Upright::at(place);
     let [east, north] = upright.across();
@@ -206,7 +208,9 @@ fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Vector {
             _ => return 0.0,
         };
         let length = (Upright::at(ends[1]).point(0.0) - Upright::at(ends[0]).point(0.0)).length();
-        if length > 0.0 { rise / length } else { 0.0 }
+        // Meridians meet at the poles.
+        let least = 2.0 * by.to_radians() * EQUATOR * NARROWEST;
+        if length > least { rise / length } else { 0.0 }
     };
     (upright.normal - east * slope(0) - north * slope(1)).unit()
 }

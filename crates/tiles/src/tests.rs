@@ -187,3 +187,20 @@ fn bytes_are_those_of_the_format() {
     let none: Option<(&Level, &Patch<'_>)> = None;
     assert_eq!(quantized_mesh(&tile, none, None).unwrap().len(), bytes.len() - 5 - 2 * count);
 }
+
+/// Also where meridians meet, far beyond the land.
+#[test]
+fn normals_point_outwards_everywhere() {
+    let land = Land::new(101, 46.0, 900.0, 3, 0);
+    let patch = land.patch();
+    for level in 0..=4 {
+        let level = land.level(level);
+        for id in land.tiles(level.level) {
+            let north = (0..=16).map(|part| id.place([STEPS * part / 16, STEPS]));
+            for place in north.chain([[10.014, 90.0], [10.02, 89.9999]]) {
+                let normal = crate::encode::normal(place, &level, &patch);
+                assert!(normal.dot(Upright::at(place).normal) > 0.5, "{place:?} {normal:?}");
+            }
+        }
+    }
+}
