@@ -101,7 +101,10 @@ impl Bytes {
 }
 
 /// What is changed in a tile, and what has to be said.
+/// What is told, and the change that makes it so.
 type Change = (&'static str, fn(&mut Bytes));
+type ChangeOfIndex<'a> = (&'a str, &'a dyn Fn(&mut Value));
+type ChangeOfFiles<'a> = (&'a str, fn(&Place));
 
 const CHANGES: [Change; 16] = [
     ("clockwise triangles", |t| {
@@ -177,7 +180,7 @@ fn every_change_of_the_index_is_named() {
     let path = place.path("t/layer.json");
     let whole: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
     let last = whole["maxzoom"].as_u64().unwrap() as usize;
-    let changes: [(&str, &dyn Fn(&mut Value)); 8] = [
+    let changes: [ChangeOfIndex<'_>; 8] = [
         ("larger tolerance than clients assume", &|l| {
             l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
         }),
@@ -206,7 +209,7 @@ fn every_change_of_the_index_is_named() {
 
 #[test]
 fn every_change_of_the_files_is_named() {
-    let changes: [(&str, fn(&Place)); 5] = [
+    let changes: [ChangeOfFiles<'_>; 5] = [
         ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
         ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
         ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),

@@ -164,6 +164,32 @@ proptest! {
     }
 }
 
+/// Borders belong to two tiles: a sample at one, however far off, becomes a vertex beside it.
+#[test]
+fn samples_at_borders_do_not_become_vertices_of_them() {
+    let land = Land::new(101, 46.0, 900.0, 3, 0);
+    let (level, patch) = (land.level(12), land.patch());
+    let id = land.tiles(12)[0];
+    let finished = |builder: &Builder<'_>| {
+        let tile = builder.finish(builder.shell().end().0);
+        validate(&tile);
+        tile
+    };
+    let sides = |tile: &Tile| Side::ALL.map(|s| side(tile, s));
+    for along in [1, STEPS / 2 + 1, STEPS] {
+        let mut builder = Builder::new(id, &level, &patch).unwrap();
+        let before = finished(&builder);
+        for side in Side::ALL {
+            let sample = Sample::new(id.place(side.position(along)), 8000.0);
+            builder.insert(&[sample]);
+            builder.fit(|each| each(sample));
+        }
+        let after = finished(&builder);
+        assert!(after.vertices.len() > before.vertices.len());
+        assert_eq!(sides(&after), sides(&before));
+    }
+}
+
 #[test]
 fn bytes_are_those_of_the_format() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
