@@ -1,7 +1,8 @@
 //! Tiles with more samples than are looked at one by one.
 
-use super::folder::Folder;
-use super::{Ground, glance};
+use super::Ground;
+use super::folder::Made;
+use super::spans::Known;
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -11,17 +12,18 @@ use terrane_tiles::{Bounds, Builder, Ground as _, Patch, Shell, TileId, too_stee
 const MOST_ROUNDS: u32 = 32;
 
 impl Ground<'_> {
-    /// Makes a tile of a far level.
-    pub(super) fn far(&self, id: TileId, folder: &Folder, cancel: &Cancel) -> Result<()> {
+    /// Makes a tile of a far level; `known` has all tiles there are.
+    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Made> {
         let (level, bounds) = (self.level(id), id.bounds());
-        let mut builder = Builder::new(id, level, &self.overview)?;
+        let mut builder = Builder::new(id, level, self.overview)?;
         builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
         for _ in 0..MOST_ROUNDS {
             let mut shell = builder.shell();
             self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
             let (measure, beyond) = shell.end();
             if beyond.is_empty() {
-                return folder.put(&builder.finish(measure), level, &self.overview);
+                let tile = builder.finish(measure);
+                return Made::new(&tile, self.opened, level, self.overview, known);
             }
             builder.insert(&beyond);
         }
@@ -72,11 +74,12 @@ impl Ground<'_> {
         heights: &mut Vec<f64>,
     ) -> Result<()> {
         let Some(rect) = rect else { return Ok(()) };
-        glance::read(self.grid, &self.place, rect, heights)?;
+        let (opened, place) = (self.opened, &self.opened.division.place);
+        opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(heights, rect, self.place.whole, self.place.map, fill);
+        let patch = Patch::new(heights, rect, place.whole, place.map, fill);
         patch.each(bounds, 1, &mut |sample| shell.add(sample, tolerance));
-        self.grid.copied(rect);
+        opened.grid.copied(rect);
         Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! What was made.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::figures::Figures;
 
 /// What a job that makes tiles did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct TilesReport {
     pub input: String,
@@ -21,7 +21,7 @@ pub struct TilesReport {
 }
 
 /// The tiles of a level.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LevelReport {
     /// From 0.
     pub level: u8,
@@ -39,4 +39,22 @@ pub struct LevelReport {
     pub triangles: u64,
     /// Of all files.
     pub bytes: u64,
+}
+
+/// What is told of the plan of tiles alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesStatus {
+    /// The deepest level.
+    pub max_level: u8,
+    /// Of the grid.
+    pub samples: u64,
+}
+
+/// What is told of a run on tiles alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesRun {
+    /// Tiles made by the tasks it did.
+    pub made_tiles: u64,
+    /// The set, if this run came to it; its time is that of writing it.
+    pub tiles: Option<TilesReport>,
 }

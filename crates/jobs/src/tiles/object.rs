@@ -1,0 +1,162 @@
+//! What tasks leave: what was seen of rows of the grid, or tiles with an index at the end.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use super::folder::Made;
+use super::spans::Known;
+use crate::plan::damaged_object;
+use terrane_base::error::{Error, Result};
+use terrane_files::atomic::AtomicFile;
+use terrane_tiles::{DEEPEST, Gathered, TileId};
+
+/// Bytes of an index for a tile: level, column, row, vertices, triangles and bytes as `u32`, the largest error as `f64`.
+pub(super) const ENTRY: usize = 6 * 4 + 8;
+
+/// An object that is being written.
+pub(super) struct Writer {
+    file: AtomicFile,
+    path: PathBuf,
+    index: Vec<u8>,
+}
+
+impl Writer {
+    pub(super) fn create(path: &Path) -> Result<Self> {
+        let file = AtomicFile::create(path, true)?;
+        Ok(Self { file, path: path.to_path_buf(), index: Vec::new() })
+    }
+
+    /// Adds bytes as they are.
+    pub(super) fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.file.write_all(bytes).map_err(|e| Error::write(&self.path, e))
+    }
+
+    /// Adds a tile.
+    pub(super) fn tile(&mut self, made: &Made) -> Result<()> {
+        let Made { id, largest, vertices, triangles, bytes } = made;
+        for number in [u32::from(id.level), id.x, id.y, *vertices, *triangles, bytes.len() as u32] {
+            self.index.extend(number.to_le_bytes());
+        }
+        self.index.extend(largest.to_le_bytes());
+        self.put(bytes)
+    }
+
+    /// Puts the index to the end; returns how many tiles there are.
+    pub(super) fn index(&mut self) -> Result<u64> {
+        let index = std::mem::take(&mut self.index);
+        let count = (index.len() / ENTRY) as u64;
+        self.put(&index)?;
+        self.put(&count.to_le_bytes())?;
+        Ok(count)
+    }
+
+    /// Gives the object its name.
+    pub(super) fn finish(self) -> Result<()> {
+        self.file.commit().map(drop)
+    }
+}
+
+/// Adds what was seen of rows.
+pub(super) fn add_glances(path: &Path, gathered: &mut Gathered) -> Result<()> {
+    let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
+    let mut left = &bytes[..];
+    while !left.is_empty() {
+        let glance = gathered.plan().read_glance(&mut left);
+        gathered.add(glance.ok_or_else(|| damaged_object(path))?);
+    }
+    Ok(())
+}
+
+/// Adds the tiles of an object to what is known.
+pub(super) fn add_known(path: &Path, known: &mut Known) -> Result<()> {
+    let index = index(&mut File::open(path).map_err(|e| Error::read(path, e))?, path)?;
+    index.iter().for_each(|(made, _)| known.insert(made.id));
+    Ok(())
+}
+
+/// Hands on all tiles of an object.
+pub(super) fn each_tile(path: &Path, mut take: impl FnMut(Made) -> Result<()>) -> Result<()> {
+    let fail = |e| Error::read(path, e);
+    let mut file = File::open(path).map_err(fail)?;
+    let index = index(&mut file, path)?;
+    file.rewind().map_err(fail)?;
+    let mut file = BufReader::new(file);
+    for (made, bytes) in index {
+        let mut here = vec![0; bytes as usize];
+        file.read_exact(&mut here).map_err(fail)?;
+        take(Made { bytes: here, ..made })?;
+    }
+    Ok(())
+}
+
+/// The tiles of an object without their bytes, and how many these are.
+fn index(file: &mut File, path: &Path) -> Result<Vec<(Made, u32)>> {
+    let fail = |e: io::Error| Error::read(path, e);
+    let length = file.metadata().map_err(fail)?.len();
+    let damaged = || damaged_object(path);
+    let mut count = [0; 8];
+    let end = length.checked_sub(8).ok_or_else(damaged)?;
+    file.seek(SeekFrom::Start(end)).map_err(fail)?;
+    file.read_exact(&mut count).map_err(fail)?;
+    let size = u64::from_le_bytes(count).checked_mul(ENTRY as u64);
+    let (size, start) =
+        size.and_then(|size| Some((size, end.checked_sub(size)?))).ok_or_else(damaged)?;
+    file.seek(SeekFrom::Start(start)).map_err(fail)?;
+    let mut entries = vec![0; size as usize];
+    file.read_exact(&mut entries).map_err(fail)?;
+    let found = entries.chunks_exact(ENTRY).map(entry).collect::<Option<Vec<_>>>();
+    let found = found.ok_or_else(damaged)?;
+    let all: u64 = found.iter().map(|(_, bytes)| u64::from(*bytes)).sum();
+    if all == start { Ok(found) } else { Err(damaged()) }
+}
+
+fn entry(bytes: &[u8]) -> Option<(Made, u32)> {
+    let (numbers, largest) = bytes.split_at(ENTRY - 8);
+    let mut numbers =
+        numbers.chunks_exact(4).filter_map(|n| Some(u32::from_le_bytes(n.try_into().ok()?)));
+    let mut next = || numbers.next();
+    let level = u8::try_from(next()?).ok().filter(|level| *level <= DEEPEST)?;
+    let id = TileId { level, x: next()?, y: next()? };
+    let (vertices, triangles, bytes) = (next()?, next()?, next()?);
+    let largest = f64::from_le_bytes(largest.try_into().ok()?);
+    Some((Made { id, largest, vertices, triangles, bytes: Vec::new() }, bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_come_back_and_torn_objects_are_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("objects/near-0.object");
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let made = |i: u32| Made {
+            id: TileId { level: 9, x: i, y: 7 },
+            largest: f64::from(i) / 3.0,
+            vertices: i + 3,
+            triangles: i + 1,
+            bytes: vec![i as u8; i as usize * 5],
+        };
+        let mut writer = Writer::create(&path).unwrap();
+        (0..9).for_each(|i| writer.tile(&made(i)).unwrap());
+        assert_eq!(writer.index().unwrap(), 9);
+        writer.finish().unwrap();
+        let mut found = Vec::new();
+        each_tile(&path, |made| {
+            found.push(made);
+            Ok(())
+        })
+        .unwrap();
+        assert!(found.into_iter().eq((0..9).map(made)));
+        let mut known = Known::default();
+        add_known(&path, &mut known).unwrap();
+        assert_eq!(known.level(9).count(), 9);
+        let whole = std::fs::read(&path).unwrap();
+        for length in 0..whole.len() {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(each_tile(&path, |_| Ok(())).is_err(), "{length}");
+        }
+    }
+}
