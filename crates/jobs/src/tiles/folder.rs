@@ -217,13 +217,9 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
     })
 }
 
-/// True for a folder of tiles that holds nothing else.
+/// True for a folder of tiles that holds nothing else; damaged ones are such, too.
 fn is_tiles(path: &Path) -> bool {
-    let is_own = std::fs::read(path.join(LAYER))
-        .ok()
-        .and_then(|text| serde_json::from_slice::<Value>(&text).ok())
-        .is_some_and(|layer| layer.get("terrane").is_some());
-    is_own && holds_tiles_alone(path, 0)
+    path.join(LAYER).is_file() && holds_tiles_alone(path, 0)
 }
 
 /// Whether all in a folder are tiles, by their names: folders of numbers, two deep, with tiles in them.
