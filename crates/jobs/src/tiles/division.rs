@@ -2,6 +2,7 @@
 //! read once, and the tiles above them.
 
 use std::fmt;
+use std::ops::Range;
 
 use super::place::Place;
 use crate::plan::Numbered;
@@ -41,6 +42,48 @@ impl fmt::Display for Task {
     }
 }
 
+/// Tiles of a level in a rectangle, row by row from the north.
+struct Rows {
+    level: u8,
+    west: u32,
+    north: u32,
+    columns: u64,
+    count: u64,
+}
+
+/// Tiles by number.
+pub(super) struct Sweep(Vec<Rows>);
+
+impl Sweep {
+    pub(super) fn len(&self) -> u64 {
+        self.0.iter().map(|rows| rows.count).sum()
+    }
+
+    /// Those of some numbers, as many of them as there are.
+    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<TileId> {
+        let mut first = 0;
+        let mut found = Vec::new();
+        for rows in &self.0 {
+            let [from, to] =
+                [numbers.start, numbers.end].map(|i| i.clamp(first, first + rows.count) - first);
+            found.extend((from..to).map(|i| rows.at(i)));
+            first += rows.count;
+        }
+        found
+    }
+
+    pub(super) fn all(&self) -> Vec<TileId> {
+        self.part(0..self.len())
+    }
+}
+
+impl Rows {
+    fn at(&self, i: u64) -> TileId {
+        let [x, y] = [i % self.columns, i / self.columns].map(|at| at as u32);
+        TileId { level: self.level, x: self.west + x, y: self.north - y }
+    }
+}
+
 /// How the work is divided.
 #[derive(Clone, Debug)]
 pub(super) struct Division {
@@ -70,35 +113,33 @@ impl Division {
     }
 
     /// Regions, from the north as rows of grids mostly are.
-    pub(super) fn regions(&self) -> Vec<TileId> {
-        self.level(self.near)
+    pub(super) fn regions(&self) -> Sweep {
+        Sweep(vec![self.rows_of(self.near)])
     }
 
-    /// All tiles of levels before the regions' that may be made, those of a level together; and both of level 0, which
-    /// every client asks for.
-    pub(super) fn above(&self) -> Vec<TileId> {
-        let roots = [0, 1].map(|x| TileId { level: 0, x, y: 0 });
-        let further = (1..self.near).flat_map(|level| self.level(level));
-        roots.into_iter().chain(further).collect()
+    /// Those of a level, and of all levels before it, that may be made; and both of level 0, which every client asks
+    /// for.
+    pub(super) fn above(&self, near: u8) -> Sweep {
+        let roots = Rows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
+        Sweep(std::iter::once(roots).chain((1..near).map(|level| self.rows_of(level))).collect())
     }
 
-    /// Those of a level, from the north.
-    pub(super) fn level(&self, level: u8) -> Vec<TileId> {
+    /// Tiles of a level.
+    pub(super) fn level(&self, level: u8) -> Sweep {
+        Sweep(vec![self.rows_of(level)])
+    }
+
+    fn rows_of(&self, level: u8) -> Rows {
         let [[west, east], [south, north]] = TileId::meeting(level, &self.place.bounds);
-        let row = |y: u32| (west..=east).map(move |x| TileId { level, x, y });
-        (south..=north).rev().flat_map(row).collect()
+        let [columns, rows] = [east - west, north - south].map(|last| u64::from(last) + 1);
+        Rows { level, west, north, columns, count: columns * rows }
     }
 
     /// Tasks that look, that make regions, and that make what is above, with so many tiles in each of these.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let tasks = |tiles: u64| tiles.div_ceil(u64::from(cut)) as u32;
-        let tiles = |level: u8| {
-            let [cols, rows] = TileId::meeting(level, &self.place.bounds);
-            [cols, rows].map(|[first, last]| u64::from(last - first) + 1).iter().product::<u64>()
-        };
-        let above = 2 + (1..self.near).map(tiles).sum::<u64>();
-        let [_, height] = self.place.whole;
-        [height.div_ceil(self.look_rows()), tasks(tiles(self.near)), tasks(above)]
+        let tasks = |tiles: Sweep| tiles.len().div_ceil(u64::from(cut)) as u32;
+        let looks = self.place.whole[1].div_ceil(self.look_rows());
+        [looks, tasks(self.regions()), tasks(self.above(self.near))]
     }
 
     fn look_rows(&self) -> u32 {
@@ -142,8 +183,25 @@ mod tests {
             let division = division(side, seconds);
             for cut in [1, 7, 128] {
                 let [looks, near, far] = division.counts(cut).map(|count| count as usize);
-                assert_eq!(division.regions().chunks(cut as usize).count(), near);
-                assert_eq!(division.above().chunks(cut as usize).count(), far);
+                for (tasks, sweep) in
+                    [(near, division.regions()), (far, division.above(division.near))]
+                {
+                    let cut = u64::from(cut);
+                    let parts: Vec<Vec<TileId>> =
+                        (0..tasks as u64).map(|i| sweep.part(i * cut..(i + 1) * cut)).collect();
+                    assert!(parts.iter().all(|part| !part.is_empty()));
+                    assert_eq!(parts.concat(), sweep.all());
+                    let set: std::collections::BTreeSet<TileId> = sweep.all().into_iter().collect();
+                    assert_eq!(set.len() as u64, sweep.len());
+                    // Whatever has a sample is among them.
+                    let Bounds { west, south, east, north } = division.place.bounds;
+                    for place in [[west, south], [east, north], [west, north]] {
+                        let at = |id: &&TileId| {
+                            id.bounds().holds(place) && id.level + 1 >= division.near
+                        };
+                        assert!(set.iter().any(|id| at(&id)) || division.near == 0);
+                    }
+                }
                 let ends: Vec<[u32; 2]> = (0..looks as u32).map(|i| division.rows(i)).collect();
                 assert!(ends.windows(2).all(|pair| pair[0][1] == pair[1][0]));
                 assert_eq!((ends[0][0], ends[looks - 1][1]), (0, side));

@@ -265,13 +265,13 @@ impl<'a> Ground<'a> {
 
     fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
         let Division { near, .. } = self.opened.division;
-        self.each("near levels", &self.opened.division.regions(), at, |id| {
+        self.each("near levels", &self.opened.division.regions().all(), at, |id| {
             self.region(id, &mut |made| folder.put(&made), at.cancel)
         })?;
         let mut known = folder.known();
         let there = known.clone();
         known.add_above(near);
-        let mut above = self.opened.division.above();
+        let mut above = self.opened.division.above(near).all();
         above.retain(|id| is_missing(*id, [&there, &known]));
         self.each("far levels", &above, at, |id| folder.put(&self.far(id, &known, at.cancel)?))
     }

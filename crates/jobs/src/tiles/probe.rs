@@ -12,7 +12,7 @@ use terrane_files::lock;
 use terrane_tiles::TileId;
 
 /// Tiles that are made, with all that are in them.
-const PROBES: usize = 16;
+const PROBES: u64 = 16;
 /// Levels that they are below regions.
 const BELOW: u8 = 2;
 /// Rather too much than too little.
@@ -42,8 +42,11 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let level = division.near.saturating_add(BELOW).min(division.last);
     let all = division.level(level);
     let count = all.len().min(PROBES);
-    let tile = |i: usize| all[(2 * i + 1) * all.len() / (2 * count)];
-    let tiles: Vec<TileId> = (0..count).map(tile).collect();
+    let tile = |i: u64| {
+        let at = (2 * i + 1) * all.len() / (2 * count);
+        all.part(at..at + 1)
+    };
+    let tiles: Vec<TileId> = (0..count).flat_map(tile).collect();
     let mut gathered = opened.gather();
     let mut heights = Vec::new();
     for id in &tiles {
@@ -66,13 +69,13 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
         };
         ground.region(tiles[i as usize], &mut put, &cancel)
     };
-    workers::run(threads, count as u64, &cancel, || (), probe, Ok)?;
+    workers::run(threads, count, &cancel, || (), probe, Ok)?;
     let [below, top] = seen.into_inner().unwrap_or_default();
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
     let [width, height] = division.place.whole.map(f64::from);
     let share = width * height / samples.max(1) as f64;
     // Those above are about as large as the largest that were made.
-    let above = (0..level).map(|level| division.level(level).len()).sum::<usize>().max(2) as f64;
+    let above = division.above(level).len() as f64;
     let above = above / top.tiles.max(1.0);
     let whole =
         |of: fn(&Seen) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::division::{Division, Task};
+use super::division::{Division, Sweep, Task};
 use super::folder::{Folder, Made as Tile};
 use super::object::{Writer, add_glances, add_known, each_tile};
 use super::place::Place;
@@ -22,7 +22,7 @@ use crate::plan::{
 use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_tiles::Overview;
+use terrane_tiles::{Overview, TileId};
 
 /// Tiles of a task, unless told otherwise: regions of as many as have about 134 million samples.
 const CUT: u32 = 128;
@@ -98,9 +98,9 @@ impl Tiles {
     }
 
     /// The tiles of a task, of all that there may be.
-    fn part<'a, T>(&self, task: u32, all: &'a [T]) -> &'a [T] {
-        let cut = self.method.cut as usize;
-        all.chunks(cut).nth(task as usize).unwrap_or_default()
+    fn part(&self, task: u32, all: &Sweep) -> Vec<TileId> {
+        let [task, cut] = [task, self.method.cut].map(u64::from);
+        all.part(task * cut..(task + 1) * cut)
     }
 }
 
@@ -120,12 +120,12 @@ impl Ready {
     }
 
     /// Writes tiles, made on all threads, to an object.
-    fn tiles<T: Sync>(
+    fn tiles(
         &self,
         (stage, object): (&str, &Path),
-        parts: &[T],
+        parts: &[TileId],
         at: At<'_>,
-        make: impl Fn(&T) -> Result<Vec<Tile>> + Sync,
+        make: impl Fn(&TileId) -> Result<Vec<Tile>> + Sync,
     ) -> Result<u64> {
         let mut writer = Writer::create(object)?;
         at.progress.begin(stage, parts.len() as u64);
@@ -207,12 +207,13 @@ impl Work for Tiles {
                 u64::from(end - first) * width
             }
             Named::Task(Task::Near(near)) => {
-                let regions = division.regions();
-                let part = self.part(near, &regions).iter();
-                part.map(|id| division.samples(&id.bounds())).sum()
+                let part = self.part(near, &division.regions());
+                part.iter().map(|id| division.samples(&id.bounds())).sum()
             }
             // Mostly blocks of samples are looked at.
-            Named::Task(Task::Far(far)) => self.part(far, &division.above()).len() as u64 * 4096,
+            Named::Task(Task::Far(far)) => {
+                self.part(far, &division.above(division.near)).len() as u64 * 4096
+            }
             Named::Finish => self.grid.samples(),
         }
     }
@@ -268,9 +269,8 @@ impl Work for Tiles {
             }
             Task::Near(number) => {
                 let ground = ready.ground(survey)?;
-                let regions = opened.division.regions();
-                let part = work.part(number, &regions);
-                ready.tiles(("near levels", object), part, at, |id| {
+                let part = work.part(number, &opened.division.regions());
+                ready.tiles(("near levels", object), &part, at, |id| {
                     let mut made = Vec::new();
                     let mut put = |tile| {
                         made.push(tile);
@@ -286,8 +286,9 @@ impl Work for Tiles {
                     add_known(&survey.object(near)?.0, &mut there)?;
                 }
                 let mut known = there.clone();
-                known.add_above(opened.division.near);
-                let mut part = work.part(number, &opened.division.above()).to_vec();
+                let near = opened.division.near;
+                known.add_above(near);
+                let mut part = work.part(number, &opened.division.above(near));
                 part.retain(|id| is_missing(*id, [&there, &known]));
                 ready.tiles(("far levels", object), &part, at, |id| {
                     Ok(vec![ground.far(*id, &known, at.cancel)?])
