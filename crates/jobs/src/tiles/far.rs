@@ -5,7 +5,7 @@ use super::{Ground, glance};
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Bounds, Builder, Ground as _, Patch, Shell, TileId, too_steep};
+use terrane_tiles::{Bounds, Builder, Ground as _, Level, Patch, Shell, TileId, too_steep};
 
 /// Rounds in which samples beyond the error are put into a mesh.
 const MOST_ROUNDS: u32 = 32;
@@ -13,7 +13,19 @@ const MOST_ROUNDS: u32 = 32;
 impl Ground<'_> {
     /// Makes a tile of a far level.
     pub(super) fn far(&self, id: TileId, folder: &Folder, cancel: &Cancel) -> Result<()> {
-        let (level, bounds) = (self.level(id), id.bounds());
+        self.of_level(id)
+            .enumerate()
+            .try_for_each(|(set, level)| self.far_of((set, level), id, folder, cancel))
+    }
+
+    fn far_of(
+        &self,
+        (set, level): (usize, &Level),
+        id: TileId,
+        folder: &Folder,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let bounds = id.bounds();
         let mut builder = Builder::new(id, level, &self.overview)?;
         builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
         for _ in 0..MOST_ROUNDS {
@@ -21,7 +33,7 @@ impl Ground<'_> {
             self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
             let (measure, beyond) = shell.end();
             if beyond.is_empty() {
-                return folder.put(&builder.finish(measure), level, &self.overview);
+                return folder.put(set, &builder.finish(measure), level, &self.overview);
             }
             builder.insert(&beyond);
         }

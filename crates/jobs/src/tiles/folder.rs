@@ -1,4 +1,5 @@
-//! The folder of a tile set: a file for each tile, and `layer.json`, which says what there is.
+//! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
+//! several formats, a folder of that kind for each.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -8,13 +9,14 @@ use std::sync::Mutex;
 use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
+use super::format::{FORMATS, Format};
 use super::report::{LevelReport, TilesReport};
-use super::{Ground, TilesJob};
+use super::{Ground, TilesJob, three};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
-use terrane_tiles::{Level, Tile, TileId, level_error, quantized_mesh};
+use terrane_tiles::{Facts, Level, Tile, TileId, glb, level_error, quantized_mesh};
 
 /// The name of what says what there is.
 const LAYER: &str = "layer.json";
@@ -29,6 +31,13 @@ const EFFORT: i32 = 9;
 #[derive(Clone, Debug, Default)]
 struct Row {
     tiles: BTreeSet<(u32, u32)>,
+    /// By set.
+    made: [Made; FORMATS.len()],
+}
+
+/// What was made of a level in a format.
+#[derive(Clone, Copy, Debug, Default)]
+struct Made {
     largest: f64,
     samples: u64,
     vertices: u64,
@@ -39,19 +48,39 @@ struct Row {
 /// A folder in the making.
 pub(super) struct Folder {
     folder: AtomicFolder,
+    formats: Vec<Format>,
     normals: bool,
+    edges: bool,
     compress: bool,
     /// The deepest level.
     last: u8,
     rows: Mutex<BTreeMap<u8, Row>>,
+    /// What 3D Tiles tell of each tile.
+    facts: Mutex<BTreeMap<TileId, Facts>>,
 }
 
 impl Folder {
     /// For tiles down to a level.
     pub(super) fn create(job: &TilesJob, last: u8) -> Result<Self> {
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
-        let (normals, compress) = (job.normals, job.compress);
-        Ok(Self { folder, normals, compress, last, rows: Mutex::default() })
+        Ok(Self {
+            folder,
+            formats: job.formats.clone(),
+            normals: job.normals,
+            edges: job.tile_edges,
+            compress: job.compress,
+            last,
+            rows: Mutex::default(),
+            facts: Mutex::default(),
+        })
+    }
+
+    /// Where the files of a set are: in the folder itself where it is the only one.
+    fn inside(&self, set: usize) -> PathBuf {
+        match self.formats.len() {
+            1 => self.folder.inside().to_path_buf(),
+            _ => self.folder.inside().join(self.formats[set].known().name),
+        }
     }
 
     /// Notes that there is a tile, which is put later: those it is in tell of it.
@@ -77,32 +106,46 @@ impl Folder {
         Some(Value::Array(told.collect()).to_string())
     }
 
-    /// Writes a tile that was noted, as all in it were.
+    /// Writes a tile of a set that was noted, as all in it were.
     pub(super) fn put(
         &self,
+        set: usize,
         tile: &Tile,
         level: &Level,
         ground: &impl terrane_tiles::Ground,
     ) -> Result<()> {
-        let bytes = quantized_mesh(
-            tile,
-            self.normals.then_some((level, ground)),
-            self.below(tile.id).as_deref(),
-        )?;
-        let bytes = if self.compress { packed(&bytes)? } else { bytes };
+        let normals = self.normals.then_some((level, ground));
         let TileId { level, x, y } = tile.id;
-        let path = self.folder.inside().join(level.to_string()).join(x.to_string());
-        std::fs::create_dir_all(&path).map_err(|e| Error::write(&path, e))?;
-        let path = path.join(format!("{y}.{ENDING}"));
-        std::fs::write(&path, &bytes).map_err(|e| Error::write(&path, e))?;
+        let (bytes, name) = match self.formats[set] {
+            Format::QuantizedMesh => (
+                quantized_mesh(tile, normals, self.below(tile.id).as_deref())?,
+                format!("{level}/{x}/{y}.{ENDING}"),
+            ),
+            Format::ThreeTiles => {
+                let (bytes, facts) = glb(tile, normals, self.edges)?;
+                lock(&self.facts).insert(tile.id, facts);
+                (bytes, three::name_of(tile.id, three::ENDING))
+            }
+        };
+        let bytes = self.write(set, &name, bytes)?;
         let mut rows = lock(&self.rows);
-        let row = rows.entry(level).or_default();
-        row.largest = row.largest.max(tile.measure.largest);
-        row.samples += tile.measure.samples;
-        row.vertices += tile.vertices.len() as u64;
-        row.triangles += tile.triangles.len() as u64;
-        row.bytes += bytes.len() as u64;
+        let made = &mut rows.entry(level).or_default().made[set];
+        made.largest = made.largest.max(tile.measure.largest);
+        made.samples += tile.measure.samples;
+        made.vertices += tile.vertices.len() as u64;
+        made.triangles += tile.triangles.len() as u64;
+        made.bytes += bytes;
         Ok(())
+    }
+
+    /// Writes a file of a set, packed if that is wanted; how long it is.
+    fn write(&self, set: usize, name: &str, bytes: Vec<u8>) -> Result<u64> {
+        let bytes = if self.compress { packed(&bytes)? } else { bytes };
+        let path = self.inside(set).join(name);
+        let folder = path.parent().unwrap_or(&path);
+        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+        std::fs::write(&path, &bytes).map_err(|e| Error::write(&path, e))?;
+        Ok(bytes.len() as u64)
     }
 
     /// The tiles of levels before `near` that have one of that level in them, the coarsest first; and both of
@@ -131,39 +174,66 @@ impl Folder {
     /// Writes what says what there is, and gives the folder its name.
     pub(super) fn finish(self, ground: &Ground<'_>, cancel: &Cancel) -> Result<TilesReport> {
         let rows = lock(&self.rows).clone();
-        let path = self.folder.inside().join(LAYER);
-        let mut file = AtomicFile::create(&path, false)?;
-        let text = serde_json::to_vec_pretty(&layer(ground, &rows)).unwrap_or_default();
-        file.write_all(&text).map_err(|e| Error::write(&path, e))?;
-        let bytes = file.commit()?;
+        let (mut levels, mut bytes) = (Vec::new(), 0);
+        for (set, format) in self.formats.iter().enumerate() {
+            let of_set: Vec<LevelReport> =
+                rows.iter().map(|(level, row)| told(ground, set, *level, row)).collect();
+            let (name, text) = match format {
+                Format::QuantizedMesh => (LAYER, layer(ground, &of_set, &rows)),
+                Format::ThreeTiles => {
+                    bytes += self.subtrees(set, cancel)?;
+                    (three::TILESET, three::tileset(ground, &of_set, &lock(&self.facts)))
+                }
+            };
+            let path = self.inside(set).join(name);
+            let mut file = AtomicFile::create(&path, false)?;
+            let text = serde_json::to_vec_pretty(&text).unwrap_or_default();
+            file.write_all(&text).map_err(|e| Error::write(&path, e))?;
+            bytes += file.commit()?;
+            levels.extend(of_set);
+        }
         cancel.check()?;
         sync(self.folder.inside());
         self.folder.commit()?;
-        let levels = rows.iter().map(|(level, row)| told(ground, *level, row)).collect();
         Ok(TilesReport {
             input: ground.job.input.to_string(),
             output: ground.job.output.display().to_string(),
             crs: ground.grid.info().crs.label(),
-            tiles: rows.values().map(|row| row.tiles.len() as u64).sum(),
+            tiles: levels.iter().map(|level| level.tiles).sum(),
             samples: u64::from(ground.place.whole[0]) * u64::from(ground.place.whole[1]),
+            output_bytes: bytes + levels.iter().map(|level| level.bytes).sum::<u64>(),
             levels,
             notes: ground.place.notes.clone(),
-            output_bytes: bytes + rows.values().map(|row| row.bytes).sum::<u64>(),
             ..TilesReport::default()
         })
     }
+
+    /// Writes the subtrees of a set; how long they are.
+    fn subtrees(&self, set: usize, cancel: &Cancel) -> Result<u64> {
+        let mut facts = lock(&self.facts);
+        three::nest(&mut facts);
+        let mut bytes = 0;
+        for (top, subtree) in three::subtrees(&facts) {
+            cancel.check()?;
+            bytes += self.write(set, &three::name_of(top, three::SUBTREE), subtree)?;
+        }
+        Ok(bytes)
+    }
 }
 
-fn told(ground: &Ground<'_>, level: u8, row: &Row) -> LevelReport {
+fn told(ground: &Ground<'_>, set: usize, level: u8, row: &Row) -> LevelReport {
+    let (made, of_level) = (&row.made[set], &ground.levels[set][usize::from(level)]);
     LevelReport {
+        format: ground.job.formats[set].known().name,
         level,
         tolerance: level_error(level),
-        step: ground.levels[usize::from(level)].step,
-        error: row.largest,
+        step: of_level.step,
+        lattice: of_level.lattice,
+        error: made.largest,
         tiles: row.tiles.len() as u64,
-        vertices: row.vertices,
-        triangles: row.triangles,
-        bytes: row.bytes,
+        vertices: made.vertices,
+        triangles: made.triangles,
+        bytes: made.bytes,
     }
 }
 
@@ -190,16 +260,15 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// What clients are told: the format, where there are tiles, and what is proven of them.
-fn layer(ground: &Ground<'_>, rows: &BTreeMap<u8, Row>) -> Value {
+fn layer(ground: &Ground<'_>, told: &[LevelReport], rows: &BTreeMap<u8, Row>) -> Value {
     let bounds = &ground.place.bounds;
+    let last = ground.last();
     let none = BTreeSet::new();
-    let last = ground.levels.len() as u8 - 1;
     let tiles = |level: u8| rows.get(&level).map_or(&none, |row| &row.tiles);
     let available: Vec<Value> = (0..=last).map(|level| rectangles(tiles(level))).collect();
-    let levels: Vec<Value> = rows
+    let levels: Vec<Value> = told
         .iter()
-        .map(|(level, row)| {
-            let LevelReport { tolerance, step, error, tiles, .. } = told(ground, *level, row);
+        .map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
             json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
         })
         .collect();
@@ -264,28 +333,68 @@ fn rectangles(tiles: &BTreeSet<(u32, u32)>) -> Value {
     found.iter().map(told).collect()
 }
 
-/// True for a folder of tiles that holds nothing else.
+/// True for a folder of tiles, or of folders of tiles of the formats, that holds nothing else.
 fn is_tiles(path: &Path) -> bool {
-    let is_own = std::fs::read(path.join(LAYER))
-        .ok()
-        .and_then(|text| serde_json::from_slice::<Value>(&text).ok())
-        .is_some_and(|layer| layer.get("terrane").is_some());
-    is_own && holds_tiles_alone(path, 0)
+    let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let Ok(entries) = entries else { return false };
+    let is_set = |name: &std::ffi::OsStr| FORMATS.iter().any(|known| name == known.name);
+    match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
+        true => entries.iter().all(|entry| is_one_set(&entry.path())),
+        false => is_one_set(path),
+    }
 }
 
-/// Whether all in a folder are tiles, by their names: folders of numbers, two deep, with tiles in them.
-fn holds_tiles_alone(path: &Path, depth: u32) -> bool {
-    let Ok(mut entries) = std::fs::read_dir(path) else { return false };
-    entries.all(|entry| {
-        let Ok(entry) = entry else { return false };
-        let name = PathBuf::from(entry.file_name());
-        let is_number = |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
-        match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            true => depth < 2 && is_number(&name) && holds_tiles_alone(&entry.path(), depth + 1),
-            false if depth == 0 => name == Path::new(LAYER),
-            false => depth == 2 && name.extension().is_some_and(|ending| ending == ENDING),
-        }
-    })
+/// True for a folder of tiles of one format that holds nothing else.
+fn is_one_set(path: &Path) -> bool {
+    let own = |name: &str, key: &str| {
+        let text = std::fs::read(path.join(name)).ok();
+        let told = text.and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+        told.is_some_and(|told| told.pointer(key).is_some())
+    };
+    let layer = Kind { told: LAYER, top: &[], endings: &[ENDING] };
+    let tileset = Kind {
+        told: three::TILESET,
+        top: &three::HALVES,
+        endings: &[three::ENDING, three::SUBTREE],
+    };
+    own(LAYER, "/terrane") && layer.holds_all(path, 1)
+        || own(three::TILESET, "/extras/terrane") && tileset.holds_all(path, 0)
+}
+
+/// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
+struct Kind<'a> {
+    told: &'a str,
+    top: &'a [&'a str],
+    endings: &'a [&'a str],
+}
+
+impl Kind<'_> {
+    /// Whether all in a folder belongs to a set, by names: at depth 0 the folders at the top; below them folders of
+    /// numbers, two deep, with tiles in them.
+    fn holds_all(&self, path: &Path, depth: u32) -> bool {
+        let Ok(mut entries) = std::fs::read_dir(path) else { return false };
+        let first = u32::from(self.top.is_empty());
+        entries.all(|entry| {
+            let Ok(entry) = entry else { return false };
+            let name = PathBuf::from(entry.file_name());
+            let is_number =
+                |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
+            match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                true if depth == 0 => {
+                    self.top.iter().any(|top| name == Path::new(top))
+                        && self.holds_all(&entry.path(), 1)
+                }
+                true => depth < 3 && is_number(&name) && self.holds_all(&entry.path(), depth + 1),
+                false if depth == first => name == Path::new(self.told),
+                false => {
+                    depth == 3
+                        && name
+                            .extension()
+                            .is_some_and(|found| self.endings.iter().any(|ending| found == *ending))
+                }
+            }
+        })
+    }
 }
 
 #[cfg(test)]

@@ -13,10 +13,12 @@
 
 mod far;
 mod folder;
+mod format;
 mod glance;
 mod near;
 mod place;
 mod report;
+mod three;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -27,6 +29,7 @@ use crate::reading::Reading;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
 use folder::Folder;
+pub use format::{FORMATS, Format};
 use place::Place;
 pub use report::{LevelReport, TilesReport};
 use terrane_base::error::{Error, Result};
@@ -49,6 +52,10 @@ pub struct TilesJob {
     pub output: PathBuf,
     /// Replace a folder of tiles that exists.
     pub overwrite: bool,
+    /// What to write: of several formats, a folder in the output for each, by its name.
+    pub formats: Vec<Format>,
+    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges).
+    pub tile_edges: bool,
     /// The deepest level; that of the grid's resolution when `None`.
     pub max_level: Option<u8>,
     /// Write a normal for each vertex.
@@ -67,6 +74,8 @@ impl TilesJob {
             reading: Reading::default(),
             output: output.into(),
             overwrite: false,
+            formats: vec![Format::QuantizedMesh],
+            tile_edges: false,
             max_level: None,
             normals: true,
             compress: true,
@@ -81,7 +90,8 @@ struct Ground<'a> {
     grid: &'a dyn GridSource,
     place: Place,
     overview: Overview,
-    levels: Vec<Level>,
+    /// By set, from level 0 on.
+    levels: Vec<Vec<Level>>,
     /// The first level whose tiles are regions or parts of one.
     near: u8,
 }
@@ -97,6 +107,7 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
         return Err(Error::usage(format!("level {level} is too deep"))
             .remedy(format!("choose {DEEPEST} at most")));
     }
+    check_formats(job)?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let options = job.reading.options(&job.resources, 0)?;
     let (grid, shares) = memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES)?;
@@ -106,9 +117,11 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
     let near = (0..last).find(is_near).unwrap_or(last);
     let overview = glance::look(&*grid, &place, near, shares.threads, progress, cancel)?;
-    let reach = overview.range[0].abs().max(overview.range[1].abs());
-    let levels =
-        (0..=last).map(|level| Level::new(level, place.spacing, reach)).collect::<Result<_>>()?;
+    let levels = job
+        .formats
+        .iter()
+        .map(|format| levels(*format, last, &place, overview.range))
+        .collect::<Result<_>>()?;
     let ground = Ground { job, grid: &*grid, place, overview, levels, near };
     ground.make(&folder, shares.threads, progress, cancel)?;
     let made = folder.finish(&ground, cancel)?;
@@ -116,6 +129,32 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
         run: Figures { threads: shares.threads, ..Figures::since(started, &job.resources) },
         ..made
     })
+}
+
+/// Fails where no format is asked for, one twice, or edges of tiles of a format without.
+fn check_formats(job: &TilesJob) -> Result<()> {
+    let is_twice = |i: usize| job.formats[..i].contains(&job.formats[i]);
+    if job.formats.is_empty() || (0..job.formats.len()).any(is_twice) {
+        return Err(Error::usage("a format of tiles is asked for twice, or none"));
+    }
+    if job.tile_edges && !job.formats.contains(&Format::ThreeTiles) {
+        return Err(Error::usage("edges of tiles belong to 3D Tiles")
+            .remedy("pass --format 3dtiles, or leave out --tile-edges"));
+    }
+    Ok(())
+}
+
+/// The levels of a set.
+fn levels(format: Format, last: u8, place: &Place, range: [f64; 2]) -> Result<Vec<Level>> {
+    let reach = range[0].abs().max(range[1].abs());
+    let level = |level: u8| {
+        let level = Level::new(level, place.spacing, reach)?;
+        match format {
+            Format::QuantizedMesh => Ok(level),
+            Format::ThreeTiles => level.on_lattice(range),
+        }
+    };
+    (0..=last).map(level).collect()
 }
 
 impl Ground<'_> {
@@ -167,7 +206,13 @@ impl Ground<'_> {
         (south..=north).rev().flat_map(row).collect()
     }
 
-    fn level(&self, id: TileId) -> &Level {
-        &self.levels[usize::from(id.level)]
+    /// The level of a tile, by set.
+    fn of_level(&self, id: TileId) -> impl Iterator<Item = &Level> {
+        self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
+    }
+
+    /// The deepest level.
+    fn last(&self) -> u8 {
+        self.levels[0].len() as u8 - 1
     }
 }

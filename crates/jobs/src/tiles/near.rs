@@ -54,13 +54,14 @@ impl Ground<'_> {
             return Ok(());
         }
         folder.note(id);
-        if usize::from(id.level) + 1 < self.levels.len() {
+        if id.level < self.last() {
             let children = id.children();
             children
                 .into_iter()
                 .try_for_each(|child| self.descend(child, patch, folder, cancel))?;
         }
-        let level = self.level(id);
-        folder.put(&build(id, level, patch)?, level, patch)
+        self.of_level(id)
+            .enumerate()
+            .try_for_each(|(set, level)| folder.put(set, &build(id, level, patch)?, level, patch))
     }
 }
