@@ -54,13 +54,11 @@ impl Facts {
         Self { id: tile.id, heights, sphere: (centre, radius), occlusion, error }
     }
 
-    /// Makes the volumes of a tile hold those of one of its parts, and its error no smaller than that of the part, as
-    /// clients expect of them.
+    /// Makes the sphere of a tile hold that of one of its parts, and its error no smaller than that of the part, as
+    /// clients expect of them. Heights stay its own: the occlusion point is one for them.
     pub fn hold(&mut self, part: &Self) {
         let ((centre, radius), (beside, least)) = (self.sphere, part.sphere);
         self.sphere.1 = radius.max(((beside - centre).length() + least) * (1.0 + f64::EPSILON));
-        self.heights[0] = self.heights[0].min(part.heights[0]);
-        self.heights[1] = self.heights[1].max(part.heights[1]);
         self.error = self.error.max(part.error);
     }
 }

@@ -32,7 +32,7 @@ pub(super) fn name_of(id: TileId, ending: &str) -> String {
     format!("{half}/{}/{x}/{}.{ending}", id.level, id.y)
 }
 
-/// Makes the volumes of all tiles hold those of the tiles below them, and their errors no smaller.
+/// Makes the spheres of all tiles hold those of the tiles below them, and their errors no smaller.
 pub(super) fn nest(facts: &mut BTreeMap<TileId, Facts>) {
     let finest_first: Vec<TileId> = facts.keys().rev().copied().collect();
     for id in finest_first {
@@ -67,8 +67,12 @@ pub(super) fn tileset(
     levels: &[LevelReport],
     facts: &BTreeMap<TileId, Facts>,
 ) -> Value {
-    let root = |x: u32| facts.get(&TileId { level: 0, x, y: 0 }).map(|root| root.heights);
-    let ends = [0, 1].map(|x| root(x).unwrap_or_default());
+    let ends = HALVES.map(|half| {
+        let of_half = facts.values().filter(|facts| half_of(facts.id).0 == half);
+        of_half.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], facts| {
+            [low.min(facts.heights[0]), high.max(facts.heights[1])]
+        })
+    });
     let region = |west: f64, east: f64, [low, high]: [f64; 2]| json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]});
     let half = |x: usize| {
         let name = HALVES[x];

@@ -78,7 +78,7 @@ faults! {
     Sphere Containment "vertices outside of the bounding sphere";
     Range Containment "tiles whose least height is above the largest";
     Heights Containment "triangles lower or higher than the tile says";
-    Nested Containment "tiles whose volumes do not hold those of a tile below, or whose error is smaller";
+    Nested Containment "tiles whose sphere does not hold that of a tile below, or whose error is smaller";
     Regions Containment "layer.json has regions that do not hold the tiles";
     Centre Containment "tiles whose centre is not near them";
     Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
