@@ -39,7 +39,8 @@ impl Vector {
 
     /// The nearest place whose coordinates are whole numbers of a step.
     pub(crate) fn rounded(self, step: f64) -> Self {
-        Self(self.0.map(|value| (value / step).round() * step))
+        // No zero of another sign than what a client adds up to.
+        Self(self.0.map(|value| (value / step).round() * step + 0.0))
     }
 
     /// The same direction with a length of 1; what has no length stays as it is.
