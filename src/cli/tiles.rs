@@ -9,12 +9,12 @@ use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text}
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
-use crate::jobs::tiles::{self, TilesJob, TilesReport};
+use crate::jobs::tiles::{self, FORMATS, Format, TilesJob, TilesReport};
 
 /// Make terrain tiles of a grid for viewers of the globe, at every level of detail
 ///
 /// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the
-/// grid, and layer.json. No sample is further from a tile, as a client decodes it on the bent earth, than
+/// grid, and layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it on the bent earth, than
 /// clients take its level to be off by (77 km at level 0, half as much at each further one); each tile
 /// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
 /// spanned. The grid is in longitudes and latitudes; its heights are taken from the ellipsoid on.
@@ -50,6 +50,14 @@ pub(super) struct Args {
 /// What is asked of tiles.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Wanted {
+    /// What to write; given twice, a folder for each inside of the output
+    #[arg(long, short, value_name = "FORMAT", value_parser = parse_format, default_value = FORMATS[0].name,
+          long_help = formats_help(), help_heading = "Tiles")]
+    format: Vec<Format>,
+    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which
+    /// CesiumJS needs to take them for its terrain
+    #[arg(long, help_heading = "Tiles")]
+    tile_edges: bool,
     /// The deepest level [default: the first whose tiles have at most 64 samples along a side]
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
@@ -70,6 +78,8 @@ impl Wanted {
     /// The job with what is asked for.
     pub(super) fn job(&self, job: TilesJob) -> TilesJob {
         TilesJob {
+            formats: self.format.clone(),
+            tile_edges: self.tile_edges,
             max_level: self.max_level,
             normals: !self.no_normals,
             compress: !self.no_gzip,
@@ -97,6 +107,22 @@ impl Verb for Args {
     fn run(&self, call: &Call<'_>) -> Result<Outcome> {
         run(self, call.cancel)
     }
+}
+
+fn parse_format(name: &str) -> std::result::Result<Format, String> {
+    Format::named(name).ok_or_else(|| {
+        let names: Vec<_> = FORMATS.iter().map(|known| known.name).collect();
+        format!("the formats are {}", names.join(", "))
+    })
+}
+
+fn formats_help() -> String {
+    let lines = FORMATS.iter().map(|known| format!("{:<15} {}", known.name, known.about));
+    let lines: Vec<_> = lines.collect();
+    format!(
+        "What to write; given twice, a folder for each inside of the output:\n{}",
+        lines.join("\n")
+    )
 }
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
@@ -149,6 +175,10 @@ pub(super) fn summary(r: &TilesReport) -> String {
             l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
         )
     };
-    let levels: Vec<String> = r.levels.iter().map(level).collect();
-    format!("{} -> {}\n{}\n{heading}\n{}", r.input, r.output, text::table(&rows), levels.join("\n"))
+    let sets = r.levels.chunk_by(|a, b| a.format == b.format).map(|of_set| {
+        let levels: Vec<String> = of_set.iter().map(level).collect();
+        format!("{}\n{heading}\n{}", of_set[0].format, levels.join("\n"))
+    });
+    let sets: Vec<String> = sets.collect();
+    format!("{} -> {}\n{}\n{}", r.input, r.output, text::table(&rows), sets.join("\n"))
 }

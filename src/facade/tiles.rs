@@ -6,11 +6,11 @@ use super::grid::Grid;
 use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
-use terrane_jobs::tiles::{self, PlanJob, TilesJob, TilesReport};
+use terrane_jobs::tiles::{self, Format as TilesFormat, PlanJob, TilesJob, TilesReport};
 
 /// Tiles of a grid of longitudes and latitudes to be made, for viewers of the globe, at every level of detail:
-/// quantized-mesh 1.0. No sample is further from a tile, as a client decodes it, than clients take its level to be
-/// off by. Source: <https://github.com/CesiumGS/quantized-mesh>.
+/// quantized-mesh 1.0, 3D Tiles 1.1, or both. No sample is further from a tile, as a client decodes it, than clients take its level to be
+/// off by. Sources: <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -29,6 +29,8 @@ use terrane_jobs::tiles::{self, PlanJob, TilesJob, TilesReport};
 /// ```
 pub struct TilesBuilder<'a> {
     grid: &'a Grid,
+    formats: Vec<TilesFormat>,
+    tile_edges: bool,
     max_level: Option<u8>,
     normals: bool,
     compress: bool,
@@ -40,7 +42,22 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        Self { grid, max_level: None, normals: true, compress: true, run: Run::default() }
+        let TilesJob { formats, tile_edges, max_level, normals, compress, .. } =
+            TilesJob::new(grid.inputs.clone(), PathBuf::new());
+        Self { grid, formats, tile_edges, max_level, normals, compress, run: Run::default() }
+    }
+
+    /// What to write (quantized-mesh unless told otherwise); of several formats, a folder for each in the output.
+    pub fn formats(mut self, formats: &[TilesFormat]) -> Self {
+        self.formats = formats.to_vec();
+        self
+    }
+
+    /// Name the vertices of the sides of 3D Tiles (`CESIUM_tile_edges`), which CesiumJS needs to take them for its
+    /// terrain.
+    pub fn tile_edges(mut self, edges: bool) -> Self {
+        self.tile_edges = edges;
+        self
     }
 
     /// The deepest level, from 0 to 20; the first whose tiles have at most 64 samples along a side unless told
@@ -94,6 +111,8 @@ impl<'a> TilesBuilder<'a> {
         Ok(TilesJob {
             reading: self.grid.reading.clone(),
             overwrite: self.run.overwrite,
+            formats: self.formats.clone(),
+            tile_edges: self.tile_edges,
             max_level: self.max_level,
             normals: self.normals,
             compress: self.compress,

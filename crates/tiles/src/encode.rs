@@ -25,7 +25,7 @@ const NARROWEST: f64 = 0.01;
 const PLACES: i32 = 3;
 
 /// The heights that a tile can hold: from the lowest one on, in its own steps.
-struct Heights {
+pub(crate) struct Heights {
     /// Steps of the level.
     lowest: i32,
     /// Own steps in a step of the level.
@@ -37,7 +37,15 @@ struct Heights {
 impl Heights {
     /// The finest steps that reach from the lowest height to the highest, so that clients know the range of
     /// heights as well as they can.
-    fn of(tile: &Tile) -> Option<Self> {
+    pub(crate) fn of(tile: &Tile) -> Result<Self> {
+        Self::fitting(tile).ok_or_else(|| {
+            let tiling::TileId { level, x, y } = tile.id;
+            Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
+                .remedy(format!("pass --max-level {}", level.saturating_sub(1)))
+        })
+    }
+
+    fn fitting(tile: &Tile) -> Option<Self> {
         let heights = || tile.vertices.iter().map(|vertex| vertex.height);
         let (lowest, highest) = (heights().min()?, heights().max()?);
         let fits = |halvings: &u32| {
@@ -68,11 +76,7 @@ pub fn quantized_mesh<G: Ground>(
     normals: Option<(&Level, &G)>,
     available: Option<&str>,
 ) -> Result<Vec<u8>> {
-    let heights = Heights::of(tile).ok_or_else(|| {
-        let tiling::TileId { level, x, y } = tile.id;
-        Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
-            .remedy(format!("pass --max-level {}", level.saturating_sub(1)))
-    })?;
+    let heights = Heights::of(tile)?;
     let (vertices, triangles) = in_order(tile);
     let mut out = Vec::with_capacity(vertices.len() * 12 + 256);
     header(tile, &heights, &mut out);
@@ -138,7 +142,7 @@ fn differences(values: impl Iterator<Item = i32>, out: &mut Vec<u8>) {
 
 /// Triangles in an order in which neighbours follow each other, and vertices in the order in which these name
 /// them.
-fn in_order(tile: &Tile) -> (Vec<Vertex>, Vec<[u32; 3]>) {
+pub(crate) fn in_order(tile: &Tile) -> (Vec<Vertex>, Vec<[u32; 3]>) {
     let mut numbers = vec![u32::MAX; tile.vertices.len()];
     let mut vertices = Vec::with_capacity(tile.vertices.len());
     let mut triangles = Vec::with_capacity(tile.triangles.len());

@@ -37,6 +37,12 @@ impl Vector {
         self.dot(self).sqrt()
     }
 
+    /// The nearest place whose coordinates are whole numbers of a step.
+    pub(crate) fn rounded(self, step: f64) -> Self {
+        // No zero of another sign than what a client adds up to.
+        Self(self.0.map(|value| (value / step).round() * step + 0.0))
+    }
+
     /// The same direction with a length of 1; what has no length stays as it is.
     pub fn unit(self) -> Self {
         let length = self.length();

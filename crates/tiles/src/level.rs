@@ -19,6 +19,10 @@ const SAG: f64 = 0.25;
 const OF_BORDERS: f64 = 0.75;
 /// Part of a level's error that goes into rounding positions to steps.
 const OF_ROUNDING: f64 = 0.01;
+/// Whole numbers that single precision holds, less what rounding and the rounded centre of a tile take.
+const SINGLE: f64 = ((1_u32 << 24) - 4) as f64;
+/// Steps of positions in the error of a level, at least.
+const STEPS_OF_POSITION: f64 = 32.0;
 /// Steps of heights up or down, so that single precision holds the lowest and the highest of each tile.
 const MOST_STEPS: f64 = 8_000_000.0;
 
@@ -37,6 +41,9 @@ pub struct Level {
     pub posts: u32,
     /// Degrees across which slopes are told.
     pub slope: f64,
+    /// Metres that all earth-centred coordinates of vertices are whole numbers of, where clients decode such: a power
+    /// of two.
+    pub lattice: Option<f64>,
 }
 
 impl Level {
@@ -61,7 +68,30 @@ impl Level {
         let arc = tiling::degrees(level).to_radians() * EQUATOR;
         let posts = power_above(arc / chord).max(1.0) as u32;
         let slope = spacing * f64::from(stride);
-        Ok(Self { level, tolerance, step, stride, posts, slope })
+        Ok(Self { level, tolerance, step, stride, posts, slope, lattice: None })
+    }
+
+    /// The same level for clients that decode earth-centred coordinates, of heights in a range: on the finest lattice
+    /// on which those of a tile, counted from its middle, are exact in single precision. Vertices of two tiles that
+    /// are at one place are then decoded to one point, bit by bit.
+    ///
+    /// # Errors
+    /// A level too deep for heights that far apart.
+    pub fn on_lattice(self, range: [f64; 2]) -> Result<Self> {
+        let [low, high] = range;
+        let earth = EQUATOR + high.max(0.0);
+        // A tile lies within a square as wide as it is at the equator, and within the earth.
+        let arc = tiling::degrees(self.level).to_radians() * earth;
+        let across = (arc * 2_f64.sqrt()).min(2.0 * earth) + (high - low) + 2.0 * self.step;
+        let lattice = power_above(across / 2.0 / SINGLE);
+        if lattice > self.tolerance / STEPS_OF_POSITION {
+            let message = format!(
+                "heights from {low} to {high} m are too far apart for level {}",
+                self.level
+            );
+            return Err(Error::usage(message).remedy("pass a smaller --max-level"));
+        }
+        Ok(Self { lattice: Some(lattice), ..self })
     }
 
     /// Metres that the kernel counts in.
@@ -121,5 +151,20 @@ mod tests {
             assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
         }
         assert!(Level::new(tiling::DEEPEST, 1e-6, 20_000.0).is_err());
+    }
+
+    #[test]
+    fn lattices_of_positions_are_fine_and_reach_across_a_tile() {
+        for level in 0..=tiling::DEEPEST {
+            let level =
+                Level::new(level, 1e-6, 9000.0).unwrap().on_lattice([-400.0, 9000.0]).unwrap();
+            let lattice = level.lattice.unwrap();
+            assert!(lattice <= level.tolerance / 32.0 && lattice.log2().fract() == 0.0);
+            let half =
+                (tiling::degrees(level.level).to_radians() * EQUATOR * 0.7).min(EQUATOR) + 4700.0;
+            assert!(half / lattice < 16_777_216.0, "{level:?}");
+        }
+        let deepest = Level::new(tiling::DEEPEST, 1e-6, 9000.0).unwrap();
+        assert!(deepest.on_lattice([-80_000.0, 9000.0]).is_err());
     }
 }

@@ -17,11 +17,13 @@
 mod border;
 mod encode;
 mod globe;
+mod gltf;
 mod ground;
 mod horizon;
 mod level;
 mod measure;
 mod overview;
+mod subtree;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -29,9 +31,11 @@ mod tiling;
 
 pub use encode::quantized_mesh;
 pub use globe::{Turn, Upright, Vector};
+pub use gltf::{Facts, glb};
 pub use ground::{Fill, Ground, Means, Patch, Sample};
 pub use level::{Level, deepest_for};
 pub use measure::{Measure, Shell};
 pub use overview::{Block, Blocks, Gathered, Glance, Overview, Plan};
+pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
 pub use surface::{Builder, Tile, Vertex, build, too_steep};
 pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

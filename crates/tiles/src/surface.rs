@@ -30,6 +30,8 @@ pub struct Tile {
     pub id: TileId,
     /// Metres of a step of heights.
     pub step: f64,
+    /// Metres of a step of earth-centred coordinates, as of [`Level::lattice`].
+    pub lattice: Option<f64>,
     /// Those on the borders first.
     pub vertices: Vec<Vertex>,
     /// Counter-clockwise seen from above, as indices of vertices.
@@ -41,12 +43,13 @@ pub struct Tile {
 impl Tile {
     /// Where a vertex is, as a client decodes it.
     pub fn point(&self, vertex: Vertex) -> Vector {
-        point(self.id, self.step, vertex)
+        point(self.id, (self.step, self.lattice), vertex)
     }
 }
 
-fn point(id: TileId, step: f64, vertex: Vertex) -> Vector {
-    Upright::at(id.place(vertex.at)).point(f64::from(vertex.height) * step)
+fn point(id: TileId, (step, lattice): (f64, Option<f64>), vertex: Vertex) -> Vector {
+    let point = Upright::at(id.place(vertex.at)).point(f64::from(vertex.height) * step);
+    lattice.map_or(point, |lattice| point.rounded(lattice))
 }
 
 /// A tile that is being made.
@@ -130,7 +133,8 @@ impl<'a> Builder<'a> {
     /// The surface as it is, to measure samples against.
     pub fn shell(&self) -> Shell {
         let (vertices, numbers) = self.vertices();
-        let points = vertices.iter().map(|vertex| point(self.id, self.level.step, *vertex));
+        let decoding = (self.level.step, self.level.lattice);
+        let points = vertices.iter().map(|vertex| point(self.id, decoding, *vertex));
         Shell::new(self.id, &vertices, points.collect(), self.triangles(&numbers))
     }
 
@@ -138,7 +142,8 @@ impl<'a> Builder<'a> {
     pub fn finish(&self, measure: Measure) -> Tile {
         let (vertices, numbers) = self.vertices();
         let triangles = self.triangles(&numbers).iter().map(|(corners, _)| *corners).collect();
-        Tile { id: self.id, step: self.level.step, vertices, triangles, measure }
+        let (step, lattice) = (self.level.step, self.level.lattice);
+        Tile { id: self.id, step, lattice, vertices, triangles, measure }
     }
 
     fn vertices(&self) -> (Vec<Vertex>, Vec<u32>) {

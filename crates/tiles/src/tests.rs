@@ -230,3 +230,127 @@ fn normals_point_outwards_everywhere() {
         }
     }
 }
+
+/// The vertices of binary glTF as a client decodes them: the offsets are the first of the buffer.
+fn decoded(bytes: &[u8], count: usize) -> Vec<Vector> {
+    let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!((&bytes[..4], number(4), number(8) as usize), (&b"glTF"[..], 2, bytes.len()));
+    let text = std::str::from_utf8(&bytes[20..20 + number(12) as usize]).unwrap();
+    let matrix = text.split(r#""matrix":["#).nth(1).unwrap().split(']').next().unwrap();
+    let matrix: Vec<f64> = matrix.split(',').map(|value| value.parse().unwrap()).collect();
+    let float = |at: usize| f64::from(f32::from_bits(number(at)));
+    let from = 28 + number(12) as usize;
+    // From y up to z up: z of the earth is y of the file, and y is -z.
+    let centre = Vector([matrix[12], -matrix[14], matrix[13]]);
+    let vertex = |i: usize| Vector([0, 4, 8].map(|part| float(from + 12 * i + part))) + centre;
+    (0..count).map(vertex).collect()
+}
+
+/// On all levels: what is decoded is what was measured, and is the same on both sides of each border, bit by bit.
+#[test]
+fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
+    let none: Option<(&Level, &Patch<'_>)> = None;
+    let mut borders = 0;
+    for (south, relief, voids, first) in [(-0.01, 300.0, 9000, 0), (79.99, 2000.0, 500, 1)] {
+        let land = Land::new(101, south, relief, 5, voids);
+        let patch = land.patch();
+        for level in (first..=14).step_by(2) {
+            let level = land.level(level).on_lattice([-9000.0, 9000.0]).unwrap();
+            let mut sides = std::collections::HashMap::new();
+            for id in land.tiles(level.level) {
+                let tile = build(id, &level, &patch).unwrap();
+                validate(&tile);
+                patch.each(&id.bounds(), 1, &mut |sample| {
+                    let off = distance(&tile, &sample).unwrap_or(0.0);
+                    assert!(off <= tile.measure.largest * (1.0 + 1e-6) + 1e-6, "{id:?} {off}");
+                });
+                assert!(tile.measure.largest <= level.tolerance);
+                let (bytes, facts) = glb(&tile, none, true).unwrap();
+                let found = decoded(&bytes, tile.vertices.len());
+                let bits = |point: &Vector| point.0.map(f64::to_bits);
+                let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();
+                let mut all: Vec<_> = found.iter().map(bits).collect();
+                own.sort_unstable();
+                all.sort_unstable();
+                assert!(own == all, "{id:?}");
+                let (centre, radius) = facts.sphere;
+                assert!(found.iter().all(|point| (*point - centre).length() <= radius));
+                for side in Side::ALL {
+                    let on_side = tile.vertices.iter().filter(|v| side.along(v.at).is_some());
+                    let mut on_side: Vec<_> = on_side.map(|v| bits(&tile.point(*v))).collect();
+                    on_side.sort_unstable();
+                    sides.insert((id.x, id.y, side as u8), on_side);
+                }
+            }
+            for ((x, y, side), own) in &sides {
+                let beside = match *side {
+                    side if side == Side::East as u8 => (x + 1, *y, Side::West as u8),
+                    side if side == Side::North as u8 => (*x, y + 1, Side::South as u8),
+                    _ => continue,
+                };
+                if let Some(other) = sides.get(&beside) {
+                    assert!(own == other, "{x} {y}");
+                    borders += 1;
+                }
+            }
+        }
+    }
+    assert!(borders > 40, "{borders}");
+}
+
+/// Spheres hold those of what is below, and heights all of each triangle, however large it is.
+#[test]
+fn volumes_hold_triangles_and_what_is_below() {
+    let land = Land::new(101, 46.0, 900.0, 5, 0);
+    let patch = land.patch();
+    let none: Option<(&Level, &Patch<'_>)> = None;
+    let facts = |id: TileId| {
+        let level = land.level(id.level).on_lattice([-9000.0, 9000.0]).unwrap();
+        let tile = build(id, &level, &patch).unwrap();
+        let facts = glb(&tile, none, false).unwrap().1;
+        for corners in &tile.triangles {
+            let [a, b, c] = corners.map(|corner| tile.point(tile.vertices[corner as usize]));
+            for part in [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0]] {
+                let sum: f64 = part.iter().sum();
+                let place = (a * part[0] + b * part[1] + c * part[2]) * (1.0 / sum);
+                let height = height(place);
+                assert!(
+                    facts.heights[0] <= height && height <= facts.heights[1],
+                    "{id:?} {height}"
+                );
+            }
+        }
+        facts
+    };
+    for level in 0..12 {
+        let id = land.tiles(level)[0];
+        let mut whole = facts(id);
+        let meets = land.tiles(level + 1);
+        for part in id.children().into_iter().filter(|id| meets.contains(id)).map(facts) {
+            whole.hold(&part);
+            let apart = (part.sphere.0 - whole.sphere.0).length();
+            assert!(apart + part.sphere.1 <= whole.sphere.1);
+            assert!(whole.error >= part.error);
+        }
+    }
+}
+
+/// Metres above the ellipsoid, by halves: the latitude whose upright line goes through a place.
+fn height(place: Vector) -> f64 {
+    let [x, y, _] = place.0;
+    let lon = y.atan2(x).to_degrees();
+    let (mut low, mut high) = (-90.0, 90.0);
+    let above = |lat: f64| {
+        let upright = Upright::at([lon, lat]);
+        let foot = upright.point(0.0);
+        let off = place - foot;
+        let along = off.dot(upright.normal);
+        let [_, north] = upright.across();
+        (along, off.dot(north))
+    };
+    for _ in 0..60 {
+        let middle = (low + high) / 2.0;
+        if above(middle).1 > 0.0 { low = middle } else { high = middle }
+    }
+    above((low + high) / 2.0).0
+}

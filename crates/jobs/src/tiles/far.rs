@@ -6,15 +6,25 @@ use super::spans::Known;
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Bounds, Builder, Ground as _, Patch, Shell, TileId, too_steep};
+use terrane_tiles::{Bounds, Builder, Ground as _, Level, Patch, Shell, TileId, too_steep};
 
 /// Rounds in which samples beyond the error are put into a mesh.
 const MOST_ROUNDS: u32 = 32;
 
 impl Ground<'_> {
-    /// Makes a tile of a far level; `known` has all tiles there are.
-    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Made> {
-        let (level, bounds) = (self.level(id), id.bounds());
+    /// Makes a tile of a far level, of each set; `known` has all tiles there are.
+    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Vec<Made>> {
+        self.of_level(id).enumerate().map(|of| self.far_of(of, id, known, cancel)).collect()
+    }
+
+    fn far_of(
+        &self,
+        (set, level): (usize, &Level),
+        id: TileId,
+        known: &Known,
+        cancel: &Cancel,
+    ) -> Result<Made> {
+        let bounds = id.bounds();
         let mut builder = Builder::new(id, level, self.overview)?;
         builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
         for _ in 0..MOST_ROUNDS {
@@ -23,7 +33,7 @@ impl Ground<'_> {
             let (measure, beyond) = shell.end();
             if beyond.is_empty() {
                 let tile = builder.finish(measure);
-                return Made::new(&tile, self.opened, level, self.overview, known);
+                return Made::new((set, &tile), self.opened, level, self.overview, known);
             }
             builder.insert(&beyond);
         }

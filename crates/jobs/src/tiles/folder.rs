@@ -1,21 +1,23 @@
-//! The folder of a tile set: a file for each tile, and `layer.json`, which says what there is.
+//! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
+//! several formats, a folder of that kind for each.
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
+use super::format::{FORMATS, Format};
 use super::report::{LevelReport, TilesReport};
 use super::spans::Known;
-use super::{Ground, Opened, TilesJob};
+use super::{Ground, Opened, TilesJob, three};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
-use terrane_tiles::{Level, Tile, TileId, level_error, quantized_mesh};
+use terrane_tiles::{Facts, Level, Tile, TileId, glb, level_error, quantized_mesh};
 
 /// The name of what says what there is.
 const LAYER: &str = "layer.json";
@@ -26,8 +28,8 @@ const TOLD_LEVELS: u8 = 10;
 /// How hard files are compressed, of 12.
 const EFFORT: i32 = 9;
 
-/// What is known of the tiles of a level beside which there are.
-#[derive(Clone, Debug, Default)]
+/// What was made of a level in a format.
+#[derive(Clone, Copy, Debug, Default)]
 struct Row {
     largest: f64,
     vertices: u64,
@@ -38,34 +40,46 @@ struct Row {
 /// The file of a tile.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Made {
+    /// The number of its format, of those asked for.
+    pub(super) set: usize,
     pub(super) id: TileId,
     /// Metres that no sample is further from it.
     pub(super) largest: f64,
     pub(super) vertices: u32,
     pub(super) triangles: u32,
+    /// What 3D Tiles tell of it.
+    pub(super) facts: Option<Facts>,
     pub(super) bytes: Vec<u8>,
 }
 
 impl Made {
-    /// Of a tile; `known` has all tiles that it has to tell of.
+    /// Of a tile of a set; `known` has all tiles that it has to tell of.
     pub(super) fn new(
-        tile: &Tile,
+        (set, tile): (usize, &Tile),
         opened: &Opened,
         level: &Level,
         ground: &impl terrane_tiles::Ground,
         known: &Known,
     ) -> Result<Self> {
         let job = &opened.job;
-        let bytes = quantized_mesh(
-            tile,
-            job.normals.then_some((level, ground)),
-            below(tile.id, opened.division.last, known).as_deref(),
-        )?;
+        let normals = job.normals.then_some((level, ground));
+        let (bytes, facts) = match job.formats[set] {
+            Format::QuantizedMesh => {
+                let below = below(tile.id, opened.division.last, known);
+                (quantized_mesh(tile, normals, below.as_deref())?, None)
+            }
+            Format::ThreeTiles => {
+                let (bytes, facts) = glb(tile, normals, job.tile_edges)?;
+                (bytes, Some(facts))
+            }
+        };
         Ok(Self {
+            set,
             id: tile.id,
             largest: tile.measure.largest,
             vertices: tile.vertices.len() as u32,
             triangles: tile.triangles.len() as u32,
+            facts,
             bytes: if job.compress { packed(&bytes)? } else { bytes },
         })
     }
@@ -83,26 +97,49 @@ fn below(id: TileId, last: u8, known: &Known) -> Option<String> {
 /// A folder in the making.
 pub(super) struct Folder {
     folder: AtomicFolder,
-    held: Mutex<(Known, BTreeMap<u8, Row>)>,
+    formats: Vec<Format>,
+    compress: bool,
+    held: Mutex<Held>,
+}
+
+/// What is known of the files in it.
+#[derive(Default)]
+struct Held {
+    known: Known,
+    /// By set and level.
+    rows: BTreeMap<(usize, u8), Row>,
+    /// What 3D Tiles tell of each tile.
+    facts: BTreeMap<TileId, Facts>,
 }
 
 impl Folder {
     /// With nothing in it.
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
-        Ok(Self { folder, held: Mutex::default() })
+        let (formats, compress) = (job.formats.clone(), job.compress);
+        Ok(Self { folder, formats, compress, held: Mutex::default() })
+    }
+
+    /// Where the files of a set are: in the folder itself where it is the only one.
+    fn inside(&self, set: usize) -> PathBuf {
+        match self.formats.len() {
+            1 => self.folder.inside().to_path_buf(),
+            _ => self.folder.inside().join(self.formats[set].known().name),
+        }
     }
 
     /// Writes a tile.
     pub(super) fn put(&self, made: &Made) -> Result<()> {
         let TileId { level, x, y } = made.id;
-        let path = self.folder.inside().join(level.to_string()).join(x.to_string());
-        std::fs::create_dir_all(&path).map_err(|e| Error::write(&path, e))?;
-        let path = path.join(format!("{y}.{ENDING}"));
-        std::fs::write(&path, &made.bytes).map_err(|e| Error::write(&path, e))?;
+        let name = match self.formats[made.set] {
+            Format::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
+            Format::ThreeTiles => three::name_of(made.id, three::ENDING),
+        };
+        self.write(made.set, &name, &made.bytes)?;
         let mut held = lock(&self.held);
-        held.0.insert(made.id);
-        let row = held.1.entry(level).or_default();
+        held.known.insert(made.id);
+        held.facts.extend(made.facts.map(|facts| (made.id, facts)));
+        let row = held.rows.entry((made.set, level)).or_default();
         row.largest = row.largest.max(made.largest);
         row.vertices += u64::from(made.vertices);
         row.triangles += u64::from(made.triangles);
@@ -110,21 +147,40 @@ impl Folder {
         Ok(())
     }
 
+    /// Writes a file of a set.
+    fn write(&self, set: usize, name: &str, bytes: &[u8]) -> Result<()> {
+        let path = self.inside(set).join(name);
+        let folder = path.parent().unwrap_or(&path);
+        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+        std::fs::write(&path, bytes).map_err(|e| Error::write(&path, e))
+    }
+
     /// The tiles that are written.
     pub(super) fn known(&self) -> Known {
-        lock(&self.held).0.clone()
+        lock(&self.held).known.clone()
     }
 
     /// Writes what says what there is, and gives the folder its name.
     pub(super) fn finish(self, ground: &Ground<'_>, cancel: &Cancel) -> Result<TilesReport> {
-        let (known, rows) = self.held.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let told: Vec<LevelReport> =
-            rows.iter().map(|(level, row)| told(ground, *level, row, &known)).collect();
-        let path = self.folder.inside().join(LAYER);
-        let mut file = AtomicFile::create(&path, false)?;
-        let text = serde_json::to_vec_pretty(&layer(ground, &known, &told)).unwrap_or_default();
-        file.write_all(&text).map_err(|e| Error::write(&path, e))?;
-        let bytes = file.commit()?;
+        let mut held = std::mem::take(&mut *lock(&self.held));
+        three::nest(&mut held.facts);
+        let (mut levels, mut bytes) = (Vec::new(), 0);
+        for (set, format) in self.formats.iter().enumerate() {
+            let told = told(ground, set, &held);
+            let (name, text) = match format {
+                Format::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
+                Format::ThreeTiles => {
+                    bytes += self.subtrees(set, &held.facts, cancel)?;
+                    (three::TILESET, three::tileset(ground, &told, &held.facts))
+                }
+            };
+            let path = self.inside(set).join(name);
+            let mut file = AtomicFile::create(&path, false)?;
+            let text = serde_json::to_vec_pretty(&text).unwrap_or_default();
+            file.write_all(&text).map_err(|e| Error::write(&path, e))?;
+            bytes += file.commit()?;
+            levels.extend(told);
+        }
         cancel.check()?;
         sync(self.folder.inside());
         self.folder.commit()?;
@@ -134,27 +190,52 @@ impl Folder {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
             crs: grid.info().crs.label(),
-            tiles: told.iter().map(|level| level.tiles).sum(),
+            tiles: levels.iter().map(|level| level.tiles).sum(),
             samples: width * height,
-            output_bytes: bytes + told.iter().map(|level| level.bytes).sum::<u64>(),
-            levels: told,
+            output_bytes: bytes + levels.iter().map(|level| level.bytes).sum::<u64>(),
+            levels,
             notes: heights.notes.clone(),
             ..TilesReport::default()
         })
     }
+
+    /// Writes the subtrees of a set; how long they are.
+    fn subtrees(
+        &self,
+        set: usize,
+        facts: &BTreeMap<TileId, Facts>,
+        cancel: &Cancel,
+    ) -> Result<u64> {
+        let mut written = 0;
+        for (top, subtree) in three::subtrees(facts) {
+            cancel.check()?;
+            let bytes = if self.compress { packed(&subtree)? } else { subtree };
+            self.write(set, &three::name_of(top, three::SUBTREE), &bytes)?;
+            written += bytes.len() as u64;
+        }
+        Ok(written)
+    }
 }
 
-fn told(ground: &Ground<'_>, level: u8, row: &Row, known: &Known) -> LevelReport {
-    LevelReport {
-        level,
-        tolerance: level_error(level),
-        step: ground.levels[usize::from(level)].step,
-        error: row.largest,
-        tiles: known.level(level).count(),
-        vertices: row.vertices,
-        triangles: row.triangles,
-        bytes: row.bytes,
-    }
+/// What was made of each level of a set.
+fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
+    let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
+    let told = rows.map(|((_, level), row)| {
+        let of_level = &ground.levels[set][usize::from(*level)];
+        LevelReport {
+            format: ground.opened.job.formats[set].known().name.to_owned(),
+            level: *level,
+            tolerance: level_error(*level),
+            step: of_level.step,
+            lattice: of_level.lattice,
+            error: row.largest,
+            tiles: held.known.level(*level).count(),
+            vertices: row.vertices,
+            triangles: row.triangles,
+            bytes: row.bytes,
+        }
+    });
+    told.collect()
 }
 
 /// Asks the system to put all files on disk: one by one they would take minutes.
@@ -217,22 +298,62 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
     })
 }
 
-/// True for a folder of tiles that holds nothing else; damaged ones are such, too.
+/// True for a folder of tiles, or of folders of tiles of the formats, that holds nothing else.
 fn is_tiles(path: &Path) -> bool {
-    path.join(LAYER).is_file() && holds_tiles_alone(path, 0)
+    let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let Ok(entries) = entries else { return false };
+    let is_set = |name: &std::ffi::OsStr| FORMATS.iter().any(|known| name == known.name);
+    match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
+        true => entries.iter().all(|entry| is_one_set(&entry.path())),
+        false => is_one_set(path),
+    }
 }
 
-/// Whether all in a folder are tiles, by their names: folders of numbers, two deep, with tiles in them.
-fn holds_tiles_alone(path: &Path, depth: u32) -> bool {
-    let Ok(mut entries) = std::fs::read_dir(path) else { return false };
-    entries.all(|entry| {
-        let Ok(entry) = entry else { return false };
-        let name = PathBuf::from(entry.file_name());
-        let is_number = |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
-        match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            true => depth < 2 && is_number(&name) && holds_tiles_alone(&entry.path(), depth + 1),
-            false if depth == 0 => name == Path::new(LAYER),
-            false => depth == 2 && name.extension().is_some_and(|ending| ending == ENDING),
-        }
-    })
+/// True for a folder of tiles of one format that holds nothing else; damaged ones are such, too.
+fn is_one_set(path: &Path) -> bool {
+    let layer = Kind { told: LAYER, top: &[], endings: &[ENDING] };
+    let tileset = Kind {
+        told: three::TILESET,
+        top: &three::HALVES,
+        endings: &[three::ENDING, three::SUBTREE],
+    };
+    let is_set =
+        |kind: &Kind<'_>, depth| path.join(kind.told).is_file() && kind.holds_all(path, depth);
+    is_set(&layer, 1) || is_set(&tileset, 0)
+}
+
+/// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
+struct Kind<'a> {
+    told: &'a str,
+    top: &'a [&'a str],
+    endings: &'a [&'a str],
+}
+
+impl Kind<'_> {
+    /// Whether all in a folder belongs to a set, by names: at depth 0 the folders at the top; below them folders of
+    /// numbers, two deep, with tiles in them.
+    fn holds_all(&self, path: &Path, depth: u32) -> bool {
+        let Ok(mut entries) = std::fs::read_dir(path) else { return false };
+        let first = u32::from(self.top.is_empty());
+        entries.all(|entry| {
+            let Ok(entry) = entry else { return false };
+            let name = PathBuf::from(entry.file_name());
+            let is_number =
+                |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
+            match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                true if depth == 0 => {
+                    self.top.iter().any(|top| name == Path::new(top))
+                        && self.holds_all(&entry.path(), 1)
+                }
+                true => depth < 3 && is_number(&name) && self.holds_all(&entry.path(), depth + 1),
+                false if depth == first => name == Path::new(self.told),
+                false => {
+                    depth == 3
+                        && name
+                            .extension()
+                            .is_some_and(|found| self.endings.iter().any(|ending| found == *ending))
+                }
+            }
+        })
+    }
 }

@@ -15,6 +15,7 @@
 mod division;
 mod far;
 mod folder;
+mod format;
 mod glance;
 mod near;
 mod object;
@@ -22,6 +23,7 @@ mod place;
 mod probe;
 mod report;
 mod spans;
+mod three;
 mod work;
 
 use std::path::{Path, PathBuf};
@@ -38,6 +40,7 @@ use crate::workers;
 use crate::{Cancel, Progress, Resources};
 use division::Division;
 use folder::Folder;
+pub use format::{FORMATS, Format};
 use place::Heights;
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -64,6 +67,10 @@ pub struct TilesJob {
     /// Replace a folder of tiles that exists.
     #[serde(skip)]
     pub overwrite: bool,
+    /// What to write: of several formats, a folder in the output for each, by its name.
+    pub formats: Vec<Format>,
+    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges).
+    pub tile_edges: bool,
     /// The deepest level; that of the grid's resolution when `None`.
     pub max_level: Option<u8>,
     /// Write a normal for each vertex.
@@ -83,6 +90,8 @@ impl TilesJob {
             reading: Reading::default(),
             output: output.into(),
             overwrite: false,
+            formats: vec![Format::QuantizedMesh],
+            tile_edges: false,
             max_level: None,
             normals: true,
             compress: true,
@@ -113,7 +122,8 @@ struct Opened {
 struct Ground<'a> {
     opened: &'a Opened,
     overview: &'a Overview,
-    levels: Vec<Level>,
+    /// By set, from level 0 on.
+    levels: Vec<Vec<Level>>,
 }
 
 /// Makes tiles. Nothing appears under the output's name unless it succeeds.
@@ -214,6 +224,7 @@ impl Opened {
             return Err(Error::usage(format!("level {level} is too deep"))
                 .remedy(format!("choose {DEEPEST} at most")));
         }
+        check_formats(job)?;
         let options = job.reading.options(&job.resources, 0)?;
         let (place, heights) =
             place::of(memory::look_at(&job.input, &options)?.info(), &job.input)?;
@@ -252,15 +263,14 @@ impl Opened {
 
 impl<'a> Ground<'a> {
     fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
-        let reach = overview.range[0].abs().max(overview.range[1].abs());
-        let Division { place, last, .. } = &opened.division;
-        let level = |level| Level::new(level, place.spacing, reach);
-        let levels = (0..=*last).map(level).collect::<Result<_>>()?;
+        let of_set = |format: &Format| levels(*format, &opened.division, overview.range);
+        let levels = opened.job.formats.iter().map(of_set).collect::<Result<_>>()?;
         Ok(Self { opened, overview, levels })
     }
 
-    fn level(&self, id: TileId) -> &Level {
-        &self.levels[usize::from(id.level)]
+    /// The level of a tile, by set.
+    fn of_level(&self, id: TileId) -> impl Iterator<Item = &Level> {
+        self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
     }
 
     fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
@@ -273,7 +283,9 @@ impl<'a> Ground<'a> {
         known.add_above(near);
         let mut above = self.opened.division.above(near).all();
         above.retain(|id| is_missing(*id, [&there, &known]));
-        self.each("far levels", &above, at, |id| folder.put(&self.far(id, &known, at.cancel)?))
+        self.each("far levels", &above, at, |id| {
+            self.far(id, &known, at.cancel)?.iter().try_for_each(|made| folder.put(made))
+        })
     }
 
     /// Does something to each tile, on all threads.
@@ -295,6 +307,32 @@ impl<'a> Ground<'a> {
         at.progress.end();
         Ok(())
     }
+}
+
+/// Fails where no format is asked for, one twice, or edges of tiles of a format without.
+fn check_formats(job: &TilesJob) -> Result<()> {
+    let is_twice = |i: usize| job.formats[..i].contains(&job.formats[i]);
+    if job.formats.is_empty() || (0..job.formats.len()).any(is_twice) {
+        return Err(Error::usage("a format of tiles is asked for twice, or none"));
+    }
+    if job.tile_edges && !job.formats.contains(&Format::ThreeTiles) {
+        return Err(Error::usage("edges of tiles belong to 3D Tiles")
+            .remedy("pass --format 3dtiles, or leave out --tile-edges"));
+    }
+    Ok(())
+}
+
+/// The levels of a set.
+fn levels(format: Format, division: &Division, range: [f64; 2]) -> Result<Vec<Level>> {
+    let reach = range[0].abs().max(range[1].abs());
+    let level = |level: u8| {
+        let level = Level::new(level, division.place.spacing, reach)?;
+        match format {
+            Format::QuantizedMesh => Ok(level),
+            Format::ThreeTiles => level.on_lattice(range),
+        }
+    };
+    (0..=division.last).map(level).collect()
 }
 
 /// Whether a tile belongs to all that is known and is not there.

@@ -68,8 +68,10 @@ impl Ground<'_> {
         if id.level < self.opened.division.last {
             id.children().into_iter().try_for_each(|child| self.descend(child, to))?;
         }
-        let level = self.level(id);
-        let tile = build(id, level, to.patch)?;
-        (to.put)(Made::new(&tile, self.opened, level, to.patch, &to.known)?)
+        for (set, level) in self.of_level(id).enumerate() {
+            let tile = build(id, level, to.patch)?;
+            (to.put)(Made::new((set, &tile), self.opened, level, to.patch, &to.known)?)?;
+        }
+        Ok(())
     }
 }

@@ -5,14 +5,18 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::folder::Made;
+use super::format::FORMATS;
 use super::spans::Known;
 use crate::plan::damaged_object;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::AtomicFile;
-use terrane_tiles::{DEEPEST, Gathered, TileId};
+use terrane_tiles::{DEEPEST, Facts, Gathered, TileId};
 
-/// Bytes of an index for a tile: level, column, row, vertices, triangles and bytes as `u32`, the largest error as `f64`.
-pub(super) const ENTRY: usize = 6 * 4 + 8;
+/// Bytes of an index for a tile: set, level, column, row, vertices, triangles, numbers of facts and bytes as `u32`, the
+/// largest error as `f64`.
+pub(super) const ENTRY: usize = 8 * 4 + 8;
+/// Numbers that 3D Tiles tell of a tile, before its bytes.
+pub(super) const FACTS: usize = 10;
 
 /// An object that is being written.
 pub(super) struct Writer {
@@ -34,11 +38,16 @@ impl Writer {
 
     /// Adds a tile.
     pub(super) fn tile(&mut self, made: &Made) -> Result<()> {
-        let Made { id, largest, vertices, triangles, bytes } = made;
-        for number in [u32::from(id.level), id.x, id.y, *vertices, *triangles, bytes.len() as u32] {
+        let Made { set, id, largest, vertices, triangles, facts, bytes } = made;
+        let facts = facts.map_or_else(Vec::new, |facts| facts.numbers().to_vec());
+        let (set, level) = (*set as u32, u32::from(id.level));
+        let [count, length] = [facts.len(), bytes.len()].map(|n| n as u32);
+        for number in [set, level, id.x, id.y, *vertices, *triangles, count, length] {
             self.index.extend(number.to_le_bytes());
         }
         self.index.extend(largest.to_le_bytes());
+        let facts: Vec<u8> = facts.into_iter().flat_map(f64::to_le_bytes).collect();
+        self.put(&facts)?;
         self.put(bytes)
     }
 
@@ -71,7 +80,7 @@ pub(super) fn add_glances(path: &Path, gathered: &mut Gathered) -> Result<()> {
 /// Adds the tiles of an object to what is known.
 pub(super) fn add_known(path: &Path, known: &mut Known) -> Result<()> {
     let index = index(&mut File::open(path).map_err(|e| Error::read(path, e))?, path)?;
-    index.iter().for_each(|(made, _)| known.insert(made.id));
+    index.iter().for_each(|entry| known.insert(entry.made.id));
     Ok(())
 }
 
@@ -82,16 +91,35 @@ pub(super) fn each_tile(path: &Path, mut take: impl FnMut(Made) -> Result<()>) -
     let index = index(&mut file, path)?;
     file.rewind().map_err(fail)?;
     let mut file = BufReader::new(file);
-    for (made, bytes) in index {
+    for Entry { made, facts, bytes } in index {
+        let facts = facts.then(|| read_facts(&mut file, made.id)).transpose().map_err(fail)?;
         let mut here = vec![0; bytes as usize];
         file.read_exact(&mut here).map_err(fail)?;
-        take(Made { bytes: here, ..made })?;
+        take(Made { facts, bytes: here, ..made })?;
     }
     Ok(())
 }
 
-/// The tiles of an object without their bytes, and how many these are.
-fn index(file: &mut File, path: &Path) -> Result<Vec<(Made, u32)>> {
+fn read_facts(from: &mut impl Read, id: TileId) -> io::Result<Facts> {
+    let mut numbers = [0.0; FACTS];
+    for number in &mut numbers {
+        let mut bytes = [0; 8];
+        from.read_exact(&mut bytes)?;
+        *number = f64::from_le_bytes(bytes);
+    }
+    Ok(Facts::of_numbers(id, numbers))
+}
+
+/// What an index tells of a tile.
+struct Entry {
+    /// Without facts and bytes.
+    made: Made,
+    facts: bool,
+    bytes: u32,
+}
+
+/// What the index of an object tells.
+fn index(file: &mut File, path: &Path) -> Result<Vec<Entry>> {
     let fail = |e: io::Error| Error::read(path, e);
     let length = file.metadata().map_err(fail)?.len();
     let damaged = || damaged_object(path);
@@ -107,20 +135,25 @@ fn index(file: &mut File, path: &Path) -> Result<Vec<(Made, u32)>> {
     file.read_exact(&mut entries).map_err(fail)?;
     let found = entries.chunks_exact(ENTRY).map(entry).collect::<Option<Vec<_>>>();
     let found = found.ok_or_else(damaged)?;
-    let all: u64 = found.iter().map(|(_, bytes)| u64::from(*bytes)).sum();
+    let length =
+        |entry: &Entry| u64::from(entry.bytes) + if entry.facts { 8 * FACTS as u64 } else { 0 };
+    let all: u64 = found.iter().map(length).sum();
     if all == start { Ok(found) } else { Err(damaged()) }
 }
 
-fn entry(bytes: &[u8]) -> Option<(Made, u32)> {
+fn entry(bytes: &[u8]) -> Option<Entry> {
     let (numbers, largest) = bytes.split_at(ENTRY - 8);
     let mut numbers =
         numbers.chunks_exact(4).filter_map(|n| Some(u32::from_le_bytes(n.try_into().ok()?)));
     let mut next = || numbers.next();
+    let set = next()? as usize;
     let level = u8::try_from(next()?).ok().filter(|level| *level <= DEEPEST)?;
     let id = TileId { level, x: next()?, y: next()? };
-    let (vertices, triangles, bytes) = (next()?, next()?, next()?);
+    let (vertices, triangles, facts, bytes) = (next()?, next()?, next()?, next()?);
     let largest = f64::from_le_bytes(largest.try_into().ok()?);
-    Some((Made { id, largest, vertices, triangles, bytes: Vec::new() }, bytes))
+    let made = Made { set, id, largest, vertices, triangles, facts: None, bytes: Vec::new() };
+    let is_known = set < FORMATS.len() && (facts == 0 || facts as usize == FACTS);
+    is_known.then_some(Entry { made, facts: facts > 0, bytes })
 }
 
 #[cfg(test)]
@@ -132,8 +165,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("objects/near-0.object");
         std::fs::create_dir(path.parent().unwrap()).unwrap();
+        let id = |i: u32| TileId { level: 9, x: i, y: 7 };
+        let numbers = std::array::from_fn(|k| k as f64 / 7.0);
         let made = |i: u32| Made {
-            id: TileId { level: 9, x: i, y: 7 },
+            set: i as usize % 2,
+            id: id(i),
+            facts: (i % 2 == 1).then(|| Facts::of_numbers(id(i), numbers)),
             largest: f64::from(i) / 3.0,
             vertices: i + 3,
             triangles: i + 1,

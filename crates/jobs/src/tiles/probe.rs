@@ -2,7 +2,8 @@
 
 use std::sync::Mutex;
 
-use super::object::ENTRY;
+use super::folder::Made;
+use super::object::{ENTRY, FACTS};
 use super::{Ground, Opened, glance};
 use crate::Cancel;
 use crate::workers;
@@ -29,9 +30,11 @@ struct Seen {
 }
 
 impl Seen {
-    fn add(&mut self, bytes: u64) {
+    fn add(&mut self, made: &Made) {
+        let bytes = made.bytes.len() as u64;
+        let facts = if made.facts.is_some() { 8 * FACTS } else { 0 };
         self.tiles += 1.0;
-        self.bytes += (bytes + ENTRY as u64) as f64;
+        self.bytes += (bytes + (ENTRY + facts) as u64) as f64;
         self.on_disk += bytes.next_multiple_of(DISK_BLOCK) as f64;
     }
 }
@@ -62,9 +65,9 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let seen = Mutex::new([Seen::default(); 2]);
     let (threads, cancel) = (opened.shares.threads, Cancel::default());
     let probe = |(): &mut (), i: u64| {
-        let mut put = |made: super::folder::Made| {
+        let mut put = |made: Made| {
             let is_top = made.id.level == level;
-            lock(&seen)[usize::from(is_top)].add(made.bytes.len() as u64);
+            lock(&seen)[usize::from(is_top)].add(&made);
             Ok(())
         };
         ground.region(tiles[i as usize], &mut put, &cancel)
@@ -75,7 +78,7 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let [width, height] = division.place.whole.map(f64::from);
     let share = width * height / samples.max(1) as f64;
     // Those above are about as large as the largest that were made.
-    let above = division.above(level).len() as f64;
+    let above = division.above(level).len() as f64 * opened.job.formats.len() as f64;
     let above = above / top.tiles.max(1.0);
     let whole =
         |of: fn(&Seen) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;

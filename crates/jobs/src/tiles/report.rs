@@ -23,12 +23,16 @@ pub struct TilesReport {
 /// The tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LevelReport {
+    /// The format of the tiles.
+    pub format: String,
     /// From 0.
     pub level: u8,
     /// Metres that clients take the level to be off by, which no sample is further from its tile.
     pub tolerance: f64,
     /// Metres of a step of heights.
     pub step: f64,
+    /// Metres of a step of earth-centred coordinates, where tiles hold such.
+    pub lattice: Option<f64>,
     /// Metres that no sample is further from its tile: measured of samples, or of blocks of them.
     pub error: f64,
     /// How many.

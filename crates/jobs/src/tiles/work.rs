@@ -221,7 +221,14 @@ impl Work for Tiles {
     fn tell(&self) -> StatusReport<TilesStatus> {
         StatusReport {
             input: self.method.job.input.to_string(),
-            format: "quantized-mesh".to_owned(),
+            format: self
+                .method
+                .job
+                .formats
+                .iter()
+                .map(|f| f.known().name)
+                .collect::<Vec<_>>()
+                .join(", "),
             of: TilesStatus { max_level: self.method.last, samples: self.grid.samples() },
             ..StatusReport::default()
         }
@@ -291,7 +298,7 @@ impl Work for Tiles {
                 let mut part = work.part(number, &opened.division.above(near));
                 part.retain(|id| is_missing(*id, [&there, &known]));
                 ready.tiles(("far levels", object), &part, at, |id| {
-                    Ok(vec![ground.far(*id, &known, at.cancel)?])
+                    ground.far(*id, &known, at.cancel)
                 })?
             }
         };

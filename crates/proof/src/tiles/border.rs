@@ -36,26 +36,34 @@ pub struct Chain {
     side: Side,
     /// Where along the side, and the height.
     stops: Vec<(u16, f64)>,
+    /// Where they are in space, where a tile says so.
+    placed: Vec<Vector>,
 }
 
 impl Chain {
     /// That of a side of a tile.
     pub fn of(id: TileId, tile: &Tile, side: Side) -> Self {
-        let on_it = tile.vertices.iter().filter(|&&vertex| Tile::is_on(vertex, side));
-        let mut stops: Vec<_> =
-            on_it.map(|&vertex| (along(vertex, side), tile.height(vertex))).collect();
-        stops.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        Self { id, side, stops }
+        let on_it = tile.vertices.iter().enumerate();
+        let on_it = on_it.filter(|(_, vertex)| Tile::is_on(**vertex, side));
+        let mut found: Vec<_> = on_it
+            .map(|(number, &vertex)| ((along(vertex, side), tile.height(vertex)), number))
+            .collect();
+        found.sort_unstable_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let placed = found.iter().filter_map(|(_, number)| tile.placed.get(*number).copied());
+        let placed = placed.collect();
+        let stops = found.into_iter().map(|(stop, _)| stop).collect();
+        Self { id, side, stops, placed }
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
-        self.stops.len() * size_of::<(u16, f64)>() + size_of::<Self>()
+        let placed = self.placed.len() * size_of::<Vector>();
+        self.stops.len() * size_of::<(u16, f64)>() + placed + size_of::<Self>()
     }
 
-    /// True where both have the same vertices at the same heights.
+    /// True where both have the same vertices at the same heights, and at the same places, bit by bit.
     pub fn is_same(&self, other: &Self) -> bool {
-        self.stops == other.stops
+        self.stops == other.stops && self.placed == other.placed
     }
 
     /// Longitude or latitude where it begins and ends.

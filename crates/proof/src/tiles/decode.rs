@@ -1,6 +1,8 @@
 //! One tile from its bytes (quantized-mesh 1.0, little-endian, unpacked). What cannot be read so is an error with
 //! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
 
+use super::contain::About;
+use super::fault::Fault;
 use super::tiling::{Side, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -33,6 +35,10 @@ pub struct Tile {
     pub has_water: bool,
     /// Metadata, as text that is meant to be JSON.
     pub metadata: Option<Vec<u8>>,
+    /// Earth-centred vertices, where a tile holds such.
+    pub placed: Vec<[f64; 3]>,
+    /// What was found wrong while it was read, and how often.
+    pub faults: Vec<(Fault, u64)>,
 }
 
 impl Tile {
@@ -69,6 +75,12 @@ impl Tile {
     pub fn height(&self, vertex: [u16; 3]) -> f64 {
         let [low, high] = self.heights.map(f64::from);
         low + f64::from(vertex[2]) * (high - low) / f64::from(LAST)
+    }
+
+    /// What it says of itself, but its error.
+    pub fn about(&self) -> About {
+        let heights = self.heights.map(f64::from);
+        About { heights, sphere: self.sphere, horizon: self.horizon, error: f64::NAN }
     }
 
     /// Longitude and latitude of a vertex in degrees.

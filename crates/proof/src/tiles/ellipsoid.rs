@@ -93,3 +93,32 @@ pub(super) fn plus(a: Vector, b: Vector) -> Vector {
 pub(super) fn length(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
+
+/// Height of a position, by nearing the foot of its normal: each round takes off some 150 times what is left.
+pub(super) fn height([x, y, z]: Vector) -> f64 {
+    let out = x.hypot(y);
+    let mut latitude = z.atan2(out * (1.0 - E2));
+    let mut height = 0.0;
+    for _ in 0..6 {
+        let (sin, cos) = latitude.sin_cos();
+        let radius = A / (1.0 - E2 * sin * sin).sqrt();
+        height = out * cos + z * sin - A * A / radius;
+        latitude = z.atan2(out * (1.0 - E2 * radius / (radius + height)));
+    }
+    height
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_of_positions_are_those_they_were_made_of() {
+        for latitude in [-90.0, -45.5, 0.0, 0.1, 46.5, 89.9999, 90.0] {
+            for up in [-30_000.0, -400.0, 0.0, 8848.0] {
+                let found = height(position(7.5, latitude, up));
+                assert!((found - up).abs() < 1e-6, "{latitude} {up} {found}");
+            }
+        }
+    }
+}

@@ -83,6 +83,9 @@ impl Facets {
 
     /// Positions of the vertices of a tile.
     pub fn positions(id: TileId, tile: &Tile) -> Vec<Vector> {
+        if !tile.placed.is_empty() {
+            return tile.placed.clone();
+        }
         let place = |&vertex: &[u16; 3]| {
             let [longitude, latitude] = Tile::place(id, vertex);
             Parallel::at(latitude).position(Meridian::at(longitude), tile.height(vertex))

@@ -61,6 +61,10 @@ faults! {
     Normals Structure "normals that do not point outwards";
     NoNormals Structure "tiles without the normals that layer.json announces";
     NoMetadata Structure "tiles without the metadata that layer.json announces";
+    NoEdges Structure "tiles without the edges that layer.json announces";
+    WalkedOtherwise Structure "lists of the vertices of a side that do not run around the tile";
+    OffPlace Structure "vertices that are not where their place in the tile and a height of the level put them";
+    Ends Structure "tiles whose positions have other ends than they say";
     OverTolerance Samples "samples further from the surface than the tolerance of the level";
     OverRecorded Samples "tiles with a larger error than they record";
     Reckless Samples "tiles that record a larger error than the tolerance of the level";
@@ -68,10 +72,14 @@ faults! {
     NoError Samples "tiles that record no error";
     Differing Borders "borders with other vertices or heights on one side than on the other";
     OffLattice Borders "vertices whose height is no whole number of the steps of the level";
+    OffCoordinates Borders "vertices whose coordinates are no whole numbers of the lattice of the level";
     WrongStep Borders "tiles whose own step of heights is no part of the step of the level";
     Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
     Sphere Containment "vertices outside of the bounding sphere";
     Range Containment "tiles whose least height is above the largest";
+    Heights Containment "triangles lower or higher than the tile says";
+    Nested Containment "tiles whose sphere does not hold that of a tile below, or whose error is smaller";
+    Regions Containment "layer.json has regions that do not hold the tiles";
     Centre Containment "tiles whose centre is not near them";
     Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
     Spikes Containment "tiles with vertices lower or higher than all samples";

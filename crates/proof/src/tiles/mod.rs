@@ -1,4 +1,4 @@
-//! Proof of terrain tiles (quantized-mesh 1.0 in a geodetic pyramid): their structure, how far samples are from
+//! Proof of terrain tiles (quantized-mesh 1.0 in a geodetic pyramid, or 3D Tiles 1.1 of the same): their structure, how far samples are from
 //! what a viewer makes of them, and how they fit together.
 //!
 //! A viewer places a vertex by its u, v and height on the WGS 84 ellipsoid and draws flat triangles between
@@ -8,20 +8,24 @@
 
 mod border;
 mod contain;
+mod content;
 mod decode;
 mod ellipsoid;
 mod facets;
 mod fault;
 mod structure;
+mod subtree;
 mod tiling;
 
 pub use border::{Chain, gap, lattice};
-pub use contain::contain;
+pub use contain::{About, between, contain};
+pub use content::Content;
 pub use decode::{LAST, Tile};
 pub use ellipsoid::{Meridian, Parallel, position};
 pub use facets::{BYTES_PER_VERTEX, Facets, Seen};
 pub use fault::{Check, Count, Fault, Faults};
 pub use structure::structure;
+pub use subtree::{MOST_SUBTREE_LEVELS, Schema, Subtree};
 pub use tiling::{MOST_LEVEL, Side, TileId, columns, rows};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.

@@ -12,7 +12,8 @@ use crate::workers;
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 use terrane_proof::tiles::{
-    Chain, Facets, Fault, Faults, Side, Tile, TileId, contain, gap, lattice, structure,
+    About, Chain, Facets, Fault, Faults, Side, Tile, TileId, between, contain, gap, lattice,
+    structure,
 };
 
 /// Tiles that a thread takes at a time, along a row.
@@ -144,7 +145,8 @@ impl Looker<'_> {
         let faults = &mut found.faults;
         structure(id, &tile, faults);
         let positions = Facets::positions(id, &tile);
-        contain(id, &tile, &positions, faults);
+        let about = self.contained(id, &tile, &positions, faults);
+        tile.faults.iter().for_each(|(fault, count)| faults.add(*fault, *count, id));
         if let Some(own) = layer.own(id.level) {
             lattice(id, &tile, own.step, faults);
         }
@@ -163,7 +165,25 @@ impl Looker<'_> {
         let heights = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| {
             [low.min(height), high.max(height)]
         });
-        Ok(Record { error, heights })
+        Ok(Record { error: error.or(about.map(|about| about.error)), heights })
+    }
+
+    /// Holds a tile to what is said of it; what subtrees say, where they say it.
+    fn contained(
+        &self,
+        id: TileId,
+        tile: &Tile,
+        positions: &[[f64; 3]],
+        faults: &mut Faults,
+    ) -> Option<About> {
+        let Some(three) = self.context.layer.three() else {
+            contain(id, &tile.about(), tile.centre, positions, faults);
+            return None;
+        };
+        let about = *three.about(id)?;
+        contain(id, &about, tile.centre, positions, faults);
+        between(id, &about, tile, positions, faults);
+        Some(about)
     }
 
     /// The error that a tile records, and what it says there is below it.

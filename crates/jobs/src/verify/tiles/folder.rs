@@ -72,16 +72,19 @@ impl Tiles {
                 None => self.stray(row.path()),
             }
         }
-        if self.all.len() > most {
-            let message = format!("there are more than {most} tiles, which memory does not hold");
-            return Err(Error::new(ErrorKind::Resource, message)
-                .in_file(folder)
-                .remedy("raise --memory"));
-        }
-        Ok(())
+        self.check(folder, most)
     }
 
-    fn stray(&mut self, path: PathBuf) {
+    /// Fails where there are more than `most` tiles.
+    pub(super) fn check(&self, folder: &Path, most: usize) -> Result<()> {
+        if self.all.len() <= most {
+            return Ok(());
+        }
+        let message = format!("there are more than {most} tiles, which memory does not hold");
+        Err(Error::new(ErrorKind::Resource, message).in_file(folder).remedy("raise --memory"))
+    }
+
+    pub(super) fn stray(&mut self, path: PathBuf) {
         self.strays += 1;
         self.first_stray = self.first_stray.take().into_iter().chain([path]).min();
     }
@@ -98,13 +101,13 @@ impl Tiles {
     }
 }
 
-fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
+pub(super) fn entries(folder: &Path) -> Result<Vec<DirEntry>> {
     let all = std::fs::read_dir(folder).and_then(Iterator::collect);
     all.map_err(|e| Error::read(folder, e))
 }
 
 /// The number that a name says in the one way it is written, before its ending.
-fn number(entry: &DirEntry, ending: &str) -> Option<u32> {
+pub(super) fn number(entry: &DirEntry, ending: &str) -> Option<u32> {
     let name = entry.file_name();
     let digits = name.to_str()?.strip_suffix(ending)?;
     digits.parse().ok().filter(|number: &u32| number.to_string() == digits)
@@ -121,17 +124,22 @@ pub(super) fn path_of(folder: &Path, id: TileId) -> PathBuf {
 /// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`Tile::read`] finds.
 pub(super) fn read(folder: &Path, id: TileId, most: usize) -> Result<Tile> {
     let path = path_of(folder, id);
-    let read = || -> Result<Tile> {
-        let file = File::open(&path).map_err(|e| Error::read(&path, e))?;
+    Tile::read(&bytes(&path)?, most).map_err(|e| e.in_file(&path))
+}
+
+/// The bytes of a file, unpacked.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
+    let read = || -> Result<Vec<u8>> {
+        let file = File::open(path).map_err(|e| Error::read(path, e))?;
         let mut bytes = Vec::new();
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(&path, e))?;
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(path, e))?;
         limits::check("length of the tile", bytes.len() as u64, MOST_BYTES)?;
         match bytes.starts_with(&GZIP) {
-            true => Tile::read(&unpacked(&bytes)?, most),
-            false => Tile::read(&bytes, most),
+            true => unpacked(&bytes),
+            false => Ok(bytes),
         }
     };
-    read().map_err(|e| e.in_file(&path))
+    read().map_err(|e| e.in_file(path))
 }
 
 /// The bytes that a gzip holds; of one member, as it says its length at the end.

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::three::{self, Three};
+use crate::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_proof::tiles::{MOST_LEVEL, TileId, assumed_error};
+use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
 
 /// The name of the file.
 pub(super) const NAME: &str = "layer.json";
@@ -33,7 +35,7 @@ struct Stored {
 }
 
 /// A rectangle of tiles that are there.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Range {
     start_x: u32,
@@ -54,6 +56,7 @@ pub(super) struct Level {
     level: u8,
     pub(super) tolerance: f64,
     pub(super) step: f64,
+    pub(super) lattice: Option<f64>,
     pub(super) error: f64,
     pub(super) tiles: u64,
 }
@@ -67,35 +70,76 @@ pub(super) struct Layer {
     pub(super) bounds: Option<[f64; 4]>,
     pub(super) finest: u8,
     /// By level.
-    available: Vec<Vec<Range>>,
+    pub(super) available: Vec<Vec<Range>>,
     pub(super) has_normals: bool,
     pub(super) has_metadata: bool,
     /// Levels from one whose tiles tell what is below them to the next, where there are such.
     pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
     pub(super) levels: Option<Vec<Level>>,
+    /// Metres that clients take level 0 to be off by.
+    pub(super) assumed: f64,
+    pub(super) kind: Kind,
+}
+
+/// The format of a set.
+#[derive(Debug)]
+pub(super) enum Kind {
+    QuantizedMesh,
+    ThreeTiles(Three),
 }
 
 /// Where the file of a set would be: the path itself, or in it where that is a folder.
 pub(super) fn place(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join(NAME) } else { path.to_path_buf() }
+    match path.is_dir() {
+        true if path.join(three::NAME).is_file() && !path.join(NAME).exists() => {
+            path.join(three::NAME)
+        }
+        true => path.join(NAME),
+        false => path.to_path_buf(),
+    }
 }
 
 impl Layer {
-    /// Reads the file of a set, which is named by its folder or by the file itself.
+    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, of
+    /// `most` tiles at the most.
     ///
     /// # Errors
     /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
     /// projection; levels beyond the finest there may be.
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    pub(super) fn read(path: &Path, most: usize, cancel: &Cancel) -> Result<Self> {
         let path = place(path);
+        if path.file_name().is_some_and(|name| name == three::NAME) {
+            return three::read(&path, most, cancel);
+        }
         let stored = stored(&path).map_err(|e| e.in_file(&path))?;
         stored.layer(&path).map_err(|e| e.in_file(&path))
     }
 
     /// The tolerance of a level in metres: what it states, or else what clients assume.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
-        self.own(level).map_or(assumed_error(level), |own| own.tolerance)
+        self.own(level).map_or(self.assumed(level), |own| own.tolerance)
+    }
+
+    /// Metres that clients take a level to be off by.
+    pub(super) fn assumed(&self, level: u8) -> f64 {
+        self.assumed / 2_f64.powi(i32::from(level))
+    }
+
+    /// The name of its file.
+    pub(super) fn name(&self) -> &'static str {
+        match self.kind {
+            Kind::QuantizedMesh => NAME,
+            Kind::ThreeTiles(_) => three::NAME,
+        }
+    }
+
+    /// What only 3D Tiles have.
+    pub(super) fn three(&self) -> Option<&Three> {
+        match &self.kind {
+            Kind::QuantizedMesh => None,
+            Kind::ThreeTiles(three) => Some(three),
+        }
     }
 
     /// What terrane says of a level.
@@ -111,6 +155,11 @@ impl Layer {
 }
 
 impl Range {
+    /// One tile.
+    pub(super) fn one(id: TileId) -> Self {
+        Self { start_x: id.x, start_y: id.y, end_x: id.x, end_y: id.y }
+    }
+
     /// How many tiles it has; none where it ends before it begins.
     pub(super) fn count(&self) -> u64 {
         let along = |start: u32, end: u32| (u64::from(end) + 1).saturating_sub(u64::from(start));
@@ -129,12 +178,18 @@ pub(super) fn tiles_of<'a>(
     })
 }
 
-fn stored(path: &Path) -> Result<Stored> {
+/// The text of the file of a set.
+pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut text = Vec::new();
     let most = limits::MAX_HEADER_BYTES;
     file.take(most + 1).read_to_end(&mut text).map_err(|e| Error::read(path, e))?;
-    limits::check("length of the file", text.len() as u64, most)?;
+    limits::check("length of the file", text.len() as u64, most).map_err(|e| e.in_file(path))?;
+    Ok(text)
+}
+
+fn stored(path: &Path) -> Result<Stored> {
+    let text = text_of(path)?;
     serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
             .remedy("name the folder of a set, or its layer.json")
@@ -159,7 +214,7 @@ impl Stored {
             return Err(Error::bad_input(message).remedy("levels begin with 0 and are all there"));
         }
         (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
-        let levels = self.terrane.map(|own| own.levels(finest)).transpose()?;
+        let levels = self.terrane.map(|own| check_levels(own.levels, finest)).transpose()?;
         if self.told_every == Some(0) {
             return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
         }
@@ -173,6 +228,8 @@ impl Stored {
             has_metadata: announces("metadata"),
             told_every: self.told_every,
             levels,
+            assumed: ERROR_OF_ROOT,
+            kind: Kind::QuantizedMesh,
         })
     }
 
@@ -215,21 +272,20 @@ fn check_ranges(level: u8, ranges: &[Range]) -> Result<()> {
     }
 }
 
-impl Own {
-    fn levels(mut self, finest: u8) -> Result<Vec<Level>> {
-        self.levels.sort_by_key(|level| level.level);
-        let is_each = self.levels.iter().map(|level| level.level).eq(0..=finest);
-        if !is_each {
-            return Err(Error::bad_input("does not state each of its levels once"));
-        }
-        let numbers = |own: &Level| [own.tolerance, own.step, own.error];
-        let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
-        match self.levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
-            Some(own) => Err(Error::bad_input(format!(
-                "states a tolerance, step or error of level {} that is none",
-                own.level
-            ))),
-            None => Ok(self.levels),
-        }
+/// What terrane says of levels: each once, down to the finest, and numbers that can be.
+pub(super) fn check_levels(mut levels: Vec<Level>, finest: u8) -> Result<Vec<Level>> {
+    levels.sort_by_key(|level| level.level);
+    let is_each = levels.iter().map(|level| level.level).eq(0..=finest);
+    if !is_each {
+        return Err(Error::bad_input("does not state each of its levels once"));
+    }
+    let numbers = |own: &Level| [own.tolerance, own.step, own.lattice.unwrap_or(0.0), own.error];
+    let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
+    match levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
+        Some(own) => Err(Error::bad_input(format!(
+            "states a tolerance, step or error of level {} that is none",
+            own.level
+        ))),
+        None => Ok(levels),
     }
 }

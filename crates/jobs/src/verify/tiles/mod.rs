@@ -1,4 +1,4 @@
-//! Proves a set of terrain tiles (quantized-mesh in a geodetic pyramid) against the raster it was made of.
+//! Proves a set of terrain tiles (quantized-mesh or 3D Tiles in a geodetic pyramid) against the raster it was made of.
 //!
 //! Two passes: over the tiles, each by itself and beside its neighbours; and over the raster, each sample against
 //! the surfaces of all levels ([`terrane_proof::tiles`]). Nothing in the report but times and memory depends on
@@ -12,12 +12,13 @@ mod layer;
 mod place;
 mod report;
 mod sweep;
+mod three;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use self::folder::Tiles;
-use self::layer::Layer;
+use self::layer::{Kind, Layer};
 use self::place::Places;
 use crate::figures::Figures;
 use crate::memory::{beside_program, cache_beside};
@@ -32,8 +33,8 @@ pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
 /// Least memory that a proof can work in.
 const LEAST_MEMORY: u64 = 32 << 20;
 
-/// Bytes that are kept of each tile.
-const TILE_BYTES: u64 = 128;
+/// Bytes that are kept of each tile, and of what subtrees tell of it.
+const TILE_BYTES: u64 = 256;
 
 /// Metres by which a distance may be larger than what it is held to: rounding.
 pub const ROUNDING: f64 = 1e-6;
@@ -41,7 +42,7 @@ pub const ROUNDING: f64 = 1e-6;
 /// A set of tiles to be proven.
 #[derive(Clone, Debug)]
 pub struct TilesVerifyJob {
-    /// The folder of the tiles, or the `layer.json` in it.
+    /// The folder of the tiles, or the `layer.json` or `tileset.json` in it.
     pub tiles: PathBuf,
     /// Names of the raster's files.
     pub raster: Inputs,
@@ -51,17 +52,18 @@ pub struct TilesVerifyJob {
     pub resources: Resources,
 }
 
-/// True for a folder with a `layer.json`, and for such a file.
+/// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
 pub fn is_tiles(path: &Path) -> bool {
     let place = layer::place(path);
-    place.file_name().is_some_and(|name| name == layer::NAME) && place.is_file()
+    let is_it = |name: &std::ffi::OsStr| name == layer::NAME || name == three::NAME;
+    place.file_name().is_some_and(is_it) && place.is_file()
 }
 
 /// Proves a set of tiles. An error means that it could not be done; a set that breaks a promise is no error, but
 /// a report whose verdict has not `passed`.
 ///
 /// # Errors
-/// A `layer.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster that is not in
+/// A `layer.json` or `tileset.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster that is not in
 /// WGS 84 degrees, is turned, reaches beyond the world or has no valid sample; too little memory for the number of
 /// tiles or the vertices of one.
 pub fn verify_tiles(
@@ -71,16 +73,19 @@ pub fn verify_tiles(
 ) -> Result<TilesVerifyReport> {
     let start = Instant::now();
     check_memory(&job.resources)?;
-    let layer = Layer::read(&job.tiles)?;
+    let all = beside_program(job.resources.memory) / 2;
+    let most = usize::try_from(all / 2 / TILE_BYTES).unwrap_or(usize::MAX);
+    let layer = Layer::read(&job.tiles, most, cancel)?;
     let name = job.raster.to_string();
     let of_raster = |e: Error| e.in_file(Path::new(&name));
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
     super::check_grid(&*grid).map_err(of_raster)?;
     let places = Places::of(&*grid).map_err(of_raster)?;
-    let all = beside_program(job.resources.memory) / 2;
-    let most = usize::try_from(all / 2 / TILE_BYTES).unwrap_or(usize::MAX);
-    let tiles = Tiles::find(&layer.folder, most, cancel)?;
+    let tiles = match &layer.kind {
+        Kind::QuantizedMesh => Tiles::find(&layer.folder, most, cancel)?,
+        Kind::ThreeTiles(three) => three.find(&layer.folder, most, cancel)?,
+    };
     let context = Context::new(&layer, &tiles, places, &job.resources, (progress, cancel));
     let (alone, records) = alone::check(&context)?;
     let (sweep, under) = sweep::check(&context)?;
@@ -138,7 +143,11 @@ impl<'a> Context<'a> {
     }
 
     fn read(&self, id: TileId) -> Result<Tile> {
-        folder::read(&self.layer.folder, id, self.most)
+        let folder = &self.layer.folder;
+        match (self.layer.three(), self.layer.own(id.level)) {
+            (Some(three), Some(level)) => three.read(folder, id, level, self.most),
+            _ => folder::read(folder, id, self.most),
+        }
     }
 
     /// The distance that samples of a level are held to.

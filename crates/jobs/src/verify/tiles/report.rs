@@ -3,15 +3,19 @@
 use serde::Serialize;
 
 use super::alone::{self, Record};
+use super::layer::{self, Layer};
 use super::sweep::{self, Far, Under};
 use super::{Context, ROUNDING};
 use crate::figures::Figures;
 use crate::verify::found::Verdict;
 use terrane_base::geom::Crs;
-use terrane_proof::tiles::{Check, Fault, Faults, TileId, assumed_error};
+use terrane_proof::tiles::{Check, Fault, Faults, TileId};
 
 /// Degrees by which bounds may miss a sample: they are written in decimals.
 const DEGREES: f64 = 1e-9;
+
+/// How the fault begins of files that belong to no set.
+const STRAY: &str = "files that are neither";
 
 /// What was found. Distances and heights are in metres; tiles are "level/column/row".
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -73,7 +77,7 @@ pub struct CheckReport {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FoundFault {
     /// What.
-    pub what: &'static str,
+    pub what: String,
     /// How often.
     pub count: u64,
     /// The first tile that has it.
@@ -133,7 +137,8 @@ pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVe
     judge.levels(&levels, &mut faults);
     let checks: Vec<_> = Check::ALL
         .map(|(check, name)| {
-            CheckReport::new(check, name, &faults, judge.looked_at(check, &levels))
+            let looked_at = judge.looked_at(check, &levels);
+            CheckReport::new((check, name), &faults, context.layer, looked_at)
         })
         .into();
     let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum();
@@ -157,9 +162,16 @@ pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVe
 }
 
 impl CheckReport {
-    fn new(check: Check, name: &'static str, faults: &Faults, looked_at: String) -> Self {
+    fn new(
+        (check, name): (Check, &'static str),
+        faults: &Faults,
+        layer: &Layer,
+        looked_at: String,
+    ) -> Self {
         let told = |(_, what, count): (Fault, &'static str, terrane_proof::tiles::Count)| {
             let first = count.first.map(|id| id.to_string());
+            // Texts name the file of quantized-mesh.
+            let what = what.replace(layer::NAME, layer.name());
             FoundFault { what, count: count.count, first }
         };
         let faults: Vec<_> = faults.found(check).map(told).collect();
@@ -209,6 +221,9 @@ impl Judge<'_> {
         let beyond = tiles.all.partition_point(|id| id.level <= layer.finest);
         tiles.all[beyond..].iter().for_each(|&id| faults.add(Fault::NotAvailable, 1, id));
         faults.add(Fault::Stray, tiles.strays, None);
+        if let Some(three) = layer.three() {
+            three.check(faults);
+        }
         let Some(data) = self.found.sweep.bounds else { return };
         let holds = |[west, south, east, north]: [f64; 4]| {
             let low = west <= data[0] + DEGREES && south <= data[1] + DEGREES;
@@ -294,7 +309,7 @@ impl Judge<'_> {
     fn levels(&self, levels: &[LevelReport], faults: &mut Faults) {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
-            let is_lax = found.tolerance > assumed_error(found.level) * (1.0 + 1e-6);
+            let is_lax = found.tolerance > self.context.layer.assumed(found.level) * (1.0 + 1e-6);
             faults.add(Fault::Assumed, u64::from(is_lax), id.copied());
             let Some(own) = self.context.layer.own(found.level) else { continue };
             let is_larger = found.max_error.is_some_and(|error| error > own.error + ROUNDING);
@@ -328,7 +343,7 @@ impl Judge<'_> {
                 sum(|level| level.coarser_alone)
             ),
             Check::Containment => format!("{} vertices", sum(|level| level.vertices)),
-            Check::Index => format!("layer.json, {files} files"),
+            Check::Index => format!("{}, {files} files", self.context.layer.name()),
         }
     }
 
@@ -336,13 +351,13 @@ impl Judge<'_> {
         let told = |fault: &FoundFault| {
             let first = match (&fault.first, &self.context.tiles.first_stray) {
                 (Some(tile), _) => format!(", first in tile {tile}"),
-                (None, Some(path)) if fault.what == stray() => {
+                (None, Some(path)) if fault.what.starts_with(STRAY) => {
                     format!(", first {}", path.display())
                 }
                 _ => String::new(),
             };
-            match fault.what.strip_prefix("layer.json") {
-                Some(_) => fault.what.to_owned(),
+            match fault.what.strip_prefix(self.context.layer.name()) {
+                Some(_) => fault.what.clone(),
                 None => format!("{} {}{first}", fault.count, fault.what),
             }
         };
@@ -366,9 +381,4 @@ impl Judge<'_> {
         let note = "the raster does not say what its heights are in: they are taken for metres";
         unknown.then(|| note.to_owned()).into_iter().collect()
     }
-}
-
-fn stray() -> &'static str {
-    let is_it = |(fault, ..): &&(Fault, Check, &'static str)| *fault == Fault::Stray;
-    Fault::ALL.iter().find(is_it).map_or("", |(_, _, what)| what)
 }

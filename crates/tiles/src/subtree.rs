@@ -1,0 +1,140 @@
+//! Subtrees of 3D Tiles 1.1: which tiles there are below one, for so many levels, and what is told of each.
+//!
+//! Bits are by level, and within one along a Morton curve; what is told is in a table, a row for each tile that there
+//! is, in the same order.
+
+use crate::gltf::Facts;
+use crate::tiling::TileId;
+
+/// Levels of a subtree.
+pub const SUBTREE_LEVELS: u8 = 7;
+
+/// The class of what is told of a tile, as the schema of a set has it: each property, its type and its meaning.
+pub const CLASS: [(&str, &str, &str); 5] = [
+    ("minimumHeight", r#""type":"SCALAR""#, "TILE_MINIMUM_HEIGHT"),
+    ("maximumHeight", r#""type":"SCALAR""#, "TILE_MAXIMUM_HEIGHT"),
+    ("boundingSphere", r#""type":"SCALAR","array":true,"count":4"#, "TILE_BOUNDING_SPHERE"),
+    ("horizonOcclusionPoint", r#""type":"VEC3""#, "TILE_HORIZON_OCCLUSION_POINT"),
+    ("geometricError", r#""type":"SCALAR""#, "TILE_GEOMETRIC_ERROR"),
+];
+
+/// The tile at the top of the subtree that a tile is in.
+pub fn subtree_of(id: TileId) -> TileId {
+    let by = id.level % SUBTREE_LEVELS;
+    TileId { level: id.level - by, x: id.x >> by, y: id.y >> by }
+}
+
+/// What is told of a tile, as numbers.
+type Column = fn(&Facts) -> Vec<f64>;
+
+/// The bytes of the subtree of which `root` is the top: of tiles in it, in any order, and the tops of the subtrees
+/// below it.
+pub fn subtree(root: TileId, tiles: &[Facts], below: &[TileId]) -> Vec<u8> {
+    let first = |level: u8| ((1_usize << (2 * level)) - 1) / 3;
+    let number = |id: TileId| first(id.level - root.level) + along_curve(root, id);
+    let mut rows: Vec<(usize, &Facts)> =
+        tiles.iter().map(|facts| (number(facts.id), facts)).collect();
+    rows.sort_unstable_by_key(|(number, _)| *number);
+    let mut views = Views::default();
+    let here = bits(first(SUBTREE_LEVELS), rows.iter().map(|(number, _)| *number));
+    let (here, count) = (views.add(&here), rows.len());
+    let here = format!(r#"{{"bitstream":{here},"availableCount":{count}}}"#);
+    let children = match below.len() {
+        0 => r#"{"constant":0}"#.to_owned(),
+        count => {
+            let all = below.iter().map(|id| along_curve(root, *id));
+            let bits = views.add(&bits(1 << (2 * SUBTREE_LEVELS), all));
+            format!(r#"{{"bitstream":{bits},"availableCount":{count}}}"#)
+        }
+    };
+    let columns: [Column; 5] = [
+        |facts| vec![facts.heights[0]],
+        |facts| vec![facts.heights[1]],
+        |facts| [&facts.sphere.0.0[..], &[facts.sphere.1]].concat(),
+        |facts| facts.occlusion.0.to_vec(),
+        |facts| vec![facts.error],
+    ];
+    let properties: Vec<String> = CLASS
+        .iter()
+        .zip(columns)
+        .map(|((name, ..), column)| {
+            let values = rows.iter().flat_map(|(_, facts)| column(facts));
+            let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
+            format!(r#""{name}":{{"values":{}}}"#, views.add(&bytes))
+        })
+        .collect();
+    let json = format!(
+        r#"{{"buffers":[{{"byteLength":{}}}],"bufferViews":[{}],"propertyTables":[{{"class":"tile","count":{count},"properties":{{{}}}}}],"tileMetadata":0,"tileAvailability":{here},"contentAvailability":[{here}],"childSubtreeAvailability":{children}}}"#,
+        views.bytes.len(),
+        views.told.join(","),
+        properties.join(","),
+    );
+    file(json, &views.bytes)
+}
+
+/// The number of a tile along the curve of its level below `root`: bits of its column and its row in turn.
+fn along_curve(root: TileId, id: TileId) -> usize {
+    let by = id.level - root.level;
+    let [x, y] = [id.x - (root.x << by), id.y - (root.y << by)].map(|at| at as usize);
+    (0..by).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
+}
+
+/// So many bits, some of them set.
+fn bits(count: usize, set: impl Iterator<Item = usize>) -> Vec<u8> {
+    let mut bits = vec![0; count.div_ceil(8)];
+    set.for_each(|bit| bits[bit / 8] |= 1 << (bit % 8));
+    bits
+}
+
+/// The buffer, and its parts.
+#[derive(Default)]
+struct Views {
+    bytes: Vec<u8>,
+    told: Vec<String>,
+}
+
+impl Views {
+    /// Adds a part; its number.
+    fn add(&mut self, bytes: &[u8]) -> usize {
+        let (offset, length) = (self.bytes.len(), bytes.len());
+        self.told.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));
+        self.bytes.extend_from_slice(bytes);
+        self.bytes.resize(self.bytes.len().next_multiple_of(8), 0);
+        self.told.len() - 1
+    }
+}
+
+fn file(json: String, bytes: &[u8]) -> Vec<u8> {
+    let mut text = json.into_bytes();
+    text.resize(text.len().next_multiple_of(8), b' ');
+    let mut out = Vec::with_capacity(24 + text.len() + bytes.len());
+    out.extend_from_slice(b"subt");
+    out.extend(1_u32.to_le_bytes());
+    out.extend(
+        [text.len(), bytes.len()].map(|length| (length as u64).to_le_bytes()).as_flattened(),
+    );
+    out.extend(text);
+    out.extend_from_slice(bytes);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By quarters of quarters, as the curve is defined.
+    #[test]
+    fn the_curve_goes_through_quarters_in_turn() {
+        let root = TileId { level: 3, x: 5, y: 2 };
+        let mut open = vec![root];
+        for level in 0..4 {
+            let numbers: Vec<usize> = open.iter().map(|id| along_curve(root, *id)).collect();
+            assert_eq!(numbers, (0..1 << (2 * level)).collect::<Vec<_>>());
+            open = open.into_iter().flat_map(TileId::children).collect();
+        }
+        assert_eq!(
+            subtree_of(TileId { level: 9, x: 700, y: 300 }),
+            TileId { level: 7, x: 175, y: 75 }
+        );
+    }
+}
