@@ -3,12 +3,12 @@
 
     python3 tools/make_shifts.py > crates/crs/src/shifts.tsv
 
-One line for each operation that is not given up, has a stated accuracy, and moves, turns and scales as
-one (three or seven parameters): EPSG codes of the datum and of the operation, accuracy in metres, west,
-south, east and north of the area it is made for, x, y, z in metres, rotations in arc-seconds (as position
-vectors turn), scale in parts per million, and the name. Zeros at the end are left out. A datum that counts
-longitudes from another meridian than Greenwich has the operations of the one it was made from. Needs
-pyproj.
+One line for each operation that is not given up or replaced, is said to be right to 50 m, and moves,
+turns and scales as one (three or seven parameters): EPSG codes of the datum and of the operation,
+accuracy in metres, west, south, east and north of the area it is made for, x, y, z in metres, rotations
+in arc-seconds (as position vectors turn), scale in parts per million, and the name. Zeros at the end are
+left out. A datum that counts longitudes from another meridian than Greenwich has the operations of the
+one it was made from. Needs pyproj.
 """
 
 import os
@@ -32,7 +32,15 @@ QUERY = """
          and u.object_auth_name = h.auth_name and u.object_code = h.code
     join extent e on e.auth_name = u.extent_auth_name and e.code = u.extent_code
     where h.auth_name = 'EPSG' and h.target_crs_auth_name = 'EPSG' and not h.deprecated
-          and h.target_crs_code in (?, ?, ?) and h.accuracy is not null and s.datum_auth_name = 'EPSG'
+          and h.target_crs_code in (?, ?, ?) and h.accuracy <= 50 and s.datum_auth_name = 'EPSG'
+"""
+# Operations whose place others have taken.
+REPLACED = """
+    select superseded_code from supersession
+    where superseded_table_name = 'helmert_transformation' and superseded_auth_name = 'EPSG'
+          and replacement_table_name = 'helmert_transformation' and replacement_auth_name = 'EPSG'
+          and replacement_code in (select code from helmert_transformation_table
+                                   where auth_name = 'EPSG' and target_crs_code in (?, ?, ?))
 """
 # Datums with a meridian of their own, and those of the same survey from Greenwich on.
 ALIASES = """
@@ -59,10 +67,11 @@ def rows(database):
     for alias, base in database.execute(ALIASES):
         aliases.setdefault(str(base), []).append(str(alias))
     second = factor(database, "9104")
+    replaced = {row[0] for row in database.execute(REPLACED, TARGETS)}
     for row in database.execute(QUERY, TARGETS):
         datum, code, accuracy, west, south, east, north = row[:7]
         sign = METHODS.get(str(row[14]))
-        if sign is None:
+        if sign is None or code in replaced:
             continue
         move = [value * factor(database, row[15]) for value in row[7:10]]
         turn = [sign * (value or 0) * factor(database, row[16]) / second for value in row[10:13]] \

@@ -1,0 +1,1 @@
+//! Operations held against PROJ, against themselves, and against what must be refused.
