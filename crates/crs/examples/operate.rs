@@ -23,8 +23,11 @@ fn run() -> Result<()> {
     let mut positions = Vec::new();
     for line in std::io::stdin().lock().lines() {
         let line = line.map_err(|_| Error::bad_input("cannot read positions"))?;
-        let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        let [x, y] = numbers[..] else { return Err(Error::bad_input("expected two numbers").at(line)) };
+        let numbers: Vec<f64> =
+            line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let [x, y] = numbers[..] else {
+            return Err(Error::bad_input("expected two numbers").at(line));
+        };
         positions.push([x, y]);
     }
     let mut extent = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
@@ -35,7 +38,8 @@ fn run() -> Result<()> {
     let options = Options { extent, ..Options::default() };
     let operation = Operation::between(&wkt::of_srs(from), &wkt::of_srs(to), &options)?;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
-    let mut say = |text: String| writeln!(out, "{text}").map_err(|_| Error::bad_input("cannot write"));
+    let mut say =
+        |text: String| writeln!(out, "{text}").map_err(|_| Error::bad_input("cannot write"));
     say(format!("{:?} {}", operation.accuracy(), operation.name()))?;
     for at in positions {
         match operation.position(at) {

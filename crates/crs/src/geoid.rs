@@ -43,7 +43,8 @@ impl Geoid {
             let four = bytes.get(at..at + 4).and_then(|part| part.try_into().ok());
             four.map(u32::from_be_bytes).filter(|count| (2..1 << 20).contains(count))
         };
-        let (Some(south), Some(west), Some(up), Some(across)) = (number(0), number(8), number(16), number(24))
+        let (Some(south), Some(west), Some(up), Some(across)) =
+            (number(0), number(8), number(16), number(24))
         else {
             return Err(bad("its header is cut off, or no numbers"));
         };
@@ -63,7 +64,10 @@ impl Geoid {
         let values = &bytes[HEADER.min(bytes.len())..];
         let wanted = u64::from(rows) * u64::from(columns) * 4;
         if values.len() as u64 != wanted {
-            return Err(bad(&format!("{wanted} bytes of heights are announced, {} are there", values.len())));
+            return Err(bad(&format!(
+                "{wanted} bytes of heights are announced, {} are there",
+                values.len()
+            )));
         }
         let four = |part: &[u8]| part.try_into().map_or(f32::NAN, f32::from_be_bytes);
         let heights = values.chunks_exact(4).map(four).collect();

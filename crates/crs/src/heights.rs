@@ -12,8 +12,6 @@ use super::geoid::Geoid;
 pub(crate) enum Rise {
     /// It is what it was, times a factor.
     Times(f64),
-    /// It is one above the ellipsoid and stays one, while the datum changes.
-    Shifted,
     /// From the geoid's surface (in a unit of so many metres) to the ellipsoid of the target.
     ToEllipsoid(Arc<Geoid>, f64),
     /// From the ellipsoid of the source to the geoid's surface.
@@ -37,7 +35,6 @@ impl Rise {
             ([from, to], None) if from == to && !(is_shifted && to == Heights::Ellipsoidal) => {
                 Ok(Self::Times(1.0))
             }
-            ([Heights::Ellipsoidal, Heights::Ellipsoidal], None) => Ok(Self::Shifted),
             ([_, Heights::Unknown], None) => Ok(Self::Times(1.0)),
             ([_, Heights::Unknown], Some(_)) => Err(Error::usage(
                 "a geoid is given, and the system to transform to says nothing of heights",
@@ -72,7 +69,6 @@ impl Rise {
     pub(crate) fn inverse(&self) -> Self {
         match self {
             Self::Times(factor) => Self::Times(1.0 / factor),
-            Self::Shifted => Self::Shifted,
             Self::ToEllipsoid(geoid, metres) => Self::ToGeoid(geoid.clone(), *metres),
             Self::ToGeoid(geoid, metres) => Self::ToEllipsoid(geoid.clone(), *metres),
         }
@@ -94,10 +90,15 @@ fn refusal(from: &Heights, to: &Heights, has_geoid: bool) -> Error {
         (Heights::Unknown, Heights::Above { .. }, _) => {
             "name the target without heights: those of the source are kept as they are"
         }
+        (Heights::Ellipsoidal, Heights::Ellipsoidal, _) => {
+            "name the target without heights, or transform them with other tools first"
+        }
         (_, Heights::Ellipsoidal, false) | (Heights::Ellipsoidal, _, false) => {
             "give the geoid between them (--geoid FILE), or name the target without heights"
         }
-        (_, _, true) => "one geoid leads from heights above it to those above the ellipsoid, or back",
+        (_, _, true) => {
+            "one geoid leads from heights above it to those above the ellipsoid, or back"
+        }
         _ => "transform heights with other tools first, or name the target without heights",
     };
     Error::unsupported(message).remedy(remedy)

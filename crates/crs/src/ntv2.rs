@@ -86,7 +86,11 @@ impl ShiftGrid {
     /// # Errors
     /// What is no such file, a damaged one, or one in units other than seconds of arc.
     pub fn of_ntv2(bytes: &[u8]) -> Result<Self> {
-        limits::check("the number of bytes of the grid of shifts", bytes.len() as u64, MAX_GRID_BYTES)?;
+        limits::check(
+            "the number of bytes of the grid of shifts",
+            bytes.len() as u64,
+            MAX_GRID_BYTES,
+        )?;
         let bad = |what: &str| Error::bad_input(format!("is no sound NTv2 file: {what}"));
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
@@ -99,7 +103,9 @@ impl ShiftGrid {
         };
         limits::check("the number of grids", count.into(), MAX_GRIDS)?;
         if unit != "SECONDS" {
-            return Err(Error::unsupported(format!("its shifts are in \"{unit}\", not in seconds of arc")));
+            return Err(Error::unsupported(format!(
+                "its shifts are in \"{unit}\", not in seconds of arc"
+            )));
         }
         let (Some(from), Some(to), Some(axis), Some(others)) =
             (file.text(5), file.text(6), file.number(7), file.number(9))
@@ -109,8 +115,9 @@ impl ShiftGrid {
         let mut rest = bytes.get(HEADER * RECORD..).ok_or_else(|| bad("its header is cut off"))?;
         let mut grids = Vec::new();
         for number in 1..=count {
-            let (grid, length) = Grid::read(&Reader { bytes: rest, is_big })
-                .ok_or_else(|| bad(&format!("grid {number} of {count} is cut off, or makes no sense")))?;
+            let (grid, length) = Grid::read(&Reader { bytes: rest, is_big }).ok_or_else(|| {
+                bad(&format!("grid {number} of {count} is cut off, or makes no sense"))
+            })?;
             grids.push(grid);
             rest = &rest[length..];
         }
@@ -144,10 +151,13 @@ impl ShiftGrid {
     }
 
     fn by_name(&self, [from, to]: [&Datum; 2]) -> Result<bool> {
-        let code = |name: &String| NAMES.iter().find(|known| known.0 == name.to_uppercase()).map(|known| known.1);
+        let code = |name: &String| {
+            NAMES.iter().find(|known| known.0 == name.to_uppercase()).map(|known| known.1)
+        };
         let [own, others] = [code(&self.names[0]), code(&self.names[1])];
         let fits = |a: &Datum, b: &Datum| {
-            let one = |code: Option<u32>, datum: &Datum| code.is_none_or(|code| datum.code == Some(code));
+            let one =
+                |code: Option<u32>, datum: &Datum| code.is_none_or(|code| datum.code == Some(code));
             one(own, a) && one(others, b) && (own.is_some() || others.is_some())
         };
         match (fits(from, to), fits(to, from)) {
@@ -232,7 +242,8 @@ impl Grid {
     fn holds(&self, [latitude, west]: [f64; 2]) -> bool {
         let hair = 1e-6;
         let [south, north, east, far] = self.sides;
-        (south - hair..=north + hair).contains(&latitude) && (east - hair..=far + hair).contains(&west)
+        (south - hair..=north + hair).contains(&latitude)
+            && (east - hair..=far + hair).contains(&west)
     }
 
     /// Bilinear between four neighbours.
@@ -244,10 +255,14 @@ impl Grid {
         };
         let (row, up) = cell((latitude - self.sides[0]) / self.step[0], rows);
         let (column, across) = cell((west - self.sides[2]) / self.step[1], self.columns);
-        let node = |r: usize, c: usize| self.shifts[(row + r) * self.columns + column + c].map(f64::from);
+        let node =
+            |r: usize, c: usize| self.shifts[(row + r) * self.columns + column + c].map(f64::from);
         let corners = [node(0, 0), node(0, 1), node(1, 0), node(1, 1)];
-        let weights = [(1.0 - up) * (1.0 - across), (1.0 - up) * across, up * (1.0 - across), up * across];
-        let part = |axis: usize| corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight).sum();
+        let weights =
+            [(1.0 - up) * (1.0 - across), (1.0 - up) * across, up * (1.0 - across), up * across];
+        let part = |axis: usize| {
+            corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight).sum()
+        };
         let shift: [f64; 2] = [part(0), part(1)];
         // Days of arc are damage.
         shift.iter().all(|seconds| seconds.abs() < 3600.0).then_some(shift)
@@ -291,7 +306,9 @@ mod tests {
 
         /// A grid whose shifts are a plane: 0.5 seconds to the north by row, 0.25 to the west by column.
         fn grid(&mut self, name: &str, [south, north, east, west]: [f64; 4], step: f64, up: f32) {
-            for (key, text) in [("SUB_NAME", name), ("PARENT", "NONE"), ("CREATED", ""), ("UPDATED", "")] {
+            for (key, text) in
+                [("SUB_NAME", name), ("PARENT", "NONE"), ("CREATED", ""), ("UPDATED", "")]
+            {
                 self.text(key, text);
             }
             let keys = ["S_LAT", "N_LAT", "E_LONG", "W_LONG", "LAT_INC", "LONG_INC"];
@@ -316,9 +333,12 @@ mod tests {
         for (key, count) in [("NUM_OREC", 11), ("NUM_SREC", 11), ("NUM_FILE", 2)] {
             pen.count(key, count);
         }
-        for (key, text) in
-            [("GS_TYPE", "SECONDS"), ("VERSION", "NTv2.0"), ("SYSTEM_F", "DHDN90"), ("SYSTEM_T", "ETRS89")]
-        {
+        for (key, text) in [
+            ("GS_TYPE", "SECONDS"),
+            ("VERSION", "NTv2.0"),
+            ("SYSTEM_F", "DHDN90"),
+            ("SYSTEM_T", "ETRS89"),
+        ] {
             pen.text(key, text);
         }
         for (key, axis) in [
@@ -351,7 +371,10 @@ mod tests {
                 // In the finer one.
                 ([9.75, 50.25], [-4.75, 3.125]),
             ] {
-                let moved = grid.apply(place(at[0], at[1]), false).unwrap().map(|a| a.to_degrees() * 3600.0);
+                let moved = grid
+                    .apply(place(at[0], at[1]), false)
+                    .unwrap()
+                    .map(|a| a.to_degrees() * 3600.0);
                 let wanted = [at[0] * 3600.0 - west, at[1] * 3600.0 + up];
                 assert!(
                     (moved[0] - wanted[0]).abs() < 1e-6 && (moved[1] - wanted[1]).abs() < 1e-6,
@@ -376,7 +399,12 @@ mod tests {
     #[test]
     fn the_ellipsoids_tell_which_way_it_goes() {
         let grid = ShiftGrid::of_ntv2(&file(false)).unwrap();
-        let datum = |name: &str, code, axis| Datum { name: name.to_owned(), code: Some(code), axis, flattening: 299.0 };
+        let datum = |name: &str, code, axis| Datum {
+            name: name.to_owned(),
+            code: Some(code),
+            axis,
+            flattening: 299.0,
+        };
         let dhdn = datum("DHDN", 6314, 6_377_397.155);
         let etrs = datum("ETRS89", 6258, 6_378_137.0);
         assert!(!grid.is_back([&dhdn, &etrs]).unwrap() && grid.is_back([&etrs, &dhdn]).unwrap());
@@ -389,7 +417,9 @@ mod tests {
         };
         let [old, new] = [datum("GDA94", 6283, 6_378_137.0), datum("GDA2020", 1168, 6_378_137.0)];
         let australian = names("GDA94", "GDA2020");
-        assert!(!australian.is_back([&old, &new]).unwrap() && australian.is_back([&new, &old]).unwrap());
+        assert!(
+            !australian.is_back([&old, &new]).unwrap() && australian.is_back([&new, &old]).unwrap()
+        );
         assert!(names("X", "Y").is_back([&old, &new]).is_err());
     }
 

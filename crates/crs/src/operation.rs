@@ -75,11 +75,14 @@ impl Operation {
             }
             None => shift(datums, area.as_ref(), &mut notes)?,
         };
-        let rise = Rise::between([from, &target], !legs.is_empty(), options.geoid.as_ref(), &mut notes)?;
+        let rise = Rise::between([from, to], !legs.is_empty(), options.geoid.as_ref(), &mut notes)?;
         let about = area.as_ref().filter(|_| sink.is_geographic()).map(Area::middle);
-        let is_over = |area: &Area| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
+        let is_over =
+            |area: &Area| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
         if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
-            notes.push("longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned());
+            notes.push(
+                "longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned(),
+            );
         }
         let systems = [from.clone(), target];
         Ok(Self { from: source, to: sink, legs, rise, about, systems, name, accuracy, notes })
@@ -100,7 +103,7 @@ impl Operation {
         let [from, to] = self.systems.clone();
         let back = |leg: &Leg| match leg.clone() {
             Leg::Helmert { shift, ellipsoids, area, is_back } => {
-                Leg::Helmert { shift, ellipsoids, area, is_back: !is_back }
+                Leg::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
             }
             Leg::Grid { grid, is_back } => Leg::Grid { grid, is_back: !is_back },
         };
@@ -129,21 +132,11 @@ impl Operation {
         Ok(self.settled(self.to.of_globe(place)?))
     }
 
-    /// A position and a height in the target. Heights do not move positions, unless both systems count
-    /// them from the ellipsoid.
+    /// A position and a height in the target. Heights do not move positions.
     ///
     /// # Errors
     /// Like [`position`](Self::position); and those beyond what a geoid is known for.
     pub fn point(&self, [x, y, z]: [f64; 3]) -> Result<[f64; 3]> {
-        if matches!(self.rise, Rise::Shifted) {
-            let [longitude, latitude] = self.from.to_globe([x, y])?;
-            let mut place = [longitude, latitude, z];
-            for leg in &self.legs {
-                place = leg.apply_3d(place)?;
-            }
-            let [x, y] = self.settled(self.to.of_globe([place[0], place[1]])?);
-            return Ok([x, y, place[2]]);
-        }
         let [east, north] = self.position([x, y])?;
         let place = |projection: &Projection, at: [f64; 2]| {
             projection.unproject(at).map(|globe| globe.map(f64::to_degrees)).unwrap_or(at)
@@ -154,7 +147,6 @@ impl Operation {
                 z * metres + geoid.height(place(&self.to, [east, north]))?
             }
             Rise::ToGeoid(geoid, metres) => (z - geoid.height(place(&self.from, [x, y]))?) / metres,
-            Rise::Shifted => z,
         };
         Ok([east, north, z])
     }
@@ -162,7 +154,9 @@ impl Operation {
     /// Longitudes where the data are, not where they are cut.
     fn settled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.about.filter(|_| self.to.is_geographic()) {
-            Some(about) if (x - about).abs() > 180.0 => [x + 360.0 * ((about - x) / 360.0).round(), y],
+            Some(about) if (x - about).abs() > 180.0 => {
+                [x + 360.0 * ((about - x) / 360.0).round(), y]
+            }
             _ => [x, y],
         }
     }
@@ -226,20 +220,6 @@ impl Leg {
             Self::Grid { grid, is_back } => grid.apply(place, *is_back),
         }
     }
-
-    fn apply_3d(&self, place: [f64; 3]) -> Result<[f64; 3]> {
-        match self {
-            Self::Helmert { shift, ellipsoids: [own, wgs84], area, is_back } => {
-                check_area(area, [place[0], place[1]])?;
-                let [from, to] = if *is_back { [wgs84, own] } else { [own, wgs84] };
-                Ok(to.of_centre(shift.apply(from.to_centre(place))))
-            }
-            Self::Grid { .. } => {
-                let [x, y] = self.apply([place[0], place[1]])?;
-                Ok([x, y, place[2]])
-            }
-        }
-    }
 }
 
 fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
@@ -272,7 +252,8 @@ fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> R
         accuracy += known.accuracy;
         names.push(format!("{} (EPSG:{})", known.name, known.code));
         let ellipsoid = Ellipsoid::new(datum.axis, datum.flattening);
-        let is_alike = (datum.axis - 6_378_137.0).abs() < 1.0 && (datum.flattening - 298.257).abs() < 0.01;
+        let is_alike =
+            (datum.axis - 6_378_137.0).abs() < 1.0 && (datum.flattening - 298.257).abs() < 0.01;
         if known.is_null() && is_alike {
             let name = datum.name.replace('_', " ");
             notes.push(format!(
@@ -345,14 +326,19 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
     let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
     let Some(first) = found.first() else {
         // None of them has a place: the error of one tells why.
-        return system.to_globe(places[0]).map(|_| Area { west: 0.0, south: 0.0, east: 0.0, north: 0.0 });
+        return system.to_globe(places[0]).map(|_| Area {
+            west: 0.0,
+            south: 0.0,
+            east: 0.0,
+            north: 0.0,
+        });
     };
-    let near = |longitude: f64| {
-        first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI
-    };
+    let near = |longitude: f64| first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI;
     let is_geographic = system.is_geographic();
     // Longitudes that are given are not cut anywhere.
-    let longitude = |at: &[f64; 2], globe: &[f64; 2]| if is_geographic { at[0].to_radians() } else { near(globe[0]) };
+    let longitude = |at: &[f64; 2], globe: &[f64; 2]| {
+        if is_geographic { at[0].to_radians() } else { near(globe[0]) }
+    };
     let pairs = places.iter().filter_map(|at| Some((*at, system.to_globe(*at).ok()?)));
     let mut area = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
     for (at, globe) in pairs {
@@ -360,9 +346,9 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
         area = [area[0].min(east), area[1].min(globe[1]), area[2].max(east), area[3].max(globe[1])];
     }
     for pole in [-FRAC_PI_2, FRAC_PI_2] {
-        let inside = system.of_globe([0.0, pole]).is_ok_and(|[x, y]| {
-            !is_geographic && x0 <= x && x <= x1 && y0 <= y && y <= y1
-        });
+        let inside = system
+            .of_globe([0.0, pole])
+            .is_ok_and(|[x, y]| !is_geographic && x0 <= x && x <= x1 && y0 <= y && y <= y1);
         if inside {
             area = [-PI, area[1].min(pole), PI, area[3].max(pole)];
         }
@@ -377,8 +363,10 @@ fn check_edge(target: &Projection, area: &Area, label: &str) -> Result<()> {
     let has_pole = area.east - area.west >= 360.0 && (area.north >= 90.0 || area.south <= -90.0);
     if target.is_geographic() {
         return match has_pole && area.north - area.south < 180.0 {
-            true => Err(Error::unsupported(format!("the data lie around a pole, where {label} is torn"))
-                .remedy("name a polar system, such as EPSG:3413 or EPSG:3031")),
+            true => Err(Error::unsupported(format!(
+                "the data lie around a pole, where {label} is torn"
+            ))
+            .remedy("name a polar system, such as EPSG:3413 or EPSG:3031")),
             false => Ok(()),
         };
     }

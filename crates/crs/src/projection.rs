@@ -12,8 +12,8 @@ const SLACK: f64 = 1e-3 / 6_378_137.0;
 
 /// Projections that are cut along the meridian opposite to their own.
 const CUT: [&str; 16] = [
-    "longlat", "latlong", "merc", "webmerc", "lcc", "aea", "leac", "eqdc", "eqc", "cea", "mill", "moll",
-    "robin", "sinu", "poly", "eqearth",
+    "longlat", "latlong", "merc", "webmerc", "lcc", "aea", "leac", "eqdc", "eqc", "cea", "mill",
+    "moll", "robin", "sinu", "poly", "eqearth",
 ];
 
 /// A system, without its datum: longitudes and latitudes are in radians, on its ellipsoid.

@@ -36,7 +36,8 @@ impl Known {
         let mut next = || fields.next();
         let datum = next()?.parse().ok()?;
         let (code, accuracy) = (next()?.parse().ok()?, next()?.parse().ok()?);
-        let all = |text: &str| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
+        let all =
+            |text: &str| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
         let [west, south, east, north] = all(next()?).ok()?[..] else { return None };
         let mut numbers = [0.0; 7];
         for (place, number) in numbers.iter_mut().zip(all(next()?).ok()?) {

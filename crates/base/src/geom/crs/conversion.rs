@@ -51,8 +51,8 @@ pub enum Heights {
 
 /// What is kept of a PROJ string by code: the projection, without datum and ellipsoid.
 const KEPT: [&str; 20] = [
-    "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0", "x_0",
-    "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
+    "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0",
+    "x_0", "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
 ];
 
 impl Crs {
@@ -123,15 +123,20 @@ impl Vertical {
 
 fn by_code(code: u32) -> Result<Conversion> {
     let unknown = || {
-        Error::unsupported(format!("the code {code} is not among the EPSG codes that terrane knows"))
-            .remedy("name another code of the system, or give its definition as well-known text")
+        Error::unsupported(format!(
+            "the code {code} is not among the EPSG codes that terrane knows"
+        ))
+        .remedy("name another code of the system, or give its definition as well-known text")
     };
     let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
     let definition = definition.ok_or_else(unknown)?;
     let nodes = Node::all(definition.wkt).ok_or_else(unknown)?;
     let words = definition.proj4.split_whitespace().map(|word| word.trim_start_matches('+'));
     let of = |name: &str| {
-        words.clone().find_map(|word| word.strip_prefix(name)?.strip_prefix('=')).unwrap_or_default()
+        words
+            .clone()
+            .find_map(|word| word.strip_prefix(name)?.strip_prefix('='))
+            .unwrap_or_default()
     };
     let (datum, is_degrees) = wkt::datum(&nodes).ok_or_else(|| no_place(of("proj")))?;
     match of("proj") {
@@ -146,7 +151,8 @@ fn by_code(code: u32) -> Result<Conversion> {
         true => format!("+a={0} +b={0}", of("a")),
         false => datum.figure(),
     };
-    let kept = words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
+    let kept =
+        words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
     // The unit of degrees is none of lengths.
     let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
     Ok(Conversion { proj: format!("{kept} {figure}"), datum })
@@ -186,7 +192,7 @@ impl Datum {
 
 impl Geographic {
     /// Its datum; known by its name where it has no code.
-    fn to_datum(&self) -> Datum {
+    pub(super) fn to_datum(&self) -> Datum {
         let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
         Datum {
             name: self.datum.name.clone(),
@@ -214,10 +220,13 @@ impl Projected {
         let datum = self.base.to_datum();
         let projection = self.method.proj(|role| self.value(role)).ok_or_else(|| {
             let name = self.method.name.replace('_', " ");
-            Error::unsupported(format!("the projection {name} with these numbers cannot be computed"))
-                .remedy("transform the data to another system first")
+            Error::unsupported(format!(
+                "the projection {name} with these numbers cannot be computed"
+            ))
+            .remedy("transform the data to another system first")
         })?;
-        let [east, north] = [Role::Easting, Role::Northing].map(|role| self.value(role) * self.unit.size);
+        let [east, north] =
+            [Role::Easting, Role::Northing].map(|role| self.value(role) * self.unit.size);
         let unit = self.unit.size;
         let proj = format!(
             "{projection} +x_0={east} +y_0={north} +to_meter={unit} {}{}",

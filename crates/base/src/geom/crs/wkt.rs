@@ -142,13 +142,16 @@ pub(super) fn datum(nodes: &[Node<'_>]) -> Option<(Datum, bool)> {
     let node = find(nodes, &GEOGRAPHIC)?;
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
     let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
-    let datum = Datum {
+    let known = Datum {
         name: datum.name().to_owned(),
         code: datum.code(),
         axis: number(ellipsoid, 1.0)?,
         flattening: ellipsoid.number(1)?,
     };
-    Some((datum, is_in_degrees(node)))
+    match geographic(node).filter(|_| known.code.is_none()) {
+        Some(own) => Some((own.to_datum(), true)),
+        None => Some((known, is_in_degrees(node))),
+    }
 }
 
 /// True unless angles are in something else, such as grads.
