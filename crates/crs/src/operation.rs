@@ -187,6 +187,11 @@ impl Operation {
         &self.notes
     }
 
+    /// True where heights stay the numbers they are.
+    pub fn keeps_heights(&self) -> bool {
+        matches!(self.rise, Rise::Times(1.0))
+    }
+
     /// True where x and y are kept to the last bit: of two names of one system.
     pub fn is_null(&self) -> bool {
         let [from, to] = &self.systems;
