@@ -1,15 +1,17 @@
 //! Outputs in another reference system than the input: what is asked for, and features that are taken
 //! there as they are written. All that is decided is decided before, in the system of the input.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, wkt};
+use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Geoid, Operation, Options, ShiftGrid};
 use terrane_files::RawFile;
+use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
 use terrane_vector::{Coordinates, Feature, FeatureSink, Member, Written};
 
@@ -25,7 +27,7 @@ pub struct Transform {
 }
 
 /// What was done to positions.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct Transformed {
     /// The system of the output.
@@ -183,4 +185,73 @@ fn check_steps(line: &[[f64; 2]], operation: &Operation) -> Result<()> {
         );
         Err(Error::unsupported(message).remedy("cut it there first, or name another system"))
     })
+}
+
+/// What the comment of a mesh begins with that is not in the system of its grid.
+pub(crate) const TRANSFORMED: &str = "transformed from";
+
+/// Takes a mesh to another system as it is written. Triangles stay what they are, and must not turn over.
+pub(crate) struct MovingMesh {
+    inner: Box<dyn MeshSink>,
+    operation: Arc<Operation>,
+    vertices: Vec<Point3>,
+    corners: Vec<[Point3; 3]>,
+}
+
+impl MovingMesh {
+    pub(crate) fn new(inner: Box<dyn MeshSink>, operation: Arc<Operation>) -> Self {
+        Self { inner, operation, vertices: Vec::new(), corners: Vec::new() }
+    }
+
+    /// The corners of triangles, each vertex computed once.
+    fn take_corners(&mut self, batch: &MeshBatch<'_>) -> Result<()> {
+        let mut known: HashMap<u64, Point3> = HashMap::new();
+        self.corners.clear();
+        for (ids, corners) in batch.triangles.iter().zip(batch.corners) {
+            let mut moved = [[0.0; 3]; 3];
+            for ((place, id), corner) in moved.iter_mut().zip(ids).zip(corners) {
+                *place = match known.get(id) {
+                    Some(found) => *found,
+                    None => *known.entry(*id).or_insert(self.operation.point(*corner)?),
+                };
+            }
+            if !is_upright(&moved) {
+                return Err(self.turned(corners[0]));
+            }
+            self.corners.push(moved);
+        }
+        Ok(())
+    }
+
+    fn turned(&self, [x, y, _]: Point3) -> Error {
+        let target = self.operation.target().label();
+        let message = format!("a triangle at {x}, {y} turns over in {target}");
+        Error::unsupported(message)
+            .remedy("choose a smaller --tile, which makes triangles smaller, or another system")
+    }
+}
+
+/// True for corners that are counter-clockwise seen from above.
+fn is_upright([a, b, c]: &[Point3; 3]) -> bool {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
+}
+
+impl MeshSink for MovingMesh {
+    fn wants_corners(&self) -> bool {
+        true
+    }
+
+    fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+        self.vertices.clear();
+        for vertex in batch.vertices {
+            self.vertices.push(self.operation.point(*vertex)?);
+        }
+        self.take_corners(&batch)?;
+        let corners = if self.inner.wants_corners() { &self.corners[..] } else { &[] };
+        self.inner.push(MeshBatch { vertices: &self.vertices, corners, ..batch })
+    }
+
+    fn finish(self: Box<Self>) -> Result<u64> {
+        self.inner.finish()
+    }
 }

@@ -40,6 +40,11 @@ impl System {
         Ok(Some(transform))
     }
 
+    /// True where another system is asked for.
+    pub(crate) fn is_given(&self) -> bool {
+        self.to_crs.is_some()
+    }
+
     /// The files that are read for it.
     pub(crate) fn files(&self) -> Result<Vec<String>> {
         self.shift_grid.iter().chain(&self.geoid).map(|path| name_of(path.clone())).collect()
