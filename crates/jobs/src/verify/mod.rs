@@ -100,7 +100,7 @@ fn check_system(info: &MeshInfo) -> Result<()> {
     Err(Error::unsupported(message).remedy("verify the mesh as it is made without --to-crs"))
 }
 
-/// The same by the text beside the mesh, for formats without comments.
+/// The same by the text beside a mesh that names no system itself.
 fn check_same_system(mesh: &Path, grid: &Crs) -> Result<()> {
     let own = wkt::of_srs(&terrane_files::prj(mesh)?);
     if !own.is_named() || !grid.is_named() || own.agrees(grid) {
@@ -128,7 +128,9 @@ fn heights(
 ) -> Result<VerifyReport> {
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
-    check_same_system(&job.mesh, &grid.info().crs)?;
+    if mesh.info().crs.is_none() {
+        check_same_system(&job.mesh, &grid.info().crs)?;
+    }
     let made_of = stated_text(mesh.info(), bands::BANDS);
     let tolerance = match (job.tolerance, made_of) {
         (Some(tolerance), _) => Some(tolerance),
