@@ -34,7 +34,9 @@ impl Geoid {
     /// What is no such file, or a damaged one.
     pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
         limits::check("the number of bytes of the geoid", bytes.len() as u64, MAX_GRID_BYTES)?;
-        let bad = |what: &str| Error::bad_input(format!("is no sound GTX file: {what}"));
+        let bad = |what: &str| {
+            Error::bad_input(format!("is no sound GTX file: {what}")).remedy("fetch the file again")
+        };
         let number = |at: usize| {
             let eight = bytes.get(at..at + 8).and_then(|part| part.try_into().ok());
             eight.map(f64::from_be_bytes).filter(|value| value.is_finite())

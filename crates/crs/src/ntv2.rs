@@ -91,7 +91,10 @@ impl ShiftGrid {
             bytes.len() as u64,
             MAX_GRID_BYTES,
         )?;
-        let bad = |what: &str| Error::bad_input(format!("is no sound NTv2 file: {what}"));
+        let bad = |what: &str| {
+            Error::bad_input(format!("is no sound NTv2 file: {what}"))
+                .remedy("fetch the file again")
+        };
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
             Some([0, 0, 0, 11]) => true,

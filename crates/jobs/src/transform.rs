@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use terrane_base::error::{Error, Result};
+use crate::Resources;
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{Geoid, Operation, Options, ShiftGrid};
 use terrane_files::RawFile;
@@ -38,6 +39,9 @@ pub struct Transformed {
     pub accuracy: Option<f64>,
 }
 
+/// A grid of shifts or a geoid may take one part in so many of the memory, beside what is divided.
+const SHARE: u64 = 8;
+
 impl Transformed {
     pub(crate) fn of(operation: &Operation) -> Self {
         Self {
@@ -65,14 +69,15 @@ impl Transform {
     /// Those of [`Operation::between`]; grids that cannot be read.
     pub(crate) fn operation(
         &self,
-        input: &Path,
-        from: &Crs,
+        (input, from): (&Path, &Crs),
         extent: Option<[f64; 4]>,
+        resources: &Resources,
     ) -> Result<Operation> {
         // What is wrong with the one system is told with the file.
         from.conversion().map_err(|e| e.in_file(input))?;
         let read = |path: &PathBuf| {
             let file = RawFile::open(path)?;
+            check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
             file.read_vec(0, file.size())
         };
         let shift_grid = self.shift_grid.as_ref().map(|path| {
@@ -86,6 +91,17 @@ impl Transform {
             Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
         Operation::between(from, &wkt::of_srs(&self.target), &options)
     }
+}
+
+/// Fails where a file that is held whole leaves too little memory for the rest.
+fn check_room(bytes: u64, memory: u64) -> Result<()> {
+    let needed = bytes.saturating_mul(SHARE);
+    if needed <= memory {
+        return Ok(());
+    }
+    let message = format!("is held whole, and takes more than a part in {SHARE} of the memory");
+    Err(Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {}M or more", needed.div_ceil(1 << 20))))
 }
 
 /// The rectangle that the samples of a grid lie in.

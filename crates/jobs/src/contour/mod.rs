@@ -364,11 +364,9 @@ impl ContourJob {
     /// What leads to the system to write in.
     fn operation(&self, info: &GridInfo) -> Result<Option<Operation>> {
         let Some(transform) = &self.transform else { return Ok(None) };
-        let operation = transform.operation(
-            Path::new(&self.input.to_string()),
-            &info.crs,
-            Some(extent_of(info)),
-        )?;
+        let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
+        let source = (Path::new(&input), &info.crs);
+        let operation = transform.operation(source, extent, &self.resources)?;
         match operation.keeps_heights() {
             true => Ok(Some(operation)),
             false => Err(Error::unsupported(

@@ -63,8 +63,11 @@ impl Files {
         }
         let crs = crs.unwrap_or_default();
         if let Some(transform) = &job.transform {
-            let operation =
-                Arc::new(transform.operation(&pairs[0].input, &crs, extent(job, &pairs)?)?);
+            let operation = Arc::new(transform.operation(
+                (&pairs[0].input, &crs),
+                extent(job, &pairs)?,
+                &job.resources,
+            )?);
             pairs.iter_mut().for_each(|pair| pair.operation = Some(operation.clone()));
         }
         Ok(Self { pairs, crs })

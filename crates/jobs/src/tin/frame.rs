@@ -1,6 +1,7 @@
 //! The system and the rectangle that a mesh of a grid is written in.
 
-use crate::transform::{Extent, Transform, extent_of};
+use super::job::TinJob;
+use crate::transform::{Extent, extent_of};
 use std::path::Path;
 use std::sync::Arc;
 use terrane_base::error::{Error, Result};
@@ -28,19 +29,17 @@ impl Frame {
     ///
     /// # Errors
     /// Those of operations; heights that change in a format that rounds them.
-    pub(super) fn new(
-        info: &GridInfo,
-        (input, transform): (&Path, Option<&Transform>),
-        format: &MeshFormat,
-    ) -> Result<Self> {
+    pub(super) fn new(info: &GridInfo, job: &TinJob, format: &MeshFormat) -> Result<Self> {
         let own = Self {
             crs: info.crs.clone(),
             bounds: bounds(info),
             steps: steps(info),
             operation: None,
         };
-        let Some(transform) = transform else { return Ok(own) };
-        let operation = transform.operation(input, &info.crs, Some(extent_of(info)))?;
+        let Some(transform) = &job.transform else { return Ok(own) };
+        let input = job.input.to_string();
+        let source = (Path::new(&input), &info.crs);
+        let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
         if format.single_precision && !operation.keeps_heights() {
             let message = format!("{} rounds heights, and they change on the way", format.name);
             return Err(Error::unsupported(message)

@@ -101,8 +101,7 @@ impl Opened {
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
-        let input = job.input.to_string();
-        let frame = Frame::new(info, (Path::new(&input), job.transform.as_ref()), format)?;
+        let frame = Frame::new(info, job, format)?;
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
         notes.extend(frame.notes());
