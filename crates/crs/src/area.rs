@@ -44,9 +44,9 @@ impl Area {
         self.holds(&place, FAR + 1e-6)
     }
 
-    /// The longitude in its middle.
+    /// The longitude in its middle, from -180 degrees on and below 180.
     pub(crate) fn middle(&self) -> f64 {
-        self.west + self.width() / 2.0
+        (self.west + self.width() / 2.0 + 180.0).rem_euclid(360.0) - 180.0
     }
 }
 
@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn areas_go_across_180_degrees() {
         let area = Area { west: 170.0, south: -50.0, east: -170.0, north: -30.0 };
-        assert_eq!((area.width(), area.middle()), (20.0, 180.0));
+        assert_eq!((area.width(), area.middle()), (20.0, -180.0));
         for (place, is_in) in [
             ([175.0, -40.0], true),
             ([-175.0, -40.0], true),

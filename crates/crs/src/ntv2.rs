@@ -108,7 +108,8 @@ impl ShiftGrid {
         if unit != "SECONDS" {
             return Err(Error::unsupported(format!(
                 "its shifts are in \"{unit}\", not in seconds of arc"
-            )));
+            ))
+            .remedy("give a file in seconds"));
         }
         let (Some(from), Some(to), Some(axis), Some(others)) =
             (file.text(5), file.text(6), file.number(7), file.number(9))

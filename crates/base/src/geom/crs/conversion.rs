@@ -64,7 +64,11 @@ impl Crs {
         if let Some(code) = self.epsg {
             return by_code(code).map_err(|error| error.at(self.label()));
         }
-        let refuse = |what: &str| Err(Error::unsupported(what).at(self.label()));
+        let refuse = |what: &str| {
+            let remedy =
+                "name a system with a place on the globe, in the file or in a .prj beside it";
+            Err(Error::unsupported(what).at(self.label()).remedy(remedy))
+        };
         match self.parts().0 {
             Some(Horizontal::Projected(own)) => own.conversion().map_err(|e| e.at(self.label())),
             Some(Horizontal::Geographic(own)) => Ok(own.conversion()),
