@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 
 use crate::cli::shared::many::Many;
+use crate::cli::shared::system::{self, System};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
@@ -44,6 +45,8 @@ pub(super) struct Args {
     simple: Simple,
     #[command(flatten)]
     out: Output,
+    #[command(flatten)]
+    system: System,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -153,7 +156,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 fn job(args: &Args) -> Result<ContourJob> {
     args.grid.check_all(&args.input)?;
     let Output { format, attribute, with_z, report, overwrite } = args.out.clone();
-    let files = args.grid.read_with(raster::files(&args.input)?);
+    let mut files = args.grid.read_with(raster::files(&args.input)?);
+    files.extend(args.system.files()?);
     check::not_among(&files, &[&args.output])?;
     check::new_file(&args.output, overwrite)?;
     check::report(report.as_deref(), &files, &[&args.output], overwrite)?;
@@ -166,6 +170,7 @@ fn job(args: &Args) -> Result<ContourJob> {
         with_z,
         index: args.index,
         tile: args.simple.tile,
+        transform: args.system.transform()?,
         resources: args.machine.resources(),
         ..ContourJob::new(args.input.clone(), &args.output, heights(args)?)
     };
@@ -202,6 +207,7 @@ fn summary(r: &ContourReport) -> String {
         let count = text::count(r.left_out);
         rows.push(("left out", format!("{count} around samples exactly on a level and no area")));
     }
+    rows.extend(system::rows(r.transformed.as_ref()));
     rows.extend(report::took(&r.run, Some(text::rate(r.samples_per_second, "samples")), ""));
     rows.extend(report::notes(&r.notes));
     format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))

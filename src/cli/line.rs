@@ -6,6 +6,7 @@ use clap::ValueEnum;
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
+use crate::cli::shared::system::{self, System};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, pipes, report, text};
 use crate::error::{Error, Result};
@@ -47,6 +48,8 @@ pub(super) struct Args {
     neighbours: Neighbours,
     #[command(flatten)]
     out: Output,
+    #[command(flatten)]
+    system: System,
     #[command(flatten)]
     machine: args::SpillingMachine,
     #[command(flatten)]
@@ -222,13 +225,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// Checks what can be checked without work, and makes the job.
 fn job(args: &Args) -> Result<LineJob> {
-    let Args { input, output, goal, method, neighbours, out, .. } = args;
+    let Args { input, output, goal, method, neighbours, out, system, .. } = args;
     if let Some(sides) = &neighbours.sides {
         check::input(&name_of(sides.clone())?)?;
     }
     let outputs: Vec<&Path> =
         std::iter::once(output.as_path()).chain(method.hierarchy.as_deref()).collect();
-    check::not_among(input, &outputs)?;
+    let read: Vec<String> = input.iter().cloned().chain(system.files()?).collect();
+    check::not_among(&read, &outputs)?;
     if let Some(report) = &out.report {
         check::new_file(report, out.overwrite)?;
     }
@@ -252,6 +256,7 @@ fn job(args: &Args) -> Result<LineJob> {
             CollapseName::Keep => Collapse::Keep,
         },
         decimals: out.decimals,
+        transform: system.transform()?,
         overwrite: out.overwrite,
         resources: args.machine.resources(),
     })
@@ -348,6 +353,7 @@ fn summary(r: &LineReport) -> String {
     }
     rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
+    rows.extend(system::rows(r.transformed.as_ref()));
     rows.extend(report::took(&r.run, None, ""));
     rows.extend(report::notes(&r.notes));
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))

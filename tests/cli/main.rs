@@ -43,5 +43,6 @@ mod tin_fit;
 mod tin_keep;
 mod tin_limits;
 mod tin_methods;
+mod transform;
 mod view_page;
 mod water;

@@ -29,6 +29,7 @@ pub mod sift;
 pub mod survey;
 pub mod tiles;
 pub mod tin;
+pub mod transform;
 pub mod verify;
 pub mod view;
 mod water;

@@ -339,7 +339,7 @@ impl Geometry {
     }
 
     /// The numbers of all positions, of members too.
-    pub(super) fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut Coordinates)) {
+    pub fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut Coordinates)) {
         each(&mut self.coordinates);
         // The depth of collections is limited where they are made.
         self.members.iter_mut().for_each(|member| member.for_each_leaf(each));

@@ -13,6 +13,7 @@ pub(crate) mod points;
 mod progress;
 pub(crate) mod report;
 pub(crate) mod say;
+pub(crate) mod system;
 pub(crate) mod text;
 pub(crate) mod verb;
 

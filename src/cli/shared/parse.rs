@@ -1,6 +1,6 @@
 //! Values of arguments: sizes, heights, boxes. Each parser says what it expected.
 
-use crate::geom::metres_in;
+use crate::geom::{metres_in, wkt};
 use crate::jobs::line::Length;
 use crate::jobs::memory;
 use crate::raster::SampleType;
@@ -109,6 +109,14 @@ pub(crate) fn bbox(text: &str) -> Parsed<[f64; 4]> {
     let values: Result<Vec<f64>, _> = text.split(',').map(finite).collect();
     let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
     if bounds[0] < bounds[2] && bounds[1] < bounds[3] { Ok(bounds) } else { Err(wrong()) }
+}
+
+/// A system that is known by its code or text.
+pub(crate) fn crs(text: &str) -> Parsed<String> {
+    let crs = wkt::of_srs(text);
+    let known = crs.epsg.is_some() || crs.wkt.is_some();
+    let wrong = "expected EPSG:CODE or well-known text";
+    if known { Ok(text.to_owned()) } else { Err(wrong.to_owned()) }
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ pub(crate) struct Points {
     #[arg(long, value_name = "N")]
     every: Option<NonZeroU32>,
     /// The coordinate system of files that name none, such as EPSG:2154 or well-known text
-    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    #[arg(long, value_name = "CRS", value_parser = parse::crs)]
     crs: Option<String>,
     /// Go on with the good part of damaged files; the points lost are counted
     #[arg(long)]
@@ -113,14 +113,6 @@ pub(crate) fn census(census: &Census) -> String {
     let left_out: String =
         left_out.map(|(count, how)| format!(", {} {how}", text::count(*count))).collect();
     format!("{} of {}{left_out}", text::count(census.kept), text::count(census.read))
-}
-
-/// A system that is known by its code or text.
-fn parse_crs(text: &str) -> std::result::Result<String, String> {
-    let crs = wkt::of_srs(text);
-    let known = crs.epsg.is_some() || crs.wkt.is_some();
-    let wrong = "expected EPSG:CODE or well-known text";
-    if known { Ok(text.to_owned()) } else { Err(wrong.to_owned()) }
 }
 
 /// A return by name or number.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::atomic::refuse_existing;
 use crate::bound::Bound;
 use crate::cli::shared::lists::ENGINE;
+use crate::cli::shared::system::System;
 use crate::cli::shared::{args, bands, check, many, names, parse, points};
 use crate::cli::tin::textbook;
 use crate::error::{Error, Result};
@@ -47,6 +48,8 @@ pub(crate) struct Args {
     pub(crate) verify: bool,
     #[command(flatten)]
     pub(crate) print: PrintArgs,
+    #[command(flatten)]
+    pub(crate) system: System,
     #[command(flatten)]
     pub(crate) split: Split,
     #[command(flatten)]

@@ -80,6 +80,7 @@ fn refuse_grid_options(args: &Args) -> Result<()> {
         ("--triangulation", args.method.triangulation.is_some()),
         ("--bands", args.bands.is_given()),
         ("--co", !args.co.is_empty()),
+        ("--to-crs", args.system.is_given()),
         ("--base", args.print.placing()?.base.is_some()),
     ];
     let of_both = ["--keep-points", "--breaklines"];

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::shared::{Outcome, check, many, pipes, report, text};
+use crate::cli::shared::{Outcome, check, many, pipes, report, system, text};
 use crate::cli::tin::args::{Args, Creation};
 use crate::cli::tin::textbook;
 use crate::cli::tin::told::{Told, errors, stages};
@@ -81,6 +81,7 @@ fn job(args: &Args) -> Result<TinJob> {
     }
     let mut files = args.grid.read_with(raster::files(&args.input)?);
     files.extend(args.method.files());
+    files.extend(args.system.files()?);
     check::not_among(&files, &[&args.output])?;
     // An output that exists may be the mesh of an earlier run there.
     let goes_on = args.workdir.as_ref().is_some_and(|folder| folder.exists());
@@ -106,6 +107,11 @@ fn job(args: &Args) -> Result<TinJob> {
         return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
             .remedy("leave out --verify, or verify the mesh without --base and --co SOLID_BASE"));
     }
+    let transform = args.system.transform()?;
+    if transform.is_some() && args.verify {
+        return Err(Error::usage("a mesh is proved in the system of its grid")
+            .remedy("leave --verify out, or --to-crs"));
+    }
     Ok(TinJob {
         input: args.input.clone().into(),
         reading: args.grid.reading(args.method.water.as_ref()),
@@ -115,6 +121,7 @@ fn job(args: &Args) -> Result<TinJob> {
         split: args.split.tiles,
         solid_base,
         placing,
+        transform,
         goal: args.goal.goal()?,
         refinement: args.method.refinement(),
         tile: args.method.tile(),
@@ -169,6 +176,7 @@ pub(crate) fn summary(r: &TinReport) -> String {
     rows.extend(r.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
     rows.extend(r.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines, "grid"))));
     rows.extend(r.water.as_ref().map(|water| ("water", text::water(water))));
+    rows.extend(system::rows(r.transformed.as_ref()));
     rows.extend(r.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
     if let (Some(value), Some(count)) = (r.suspected_nodata, r.suspected_samples) {
         rows.push(("warning", undeclared_nodata(count, value)));

@@ -14,7 +14,7 @@ mod ruler;
 mod tests;
 
 pub use affine::Affine;
-pub use crs::{Crs, GeoKeys, is_geographic, metres_in, wkt};
+pub use crs::{Conversion, Crs, Datum, GeoKeys, Heights, is_geographic, metres_in, wkt};
 pub use decimal::Decimal;
 pub use path::{Ends, Paths, Segment, cut};
 pub use point::{Frame, Point, REACH, is_within};

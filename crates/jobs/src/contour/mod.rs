@@ -26,7 +26,7 @@ mod tiles;
 mod write;
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -34,12 +34,14 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::line::{Length, Measure, Threshold, goal_of};
 use crate::reading::Reading;
+use crate::transform::{Moving, Transform, Transformed, extent_of};
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
 use budget::Budget;
 use join::Pieces;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_contour::Levels;
+use terrane_crs::Operation;
 use terrane_files::{folder_for, lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
@@ -90,6 +92,8 @@ pub struct ContourJob {
     pub index: Option<u32>,
     /// Cells along the side of a tile, in [`TILE_CELLS`].
     pub tile: u32,
+    /// The system to write in; that of the grid when `None`.
+    pub transform: Option<Transform>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -115,6 +119,7 @@ impl ContourJob {
             with_z: false,
             index: None,
             tile: USUAL_TILE,
+            transform: None,
             resources: Resources::default(),
         }
     }
@@ -170,7 +175,11 @@ pub struct ContourReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
+    /// The system of the grid.
     pub crs: String,
+    /// What led to the system of the output, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
     /// Levels with a line, and the lowest and highest of them.
     pub levels: u64,
     pub lowest: Option<f64>,
@@ -242,6 +251,7 @@ struct Work<'a> {
     tolerance: Option<Tolerance>,
     budget: Budget,
     info: GridInfo,
+    operation: Option<Arc<Operation>>,
 }
 
 impl<'a> Work<'a> {
@@ -253,6 +263,7 @@ impl<'a> Work<'a> {
             tolerance: job.tolerance.map(|length| measured(length, info)).transpose()?,
             budget: Budget::divide(job)?,
             info: info.clone(),
+            operation: job.operation(info)?.map(Arc::new),
         })
     }
 
@@ -262,8 +273,13 @@ impl<'a> Work<'a> {
             temp_dir: self.job.resources.temp_dir.clone(),
             ..WriteOptions::default()
         };
-        let layer = write::layer(self.job, self.format, &self.info);
-        vector::create(&self.job.output, self.format, &layer, &options)
+        let mut layer = write::layer(self.job, self.format, &self.info);
+        let Some(operation) = &self.operation else {
+            return vector::create(&self.job.output, self.format, &layer, &options);
+        };
+        layer.crs = operation.target().clone();
+        let inner = vector::create(&self.job.output, self.format, &layer, &options)?;
+        Ok(Box::new(Moving { inner, operation: operation.clone() }))
     }
 
     fn trace(
@@ -306,7 +322,9 @@ impl<'a> Work<'a> {
         let Self { job, format, levels, info, .. } = self;
         let most = self.budget.line_vertices();
         let writer = write::Writer { job, format, levels, info, most };
-        let made = writer.write(pieces, sink, progress, cancel)?;
+        let mut made = writer.write(pieces, sink, progress, cancel)?;
+        let operation = self.operation.as_deref();
+        made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
         let run = Figures {
             threads: self.budget.threads,
             spilled_bytes: made.run.spilled_bytes,
@@ -319,6 +337,7 @@ impl<'a> Work<'a> {
             width: info.width,
             height: info.height,
             crs: info.crs.label(),
+            transformed: operation.map(Transformed::of),
             tolerance: self.tolerance.map(Tolerance::threshold),
             tile: job.tile,
             samples: self.samples(),
@@ -342,6 +361,21 @@ impl<'a> Work<'a> {
 }
 
 impl ContourJob {
+    /// What leads to the system to write in.
+    fn operation(&self, info: &GridInfo) -> Result<Option<Operation>> {
+        let Some(transform) = &self.transform else { return Ok(None) };
+        let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
+        let source = (Path::new(&input), &info.crs);
+        let operation = transform.operation(source, extent, &self.resources)?;
+        match operation.keeps_heights() {
+            true => Ok(Some(operation)),
+            false => Err(Error::unsupported(
+                "lines at one height are not at one height in the system to write in",
+            )
+            .remedy("name it without heights: those of the grid are kept")),
+        }
+    }
+
     /// Where pieces are spilled: the folder asked for, or the output's.
     fn spill_folder(&self) -> &Path {
         folder_for(&self.output, self.resources.temp_dir.as_deref())

@@ -1,12 +1,15 @@
 //! The files of a job: opened, paired with what is written, and agreeing in their CRS.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::LineJob;
 use super::goal::{Goal, measured};
 use super::tool::{Measure, Rule};
+use crate::transform::{self, Extent, Moving, Transformed};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Crs;
+use terrane_crs::Operation;
 use terrane_files::atomic;
 use terrane_vector::{
     self as vector, FeatureSink, FeatureSource, Layer, OpenOptions, VectorFormat, WriteOptions,
@@ -18,6 +21,8 @@ pub(super) struct Pair {
     pub(super) input: PathBuf,
     pub(super) output: PathBuf,
     format: &'static VectorFormat,
+    /// What leads to the system of the output, where that is another.
+    operation: Option<Arc<Operation>>,
 }
 
 /// The inputs and outputs of a job.
@@ -30,7 +35,7 @@ pub(super) struct Files {
 impl Files {
     /// Pairs the inputs of a job with outputs, and looks at their headers.
     pub(super) fn of(job: &LineJob) -> Result<Self> {
-        let pairs = pairs(job)?;
+        let mut pairs = pairs(job)?;
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
         names.sort();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -56,7 +61,23 @@ impl Files {
                 }
             }
         }
-        Ok(Self { pairs, crs: crs.unwrap_or_default() })
+        let crs = crs.unwrap_or_default();
+        if let Some(transform) = &job.transform {
+            let operation = Arc::new(transform.operation(
+                (&pairs[0].input, &crs),
+                extent(job, &pairs)?,
+                &job.resources,
+            )?);
+            pairs.iter_mut().for_each(|pair| pair.operation = Some(operation.clone()));
+        }
+        Ok(Self { pairs, crs })
+    }
+
+    /// Tells in a report what led to the system of the outputs.
+    pub(super) fn note_operation(&self, report: &mut super::LineReport) {
+        let operation = self.pairs.first().and_then(|pair| pair.operation.as_ref());
+        report.transformed = operation.map(|own| Transformed::of(own));
+        report.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
     }
 
     /// The rule of a job whose threshold is told, or is to be `threshold`.
@@ -69,6 +90,20 @@ impl Files {
         };
         Ok(Rule { method: job.method, measure, threshold, collapse: job.collapse })
     }
+}
+
+/// Where all features lie: a header may be wrong about it, so they are read.
+fn extent(job: &LineJob, pairs: &[Pair]) -> Result<Option<[f64; 4]>> {
+    let mut extent = Extent::NONE;
+    for pair in pairs {
+        let mut source = pair.open(job)?;
+        while let Some(mut feature) = source.next()? {
+            feature
+                .geometry
+                .for_each_leaf(&mut |leaf| leaf.xy.iter().for_each(|at| extent.add(*at)));
+        }
+    }
+    Ok(extent.get())
 }
 
 /// The files that a job writes, without those that come with them.
@@ -86,6 +121,7 @@ fn pairs(job: &LineJob) -> Result<Vec<Pair>> {
             input: input.clone(),
             output: job.output.clone(),
             format: vector::by_path(&job.output, job.format.as_deref())?,
+            operation: None,
         }]),
         many => all(many.iter().map(|input| in_folder(job, input)).collect()),
     }
@@ -109,7 +145,7 @@ fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);
     }
-    Ok(Pair { input: input.to_path_buf(), output, format })
+    Ok(Pair { input: input.to_path_buf(), output, format, operation: None })
 }
 
 impl Pair {
@@ -146,8 +182,14 @@ impl Pair {
             ..WriteOptions::default()
         };
         // What the header claims of the input is not true of the output.
-        let layer = Layer { extent: None, ..layer.clone() };
-        vector::create(path, self.format, &layer, &options)
+        let mut layer = Layer { extent: None, ..layer.clone() };
+        let Some(operation) = &self.operation else {
+            return vector::create(path, self.format, &layer, &options);
+        };
+        layer.crs = operation.target().clone();
+        layer.foreign.retain(transform::stays);
+        let inner = vector::create(path, self.format, &layer, &options)?;
+        Ok(Box::new(Moving { inner, operation: operation.clone() }))
     }
 
     /// Bytes of the input, where it is a file.

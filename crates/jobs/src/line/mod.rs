@@ -25,6 +25,7 @@ pub use tool::Measure;
 pub(crate) use whole::positions;
 
 use crate::figures::Figures;
+use crate::transform::Transform;
 use crate::{Cancel, Progress, Resources};
 use files::Files;
 use part::Tally;
@@ -65,6 +66,8 @@ pub struct LineJob {
     /// Digits behind the point that positions are rounded to, in any format: with topology before they are
     /// judged; `None` to leave them as they are.
     pub decimals: Option<u8>,
+    /// The system to write in; that of the inputs when `None`.
+    pub transform: Option<Transform>,
     /// Replace files that exist.
     pub overwrite: bool,
     /// What the job may use.
@@ -111,6 +114,7 @@ impl LineJob {
             hierarchy: None,
             collapse: Collapse::Minimal,
             decimals: None,
+            transform: None,
             overwrite: false,
             resources: Resources::default(),
         }
@@ -139,6 +143,7 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
         (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
         _ => whole::run(job, &files, progress, cancel)?,
     };
+    files.note_operation(&mut report);
     report.inputs = job.input.iter().map(|path| path.display().to_string()).collect();
     report.method = job.method.name.to_owned();
     report.run = Figures::since(started, &job.resources);
@@ -159,6 +164,7 @@ impl LineJob {
     pub fn check(&self) -> Result<()> {
         self.goal.check(self.method)?;
         check_hierarchy(self)?;
+        check_transform(self)?;
         match (self.is_into_folder(), &self.format) {
             (true, None) => Ok(()),
             (_, format) => vector::by_path(&self.output, format.as_deref()).map(drop),
@@ -181,6 +187,18 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
     let (rdp, other) = (Method::RDP.name, job.method.name);
     Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
         .remedy(format!("leave --hierarchy out, or pass --method {rdp}")))
+}
+
+/// Fails where what is judged would not be what is written.
+fn check_transform(job: &LineJob) -> Result<()> {
+    let is_rounded = job.topology.is_some() && job.decimals.is_some();
+    match job.transform.is_some() && is_rounded {
+        true => Err(Error::usage(
+            "positions of the system to write in are rounded after it was looked at what crosses",
+        )
+        .remedy("leave --decimals out, or --to-crs, or --topology")),
+        false => Ok(()),
+    }
 }
 
 impl LineReport {

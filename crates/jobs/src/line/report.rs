@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::goal::Threshold;
 use super::tool::Measure;
 use crate::figures::Figures;
+use crate::transform::Transformed;
 
 /// What a file of hierarchies was to a simplification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -29,7 +30,11 @@ pub struct LineReport {
     pub method: String,
     pub measure: Measure,
     pub threshold: Threshold,
+    /// The system of the inputs.
     pub crs: String,
+    /// What led to the system of the outputs, where that is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
     pub features: u64,
     /// Lines and rings.
     pub parts: u64,

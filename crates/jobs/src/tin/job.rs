@@ -9,6 +9,7 @@ use super::refinement::Refinement;
 use crate::Resources;
 use crate::placing::Placing;
 use crate::reading::Reading;
+use crate::transform::Transform;
 use terrane_base::error::{Error, Result};
 use terrane_raster::Inputs;
 
@@ -66,6 +67,9 @@ pub struct TinJob {
     /// How the mesh lies in a file of its own coordinates.
     #[serde(skip)]
     pub placing: Placing,
+    /// The system to write in; that of the grid when `None`.
+    #[serde(skip)]
+    pub transform: Option<Transform>,
     /// What to reach.
     #[serde(flatten)]
     pub goal: Goal,
@@ -94,6 +98,7 @@ impl TinJob {
             split: None,
             solid_base: None,
             placing: Placing::default(),
+            transform: None,
             goal,
             refinement: Refinement::default(),
             tile: USUAL_TILE,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::estimate::Size;
+use super::frame::{Frame, bounds};
 use super::height_origin::height_origin;
 use super::job::{Goal, TinJob};
 use super::layout::{Layout, checked_tile};
@@ -19,10 +20,11 @@ use crate::input::grid_stats;
 use crate::kept::{Features, Kept};
 use crate::memory::{self, Shares};
 use crate::placing::Placed;
+use crate::transform::{MovingMesh, TRANSFORMED, Transformed};
 use crate::{Cancel, Progress, Resources, peak_memory};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Affine, Point3, Rounding};
+use terrane_base::geom::{Point3, Rounding};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_files::{folder_for, path_of};
 use terrane_mesh::split::{self, Blocks};
@@ -63,6 +65,8 @@ pub(super) struct Opened {
     /// What heights are stored relative to, where the format stores them in f32.
     pub(super) height_origin: Option<f64>,
     pub(super) placed: Placed,
+    /// The system that the mesh is written in.
+    pub(super) frame: Frame,
     notes: Vec<String>,
     pub(super) shares: Shares,
     /// Samples that stay vertices, and breaklines.
@@ -97,7 +101,10 @@ impl Opened {
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
-        let (placed, notes) = job.placing.place(&info.crs, (bounds(info), steps(info)), format)?;
+        let frame = Frame::new(info, job, format)?;
+        let (placed, mut notes) =
+            job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
+        notes.extend(frame.notes());
         let (kept, carried) = (Kept::default(), Carried::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
@@ -106,6 +113,7 @@ impl Opened {
             format,
             height_origin,
             placed,
+            frame,
             notes,
             shares,
             kept,
@@ -232,6 +240,7 @@ impl Maker<'_> {
         };
         let mut header = header(info, from, &spec, height);
         self.opened.carried.tell(&mut header, tolerance);
+        self.opened.frame.tell(&mut header, height);
         header.scale = self.opened.placed.scale;
         header.unit.clone_from(&self.opened.placed.unit);
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -247,9 +256,13 @@ impl Maker<'_> {
                 split::create(&job.output, self.opened.format, &header, &options, blocks)?
             }
         };
+        let sink = match &self.opened.frame.operation {
+            None => sink,
+            Some(operation) => Box::new(MovingMesh::new(sink, operation.clone())),
+        };
         let outcome = write(sink, self.spec(tolerance))?;
         let prj = match job.split {
-            None => write_prj(&job.output, &info.crs, job.overwrite)?,
+            None => write_prj(&job.output, &self.opened.frame.crs, job.overwrite)?,
             Some(_) => None,
         };
         self.report(tolerance, trials, outcome, prj)
@@ -295,13 +308,19 @@ impl Maker<'_> {
 
     /// Finds out before the work that the output can be created.
     pub(super) fn check_output(&self) -> Result<()> {
-        if self.job.split.is_some() {
-            let Self { job, .. } = self;
+        let Self { job, .. } = self;
+        if job.split.is_some() && job.transform.is_some() {
+            return Err(Error::usage(
+                "a mesh in many files keeps to the rows and columns of its grid",
+            )
+            .remedy("leave --split out, or --to-crs"));
+        }
+        if job.split.is_some() {
             return AtomicFolder::create(&job.output, job.overwrite, split::is_replaceable)
                 .map(drop);
         }
         drop(AtomicFile::create(&self.job.output, self.job.overwrite)?);
-        check_prj(&self.job.output, &self.opened.source.info().crs, self.job.overwrite)
+        check_prj(&self.job.output, &self.opened.frame.crs, self.job.overwrite)
     }
 
     /// The tolerance to run with, and how many trials it took to find it; fails when the format will not
@@ -377,7 +396,7 @@ impl Maker<'_> {
         let measured = |value: f64| job.measure.then_some(value);
         let water = self.opened.water.as_ref().and_then(|water| water.report());
         let rising = water.iter().flat_map(WaterReport::notes);
-        let notes = self.opened.notes.iter().cloned().chain(info.crs.lost_in_wkt());
+        let notes = self.opened.notes.iter().cloned().chain(self.opened.frame.crs.lost_in_wkt());
         let notes = notes.chain(rising).collect();
         Ok(TinReport {
             input: job.input.to_string(),
@@ -386,6 +405,7 @@ impl Maker<'_> {
             width: info.width,
             height: info.height,
             crs: info.crs.label(),
+            transformed: self.opened.frame.operation.as_deref().map(Transformed::of),
             horizontal_unit: horizontal_unit(&info.crs).to_owned(),
             vertical_unit: vertical_unit(&info.crs).unwrap_or("units").to_owned(),
             method: None,
@@ -477,24 +497,15 @@ fn comments(from: Origin<'_>, spec: &Spec, unit: &str) -> Vec<String> {
     [source, error].into_iter().chain(more).collect()
 }
 
-/// World bounding box of the samples; z is not known.
-fn bounds(info: &GridInfo) -> [Point3; 2] {
-    let (col, row) = (f64::from(info.width - 1), f64::from(info.height - 1));
-    let corners = [(0.0, 0.0), (col, 0.0), (0.0, row), (col, row)];
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for world in corners.map(|(col, row)| info.transform.apply(col, row)) {
-        for axis in 0..2 {
-            low[axis] = low[axis].min(world[axis]);
-            high[axis] = high[axis].max(world[axis]);
-        }
+impl Frame {
+    /// Tells the file of the system that it is in.
+    fn tell(&self, header: &mut MeshHeader, height: f64) {
+        let Some(operation) = &self.operation else { return };
+        header.crs = self.crs.clone();
+        header.bounds = self.bounds;
+        header.origin = origin(self.bounds, height);
+        header.comments.push(format!("{TRANSFORMED} {}", operation.source().label()));
     }
-    [[low[0], low[1], f64::NAN], [high[0], high[1], f64::NAN]]
-}
-
-/// The least that samples differ by along x and y; heights by any part of their unit.
-fn steps(info: &GridInfo) -> Point3 {
-    let Affine { a, b, d, e, .. } = info.transform;
-    [a.abs().max(b.abs()), d.abs().max(e.abs()), 1.0]
 }
 
 /// The centre, rounded to a multiple of a power of two that is small against the extent: few

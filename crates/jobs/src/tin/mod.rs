@@ -7,6 +7,7 @@ mod build;
 mod container;
 mod cost;
 mod estimate;
+mod frame;
 mod height_origin;
 mod job;
 mod joints;

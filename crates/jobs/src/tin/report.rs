@@ -10,6 +10,7 @@ use crate::breaklines::BreaklinesReport;
 use crate::figures::Figures;
 use crate::kept::KeptReport;
 use crate::placing::Placed;
+use crate::transform::Transformed;
 use terrane_base::bound::Bound;
 use terrane_base::geom::Affine;
 use terrane_raster::WaterReport;
@@ -34,7 +35,11 @@ pub struct TinReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
+    /// The system of the grid.
     pub crs: String,
+    /// What led to the system of the mesh, where that is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transformed: Option<Transformed>,
     pub horizontal_unit: String,
     pub vertical_unit: String,
     /// The method, where it is not the engine's own, and

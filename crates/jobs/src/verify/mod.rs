@@ -26,9 +26,11 @@ use crate::figures::Figures;
 use crate::kept::{Features, Kept};
 use crate::memory::{beside_program, cache_beside};
 use crate::reading::Reading;
+use crate::transform::TRANSFORMED;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::bound::Bound;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Crs, wkt};
 use terrane_files::Buckets;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_proof::{Layout, Precision, Snapper};
@@ -76,6 +78,7 @@ pub struct VerifyJob {
 /// no error, but a report with `passed` false.
 pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<VerifyReport> {
     let mesh = open_mesh(&job.mesh)?;
+    check_system(mesh.info()).map_err(|e| e.in_file(&job.mesh))?;
     let mut report = match &job.bands {
         Some(bands) => {
             bands::check_other(job)?;
@@ -88,6 +91,24 @@ pub fn run(job: &VerifyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     let mesh = job.mesh.display().to_string();
     let of = OfGrid { raster: job.raster.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
+}
+
+/// Fails for a mesh that was taken to another system when it was written.
+fn check_system(info: &MeshInfo) -> Result<()> {
+    let Some(from) = stated_text(info, TRANSFORMED) else { return Ok(()) };
+    let message = format!("was transformed from {from}, where its vertices are samples");
+    Err(Error::unsupported(message).remedy("verify the mesh as it is made without --to-crs"))
+}
+
+/// The same by the text beside a mesh that names no system itself.
+fn check_same_system(mesh: &Path, grid: &Crs) -> Result<()> {
+    let own = wkt::of_srs(&terrane_files::prj(mesh)?);
+    if !own.is_named() || !grid.is_named() || own.agrees(grid) {
+        return Ok(());
+    }
+    let [ours, theirs] = grid.told_apart(&own);
+    let message = format!("is in {theirs}, and the grid in {ours}");
+    Err(Error::bad_input(message).in_file(mesh).remedy("give the grid that it was made of"))
 }
 
 /// What is wrong with the mesh names it.
@@ -107,6 +128,9 @@ fn heights(
 ) -> Result<VerifyReport> {
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
+    if mesh.info().crs.is_none() {
+        check_same_system(&job.mesh, &grid.info().crs)?;
+    }
     let made_of = stated_text(mesh.info(), bands::BANDS);
     let tolerance = match (job.tolerance, made_of) {
         (Some(tolerance), _) => Some(tolerance),

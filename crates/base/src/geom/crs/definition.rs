@@ -130,7 +130,7 @@ impl Geographic {
             && (self.from_greenwich - other.from_greenwich).abs() < meridian
     }
 
-    fn same_figure(&self, other: &Self) -> bool {
+    pub(super) fn same_figure(&self, other: &Self) -> bool {
         self.is_within(other, [1e-3, 1e-7, 1e-8])
     }
 
@@ -140,7 +140,7 @@ impl Geographic {
     }
 
     /// By their codes, or else by the names of the datum and the system, in either dialect.
-    fn same_datum(&self, other: &Self) -> bool {
+    pub(super) fn same_datum(&self, other: &Self) -> bool {
         if let (Some(a), Some(b)) = (self.datum.code, other.datum.code) {
             return a == b;
         }

@@ -10,6 +10,7 @@
 //! Vertical systems by code are in a table of all EPSG ones, as text needs their units.
 
 mod codes;
+mod conversion;
 mod definition;
 mod geokeys;
 mod method;
@@ -29,6 +30,7 @@ use definition::{Definition, Horizontal, Vertical};
 use unit::Unit;
 
 pub use codes::is_geographic;
+pub use conversion::{Conversion, Datum, Heights};
 pub use geokeys::GeoKeys;
 
 /// GeoKey of what raster positions mean: maps account for it.

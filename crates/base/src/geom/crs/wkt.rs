@@ -1,6 +1,7 @@
 //! Well-known text of coordinate reference systems, in any dialect: which system it is, and what it
 //! means.
 
+use super::conversion::Datum;
 use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
 use super::method::{Method, Role};
 use super::node::Node;
@@ -134,6 +135,23 @@ fn geographic(node: &Node<'_>) -> Option<Geographic> {
             || axes == 3
             || system.is_some_and(|system| system.number(0) == Some(3.0)),
     })
+}
+
+/// The datum of the system of a text, and whether its angles are in degrees.
+pub(super) fn datum(nodes: &[Node<'_>]) -> Option<(Datum, bool)> {
+    let node = find(nodes, &GEOGRAPHIC)?;
+    let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
+    let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
+    let known = Datum {
+        name: datum.name().to_owned(),
+        code: datum.code(),
+        axis: number(ellipsoid, 1.0)?,
+        flattening: ellipsoid.number(1)?,
+    };
+    match geographic(node).filter(|_| known.code.is_none()) {
+        Some(own) => Some((own.to_datum(), true)),
+        None => Some((known, is_in_degrees(node))),
+    }
 }
 
 /// True unless angles are in something else, such as grads.

@@ -102,6 +102,11 @@ fn plan_checked(
     cancel: &Cancel,
 ) -> Result<StatusReport> {
     job.job.goal.check()?;
+    if job.job.transform.is_some() {
+        return Err(
+            Error::usage("a plan keeps to the system of its grid").remedy("leave --to-crs out")
+        );
+    }
     if !matches!(job.job.goal, Goal::MaxError(_)) {
         return Err(budget());
     }

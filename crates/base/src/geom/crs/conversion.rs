@@ -1,0 +1,361 @@
+//! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
+//! spells it, the datum these are on, and what heights are.
+
+use super::definition::{Geographic, Horizontal, Projected, Vertical};
+use super::method::{Method, Role};
+use super::node::Node;
+use super::{Crs, codes, wkt};
+use crate::error::{Error, Result};
+
+/// The datum of a system, and its ellipsoid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Datum {
+    /// Its name, as the system has it.
+    pub name: String,
+    /// Its EPSG code, where it is known.
+    pub code: Option<u32>,
+    /// Half of the major axis of the ellipsoid, in metres.
+    pub axis: f64,
+    /// Inverse of the flattening; 0 for a sphere.
+    pub flattening: f64,
+}
+
+/// How positions of a system come from longitudes and latitudes from Greenwich on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conversion {
+    /// As PROJ spells it, without a shift to another datum.
+    pub proj: String,
+    /// What longitudes and latitudes are on.
+    pub datum: Datum,
+}
+
+/// What heights of a system are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heights {
+    /// The system does not say.
+    Unknown,
+    /// Above the ellipsoid, in metres.
+    Ellipsoidal,
+    /// Above (or, for depths, below) a surface of a vertical datum.
+    Above {
+        /// Name of the system of heights.
+        name: String,
+        /// EPSG code of its datum, or else the datum's name.
+        datum: std::result::Result<u32, String>,
+        /// Metres in a unit.
+        metres: f64,
+        /// True for depths.
+        is_down: bool,
+    },
+}
+
+/// What is kept of a PROJ string by code: the projection, without datum and ellipsoid.
+const KEPT: [&str; 20] = [
+    "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0",
+    "x_0", "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
+];
+
+impl Crs {
+    /// How positions come from longitudes and latitudes.
+    ///
+    /// # Errors
+    /// Systems that have no known place on the globe, or one that cannot be computed, by what they are.
+    pub fn conversion(&self) -> Result<Conversion> {
+        if let Some(code) = self.epsg {
+            return by_code(code).map_err(|error| error.at(self.label()));
+        }
+        let refuse = |what: &str| {
+            let remedy =
+                "name a system with a place on the globe, in the file or in a .prj beside it";
+            Err(Error::unsupported(what).at(self.label()).remedy(remedy))
+        };
+        match self.parts().0 {
+            Some(Horizontal::Projected(own)) => own.conversion().map_err(|e| e.at(self.label())),
+            Some(Horizontal::Geographic(own)) => Ok(own.conversion()),
+            Some(Horizontal::Local { .. }) => {
+                refuse("a local system has no place on the globe, so nothing can be transformed")
+            }
+            None if self.is_named() => refuse("it is not known how this system is computed"),
+            None => Err(Error::bad_input("it is not known where on the globe this lies")
+                .remedy("name its reference system in the file, or in a .prj beside it")),
+        }
+    }
+
+    /// What heights are.
+    pub fn heights(&self) -> Heights {
+        match self.parts() {
+            (_, Some(own)) => own.heights(),
+            (Some(Horizontal::Geographic(own)), None) if own.is_3d => Heights::Ellipsoidal,
+            _ => Heights::Unknown,
+        }
+    }
+
+    /// The same system of x and y with the heights of `other`, where it has none of its own.
+    #[must_use]
+    pub fn with_heights_of(&self, other: &Self) -> Self {
+        let given = match self.heights() {
+            Heights::Unknown => other.parts().1,
+            _ => return self.clone(),
+        };
+        let unit = other.vertical_unit.clone();
+        let text = other.vertical_unit_text.clone();
+        let plain = Self { vertical_unit: unit, vertical_unit_text: text, ..self.clone() };
+        match (given, self.epsg) {
+            (Some(Vertical { code: Some(up), .. }), Some(code)) => wkt::of_codes(code, up),
+            (Some(up), _) => match self.to_wkt() {
+                Some(text) => {
+                    let name = text.split('"').nth(1).unwrap_or_default();
+                    wkt::from_text(&super::write::compound(name, &text, &up))
+                }
+                None => plain,
+            },
+            (None, _) => plain,
+        }
+    }
+}
+
+impl Vertical {
+    fn heights(&self) -> Heights {
+        Heights::Above {
+            name: self.name.clone(),
+            datum: self.datum.code.ok_or_else(|| super::unit::plain(&self.datum.name)),
+            metres: self.unit.size,
+            is_down: self.is_down,
+        }
+    }
+}
+
+fn by_code(code: u32) -> Result<Conversion> {
+    let unknown = || {
+        Error::unsupported(format!(
+            "the code {code} is not among the EPSG codes that terrane knows"
+        ))
+        .remedy("name another code of the system, or give its definition as well-known text")
+    };
+    let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
+    let definition = definition.ok_or_else(unknown)?;
+    let nodes = Node::all(definition.wkt).ok_or_else(unknown)?;
+    let words = definition.proj4.split_whitespace().map(|word| word.trim_start_matches('+'));
+    let of = |name: &str| {
+        words
+            .clone()
+            .find_map(|word| word.strip_prefix(name)?.strip_prefix('='))
+            .unwrap_or_default()
+    };
+    let (datum, is_degrees) = wkt::datum(&nodes).ok_or_else(|| no_place(of("proj")))?;
+    match of("proj") {
+        "longlat" if !is_degrees => return Err(grads()),
+        "krovak" if faces_south(&nodes) => return Err(turned()),
+        "geocent" | "" => return Err(no_place(of("proj"))),
+        _ => {}
+    }
+    // Web Mercator takes longitudes and latitudes of an ellipsoid for those of a sphere.
+    let is_sphere_of_ellipsoid = definition.wkt.contains("EXTENSION[\"PROJ4\"");
+    let figure = match is_sphere_of_ellipsoid {
+        true => format!("+a={0} +b={0}", of("a")),
+        false => datum.figure(),
+    };
+    let kept =
+        words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
+    // The unit of degrees is none of lengths.
+    let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
+    Ok(Conversion { proj: format!("{kept} {figure}"), datum })
+}
+
+fn no_place(kind: &str) -> Error {
+    let what = match kind {
+        "geocent" => "it is of positions from the centre of the earth, not on a map",
+        _ => "it has no place on the globe that is known",
+    };
+    Error::unsupported(what).remedy("name a system of longitudes and latitudes, or of a map")
+}
+
+fn grads() -> Error {
+    Error::unsupported("its angles are not in degrees")
+        .remedy("name a system of the same datum in degrees, or on a map")
+}
+
+fn turned() -> Error {
+    Error::unsupported("its axes point south and west, where those of grids point east and north")
+        .remedy("name the system with axes to the east and north: EPSG:5514 for EPSG:5513")
+}
+
+fn faces_south(nodes: &[Node<'_>]) -> bool {
+    nodes.iter().flat_map(Node::children).any(|node| node.is(&["AXIS"]) && node.has_word("SOUTH"))
+}
+
+impl Datum {
+    /// The ellipsoid, as PROJ spells it.
+    fn figure(&self) -> String {
+        match self.flattening {
+            0.0 => format!("+a={0} +b={0}", self.axis),
+            flattening => format!("+a={} +rf={flattening}", self.axis),
+        }
+    }
+}
+
+impl Geographic {
+    /// Its datum; known by its name where it has no code.
+    pub(super) fn to_datum(&self) -> Datum {
+        let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
+        Datum {
+            name: self.datum.name.clone(),
+            code: self.datum.code.or_else(|| named()?.datum.code),
+            axis: self.axis,
+            flattening: self.flattening,
+        }
+    }
+
+    fn meridian(&self) -> String {
+        match self.from_greenwich {
+            0.0 => String::new(),
+            east => format!(" +pm={east}"),
+        }
+    }
+
+    fn conversion(&self) -> Conversion {
+        let datum = self.to_datum();
+        Conversion { proj: format!("+proj=longlat {}{}", datum.figure(), self.meridian()), datum }
+    }
+}
+
+impl Projected {
+    fn conversion(&self) -> Result<Conversion> {
+        let datum = self.base.to_datum();
+        let projection = self.method.proj(|role| self.value(role)).ok_or_else(|| {
+            let name = self.method.name.replace('_', " ");
+            Error::unsupported(format!(
+                "the projection {name} with these numbers cannot be computed"
+            ))
+            .remedy("transform the data to another system first")
+        })?;
+        let [east, north] =
+            [Role::Easting, Role::Northing].map(|role| self.value(role) * self.unit.size);
+        let unit = self.unit.size;
+        let proj = format!(
+            "{projection} +x_0={east} +y_0={north} +to_meter={unit} {}{}",
+            datum.figure(),
+            self.base.meridian()
+        );
+        Ok(Conversion { proj, datum })
+    }
+
+    fn value(&self, role: Role) -> f64 {
+        let found = self.method.roles.iter().position(|own| *own == role);
+        found.map_or(0.0, |at| self.values[at])
+    }
+}
+
+impl Method {
+    /// The projection, as PROJ spells it, but for the origin and the unit of x and y; `None` where
+    /// PROJ has none for these numbers.
+    fn proj(&self, value: impl Fn(Role) -> f64) -> Option<String> {
+        use Role::{Azimuth, GridAngle, Latitude, Longitude, Parallel1, Parallel2, Scale};
+        let [lat, lon, first, second] = [Latitude, Longitude, Parallel1, Parallel2].map(&value);
+        let scale = value(Scale);
+        let origin = format!("+lat_0={lat} +lon_0={lon}");
+        let oblique = || {
+            let [alpha, gamma] = [Azimuth, GridAngle].map(&value);
+            format!("+lat_0={lat} +lonc={lon} +alpha={alpha} +gamma={gamma} +k={scale}")
+        };
+        let is_swiss = value(Azimuth) == 90.0 && value(GridAngle) == 90.0;
+        let is_pole = lat.abs() == 90.0;
+        Some(match self.code {
+            1 => format!("+proj=tmerc {origin} +k={scale}"),
+            3 => format!("+proj=omerc +no_uoff {}", oblique()),
+            9815 if is_swiss => format!("+proj=somerc {origin} +k_0={scale}"),
+            9815 => format!("+proj=omerc {}", oblique()),
+            7 if self.roles.contains(&Scale) => format!("+proj=merc +lon_0={lon} +k={scale}"),
+            7 => format!("+proj=merc +lon_0={lon} +lat_ts={first}"),
+            8 => format!("+proj=lcc {origin} +lat_1={first} +lat_2={second}"),
+            9 => format!("+proj=lcc {origin} +lat_1={lat} +k_0={scale}"),
+            10 => format!("+proj=laea {origin}"),
+            11 => format!("+proj=aea {origin} +lat_1={first} +lat_2={second}"),
+            12 => format!("+proj=aeqd {origin}"),
+            13 => format!("+proj=eqdc {origin} +lat_1={first} +lat_2={second}"),
+            14 => format!("+proj=stere {origin} +k={scale}"),
+            // The latitude is that of the true scale, which is the pole's where there is a factor.
+            15 if is_pole || scale == 1.0 => {
+                let pole = 90.0_f64.copysign(lat);
+                format!("+proj=stere +lat_0={pole} +lat_ts={lat} +lon_0={lon} +k={scale}")
+            }
+            16 => format!("+proj=sterea {origin} +k={scale}"),
+            17 => format!("+proj=eqc {origin} +lat_ts={first}"),
+            18 => format!("+proj=cass {origin}"),
+            19 => format!("+proj=gnom {origin}"),
+            20 => format!("+proj=mill +lon_0={lon}"),
+            21 => format!("+proj=ortho {origin}"),
+            22 => format!("+proj=poly {origin}"),
+            23 => format!("+proj=robin +lon_0={lon}"),
+            24 => format!("+proj=sinu +lon_0={lon}"),
+            27 => format!("+proj=tmerc +axis=wsu {origin} +k={scale}"),
+            28 => format!("+proj=cea +lon_0={lon} +lat_ts={first}"),
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::wkt::{from_text, of_srs};
+
+    #[test]
+    fn a_code_is_its_projection_on_its_own_ellipsoid_without_any_shift() {
+        let lambert = of_srs("EPSG:27572").conversion().unwrap();
+        assert!(lambert.proj.contains("+proj=lcc") && lambert.proj.contains("+pm=paris"));
+        assert!(!lambert.proj.contains("towgs84"), "{}", lambert.proj);
+        assert_eq!((lambert.datum.code, lambert.datum.axis), (Some(6807), 6_378_249.2));
+        let british = of_srs("EPSG:27700").conversion().unwrap();
+        assert!(british.proj.contains("+a=6377563.396 +rf=299.3249646"), "{}", british.proj);
+        let web = of_srs("EPSG:3857").conversion().unwrap();
+        assert!(web.proj.contains("+a=6378137 +b=6378137") && web.datum.code == Some(6326));
+        let compound = of_srs("EPSG:6339+6360").conversion().unwrap();
+        assert!(compound.proj.starts_with("+proj=utm +zone=10"), "{}", compound.proj);
+    }
+
+    #[test]
+    fn text_without_codes_has_the_datum_it_names() {
+        let text = r#"PROJCS["x",GEOGCS["GCS_North_American_1983",DATUM["D_North_American_1983",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["False_Easting",1640416.5],PARAMETER["Central_Meridian",-100.0],PARAMETER["Latitude_Of_Origin",39.5],UNIT["Foot_US",0.3048006096012192]]"#;
+        let found = from_text(text).conversion().unwrap();
+        assert_eq!(found.datum.code, Some(6269));
+        assert!(found.proj.contains("+to_meter=0.3048006096012192"), "{}", found.proj);
+    }
+
+    #[test]
+    fn what_has_no_place_is_refused_by_what_it_is() {
+        let local = r#"LOCAL_CS["site",UNIT["metre",1]]"#;
+        let labrd = "EPSG:8441";
+        for (text, word) in [
+            ("EPSG:65000", "not among the EPSG codes"),
+            ("EPSG:70001", "not among the EPSG codes"),
+            (local, "local system"),
+            ("EPSG:4978", "centre of the earth"),
+            ("EPSG:4807", "not in degrees"),
+            ("EPSG:5513", "south and west"),
+            ("", "name its reference system"),
+            ("some words", "not known how"),
+        ] {
+            let told = of_srs(text).conversion().unwrap_err().to_string();
+            assert!(told.contains(word), "{text}: {told}");
+        }
+        assert!(of_srs(labrd).conversion().is_ok(), "the crate of operations tells of it");
+    }
+
+    #[test]
+    fn heights_are_kept_where_the_target_has_none() {
+        let source = of_srs("EPSG:6339+6360");
+        let kept = of_srs("EPSG:4326").with_heights_of(&source);
+        assert_eq!((kept.epsg, kept.vertical_epsg), (Some(4326), Some(6360)));
+        assert_eq!(kept.heights(), source.heights());
+        let own = of_srs("EPSG:4326+5773");
+        assert_eq!(own.with_heights_of(&source), own);
+        let feet = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:6339+5703") };
+        let kept = of_srs("EPSG:4326").with_heights_of(&feet);
+        assert_eq!(kept.vertical_metres(), Some(0.3048));
+        assert!(matches!(kept.heights(), Heights::Above { datum: Ok(5103), .. }));
+        let unit = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:6339") };
+        assert_eq!(of_srs("EPSG:4326").with_heights_of(&unit).vertical_metres(), Some(0.3048));
+        assert_eq!(of_srs("EPSG:4979").heights(), Heights::Ellipsoidal);
+    }
+}

@@ -1,0 +1,203 @@
+//! Heights of a geoid above the ellipsoid, on a grid of longitudes and latitudes: GTX files.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::limits;
+
+/// Most bytes of a grid of shifts or of a geoid, which is held whole.
+pub(crate) const MAX_GRID_BYTES: u64 = 512 << 20;
+
+/// What stands for no value.
+const NO_VALUE: f32 = -88.8888;
+
+/// Largest height of a geoid, in metres: what is beyond is damage.
+const HIGHEST: f32 = 1000.0;
+
+const HEADER: usize = 40;
+
+/// A geoid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Geoid {
+    /// Of the south-western corner: longitude and latitude, in degrees.
+    corner: [f64; 2],
+    /// Degrees between columns and rows.
+    step: [f64; 2],
+    columns: usize,
+    rows: usize,
+    /// Metres, row by row from the south.
+    heights: Vec<f32>,
+}
+
+impl Geoid {
+    /// From the bytes of a GTX file.
+    ///
+    /// # Errors
+    /// What is no such file, or a damaged one.
+    pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
+        limits::check("the number of bytes of the geoid", bytes.len() as u64, MAX_GRID_BYTES)?;
+        let bad = |what: &str| {
+            Error::bad_input(format!("is no sound GTX file: {what}")).remedy("fetch the file again")
+        };
+        let number = |at: usize| {
+            let eight = bytes.get(at..at + 8).and_then(|part| part.try_into().ok());
+            eight.map(f64::from_be_bytes).filter(|value| value.is_finite())
+        };
+        let count = |at: usize| {
+            let four = bytes.get(at..at + 4).and_then(|part| part.try_into().ok());
+            four.map(u32::from_be_bytes).filter(|count| (2..1 << 20).contains(count))
+        };
+        let (Some(south), Some(west), Some(up), Some(across)) =
+            (number(0), number(8), number(16), number(24))
+        else {
+            return Err(bad("its header is cut off, or no numbers"));
+        };
+        let (Some(rows), Some(columns)) = (count(32), count(36)) else {
+            return Err(bad("its numbers of rows and columns make no sense"));
+        };
+        let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
+        let is_sound = up > 0.0
+            && across > 0.0
+            && (-90.001..=90.0).contains(&south)
+            && south + extent[1] <= 90.001
+            && (-360.0..=360.0).contains(&west)
+            && extent[0] <= 360.001;
+        if !is_sound {
+            return Err(bad("it lies beyond the globe"));
+        }
+        let values = &bytes[HEADER.min(bytes.len())..];
+        let wanted = u64::from(rows) * u64::from(columns) * 4;
+        if values.len() as u64 != wanted {
+            return Err(bad(&format!(
+                "{wanted} bytes of heights are announced, {} are there",
+                values.len()
+            )));
+        }
+        let four = |part: &[u8]| part.try_into().map_or(f32::NAN, f32::from_be_bytes);
+        let heights = values.chunks_exact(4).map(four).collect();
+        Ok(Self {
+            corner: [west, south],
+            step: [across, up],
+            columns: columns as usize,
+            rows: rows as usize,
+            heights,
+        })
+    }
+
+    /// The height of the geoid above the ellipsoid, in metres, at a longitude and latitude in degrees:
+    /// bilinear between its four neighbours.
+    ///
+    /// # Errors
+    /// Places where it is not known.
+    pub fn height(&self, [longitude, latitude]: [f64; 2]) -> Result<f64> {
+        let missing = || {
+            Error::bad_input(format!(
+                "the geoid is not known at longitude {longitude:.4}, latitude {latitude:.4}"
+            ))
+            .remedy("give a geoid of the whole area")
+        };
+        let east = (longitude - self.corner[0]).rem_euclid(360.0);
+        // What is a hair west of the grid is not nearly once around it.
+        let east = if 360.0 - east < 1e-9 { 0.0 } else { east };
+        let (column, across) = self.cell(east / self.step[0], self.columns, self.is_round());
+        let (row, up) = self.cell((latitude - self.corner[1]) / self.step[1], self.rows, false);
+        let (Some(column), Some(row)) = (column, row) else { return Err(missing()) };
+        let at = |c: usize, r: usize| {
+            let value = self.heights[r * self.columns + c % self.columns];
+            let is_known = value.abs() <= HIGHEST && (value - NO_VALUE).abs() > 1e-3;
+            is_known.then_some(f64::from(value))
+        };
+        let weights = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(c, r)| {
+            let weight = |far: usize, part: f64| if far == 1 { part } else { 1.0 - part };
+            (c, r, weight(c, across) * weight(r, up))
+        });
+        let mut sum = 0.0;
+        for (c, r, weight) in weights.into_iter().filter(|(_, _, weight)| *weight > 0.0) {
+            sum += weight * at(column + c, row + r).ok_or_else(missing)?;
+        }
+        Ok(sum)
+    }
+
+    /// True where columns go all the way round.
+    fn is_round(&self) -> bool {
+        (self.step[0] * self.columns as f64 - 360.0).abs() < self.step[0] * 1e-3
+    }
+
+    /// The cell of a coordinate in steps, and how far into it that is.
+    fn cell(&self, at: f64, count: usize, is_round: bool) -> (Option<usize>, f64) {
+        let last = if is_round { count as f64 } else { (count - 1) as f64 };
+        let hair = 1e-9 * last;
+        if !(-hair..=last + hair).contains(&at) {
+            return (None, 0.0);
+        }
+        let at = at.clamp(0.0, last);
+        let low = at.floor().min(last - 1.0);
+        (Some(low as usize), at - low)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plane, which interpolation gives back.
+    fn plane(corner: [f64; 2], step: f64, columns: u32, rows: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for value in [corner[1], corner[0], step, step] {
+            bytes.extend(value.to_be_bytes());
+        }
+        bytes.extend(rows.to_be_bytes());
+        bytes.extend(columns.to_be_bytes());
+        for r in 0..rows {
+            for c in 0..columns {
+                let height = 40.0 + 0.5 * c as f32 - 0.25 * r as f32;
+                bytes.extend(height.to_be_bytes());
+            }
+        }
+        bytes
+    }
+
+    #[test]
+    fn heights_are_bilinear_between_samples_and_missing_outside() {
+        let geoid = Geoid::of_gtx(&plane([5.0, 45.0], 0.25, 9, 5)).unwrap();
+        for (place, height) in [
+            ([5.0, 45.0], 40.0),
+            ([7.0, 46.0], 43.0),
+            ([5.125, 45.125], 40.125),
+            ([365.125, 45.125], 40.125),
+        ] {
+            assert!((geoid.height(place).unwrap() - height).abs() < 1e-9, "{place:?}");
+        }
+        for place in [[4.9, 45.5], [7.1, 45.5], [6.0, 44.9], [6.0, 46.1]] {
+            let told = geoid.height(place).unwrap_err().to_string();
+            assert!(told.contains("geoid is not known at longitude"), "{told}");
+        }
+        let mut holed = geoid;
+        holed.heights[0] = NO_VALUE;
+        assert!(holed.height([5.1, 45.1]).is_err() && holed.height([5.25, 45.25]).is_ok());
+    }
+
+    #[test]
+    fn a_geoid_of_the_globe_goes_round() {
+        let geoid = Geoid::of_gtx(&plane([0.0, -90.0], 30.0, 12, 7)).unwrap();
+        // Between 330 and 360 degrees, where the last column and the first are neighbours.
+        assert!((geoid.height([345.0, -90.0]).unwrap() - (45.5 + 40.0) / 2.0).abs() < 1e-9);
+        assert!((geoid.height([-15.0, -90.0]).unwrap() - (45.5 + 40.0) / 2.0).abs() < 1e-9);
+        assert_eq!(geoid.height([-360.0, 90.0]).unwrap(), 40.0 - 1.5);
+    }
+
+    #[test]
+    fn damage_is_an_error_and_no_panic() {
+        let sound = plane([5.0, 45.0], 0.25, 9, 5);
+        for length in 0..sound.len() {
+            assert!(Geoid::of_gtx(&sound[..length]).is_err());
+        }
+        for at in 0..HEADER {
+            for value in [0, 0x7F, 0x80, 0xFF] {
+                let mut bytes = sound.clone();
+                bytes[at] = value;
+                if let Ok(geoid) = Geoid::of_gtx(&bytes) {
+                    let _ = geoid.height([6.0, 45.5]);
+                }
+            }
+        }
+    }
+}

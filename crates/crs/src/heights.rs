@@ -1,0 +1,105 @@
+//! What becomes of heights: kept, in another unit, or counted from another surface by a geoid.
+
+use std::sync::Arc;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Heights};
+
+use super::geoid::Geoid;
+
+/// What is done to a height.
+#[derive(Clone)]
+pub(crate) enum Rise {
+    /// It is what it was, times a factor.
+    Times(f64),
+    /// From the geoid's surface (in a unit of so many metres) to the ellipsoid of the target.
+    ToEllipsoid(Arc<Geoid>, f64),
+    /// From the ellipsoid of the source to the geoid's surface.
+    ToGeoid(Arc<Geoid>, f64),
+}
+
+impl Rise {
+    /// From the heights of one system to those of another, and what is to be said of that.
+    ///
+    /// # Errors
+    /// Heights that no known operation brings from one surface to the other.
+    pub(crate) fn between(
+        [from, to]: [&Crs; 2],
+        is_shifted: bool,
+        geoid: Option<&Arc<Geoid>>,
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
+        let sides = [from.heights(), to.heights()];
+        let signed = |metres: f64, is_down: bool| if is_down { -metres } else { metres };
+        match (sides, geoid) {
+            ([from, to], None) if from == to && !(is_shifted && to == Heights::Ellipsoidal) => {
+                Ok(Self::Times(1.0))
+            }
+            ([_, Heights::Unknown], None) => Ok(Self::Times(1.0)),
+            ([_, Heights::Unknown], Some(_)) => Err(Error::usage(
+                "a geoid is given, and the system to transform to says nothing of heights",
+            )
+            .remedy("name one with heights, such as EPSG:4979, or leave the geoid out")),
+            (
+                [
+                    Heights::Above { datum: a, metres, is_down, .. },
+                    Heights::Above { datum: b, metres: per, is_down: down, .. },
+                ],
+                None,
+            ) if a == b => Ok(Self::Times(signed(metres, is_down) / signed(per, down))),
+            ([Heights::Above { metres, is_down, .. }, Heights::Ellipsoidal], Some(geoid)) => {
+                Ok(Self::ToEllipsoid(geoid.clone(), signed(metres, is_down)))
+            }
+            ([Heights::Ellipsoidal, Heights::Above { metres, is_down, .. }], Some(geoid)) => {
+                Ok(Self::ToGeoid(geoid.clone(), signed(metres, is_down)))
+            }
+            ([Heights::Unknown, Heights::Ellipsoidal], Some(geoid)) => {
+                let unit = from.vertical_metres();
+                notes.push(format!(
+                    "what heights are counted from is not said; they are taken for heights above the geoid{}",
+                    if unit.is_none() { ", in metres" } else { "" }
+                ));
+                Ok(Self::ToEllipsoid(geoid.clone(), unit.unwrap_or(1.0)))
+            }
+            ([from, to], geoid) => Err(refusal(&from, &to, geoid.is_some())),
+        }
+    }
+
+    /// What undoes it.
+    pub(crate) fn inverse(&self) -> Self {
+        match self {
+            Self::Times(factor) => Self::Times(1.0 / factor),
+            Self::ToEllipsoid(geoid, metres) => Self::ToGeoid(geoid.clone(), *metres),
+            Self::ToGeoid(geoid, metres) => Self::ToEllipsoid(geoid.clone(), *metres),
+        }
+    }
+}
+
+fn refusal(from: &Heights, to: &Heights, has_geoid: bool) -> Error {
+    let said = |heights: &Heights| match heights {
+        Heights::Unknown => "not named".to_owned(),
+        Heights::Ellipsoidal => "above the ellipsoid".to_owned(),
+        Heights::Above { name, .. } => format!("in {name}"),
+    };
+    let [from_text, to_text] = [from, to].map(said);
+    let message = format!(
+        "heights of the source are {from_text}, those of the target {to_text}, and nothing known leads from \
+         one to the other"
+    );
+    let remedy = match (from, to, has_geoid) {
+        (Heights::Unknown, Heights::Above { .. }, _) => {
+            "name the target without heights: those of the source are kept as they are"
+        }
+        (Heights::Ellipsoidal, Heights::Ellipsoidal, _) => {
+            "name the target without heights, or transform them with other tools first"
+        }
+        (_, Heights::Ellipsoidal, false) | (Heights::Ellipsoidal, _, false) => {
+            "give the geoid between them (--geoid FILE), or name the target without heights"
+        }
+        (_, _, true) => {
+            "one geoid leads from heights above it to those above the ellipsoid, or back"
+        }
+        _ => "transform heights with other tools first, or name the target without heights",
+    };
+    Error::unsupported(message).remedy(remedy)
+}

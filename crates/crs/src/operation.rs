@@ -1,0 +1,388 @@
+//! An operation: the way from one system to another.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Datum, wkt};
+
+use super::area::{Area, FAR, NEAR};
+use super::geoid::Geoid;
+use super::heights::Rise;
+use super::ntv2::ShiftGrid;
+use super::projection::Projection;
+use super::shift::{Ellipsoid, Helmert};
+use super::table::{self, Known};
+
+/// What is known besides the two systems.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Where the data lie in the source, if that is known: x and y low, x and y high. The shift of the
+    /// datum is the best one for all of it, and longitudes go on beyond 180 degrees where it does.
+    pub extent: Option<[f64; 4]>,
+    /// A grid of shifts from the datum of one of the two systems to that of the other.
+    pub shift_grid: Option<Arc<ShiftGrid>>,
+    /// Heights of a geoid above the ellipsoid.
+    pub geoid: Option<Arc<Geoid>>,
+}
+
+/// The way from one system to another, of positions and heights.
+#[derive(Clone)]
+pub struct Operation {
+    from: Projection,
+    to: Projection,
+    legs: Vec<Leg>,
+    rise: Rise,
+    /// The longitude that longitudes of a target in degrees lie around.
+    about: Option<f64>,
+    systems: [Crs; 2],
+    name: String,
+    accuracy: Option<f64>,
+    notes: Vec<String>,
+}
+
+/// A step between datums; places are longitudes and latitudes in radians.
+#[derive(Clone)]
+enum Leg {
+    Helmert { shift: Helmert, ellipsoids: [Ellipsoid; 2], area: Area, is_back: bool },
+    Grid { grid: Arc<ShiftGrid>, is_back: bool },
+}
+
+/// Millimetres of heights above an ellipsoid that may be left when a shift is undone.
+const LEVEL: f64 = 1e-5;
+
+impl Operation {
+    /// From one system to another.
+    ///
+    /// # Errors
+    /// Systems without a known place on the globe, projections and shifts of datums and heights that are
+    /// not known, and data that lie across the edge of the target's map, each by name.
+    pub fn between(from: &Crs, to: &Crs, options: &Options) -> Result<Self> {
+        let target = to.with_heights_of(from);
+        let [own, others] = [from.conversion()?, to.conversion()?];
+        let [source, sink] =
+            [Projection::new(&own, from.label())?, Projection::new(&others, to.label())?];
+        let area = options.extent.map(|extent| area(&source, extent)).transpose()?;
+        if let Some(area) = &area {
+            check_edge(&sink, area, &to.label())?;
+        }
+        let mut notes = Vec::new();
+        let datums = [&own.datum, &others.datum];
+        let (legs, accuracy, name) = match &options.shift_grid {
+            Some(grid) => {
+                let is_back = grid.is_back(datums)?;
+                (vec![Leg::Grid { grid: grid.clone(), is_back }], None, grid.name(is_back))
+            }
+            None => shift(datums, area.as_ref(), &mut notes)?,
+        };
+        let rise = Rise::between([from, to], !legs.is_empty(), options.geoid.as_ref(), &mut notes)?;
+        let about = area.as_ref().filter(|_| sink.is_geographic()).map(Area::middle);
+        let is_over =
+            |area: &Area| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
+        if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
+            notes.push(
+                "longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned(),
+            );
+        }
+        let systems = [from.clone(), target];
+        Ok(Self { from: source, to: sink, legs, rise, about, systems, name, accuracy, notes })
+    }
+
+    /// To longitudes and latitudes on WGS 84, in degrees. Heights are kept.
+    ///
+    /// # Errors
+    /// Like [`between`](Self::between).
+    pub fn to_wgs84(from: &Crs, extent: Option<[f64; 4]>) -> Result<Self> {
+        let options = Options { extent, ..Options::default() };
+        Self::between(from, &wkt::of_srs("EPSG:4326"), &options)
+    }
+
+    /// The way back.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let [from, to] = self.systems.clone();
+        let back = |leg: &Leg| match leg.clone() {
+            Leg::Helmert { shift, ellipsoids, area, is_back } => {
+                Leg::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
+            }
+            Leg::Grid { grid, is_back } => Leg::Grid { grid, is_back: !is_back },
+        };
+        Self {
+            from: self.to.clone(),
+            to: self.from.clone(),
+            legs: self.legs.iter().rev().map(back).collect(),
+            rise: self.rise.inverse(),
+            about: self.about,
+            systems: [to, from],
+            name: self.name.clone(),
+            accuracy: self.accuracy,
+            notes: self.notes.clone(),
+        }
+    }
+
+    /// A position in the target. It takes some hundred nanoseconds, and nothing is allocated.
+    ///
+    /// # Errors
+    /// Positions beyond what a projection reaches, or a shift is made for.
+    pub fn position(&self, at: [f64; 2]) -> Result<[f64; 2]> {
+        let mut place = self.from.to_globe(at)?;
+        for leg in &self.legs {
+            place = leg.apply(place)?;
+        }
+        Ok(self.settled(self.to.of_globe(place)?))
+    }
+
+    /// A position and a height in the target. Heights do not move positions.
+    ///
+    /// # Errors
+    /// Like [`position`](Self::position); and those beyond what a geoid is known for.
+    pub fn point(&self, [x, y, z]: [f64; 3]) -> Result<[f64; 3]> {
+        let [east, north] = self.position([x, y])?;
+        let place = |projection: &Projection, at: [f64; 2]| {
+            projection.unproject(at).map(|globe| globe.map(f64::to_degrees)).unwrap_or(at)
+        };
+        let z = match &self.rise {
+            Rise::Times(factor) => z * factor,
+            Rise::ToEllipsoid(geoid, metres) => {
+                z * metres + geoid.height(place(&self.to, [east, north]))?
+            }
+            Rise::ToGeoid(geoid, metres) => (z - geoid.height(place(&self.from, [x, y]))?) / metres,
+        };
+        Ok([east, north, z])
+    }
+
+    /// Longitudes where the data are, not where they are cut.
+    fn settled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        match self.about.filter(|_| self.to.is_geographic()) {
+            Some(about) if (x - about).abs() > 180.0 => {
+                [x + 360.0 * ((about - x) / 360.0).round(), y]
+            }
+            _ => [x, y],
+        }
+    }
+
+    /// The system that positions are brought to; with the heights of the source, where it has none.
+    pub fn target(&self) -> &Crs {
+        &self.systems[1]
+    }
+
+    /// The system that positions are in before.
+    pub fn source(&self) -> &Crs {
+        &self.systems[0]
+    }
+
+    /// What it does, in a line for people.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How right positions are, in metres, as EPSG says; 0 where no datum is changed, `None` where it is
+    /// not known, as of a grid of shifts.
+    pub fn accuracy(&self) -> Option<f64> {
+        self.accuracy
+    }
+
+    /// What the user should know.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// True where heights stay the numbers they are.
+    pub fn keeps_heights(&self) -> bool {
+        matches!(self.rise, Rise::Times(1.0))
+    }
+
+    /// True where x and y are kept to the last bit: of two names of one system.
+    pub fn is_null(&self) -> bool {
+        let [from, to] = &self.systems;
+        from.agrees(to) && matches!(self.rise, Rise::Times(1.0))
+    }
+}
+
+impl Leg {
+    fn apply(&self, place: [f64; 2]) -> Result<[f64; 2]> {
+        match self {
+            Self::Helmert { shift, ellipsoids: [own, wgs84], area, is_back } => {
+                check_area(area, place)?;
+                let [longitude, latitude] = place;
+                if !is_back {
+                    let at = own.to_centre([longitude, latitude, 0.0]);
+                    let [longitude, latitude, _] = wgs84.of_centre(shift.apply(at));
+                    return Ok([longitude, latitude]);
+                }
+                // The place that the shift brings here, which is on the other ellipsoid.
+                let (mut height, mut found) = (0.0, [0.0; 3]);
+                for _ in 0..4 {
+                    let at = wgs84.to_centre([longitude, latitude, height]);
+                    found = own.of_centre(shift.apply(at));
+                    if found[2].abs() < LEVEL {
+                        break;
+                    }
+                    height -= found[2];
+                }
+                Ok([found[0], found[1]])
+            }
+            Self::Grid { grid, is_back } => grid.apply(place, *is_back),
+        }
+    }
+}
+
+fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
+    let [longitude, latitude] = place.map(f64::to_degrees);
+    if area.has([longitude, latitude]) {
+        return Ok(());
+    }
+    let place = format!("longitude {longitude:.4}, latitude {latitude:.4}");
+    let Area { west, south, east, north } = area;
+    Err(Error::unsupported(format!(
+        "{place} lies outside of where the shift of the datum is known, which is from {west} to {east} degrees \
+         of longitude and from {south} to {north} of latitude"
+    ))
+    .remedy("transform the parts for themselves, or give a grid of shifts (--shift-grid FILE)"))
+}
+
+type Way = (Vec<Leg>, Option<f64>, String);
+
+/// The way from one datum to another, by WGS 84; what it is called, and how right.
+fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> Result<Way> {
+    if is_one(datums) {
+        return Ok((Vec::new(), Some(0.0), "the same datum".to_owned()));
+    }
+    let (mut legs, mut accuracy, mut names) = (Vec::new(), 0.0, Vec::new());
+    for (datum, is_back) in datums.into_iter().zip([false, true]) {
+        if datum.code == Some(table::WGS84) {
+            continue;
+        }
+        let known = choose(datum, datums, area)?;
+        accuracy += known.accuracy;
+        names.push(format!("{} (EPSG:{})", known.name, known.code));
+        let ellipsoid = Ellipsoid::new(datum.axis, datum.flattening);
+        let is_alike =
+            (datum.axis - 6_378_137.0).abs() < 1.0 && (datum.flattening - 298.257).abs() < 0.01;
+        if known.is_null() && is_alike {
+            let name = datum.name.replace('_', " ");
+            notes.push(format!(
+                "the datum {name} is taken for WGS 84, which is right to {} m",
+                known.accuracy
+            ));
+            continue;
+        }
+        if area.is_some_and(|area| !known.area.holds(area, NEAR)) {
+            notes.push(format!(
+                "some of the data lie up to {FAR} degrees outside of the area that {} is made for, and may be \
+                 less right",
+                known.name
+            ));
+        }
+        let shift = Helmert::new(known.numbers);
+        let shift = if is_back { shift.inverse() } else { shift };
+        let ellipsoids = [ellipsoid, Ellipsoid::WGS84];
+        legs.push(Leg::Helmert { shift, ellipsoids, area: known.area, is_back });
+    }
+    Ok((legs, Some(accuracy), names.join(", back by ")))
+}
+
+fn is_one([a, b]: [&Datum; 2]) -> bool {
+    match (a.code, b.code) {
+        (Some(a), Some(b)) => a == b,
+        (None, None) => a == b,
+        _ => false,
+    }
+}
+
+/// The shift of a datum to WGS 84 for an area, or the one for the largest area.
+fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result<Known> {
+    let known = datum.code.map(table::shifts).unwrap_or_default();
+    let first = known.first().copied();
+    let found = match (first, area) {
+        (Some(first), _) if first.is_null() => Some(first),
+        (_, Some(area)) => {
+            let holding = |slack| known.iter().find(|known| known.area.holds(area, slack)).copied();
+            holding(NEAR).or_else(|| holding(FAR))
+        }
+        (_, None) => known.iter().copied().max_by(|a, b| {
+            // Of several the first counts, which is the best.
+            a.area.size().total_cmp(&b.area.size()).then(std::cmp::Ordering::Greater)
+        }),
+    };
+    found.ok_or_else(|| {
+        let [name, from, to] = [datum, from, to].map(|datum| datum.name.replace('_', " "));
+        let place = match first {
+            Some(_) => " that holds for all of the data",
+            None => "",
+        };
+        Error::unsupported(format!(
+            "from the datum {from} to {to}: no shift of {name} to WGS 84 is known{place}"
+        ))
+        .remedy("give a grid of shifts (--shift-grid FILE), or transform the data with other tools first")
+    })
+}
+
+/// The longitudes and latitudes, in degrees, that data in a rectangle of a system lie in.
+fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
+    const STEPS: u32 = 16;
+    let at = |c: u32, r: u32| {
+        let [u, v] = [c, r].map(|step| f64::from(step) / f64::from(STEPS));
+        [x0 + (x1 - x0) * u, y0 + (y1 - y0) * v]
+    };
+    let middle = STEPS / 2;
+    let mut places = vec![at(middle, middle)];
+    places.extend((0..=STEPS).flat_map(|c| (0..=STEPS).map(move |r| at(c, r))));
+    let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
+    let Some(first) = found.first() else {
+        // None of them has a place: the error of one tells why.
+        return system.to_globe(places[0]).map(|_| Area {
+            west: 0.0,
+            south: 0.0,
+            east: 0.0,
+            north: 0.0,
+        });
+    };
+    let near = |longitude: f64| first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI;
+    let is_geographic = system.is_geographic();
+    // Longitudes that are given are not cut anywhere.
+    let longitude = |at: &[f64; 2], globe: &[f64; 2]| {
+        if is_geographic { at[0].to_radians() } else { near(globe[0]) }
+    };
+    let pairs = places.iter().filter_map(|at| Some((*at, system.to_globe(*at).ok()?)));
+    let mut area = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+    for (at, globe) in pairs {
+        let east = longitude(&at, &globe);
+        area = [area[0].min(east), area[1].min(globe[1]), area[2].max(east), area[3].max(globe[1])];
+    }
+    for pole in [-FRAC_PI_2, FRAC_PI_2] {
+        let inside = system
+            .of_globe([0.0, pole])
+            .is_ok_and(|[x, y]| !is_geographic && x0 <= x && x <= x1 && y0 <= y && y <= y1);
+        if inside {
+            area = [-PI, area[1].min(pole), PI, area[3].max(pole)];
+        }
+    }
+    let [west, south, east, north] = area.map(f64::to_degrees);
+    Ok(Area { west, south, east, north })
+}
+
+/// Fails where data lie across the edge of a map.
+fn check_edge(target: &Projection, area: &Area, label: &str) -> Result<()> {
+    let Some(cut) = target.cut().map(f64::to_degrees) else { return Ok(()) };
+    let has_pole = area.east - area.west >= 360.0 && (area.north >= 90.0 || area.south <= -90.0);
+    if target.is_geographic() {
+        return match has_pole && area.north - area.south < 180.0 {
+            true => Err(Error::unsupported(format!(
+                "the data lie around a pole, where {label} is torn"
+            ))
+            .remedy("name a polar system, such as EPSG:3413 or EPSG:3031")),
+            false => Ok(()),
+        };
+    }
+    let into = (cut - area.west).rem_euclid(360.0);
+    let is_inside = into > 1e-9 && into < area.east - area.west - 1e-9;
+    match is_inside {
+        true => Err(Error::unsupported(format!(
+            "the data lie across the meridian of {:.4} degrees, where {label} is torn",
+            (cut + 180.0).rem_euclid(360.0) - 180.0
+        ))
+        .remedy("take the parts on both sides for themselves, or name another system")),
+        false => Ok(()),
+    }
+}

@@ -1,0 +1,118 @@
+//! One system's way to longitudes and latitudes and back, checked at every position.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use proj4rs::Proj;
+use proj4rs::transform::transform;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Conversion;
+
+/// How far a position may be from where it came from, there and back: a millimetre, in radii of the earth.
+const SLACK: f64 = 1e-3 / 6_378_137.0;
+
+/// Projections that are cut along the meridian opposite to their own.
+const CUT: [&str; 16] = [
+    "longlat", "latlong", "merc", "webmerc", "lcc", "aea", "leac", "eqdc", "eqc", "cea", "mill",
+    "moll", "robin", "sinu", "poly", "eqearth",
+];
+
+/// A system, without its datum: longitudes and latitudes are in radians, on its ellipsoid.
+#[derive(Clone)]
+pub(crate) struct Projection {
+    proj: Proj,
+    /// Longitudes and latitudes on the same ellipsoid, from Greenwich on.
+    globe: Proj,
+    label: String,
+}
+
+impl Projection {
+    pub(crate) fn new(conversion: &Conversion, label: String) -> Result<Self> {
+        let open = |text: &str| Proj::from_proj_string(text);
+        let name = conversion.proj.split(['=', ' ']).nth(1).unwrap_or_default();
+        let refuse = |error: proj4rs::errors::Error| {
+            let what = format!("its projection cannot be computed (\"{name}\": {error})");
+            Error::unsupported(what)
+                .at(&label)
+                .remedy("transform the data to another system with other tools first")
+        };
+        let proj = open(&conversion.proj).map_err(refuse)?;
+        let (a, b) = proj.ellipse_parameters();
+        let globe = open(&format!("+proj=longlat +a={a} +b={b}")).map_err(refuse)?;
+        if !proj.has_inverse() || !proj.has_forward() {
+            return Err(refuse(proj4rs::errors::Error::NoInverseProjectionDefined));
+        }
+        Ok(Self { proj, globe, label })
+    }
+
+    pub(crate) fn is_geographic(&self) -> bool {
+        self.proj.is_latlong()
+    }
+
+    /// The meridian along which the map is cut, in radians; `None` where there is none.
+    pub(crate) fn cut(&self) -> Option<f64> {
+        let is_cut = CUT.contains(&self.proj.projname());
+        is_cut.then(|| self.proj.longitude_of_origin() + self.proj.from_greenwich() + PI)
+    }
+
+    /// Longitude and latitude of a position.
+    pub(crate) fn to_globe(&self, at: [f64; 2]) -> Result<[f64; 2]> {
+        let found = self.unproject(at).and_then(|globe| {
+            let back = self.project(globe)?;
+            self.is_near(at, back).then_some(globe)
+        });
+        found.ok_or_else(|| self.beyond(at, "beyond what the projection reaches"))
+    }
+
+    /// The position of a longitude and latitude.
+    pub(crate) fn of_globe(&self, globe: [f64; 2]) -> Result<[f64; 2]> {
+        let found = self.project(globe).filter(|at| {
+            let back = self.unproject(*at);
+            back.is_some_and(|back| is_one_place(globe, back))
+        });
+        found.ok_or_else(|| {
+            let place = globe.map(f64::to_degrees);
+            self.beyond(place, "longitude and latitude beyond what the projection reaches")
+        })
+    }
+
+    /// The same, not checked.
+    pub(crate) fn unproject(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let is_geographic = self.is_geographic();
+        let mut at = if is_geographic { (x.to_radians(), y.to_radians()) } else { (x, y) };
+        if is_geographic && (at.1.abs() > FRAC_PI_2 || at.0.abs() > 2.0 * TAU) {
+            return None;
+        }
+        transform(&self.proj, &self.globe, &mut at).ok()?;
+        (at.0.is_finite() && at.1.abs() <= FRAC_PI_2 + 1e-12)
+            .then_some([at.0, at.1.clamp(-FRAC_PI_2, FRAC_PI_2)])
+    }
+
+    fn project(&self, [longitude, latitude]: [f64; 2]) -> Option<[f64; 2]> {
+        let mut at = (longitude, latitude);
+        transform(&self.globe, &self.proj, &mut at).ok()?;
+        let (x, y) = if self.is_geographic() { (at.0.to_degrees(), at.1.to_degrees()) } else { at };
+        (x.is_finite() && y.is_finite()).then_some([x, y])
+    }
+
+    fn is_near(&self, a: [f64; 2], b: [f64; 2]) -> bool {
+        match self.is_geographic() {
+            true => is_one_place(a.map(f64::to_radians), b.map(f64::to_radians)),
+            false => {
+                let metres = self.proj.to_meter();
+                let radius = self.proj.ellipse_parameters().0;
+                (a[0] - b[0]).hypot(a[1] - b[1]) * metres <= SLACK * radius
+            }
+        }
+    }
+
+    fn beyond(&self, [x, y]: [f64; 2], what: &str) -> Error {
+        Error::bad_input(format!("{x}, {y} is {what} of {}", self.label))
+            .remedy("leave out what is so far away, or name another system")
+    }
+}
+
+/// True for one place on the globe, in radians.
+fn is_one_place(a: [f64; 2], b: [f64; 2]) -> bool {
+    let east = (a[0] - b[0] + PI).rem_euclid(TAU) - PI;
+    (east * a[1].cos()).hypot(a[1] - b[1]) <= SLACK
+}

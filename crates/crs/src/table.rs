@@ -1,0 +1,90 @@
+//! What is known of the shifts of datums to WGS 84: EPSG's operations, each for an area and with its
+//! accuracy. `tools/make_shifts.py` writes the table.
+
+use super::area::Area;
+
+const SHIFTS: &str = include_str!("shifts.tsv");
+
+/// EPSG code of the datum of WGS 84.
+pub(crate) const WGS84: u32 = 6326;
+
+/// A datum that is so near to WGS 84 that EPSG lets it stand for it counts as the same, even where
+/// there are shifts that are said to be better: datums of one family stay together then.
+const SAME: f64 = 4.0;
+
+/// A shift of a datum to WGS 84.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Known {
+    /// EPSG code of the operation.
+    pub(crate) code: u32,
+    pub(crate) name: &'static str,
+    /// In metres.
+    pub(crate) accuracy: f64,
+    pub(crate) area: Area,
+    /// Metres, arc-seconds, parts per million.
+    pub(crate) numbers: [f64; 7],
+}
+
+impl Known {
+    /// True where positions stay as they are.
+    pub(crate) fn is_null(&self) -> bool {
+        self.numbers == [0.0; 7]
+    }
+
+    fn of_line(line: &'static str) -> Option<(u32, Self)> {
+        let mut fields = line.split('\t');
+        let mut next = || fields.next();
+        let datum = next()?.parse().ok()?;
+        let (code, accuracy) = (next()?.parse().ok()?, next()?.parse().ok()?);
+        let all =
+            |text: &str| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
+        let [west, south, east, north] = all(next()?).ok()?[..] else { return None };
+        let mut numbers = [0.0; 7];
+        for (place, number) in numbers.iter_mut().zip(all(next()?).ok()?) {
+            *place = number;
+        }
+        let area = Area { west, south, east, north };
+        Some((datum, Self { code, name: next()?, accuracy, area, numbers }))
+    }
+}
+
+/// The shifts of a datum, the one to prefer first: those that leave positions alone, the more accurate,
+/// those of smaller areas, the newer.
+pub(crate) fn shifts(datum: u32) -> Vec<Known> {
+    let all = SHIFTS.lines().filter_map(Known::of_line);
+    let mut own: Vec<Known> = all.filter(|(of, _)| *of == datum).map(|(_, known)| known).collect();
+    let is_same = |known: &Known| known.is_null() && known.accuracy <= SAME;
+    own.sort_by(|a, b| {
+        (is_same(b).cmp(&is_same(a)))
+            .then(a.accuracy.total_cmp(&b.accuracy))
+            .then(a.area.size().total_cmp(&b.area.size()))
+            .then(b.code.cmp(&a.code))
+    });
+    own
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_says_a_shift() {
+        for line in SHIFTS.lines() {
+            let (_, known) = Known::of_line(line).unwrap_or_else(|| panic!("{line}"));
+            assert!((0.0..=50.0).contains(&known.accuracy) && known.area.size() > 0.0, "{line}");
+            assert!(known.numbers[..3].iter().all(|by| by.abs() < 3000.0), "{line}");
+            assert!(known.numbers[3..].iter().all(|by| by.abs() < 300.0), "{line}");
+        }
+        assert!(SHIFTS.lines().count() > 700);
+    }
+
+    #[test]
+    fn datums_that_stand_for_wgs_84_do_so_first() {
+        for datum in [6258, 6269, 6283, 1168, 6167, 1128, 6152, 1116] {
+            let first = shifts(datum)[0];
+            assert!(first.is_null() && first.accuracy <= SAME, "{datum} {first:?}");
+        }
+        assert_eq!(shifts(6314)[0].code, 15869);
+        assert!(shifts(1).is_empty());
+    }
+}
