@@ -1,5 +1,6 @@
 //! The first look at a grid, all of it once.
 
+use std::path::Path;
 use std::sync::Mutex;
 
 use super::place::Place;
@@ -11,13 +12,16 @@ use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tiles::{Overview, Plan, TileId, degrees};
 
+/// Metres below which there is no ground.
+const LOWEST: f64 = -1e6;
+
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
 
 /// Looks at a grid, whose tiles of levels before `near` are made of what is seen.
 ///
 /// # Errors
-/// A grid without a sample, and what reading finds.
+/// A grid without a sample or with absurd heights, and what reading finds.
 pub(super) fn look(
     grid: &dyn GridSource,
     place: &Place,
@@ -49,7 +53,18 @@ pub(super) fn look(
     )?;
     progress.end();
     let seen = std::mem::take(&mut *lock(&seen));
-    plan.join(seen).ok_or_else(|| Error::bad_input("has no valid sample"))
+    let refuse = |error: Error, remedy: &str| error.in_file(Path::new(&place.name)).remedy(remedy);
+    let overview = plan.join(seen).ok_or_else(|| {
+        let remedy = "check its nodata value, or choose another --band";
+        refuse(Error::bad_input("the grid has no valid sample"), remedy)
+    })?;
+    let [lowest, _] = overview.range;
+    if lowest < LOWEST {
+        let stored = lowest / place.metres;
+        let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
+        return Err(refuse(Error::bad_input(format!("the height {stored:e} is absurd")), &remedy));
+    }
+    Ok(overview)
 }
 
 /// Reads heights in metres.

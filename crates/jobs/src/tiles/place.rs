@@ -21,6 +21,8 @@ const NEAR: [(u32, &str); 6] = [
 /// The map from samples to longitudes and latitudes.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
+    /// What the grid is called.
+    pub(super) name: String,
     pub(super) map: Affine,
     /// Columns and rows.
     pub(super) whole: [u32; 2],
@@ -76,7 +78,7 @@ impl Place {
         }
         let bounds = Bounds { west, south, east, north };
         let spacing = map.a.abs().min(map.e.abs());
-        Ok(Self { map, whole, bounds, spacing, metres, notes })
+        Ok(Self { name: input.to_string(), map, whole, bounds, spacing, metres, notes })
     }
 }
 
