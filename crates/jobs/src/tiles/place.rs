@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::globe::into_world;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_raster::{GridInfo, Inputs};
@@ -65,6 +66,7 @@ impl Place {
                     .remedy("turn it with gdalwarp"),
             );
         }
+        let map = into_world(map, whole);
         let ends =
             [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
         let side =
