@@ -269,6 +269,7 @@ const JOBS: &[&str] = &[
     "synth cloud,size=200 o.laz",
     "run tin.plan",
     "tiles globe.flt o",
+    "tiles globe.flt o --max-level 4",
     "verify tiles globe.flt",
 ];
 

@@ -46,6 +46,19 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
         );
     }
     assert_eq!(walk(&place, "one"), walk(&place, "two"));
+    // Tiles do not depend on those below them, but for those of level 0, which tell of them.
+    place.ok(&["tiles", "dem.asc", "few", "--max-level", "7", "-q"]);
+    place.ok(&["verify", "few", "dem.asc", "-q"]);
+    let few: Vec<_> =
+        walk(&place, "few").into_iter().filter(|name| !name.starts_with('0')).collect();
+    assert!(few.len() > 7);
+    for name in few.iter().filter(|name| name.ends_with(".terrain")) {
+        assert_eq!(
+            place.bytes(&format!("few/{name}")),
+            place.bytes(&format!("one/{name}")),
+            "{name}"
+        );
+    }
     let told = json(&place.ok(&["verify", "one", "dem.asc", "--json"]).out);
     assert_eq!(told["passed"], true, "{told}");
     place.ok(&[

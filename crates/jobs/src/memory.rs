@@ -48,6 +48,21 @@ pub struct Shares {
     pub mesh: u64,
 }
 
+impl Shares {
+    /// The shares of a job that holds so many bytes all the time, in the place of unfinished mesh, and of workers
+    /// where that does not suffice. Fails like [`divide`].
+    pub fn holding(self, memory: u64, worker: u64, bytes: u64) -> Result<Self> {
+        let bytes = bytes + bytes / (SLACK - 1);
+        let room = memory.saturating_sub(PROGRAM + self.cache + bytes);
+        let fitting = usize::try_from(room / worker.max(1)).unwrap_or(usize::MAX);
+        let threads = self.threads.min(fitting);
+        if threads == 0 {
+            return Err(too_little(memory, PROGRAM + 2 * (worker + bytes)));
+        }
+        Ok(Self { threads, cache: self.cache, mesh: room - worker * threads as u64 })
+    }
+}
+
 /// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
 pub fn least(worker: u64, block: u64) -> u64 {
     PROGRAM + worker + LEAST_SHARED.max(2 * block)
@@ -173,6 +188,27 @@ mod tests {
             let less = divide(least - 2 * MIB, 1, 48 * MIB);
             assert!(less.is_err() || less.unwrap().cache < block * MIB);
         }
+    }
+
+    #[test]
+    fn what_is_held_all_the_time_takes_the_place_of_workers() {
+        for held in [0, 1, 30, 100, 3000] {
+            let bytes = held * MIB;
+            let holding = |memory: u64| {
+                let shares = divide(memory, 8, 48 * MIB)?;
+                shares.holding(memory, 48 * MIB, bytes).map(|found| (shares, found))
+            };
+            let enough = (PROGRAM + 48 * MIB + LEAST_SHARED)
+                .max(PROGRAM + 2 * (48 * MIB + bytes + bytes / (SLACK - 1)));
+            for memory in [enough, enough + 40 * MIB, 2 * enough, 9000 * MIB] {
+                let (before, found) = holding(memory).unwrap();
+                let all = PROGRAM + found.cache + found.threads as u64 * 48 * MIB + bytes;
+                assert!(all <= memory && found.threads <= before.threads, "{held} {found:?}");
+            }
+        }
+        assert!(
+            divide(80 * MIB, 1, 48 * MIB).unwrap().holding(80 * MIB, 48 * MIB, 90 * MIB).is_err()
+        );
     }
 
     #[test]

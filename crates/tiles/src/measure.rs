@@ -239,10 +239,14 @@ fn flatten(
     }
     for number in 0..triangles.len() {
         let (corners, twins) = triangles[number];
-        let polar = corners.map(|corner| is_pole(&points[corner as usize]));
-        if polar.iter().filter(|polar| **polar).count() < 2 {
-            continue;
-        }
+        let at_pole = |is_north: bool| {
+            corners.map(|corner| {
+                let point = &points[corner as usize];
+                is_pole(point) && (point.0[2] > 0.0) == is_north
+            })
+        };
+        let is_line = |polar: &[bool; 3]| polar.iter().filter(|polar| **polar).count() > 1;
+        let Some(polar) = [false, true].map(at_pole).into_iter().find(is_line) else { continue };
         is_flat[number] = true;
         let mut beside = twins.into_iter().zip(polar).filter(|(_, polar)| *polar);
         let (Some((a, _)), Some((b, _))) = (beside.next(), beside.next()) else { continue };

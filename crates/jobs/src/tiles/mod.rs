@@ -82,7 +82,7 @@ struct Ground<'a> {
     place: Place,
     overview: Overview,
     levels: Vec<Level>,
-    /// The first level whose tiles are regions or parts of one.
+    /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made.
     near: u8,
 }
 
@@ -99,13 +99,28 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     }
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let options = job.reading.options(&job.resources, 0)?;
-    let (grid, shares) = memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES)?;
+    // There is no --tile here to make smaller.
+    let plainly =
+        |error: Error| match error.remedy_text().and_then(|text| text.split_once(", or a")) {
+            Some((memory, _)) if error.kind() == ErrorKind::Resource => {
+                let memory = memory.to_owned();
+                error.remedy(memory)
+            }
+            _ => error,
+        };
+    let (grid, shares) =
+        memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES).map_err(plainly)?;
     let mut place = Place::of(grid.info(), &job.input)?;
     let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
     let folder = Folder::create(job, last)?;
     let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-    let near = (0..last).find(is_near).unwrap_or(last);
-    let overview = glance::look(&*grid, &place, near, shares.threads, progress, cancel)?;
+    // Whatever is made of a grid, no more of it is read at once.
+    let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
+    let plan = glance::plan(&place, near);
+    let shares = shares
+        .holding(job.resources.memory, glance::worker_bytes(&place, &plan), plan.bytes())
+        .map_err(plainly)?;
+    let overview = glance::look(&*grid, &place, &plan, shares.threads, progress, cancel)?;
     let suspect = looks_like_nodata(overview.range[0] / place.metres, grid.info());
     place.notes.extend(suspect.map(|stored| {
         format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
