@@ -43,7 +43,7 @@ const PASSING: [&str; 9] = [
 ];
 
 /// Folder of the inputs, as jobs see it.
-const INPUTS: [&str; 13] = [
+const INPUTS: [&str; 14] = [
     "synth rough,width=211,height=157,seed=3 rough.tif",
     "synth smooth,width=90,height=120,seed=4 smooth.tif",
     "synth cloud,size=60,density=6,seed=5 dense.laz",
@@ -57,6 +57,7 @@ const INPUTS: [&str; 13] = [
     "line coverage.geojson simple.geojson --tolerance 5 --topology",
     "contour smooth.tif -o contours.fgb --interval 20 --3d",
     "tin photo.png photo.ply --bands 1,2,3 --max-error 12",
+    "tiles voids.asc tiles",
 ];
 
 /// Features of several kinds, with properties of every type, ids, heights and holes.
@@ -82,10 +83,33 @@ fn degrees() -> String {
     text
 }
 
+/// Heights of so many samples a side, so many degrees apart from a south-western corner on, with voids inside and
+/// on the rim.
+fn globe([west, south]: [f64; 2], cell: f64, side: i32) -> String {
+    let mut text = format!(
+        "ncols {side}\nnrows {side}\nxllcenter {west}\nyllcenter {south}\ncellsize {cell}\nNODATA_value -9999\n"
+    );
+    for row in 0..side {
+        let height = |col: i32| match (row, col) {
+            (12..19, 20..31) | (0..5, 0..3) => -9999,
+            _ => (row * row / 3 + col * (side - col) + row * col) % 397 - 40,
+        };
+        let row: Vec<_> = (0..side).map(|col| height(col).to_string()).collect();
+        writeln!(text, "{}", row.join(" ")).unwrap();
+    }
+    text
+}
+
 fn make_inputs(place: &Place) {
     fs::create_dir(place.path("in")).unwrap();
     place.write("in/degrees.asc", degrees());
     place.write("in/degrees.prj", "EPSG:4326");
+    // A second of arc apart, on both sides of a border of tiles; and up to a pole and 180 degrees.
+    place.write("in/voids.asc", globe([6.99, 46.02], 1.0 / 3600.0, 90));
+    place.write("in/pole.asc", globe([60.0, 30.0], 1.5, 41));
+    ["voids", "pole"].iter().for_each(|name| {
+        place.write(&format!("in/{name}.prj"), "EPSG:4326");
+    });
     place.write("in/mixed.geojson", MIXED);
     place.write("in/photo.png", photograph([97, 61], 3));
     let areas = "POLYGON ((7 46, 7.235 46.02, 7.205 46.175, 7 46), (7.1 46.06, 7.15 46.06, 7.15 46.1, 7.1 46.06))";
@@ -299,6 +323,19 @@ fn jobs() -> Vec<String> {
     add("view ../in/photo.ply -o o.png --width 120".into());
     add("info ../in/photo.ply --json".into());
     add("verify ../in/photo.ply ../in/photo.png --bands 1,2,3 --json".into());
+    for grid in ["degrees", "voids", "pole"] {
+        for how in [
+            "",
+            " --threads 1 --memory 96M",
+            " --no-gzip",
+            " --no-normals",
+            " --no-gzip --no-normals --max-level 7",
+        ] {
+            add(format!("tiles ../in/{grid}.asc o{how}"));
+        }
+    }
+    add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
+    add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());
     jobs
 }

@@ -185,6 +185,12 @@ fn make_inputs(place: &Place) {
     place.ok(&["line", "coverage.fgb", "less.fgb", "--tolerance", "5", "--topology", "-q"]);
     place.ok(&["line", "walk.fgb", "walked.fgb", "--tolerance", "5", "-q"]);
     place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
+    // The same samples, a second of arc apart.
+    place.ok(&["convert", "large.tif", "globe.flt", "-q"]);
+    let header = "ncols 2817\nnrows 2817\nxllcenter 7\nyllcenter 46\ncellsize 0.000277777777777778\n\
+                  NODATA_value -9999\nbyteorder LSBFIRST\n";
+    place.write("globe.hdr", header).write("globe.prj", "EPSG:4326");
+    place.ok(&["tiles", "globe.flt", "tiles", "-q"]);
 }
 
 /// Every verb in every way of its own to hold memory, without what is the same in all of them.
@@ -262,6 +268,9 @@ const JOBS: &[&str] = &[
     "synth rough,size=1025 o.tif",
     "synth cloud,size=200 o.laz",
     "run tin.plan",
+    "tiles globe.flt o",
+    "tiles globe.flt o --max-level 4",
+    "verify tiles globe.flt",
 ];
 
 /// Budgets of the table, in MiB.

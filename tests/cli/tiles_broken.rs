@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use terrane_proof::tiles::Fault;
 
 use crate::cli_support::{Place, json as parsed};
 use crate::tiles::{place, walk};
@@ -88,6 +89,46 @@ impl Bytes {
         (0..2).for_each(|k| self.bytes.swap(a + k, b + k));
     }
 
+    /// Moves a vertex along an axis (u, v, height) by so many steps; those after it stay where they are.
+    fn step(&mut self, vertex: usize, axis: usize, by: i32) {
+        let run = 92 + 2 * axis * self.vertices();
+        self.differ(run + 2 * vertex, by);
+        if vertex + 1 < self.vertices() {
+            self.differ(run + 2 * vertex + 2, -by);
+        }
+    }
+
+    /// Adds to a zig-zag coded difference.
+    fn differ(&mut self, at: usize, by: i32) {
+        let code = i32::from(self.short(at));
+        let value = ((code >> 1) ^ -(code & 1)) + by;
+        let code = ((value << 1) ^ (value >> 31)) as u16;
+        self.bytes[at..at + 2].copy_from_slice(&code.to_le_bytes());
+    }
+
+    /// u and v of a vertex.
+    fn place(&self, vertex: usize) -> [i32; 2] {
+        [0, 1].map(|axis| {
+            let run = 92 + 2 * axis * self.vertices();
+            let codes = (0..=vertex).map(|i| i32::from(self.short(run + 2 * i)));
+            codes.map(|code| (code >> 1) ^ -(code & 1)).sum()
+        })
+    }
+
+    /// Adds a vertex where the last one is, with its normal, to no triangle.
+    fn grow(&mut self) {
+        let (count, normals) = (self.vertices(), self.normals());
+        let last = normals + 2 * count - 2;
+        let normal = [self.bytes[last], self.bytes[last + 1]];
+        self.bytes.splice(last + 2..last + 2, normal);
+        self.bytes[normals - 4..normals].copy_from_slice(&(2 * count as u32 + 2).to_le_bytes());
+        (1..=3).rev().for_each(|axis| {
+            let end = 92 + 2 * axis * count;
+            self.bytes.splice(end..end, [0, 0]);
+        });
+        self.bytes[88..92].copy_from_slice(&(count as u32 + 1).to_le_bytes());
+    }
+
     /// Puts another number where the error is told, of as many places.
     fn tell(&mut self, digit: u8) {
         let key = b"\"error\":";
@@ -100,13 +141,12 @@ impl Bytes {
     }
 }
 
-/// What is changed in a tile, and what has to be said.
-/// What is told, and the change that makes it so.
+/// What is told, and the change that makes it so: of a tile, of the index, of the files.
 type Change = (&'static str, fn(&mut Bytes));
-type ChangeOfIndex<'a> = (&'a str, &'a dyn Fn(&mut Value));
-type ChangeOfFiles<'a> = (&'a str, fn(&Place));
+type ChangeOfIndex = (&'static str, fn(&mut Value));
+type ChangeOfFiles = (&'static str, fn(&Place));
 
-const CHANGES: [Change; 16] = [
+const CHANGES: [Change; 25] = [
     ("clockwise triangles", |t| {
         let at = t.later().unwrap();
         t.swap(at, at + 2);
@@ -147,14 +187,96 @@ const CHANGES: [Change; 16] = [
         let text = t.bytes.iter().rposition(|byte| *byte == b'{').unwrap();
         t.bytes[text - 9] = 77;
     }),
+    ("edges of more than two triangles, or passed twice", |t| {
+        let at = t.later().unwrap();
+        t.swap(at, at + 2);
+    }),
+    ("sides of tiles that edges do not follow", |t| {
+        let corner = (0..t.vertices()).find(|vertex| t.place(*vertex) == [0, 0]).unwrap();
+        t.step(corner, 0, 1);
+    }),
+    ("do not have the area of the tile", |t| {
+        let corner = (0..t.vertices()).find(|vertex| t.place(*vertex) == [0, 0]).unwrap();
+        t.step(corner, 1, 1);
+    }),
+    ("vertices beyond the first at one place", |t| {
+        let [first, second] = [0, 1].map(|vertex| t.place(vertex));
+        (0..2).for_each(|axis| t.step(1, axis, first[axis] - second[axis]));
+    }),
+    ("vertices of no triangle", Bytes::grow),
+    ("without the normals that layer.json announces", |t| {
+        let at = t.normals();
+        t.bytes[at - 5] = 77;
+    }),
+    ("whose least height is above the largest", |t| {
+        (24..28).for_each(|at| t.bytes.swap(at, at + 4));
+    }),
+    ("own step of heights is no part of the step", |t| {
+        let high = f32::from_le_bytes(t.bytes[28..32].try_into().unwrap());
+        t.bytes[28..32].copy_from_slice(&(high + 1.0).to_le_bytes());
+    }),
+    ("tiles that record no error", |t| {
+        let key = b"\"error\":";
+        let at = t.bytes.windows(key.len()).rposition(|w| w == key).unwrap();
+        t.bytes[at + 1] = b'E';
+    }),
 ];
 
-/// Fails unless the set is told to be broken, and how.
-fn expect(place: &Place, what: &str) {
+const CHANGES_OF_INDEX: [ChangeOfIndex; 8] = [
+    ("larger tolerance than clients assume", |l| {
+        l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
+    }),
+    ("larger error than layer.json states", |l| {
+        l["terrane"]["levels"].as_array_mut().unwrap().last_mut().unwrap()["error"] = json!(0.001)
+    }),
+    ("another number of tiles", |l| l["terrane"]["levels"][2]["tiles"] = json!(77)),
+    ("bounds that do not hold all samples", |l| l["bounds"][0] = json!(7.04)),
+    ("bounds beyond the world", |l| l["bounds"][3] = json!(91.0)),
+    ("does not name as available", |l| *finest(l) = json!([])),
+    ("names as available twice", |l| {
+        let ranges = finest(l).as_array_mut().unwrap();
+        ranges.push(ranges[0].clone());
+    }),
+    ("that are not there", |l| {
+        l["available"][9] = json!([{"startX": 0, "startY": 0, "endX": 0, "endY": 0}]);
+    }),
+];
+
+const CHANGES_OF_FILES: [ChangeOfFiles; 5] = [
+    ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
+    ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
+    ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),
+    ("tiles that are there and have no sample", |p| {
+        fs::create_dir(p.path("t/14/5")).unwrap();
+        fs::copy(tile(p), p.path("t/14/5/5.terrain")).unwrap();
+    }),
+    ("neither layer.json nor a tile", |p| fs::write(p.path("t/14/mine.txt"), "mine").unwrap()),
+];
+
+/// What is available of the finest level.
+fn finest(layer: &mut Value) -> &mut Value {
+    layer["available"].as_array_mut().unwrap().last_mut().unwrap()
+}
+
+/// What a proof says in place of what is wrong: nothing where that is among what it says.
+fn unnamed(place: &Place, what: &str) -> Option<String> {
     let ran = place.run(&["verify", "t", "dem.asc", "--json"]);
-    assert_eq!(ran.code, 1, "{what}: {}{}", ran.out, ran.err);
+    if ran.code != 1 {
+        return Some(format!("{what}: exit code {}: {}", ran.code, ran.err));
+    }
     let told = parsed(&ran.out)["failures"].to_string();
-    assert!(told.contains(what), "{what} is not in {told}");
+    (!told.contains(what)).then(|| format!("{what} is not in {told}"))
+}
+
+#[test]
+fn there_is_a_change_for_every_fault() {
+    let of_tiles = CHANGES.iter().map(|(what, _)| *what);
+    let others = CHANGES_OF_INDEX.iter().map(|(what, _)| *what);
+    let others = others.chain(CHANGES_OF_FILES.iter().map(|(what, _)| *what));
+    let all: Vec<_> = of_tiles.chain(others).collect();
+    for (fault, _, told) in Fault::ALL {
+        assert!(all.iter().any(|what| told.contains(what)), "{fault:?}: {told}");
+    }
 }
 
 #[test]
@@ -163,13 +285,14 @@ fn every_change_of_a_tile_is_named() {
     place.ok(&["verify", "t", "dem.asc", "-q"]);
     let path = tile(&place);
     let whole = Bytes::of(&path).bytes;
-    for (what, change) in CHANGES {
+    let unnamed = CHANGES.iter().filter_map(|(what, change)| {
         let mut bytes = Bytes { bytes: whole.clone() };
         change(&mut bytes);
         assert!(bytes.bytes != whole, "{what}");
         fs::write(&path, bytes.bytes).unwrap();
-        expect(&place, what);
-    }
+        unnamed(&place, what)
+    });
+    assert_eq!(unnamed.collect::<Vec<_>>(), Vec::<String>::new());
     fs::write(&path, &whole).unwrap();
     place.ok(&["verify", "t", "dem.asc", "-q"]);
 }
@@ -179,50 +302,20 @@ fn every_change_of_the_index_is_named() {
     let place = sound();
     let path = place.path("t/layer.json");
     let whole: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
-    let last = whole["maxzoom"].as_u64().unwrap() as usize;
-    let changes: [ChangeOfIndex<'_>; 8] = [
-        ("larger tolerance than clients assume", &|l| {
-            l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
-        }),
-        ("larger error than layer.json states", &|l| {
-            l["terrane"]["levels"][last]["error"] = json!(0.001)
-        }),
-        ("another number of tiles", &|l| l["terrane"]["levels"][2]["tiles"] = json!(77)),
-        ("bounds that do not hold all samples", &|l| l["bounds"][0] = json!(7.04)),
-        ("bounds beyond the world", &|l| l["bounds"][3] = json!(91.0)),
-        ("does not name as available", &|l| l["available"][last] = json!([])),
-        ("names as available twice", &|l| {
-            let first = l["available"][last][0].clone();
-            l["available"][last].as_array_mut().unwrap().push(first);
-        }),
-        ("that are not there", &|l| {
-            l["available"][9] = json!([{"startX": 0, "startY": 0, "endX": 0, "endY": 0}]);
-        }),
-    ];
-    for (what, change) in changes {
+    for (what, change) in CHANGES_OF_INDEX {
         let mut layer = whole.clone();
         change(&mut layer);
         fs::write(&path, layer.to_string()).unwrap();
-        expect(&place, what);
+        assert_eq!(unnamed(&place, what), None);
     }
 }
 
 #[test]
 fn every_change_of_the_files_is_named() {
-    let changes: [ChangeOfFiles<'_>; 5] = [
-        ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
-        ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
-        ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),
-        ("tiles that are there and have no sample", |p| {
-            fs::create_dir(p.path("t/14/5")).unwrap();
-            fs::copy(tile(p), p.path("t/14/5/5.terrain")).unwrap();
-        }),
-        ("neither layer.json nor a tile", |p| fs::write(p.path("t/14/mine.txt"), "mine").unwrap()),
-    ];
-    for (what, change) in changes {
+    for (what, change) in CHANGES_OF_FILES {
         let place = sound();
         change(&place);
-        expect(&place, what);
+        assert_eq!(unnamed(&place, what), None);
     }
 }
 
@@ -237,7 +330,7 @@ fn wrong_lists_of_what_is_below_are_named() {
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len();
     bytes[at] = if bytes[at] == b'1' { b'2' } else { b'1' };
     fs::write(&path, bytes).unwrap();
-    expect(&place, "tiles that name others below them");
+    assert_eq!(unnamed(&place, "tiles that name others below them"), None);
 }
 
 #[test]

@@ -34,8 +34,13 @@ pub fn cache_beside(memory: u64) -> usize {
     usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
 }
 
-/// One in so many bytes for unfinished mesh is left to the allocator.
+/// One in so many bytes for unfinished mesh, or for what is held, is left to the allocator.
 const SLACK: u64 = 8;
+
+/// So many bytes with what the allocator takes beside them.
+pub(crate) fn with_slack(bytes: u64) -> u64 {
+    bytes + bytes / (SLACK - 1)
+}
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use super::place::Place;
 use crate::plan::Numbered;
-use terrane_tiles::{Blocks, Bounds, TileId, degrees};
+use terrane_tiles::{Blocks, Bounds, DEEPEST, TileId, degrees};
 
 /// Samples along a side of the tiles that are made of samples read once.
 pub(super) const REGION: f64 = 1024.0;
@@ -90,7 +90,8 @@ pub(super) struct Division {
     pub(super) place: Place,
     /// The deepest level.
     pub(super) last: u8,
-    /// The first level whose tiles are regions or parts of one.
+    /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made: whatever is
+    /// made of a grid, no more of it is read at once.
     pub(super) near: u8,
 }
 
@@ -98,13 +99,18 @@ impl Division {
     /// Of tiles down to a level.
     pub(super) fn new(place: Place, last: u8) -> Self {
         let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-        let near = (0..last).find(is_near).unwrap_or(last);
+        let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
         Self { place, last, near }
+    }
+
+    /// The level after the last whose tiles hold regions and are made.
+    pub(super) fn far_end(&self) -> u8 {
+        self.near.min(self.last + 1)
     }
 
     /// Meridians and parallels that are borders of tiles of levels before the regions'.
     pub(super) fn lines(&self) -> [Vec<f64>; 2] {
-        let Some(level) = self.near.checked_sub(1) else { return [Vec::new(), Vec::new()] };
+        let Some(level) = self.far_end().checked_sub(1) else { return [Vec::new(), Vec::new()] };
         let [cols, rows] = TileId::meeting(level, &self.place.bounds);
         let width = degrees(level);
         [(cols, -180.0), (rows, -90.0)].map(|([first, last], from)| {
@@ -117,11 +123,10 @@ impl Division {
         Sweep(vec![self.rows_of(self.near)])
     }
 
-    /// Those of a level, and of all levels before it, that may be made; and both of level 0, which every client asks
-    /// for.
-    pub(super) fn above(&self, near: u8) -> Sweep {
+    /// Those of all levels before one that may be made; and both of level 0, which every client asks for.
+    pub(super) fn above(&self, end: u8) -> Sweep {
         let roots = Rows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
-        Sweep(std::iter::once(roots).chain((1..near).map(|level| self.rows_of(level))).collect())
+        Sweep(std::iter::once(roots).chain((1..end).map(|level| self.rows_of(level))).collect())
     }
 
     /// Tiles of a level.
@@ -139,7 +144,7 @@ impl Division {
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
         let tasks = |tiles: Sweep| tiles.len().div_ceil(u64::from(cut)) as u32;
         let looks = self.place.whole[1].div_ceil(self.look_rows());
-        [looks, tasks(self.regions()), tasks(self.above(self.near))]
+        [looks, tasks(self.regions()), tasks(self.above(self.far_end()))]
     }
 
     fn look_rows(&self) -> u32 {
@@ -184,7 +189,7 @@ mod tests {
             for cut in [1, 7, 128] {
                 let [looks, near, far] = division.counts(cut).map(|count| count as usize);
                 for (tasks, sweep) in
-                    [(near, division.regions()), (far, division.above(division.near))]
+                    [(near, division.regions()), (far, division.above(division.far_end()))]
                 {
                     let cut = u64::from(cut);
                     let parts: Vec<Vec<TileId>> =

@@ -40,8 +40,8 @@ struct Row {
 /// The file of a tile.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Made {
-    /// The number of its format, of those asked for.
-    pub(super) set: usize,
+    /// The number of its format, of those asked for; none of a tile that is only known of.
+    pub(super) set: Option<usize>,
     pub(super) id: TileId,
     /// Metres that no sample is further from it.
     pub(super) largest: f64,
@@ -53,6 +53,12 @@ pub(super) struct Made {
 }
 
 impl Made {
+    /// Of a tile beyond the deepest level that is made, in which there are samples.
+    pub(super) fn nothing(id: TileId) -> Self {
+        let (largest, vertices, triangles, facts, bytes) = (0.0, 0, 0, None, Vec::new());
+        Self { set: None, id, largest, vertices, triangles, facts, bytes }
+    }
+
     /// Of a tile of a set; `known` has all tiles that it has to tell of.
     pub(super) fn new(
         (set, tile): (usize, &Tile),
@@ -74,7 +80,7 @@ impl Made {
             }
         };
         Ok(Self {
-            set,
+            set: Some(set),
             id: tile.id,
             largest: tile.measure.largest,
             vertices: tile.vertices.len() as u32,
@@ -131,15 +137,19 @@ impl Folder {
     /// Writes a tile.
     pub(super) fn put(&self, made: &Made) -> Result<()> {
         let TileId { level, x, y } = made.id;
-        let name = match self.formats[made.set] {
+        let Some(set) = made.set else {
+            lock(&self.held).known.insert(made.id);
+            return Ok(());
+        };
+        let name = match self.formats[set] {
             Format::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
             Format::ThreeTiles => three::name_of(made.id, three::ENDING),
         };
-        self.write(made.set, &name, &made.bytes)?;
+        self.write(set, &name, &made.bytes)?;
         let mut held = lock(&self.held);
         held.known.insert(made.id);
         held.facts.extend(made.facts.map(|facts| (made.id, facts)));
-        let row = held.rows.entry((made.set, level)).or_default();
+        let row = held.rows.entry((set, level)).or_default();
         row.largest = row.largest.max(made.largest);
         row.vertices += u64::from(made.vertices);
         row.triangles += u64::from(made.triangles);
@@ -184,7 +194,7 @@ impl Folder {
         cancel.check()?;
         sync(self.folder.inside());
         self.folder.commit()?;
-        let Opened { job, division, grid, heights, .. } = ground.opened;
+        let Opened { job, division, grid, .. } = ground.opened;
         let [width, height] = division.place.whole.map(u64::from);
         Ok(TilesReport {
             input: job.input.to_string(),
@@ -194,7 +204,7 @@ impl Folder {
             samples: width * height,
             output_bytes: bytes + levels.iter().map(|level| level.bytes).sum::<u64>(),
             levels,
-            notes: heights.notes.clone(),
+            notes: ground.notes(),
             ..TilesReport::default()
         })
     }

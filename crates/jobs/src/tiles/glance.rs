@@ -1,12 +1,13 @@
 //! The first look at a grid, all of it once.
 
-use super::Opened;
 use super::division::Division;
+use super::place::Place;
+use super::{Opened, near};
 use crate::plan::At;
 use crate::workers;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Glance, Plan};
+use terrane_tiles::{Blocks, Glance, Plan};
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
@@ -15,6 +16,17 @@ const WINDOW: u32 = 1 << 20;
 pub(super) fn plan(division: &Division) -> Plan {
     let [meridians, parallels] = division.lines();
     Plan::new(division.place.whole, division.place.map, [&meridians, &parallels])
+}
+
+/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
+/// and a row of blocks.
+pub(super) fn worker_bytes(place: &Place, plan: &Plan) -> u64 {
+    /// Two points in a list that grows, and the place of the next of each.
+    const BLOCK: u64 = 2 * (2 * 12 + 4);
+    let Blocks { side, counts, .. } = plan.blocks;
+    let blocks = counts.map(u64::from).iter().product::<u64>();
+    let row = u64::from(place.whole[0]) * u64::from(side) * 8;
+    near::WORKER_BYTES.max((8 << 20) + blocks * BLOCK + row)
 }
 
 /// Looks at rows of a grid; what is seen is handed on in order.

@@ -46,10 +46,12 @@ pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
-use terrane_raster::{GridSource, Inputs};
+use terrane_raster::{GridSource, Inputs, looks_like_nodata};
 use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for};
 use work::Tiles;
 
+/// Metres below which there is no ground.
+const LOWEST: f64 = -1e6;
 /// Samples around a region that slopes are told from.
 const APRON: u32 = 10;
 
@@ -142,9 +144,9 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
         gathered.add(glance);
         Ok(())
     })?;
-    let overview = gathered.finish().ok_or_else(|| opened.is_void())?;
+    let overview = opened.seen(gathered)?;
     let ground = Ground::new(&opened, &overview)?;
-    ground.make(&folder, at)?;
+    ground.make(&folder, at).map_err(|error| ground.of_nodata(error))?;
     let made = folder.finish(&ground, cancel)?;
     let run = Figures { threads: opened.shares.threads, ..Figures::since(started, &job.resources) };
     Ok(TilesReport { run, ..made })
@@ -230,9 +232,12 @@ impl Opened {
             place::of(memory::look_at(&job.input, &options)?.info(), &job.input)?;
         let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
         let division = Division::new(place, last);
-        let (held, worker) = (glance::plan(&division).bytes(), near::WORKER_BYTES);
+        let plan = glance::plan(&division);
+        let (held, worker) =
+            (memory::with_slack(plan.bytes()), glance::worker_bytes(&division.place, &plan));
         let (grid, shares) =
-            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
+            memory::open_beside(held, &job.input, &options, &job.resources, worker)
+                .map_err(without_tile)?;
         Ok(Self { job: job.clone(), grid, shares, heights, division })
     }
 
@@ -252,12 +257,38 @@ impl Opened {
         glance::plan(&self.division).gather()
     }
 
-    fn is_void(&self) -> Error {
-        let error = Error::bad_input("has no valid sample");
-        match self.job.input.names() {
-            [name] => error.in_file(Path::new(name)),
-            _ => error,
+    /// What the grid is called.
+    fn name(&self) -> PathBuf {
+        PathBuf::from(self.job.input.to_string())
+    }
+
+    /// The grid from afar.
+    ///
+    /// # Errors
+    /// One without a sample, or with absurd heights.
+    fn seen(&self, gathered: Gathered) -> Result<Overview> {
+        let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
+        let overview = gathered.finish().ok_or_else(|| {
+            let remedy = "check its nodata value, or choose another --band";
+            refuse(Error::bad_input("the grid has no valid sample"), remedy)
+        })?;
+        let [lowest, _] = overview.range;
+        if lowest < LOWEST {
+            let stored = lowest / self.heights.metres;
+            let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
+            let error = Error::bad_input(format!("the height {stored:e} is absurd"));
+            return Err(refuse(error, &remedy));
         }
+        Ok(overview)
+    }
+}
+
+/// There is no `--tile` here to make smaller.
+fn without_tile(error: Error) -> Error {
+    let memory = error.remedy_text().and_then(|text| text.split_once(", or a"));
+    match memory.map(|(memory, _)| memory.to_owned()) {
+        Some(memory) if error.kind() == ErrorKind::Resource => error.remedy(memory),
+        _ => error,
     }
 }
 
@@ -273,6 +304,30 @@ impl<'a> Ground<'a> {
         self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
     }
 
+    /// The lowest height as it is stored, where it looks like a nodata value.
+    fn suspect(&self) -> Option<f64> {
+        let lowest = self.overview.range[0] / self.opened.heights.metres;
+        looks_like_nodata(lowest, self.opened.grid.info())
+    }
+
+    /// What is to be said of the heights.
+    fn notes(&self) -> Vec<String> {
+        let of_nodata = self.suspect().map(|stored| {
+            format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
+        });
+        self.opened.heights.notes.iter().cloned().chain(of_nodata).collect()
+    }
+
+    /// An error of heights that may be one of nodata.
+    fn of_nodata(&self, error: Error) -> Error {
+        match self.suspect().filter(|_| error.kind() == ErrorKind::Usage) {
+            Some(stored) => {
+                error.remedy(format!("if {stored:e} stands for nodata, pass --nodata {stored:e}"))
+            }
+            None => error,
+        }
+    }
+
     fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
         let Division { near, .. } = self.opened.division;
         self.each("near levels", &self.opened.division.regions().all(), at, |id| {
@@ -281,7 +336,7 @@ impl<'a> Ground<'a> {
         let mut known = folder.known();
         let there = known.clone();
         known.add_above(near);
-        let mut above = self.opened.division.above(near).all();
+        let mut above = self.opened.division.above(self.opened.division.far_end()).all();
         above.retain(|id| is_missing(*id, [&there, &known]));
         self.each("far levels", &above, at, |id| {
             self.far(id, &known, at.cancel)?.iter().try_for_each(|made| folder.put(made))

@@ -5,15 +5,17 @@ use super::folder::Made;
 use super::spans::Known;
 use super::{APRON, Ground};
 use crate::Cancel;
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_tiles::{Bounds, Patch, TileId, build};
 
-/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
-pub(super) const WORKER_BYTES: u64 = {
-    let side = REGION as u64 + 2 * APRON as u64;
-    side * side * 8 + (24 << 20)
+/// Most samples of a region, with those around it.
+const MOST_SAMPLES: u64 = {
+    let side = REGION as u64 + 2 * APRON as u64 + 4;
+    side * side
 };
+/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
+pub(super) const WORKER_BYTES: u64 = MOST_SAMPLES * 8 + (24 << 20);
 
 /// Where tiles go, and what was made of a region so far.
 struct Descent<'a> {
@@ -36,11 +38,24 @@ impl Ground<'_> {
         if rect.is_empty() {
             return Ok(());
         }
+        if rect.len() as u64 > MOST_SAMPLES {
+            return Err(Error::unsupported(
+                "has samples that are too near to each other for tiles",
+            )
+            .in_file(&opened.name())
+            .remedy("take a part of it, or a coarser grid"));
+        }
         let mut heights = Vec::new();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(&heights, rect, place.whole, place.map, fill);
-        self.descend(id, &mut Descent { patch: &patch, known: Known::default(), put, cancel })?;
+        let mut descent = Descent { patch: &patch, known: Known::default(), put, cancel };
+        match id.level <= opened.division.last {
+            true => self.descend(id, &mut descent)?,
+            // All tiles are larger, and only have to know of it.
+            false if patch.holds_any(&id.bounds()) => (descent.put)(Made::nothing(id))?,
+            false => (),
+        }
         opened.grid.copied(rect);
         Ok(())
     }

@@ -15,6 +15,8 @@ use terrane_tiles::{DEEPEST, Facts, Gathered, TileId};
 /// Bytes of an index for a tile: set, level, column, row, vertices, triangles, numbers of facts and bytes as `u32`, the
 /// largest error as `f64`.
 pub(super) const ENTRY: usize = 8 * 4 + 8;
+/// The set of a tile that is only known of.
+const NO_SET: u32 = u32::MAX;
 /// Numbers that 3D Tiles tell of a tile, before its bytes.
 pub(super) const FACTS: usize = 10;
 
@@ -40,7 +42,8 @@ impl Writer {
     pub(super) fn tile(&mut self, made: &Made) -> Result<()> {
         let Made { set, id, largest, vertices, triangles, facts, bytes } = made;
         let facts = facts.map_or_else(Vec::new, |facts| facts.numbers().to_vec());
-        let (set, level) = (*set as u32, u32::from(id.level));
+        let set = set.map_or(NO_SET, |set| set as u32);
+        let level = u32::from(id.level);
         let [count, length] = [facts.len(), bytes.len()].map(|n| n as u32);
         for number in [set, level, id.x, id.y, *vertices, *triangles, count, length] {
             self.index.extend(number.to_le_bytes());
@@ -146,14 +149,16 @@ fn entry(bytes: &[u8]) -> Option<Entry> {
     let mut numbers =
         numbers.chunks_exact(4).filter_map(|n| Some(u32::from_le_bytes(n.try_into().ok()?)));
     let mut next = || numbers.next();
-    let set = next()? as usize;
+    let set = next()?;
     let level = u8::try_from(next()?).ok().filter(|level| *level <= DEEPEST)?;
     let id = TileId { level, x: next()?, y: next()? };
     let (vertices, triangles, facts, bytes) = (next()?, next()?, next()?, next()?);
     let largest = f64::from_le_bytes(largest.try_into().ok()?);
+    let is_known = set == NO_SET || (set as usize) < FORMATS.len();
+    let set = (set != NO_SET).then_some(set as usize);
     let made = Made { set, id, largest, vertices, triangles, facts: None, bytes: Vec::new() };
-    let is_known = set < FORMATS.len() && (facts == 0 || facts as usize == FACTS);
-    is_known.then_some(Entry { made, facts: facts > 0, bytes })
+    let is_whole = is_known && (facts == 0 || facts as usize == FACTS);
+    is_whole.then_some(Entry { made, facts: facts > 0, bytes })
 }
 
 #[cfg(test)]
@@ -168,7 +173,7 @@ mod tests {
         let id = |i: u32| TileId { level: 9, x: i, y: 7 };
         let numbers = std::array::from_fn(|k| k as f64 / 7.0);
         let made = |i: u32| Made {
-            set: i as usize % 2,
+            set: (i != 4).then_some(i as usize % 2),
             id: id(i),
             facts: (i % 2 == 1).then(|| Facts::of_numbers(id(i), numbers)),
             largest: f64::from(i) / 3.0,

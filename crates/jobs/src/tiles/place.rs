@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::globe::into_world;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_raster::{GridInfo, Inputs};
@@ -49,6 +50,7 @@ impl Place {
             return Err(Error::bad_input("is turned: its rows do not run from west to east")
                 .remedy("turn it with gdalwarp"));
         }
+        let map = into_world(map, whole);
         let ends =
             [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
         let side =

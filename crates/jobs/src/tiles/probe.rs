@@ -18,6 +18,8 @@ const PROBES: u64 = 16;
 const BELOW: u8 = 2;
 /// Rather too much than too little.
 const MARGIN: f64 = 1.1;
+/// Bytes of a tile that holds regions, about.
+const FAR: f64 = 8192.0;
 /// Bytes of a block of a disk, which files take whole.
 const DISK_BLOCK: u64 = 4096;
 
@@ -42,6 +44,11 @@ impl Seen {
 /// Bytes of all tiles in objects, and as files on disk.
 pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let division = &opened.division;
+    let formats = opened.job.formats.len() as f64;
+    if division.near > division.last {
+        let above = division.above(division.far_end()).len() as f64 * formats;
+        return Ok([above * FAR, above * FAR].map(|bytes| bytes as u64));
+    }
     let level = division.near.saturating_add(BELOW).min(division.last);
     let all = division.level(level);
     let count = all.len().min(PROBES);
@@ -78,7 +85,7 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let [width, height] = division.place.whole.map(f64::from);
     let share = width * height / samples.max(1) as f64;
     // Those above are about as large as the largest that were made.
-    let above = division.above(level).len() as f64 * opened.job.formats.len() as f64;
+    let above = division.above(level).len() as f64 * formats;
     let above = above / top.tiles.max(1.0);
     let whole =
         |of: fn(&Seen) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;

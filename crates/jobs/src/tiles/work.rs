@@ -12,15 +12,15 @@ use super::object::{Writer, add_glances, add_known, each_tile};
 use super::place::Place;
 use super::report::{TilesReport, TilesRun, TilesStatus};
 use super::spans::Known;
-use super::{Ground, Opened, TilesJob, glance, is_missing, near, probe};
+use super::{Ground, Opened, TilesJob, glance, is_missing, probe};
 use crate::figures::Figures;
-use crate::memory;
+use crate::memory::{self, with_slack};
 use crate::plan::{
     self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
     Survey, Work,
 };
 use crate::workers;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_tiles::{Overview, TileId};
 
@@ -77,10 +77,11 @@ impl Tiles {
         let samples = self.grid.samples() as f64;
         let plan = glance::plan(&opened.division);
         let [bytes, output] = probe::expect(opened)?;
-        let held = plan.bytes() + near::WORKER_BYTES;
+        let worker = glance::worker_bytes(&opened.division.place, &plan);
+        let held = with_slack(plan.bytes()) + worker;
         Ok(Needs {
             memory: memory::least(held, opened.grid.block_bytes()),
-            thread_memory: near::WORKER_BYTES,
+            thread_memory: worker,
             objects: glance::written_bytes(opened, &plan) + bytes,
             output,
             seconds: SAMPLE.map(|nanoseconds| samples * nanoseconds * 1e-9),
@@ -112,10 +113,12 @@ impl Ready {
             for task in looks(survey.folder.plan.work.counts()) {
                 add_glances(&survey.object(task)?.0, &mut gathered)?;
             }
-            let found = gathered.finish().ok_or_else(|| self.opened.is_void())?;
+            let found = self.opened.seen(gathered)?;
             let _is_first = self.overview.set(found);
         }
-        let overview = self.overview.get().ok_or_else(|| self.opened.is_void())?;
+        let overview = self.overview.get();
+        let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
+        let overview = overview.ok_or_else(lost)?;
         Ground::new(&self.opened, overview)
     }
 
@@ -212,7 +215,7 @@ impl Work for Tiles {
             }
             // Mostly blocks of samples are looked at.
             Named::Task(Task::Far(far)) => {
-                self.part(far, &division.above(division.near)).len() as u64 * 4096
+                self.part(far, &division.above(division.far_end())).len() as u64 * 4096
             }
             Named::Finish => self.grid.samples(),
         }
@@ -283,7 +286,8 @@ impl Work for Tiles {
                         made.push(tile);
                         Ok(())
                     };
-                    ground.region(*id, &mut put, at.cancel).map(|()| made)
+                    let done = ground.region(*id, &mut put, at.cancel);
+                    done.map(|()| made).map_err(|error| ground.of_nodata(error))
                 })?
             }
             Task::Far(number) => {
@@ -293,12 +297,13 @@ impl Work for Tiles {
                     add_known(&survey.object(near)?.0, &mut there)?;
                 }
                 let mut known = there.clone();
-                let near = opened.division.near;
-                known.add_above(near);
-                let mut part = work.part(number, &opened.division.above(near));
+                known.add_above(opened.division.near);
+                let far_end = opened.division.far_end();
+                let mut part = work.part(number, &opened.division.above(far_end));
                 part.retain(|id| is_missing(*id, [&there, &known]));
                 ready.tiles(("far levels", object), &part, at, |id| {
-                    ground.far(*id, &known, at.cancel)
+                    let made = ground.far(*id, &known, at.cancel);
+                    made.map_err(|error| ground.of_nodata(error))
                 })?
             }
         };

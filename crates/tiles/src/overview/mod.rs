@@ -209,7 +209,7 @@ impl Plan {
         let Blocks { counts, whole, .. } = self.blocks;
         let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
         let line = |axis: usize| self.lines[axis].len() as u64 * u64::from(whole[1 - axis]);
-        blocks + (line(0) + line(1)) * size_of::<f64>() as u64
+        blocks + (line(0) + line(1)) * size_of::<f64>() as u64 + Means::BYTES
     }
 
     /// Nothing seen yet.
