@@ -332,11 +332,17 @@ fn with_number(bytes: &[u8], name: &str, change: impl Fn(f64) -> f64) -> Vec<u8>
     let text: Value = serde_json::from_slice(&bytes[24..24 + length]).unwrap();
     let view = text["propertyTables"][0]["properties"][name]["values"].as_u64().unwrap();
     let offset = text["bufferViews"][view as usize]["byteOffset"].as_u64().unwrap() as usize;
-    // Of a sphere the radius.
-    let at = 24 + length + offset + if name == "boundingSphere" { 24 } else { 0 };
+    // Of a sphere the radius, of a point all three.
+    let (first, count) = match name {
+        "boundingSphere" => (3, 1),
+        "horizonOcclusionPoint" => (0, 3),
+        _ => (0, 1),
+    };
     let mut bytes = bytes.to_vec();
-    let old = f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
-    bytes[at..at + 8].copy_from_slice(&change(old).to_le_bytes());
+    for at in (0..count).map(|k| 24 + length + offset + 8 * (first + k)) {
+        let old = f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        bytes[at..at + 8].copy_from_slice(&change(old).to_le_bytes());
+    }
     bytes
 }
 
@@ -351,7 +357,7 @@ fn every_change_of_a_subtree_is_named() {
         ("tiles with a larger error", with_number(&whole, "geometricError", |_| 0.5)),
         ("lower or higher than the tile", with_number(&whole, "minimumHeight", |_| 0.0)),
         ("record a larger error", with_number(&whole, "geometricError", |_| 1e6)),
-        ("that may be seen", with_number(&whole, "horizonOcclusionPoint", |x| x * 0.01)),
+        ("that may be seen", with_number(&whole, "horizonOcclusionPoint", |x| x * 1e-6)),
     ];
     for (what, bytes) in wrong {
         fs::write(&path, bytes).unwrap();

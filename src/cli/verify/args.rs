@@ -17,7 +17,7 @@ use crate::jobs::line::Length;
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Mesh file, or simplified lines, or a folder of terrain tiles (quantized-mesh) with its layer.json
+    /// Mesh file, or simplified lines, or a folder of terrain tiles: quantized-mesh with its layer.json, 3D Tiles with its tileset.json
     pub(crate) mesh: PathBuf,
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
     /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was

@@ -368,7 +368,8 @@ impl<'a> Ground<'a> {
 fn check_formats(job: &TilesJob) -> Result<()> {
     let is_twice = |i: usize| job.formats[..i].contains(&job.formats[i]);
     if job.formats.is_empty() || (0..job.formats.len()).any(is_twice) {
-        return Err(Error::usage("a format of tiles is asked for twice, or none"));
+        return Err(Error::usage("a format of tiles is asked for twice, or none")
+            .remedy("name each format once"));
     }
     if job.tile_edges && !job.formats.contains(&Format::ThreeTiles) {
         return Err(Error::usage("edges of tiles belong to 3D Tiles")
