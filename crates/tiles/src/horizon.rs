@@ -20,19 +20,19 @@ pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
 }
 
 /// The point above the middle of a tile that is hidden by the earth only where all points are, in radii of the
-/// ellipsoid. Where the lowest height is below it, clients shrink the ellipsoid by as much, and so does this.
+/// ellipsoid. Where the lowest height is below it, clients shrink the ellipsoid by as much, though not all do: it is
+/// below the horizon of both.
 ///
 /// A point at distance `m` is hidden where the line from the eye to it touches the unit sphere at an angle of
 /// acos(1 / m) from it or later; so what lies over the middle must be as far out as that line is there.
 pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vector {
-    let below = lowest.min(0.0);
-    let scaled = |point: Vector| {
+    let scaled = |point: Vector, below: f64| {
         let [x, y, z] = point.0;
         Vector([x / (EQUATOR + below), y / (EQUATOR + below), z / (POLE + below)])
     };
-    let towards = scaled(centre).unit();
-    let out = |point: &Vector| {
-        let point = scaled(*point);
+    let below = lowest.min(0.0);
+    let towards = scaled(centre, below).unit();
+    let out = |point: Vector| {
         let length = point.length().max(1.0);
         let direction = point.unit();
         let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
@@ -41,7 +41,8 @@ pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vecto
         // Beyond a quarter of the earth there is no such place.
         if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
     };
-    let most = points.iter().map(out).fold(1.0, f64::max);
+    let both = points.iter().flat_map(|point| [below, 0.0].map(|by| scaled(*point, by)));
+    let most = both.map(out).fold(1.0, f64::max);
     towards * most
 }
 

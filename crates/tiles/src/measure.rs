@@ -13,6 +13,9 @@ const FAR_NORTH: f64 = 80.0;
 /// Triangles that are looked at for a block, at most.
 const MOST_FACETS: usize = 24;
 
+/// Metres from the axis of the earth within which a vertex is a pole.
+const POLAR: f64 = 1e-6;
+
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
@@ -49,6 +52,8 @@ pub struct Shell {
     starts: Vec<u32>,
     squares: usize,
     last: u32,
+    /// The lowest and the highest vertex at the south pole, and at the north pole.
+    poles: [[f64; 2]; 2],
     measure: Measure,
     /// By triangle, the sample that is furthest off, of those beyond the tolerance.
     beyond: BTreeMap<u32, (f64, Sample)>,
@@ -60,12 +65,14 @@ impl Shell {
         id: TileId,
         vertices: &[Vertex],
         points: Vec<Vector>,
-        triangles: Vec<([u32; 3], [u32; 3])>,
+        mut triangles: Vec<([u32; 3], [u32; 3])>,
     ) -> Self {
         let squares = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
-        let mut starts = vec![0; squares * squares];
+        let (poles, is_flat) = flatten(&points, &mut triangles);
+        let first = (0..).zip(&is_flat).find(|(_, is_flat)| !**is_flat).map_or(0, |(i, _)| i);
+        let mut starts = vec![first; squares * squares];
         let square = |at: i32| (at as usize * squares / (STEPS as usize + 1)).min(squares - 1);
-        for (number, (corners, _)) in (0..).zip(&triangles) {
+        for (number, (corners, _)) in (0..).zip(&triangles).filter(|(i, _)| !is_flat[*i as usize]) {
             let [u, v] = vertices[corners[0] as usize].at;
             starts[square(v) * squares + square(u)] = number;
         }
@@ -76,21 +83,33 @@ impl Shell {
         };
         let facets = triangles.iter().map(facet).collect();
         let (measure, beyond) = (Measure::default(), BTreeMap::new());
-        Self { id, facets, starts, squares, last: 0, measure, beyond }
+        Self { id, facets, starts, squares, last: first, poles, measure, beyond }
     }
 
     /// Measures a sample, and notes it where it is further off than the tolerance.
     pub fn add(&mut self, sample: Sample, tolerance: f64) {
         let point = sample.upright.point(sample.height);
         let facet = self.facet(&sample, point);
-        let Facet { corners, across, .. } = &self.facets[facet as usize];
-        let up = sample.upright.normal;
-        let off = (across.dot(corners[0] - point) / across.dot(up)).abs();
+        let off = match sample.place[1].abs() == 90.0 {
+            true => self.off_pole(&sample),
+            false => {
+                let Facet { corners, across, .. } = &self.facets[facet as usize];
+                (across.dot(corners[0] - point) / across.dot(sample.upright.normal)).abs()
+            }
+        };
+        // What is no number must not count for none.
+        let off = if off.is_nan() { f64::INFINITY } else { off };
         self.measure.samples += 1;
         self.measure.largest = self.measure.largest.max(off);
         if off > tolerance {
             self.note(facet, off, sample);
         }
+    }
+
+    /// A pole is one place with as many heights as there are vertices: the furthest counts.
+    fn off_pole(&self, sample: &Sample) -> f64 {
+        let [low, high] = self.poles[usize::from(sample.place[1] > 0.0)];
+        (sample.height - low).abs().max((sample.height - high).abs())
     }
 
     /// Measures a block of so many samples at once, none of which is further than `off` from the plane through
@@ -199,6 +218,44 @@ impl Shell {
         let beyond = self.beyond.into_values().map(|(_, sample)| sample).collect();
         (self.measure, beyond)
     }
+}
+
+/// At a pole all of a border is one place, and a triangle with two corners there is a line: it is taken out from
+/// between those beside it. The lowest and the highest vertex at both poles, and which triangles were taken out.
+fn flatten(
+    points: &[Vector],
+    triangles: &mut [([u32; 3], [u32; 3])],
+) -> ([[f64; 2]; 2], Vec<bool>) {
+    let is_pole = |point: &Vector| point.0[0].abs().max(point.0[1].abs()) < POLAR;
+    let mut poles = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for point in points.iter().filter(|point| is_pole(point)) {
+        let ([low, high], height) =
+            (&mut poles[usize::from(point.0[2] > 0.0)], point.0[2].abs() - POLE);
+        (*low, *high) = (low.min(height), high.max(height));
+    }
+    let mut is_flat = vec![false; triangles.len()];
+    if poles.as_flattened().iter().all(|height| height.is_infinite()) {
+        return (poles, is_flat);
+    }
+    for number in 0..triangles.len() {
+        let (corners, twins) = triangles[number];
+        let at_pole = |is_north: bool| {
+            corners.map(|corner| {
+                let point = &points[corner as usize];
+                is_pole(point) && (point.0[2] > 0.0) == is_north
+            })
+        };
+        let is_line = |polar: &[bool; 3]| polar.iter().filter(|polar| **polar).count() > 1;
+        let Some(polar) = [false, true].map(at_pole).into_iter().find(is_line) else { continue };
+        is_flat[number] = true;
+        let mut beside = twins.into_iter().zip(polar).filter(|(_, polar)| *polar);
+        let (Some((a, _)), Some((b, _))) = (beside.next(), beside.next()) else { continue };
+        for (one, other) in [(a, b), (b, a)].into_iter().filter(|(one, _)| *one != NONE) {
+            let back = triangles[one as usize].1.iter_mut();
+            back.filter(|twin| **twin == number as u32).for_each(|twin| *twin = other);
+        }
+    }
+    (poles, is_flat)
 }
 
 /// Whether a triangle, counter-clockwise, may have a place in common with a quadrilateral: no edge of the triangle

@@ -230,3 +230,38 @@ fn normals_point_outwards_everywhere() {
         }
     }
 }
+
+/// All of the northern border is one place there, and two corners of a triangle may be.
+#[test]
+fn tiles_at_a_pole_are_measured_there_too() {
+    // Of the second ones, many a sample is south of a vertex at the pole, to the bit.
+    let lattice = tiling::degrees(14) / 16.0;
+    let grids = [(10.0, 1.0 / 3600.0), (10.01953125, lattice), (-180.0, lattice)];
+    let levels = [(3.0, 14), (3.0, 12), (30.0, 9), (200.0, 5), (200.0, 0)];
+    for ((west, step), (relief, level)) in
+        grids.into_iter().flat_map(|grid| levels.map(|level| (grid, level)))
+    {
+        let mut land = Land::new(40, 89.9, relief, 5, 0);
+        land.map = Affine { x0: west, a: step, y0: 90.0, e: -step, ..land.map };
+        let (level, patch) = (land.level(level), land.patch());
+        let mut polar = 0;
+        for id in land.tiles(level.level) {
+            let tile = build(id, &level, &patch).unwrap();
+            validate(&tile);
+            let heights = tile.vertices.iter().filter(|vertex| vertex.at[1] == STEPS);
+            let heights: Vec<f64> = heights.map(|v| f64::from(v.height) * tile.step).collect();
+            patch.each(&id.bounds(), 1, &mut |sample| {
+                let off = match sample.place[1] == 90.0 {
+                    true => {
+                        polar += 1;
+                        heights.iter().map(|z| (z - sample.height).abs()).fold(0.0, f64::max)
+                    }
+                    false => distance(&tile, &sample).unwrap_or_default(),
+                };
+                assert!(off <= tile.measure.largest + 1e-6, "{id:?} {off} {:?}", tile.measure);
+            });
+            assert!(tile.measure.largest <= level.tolerance);
+        }
+        assert!(polar >= 40);
+    }
+}

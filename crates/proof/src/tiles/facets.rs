@@ -5,10 +5,16 @@
 //! normal passes is the sign of a determinant of the edge's ends and the normal; along a parallel that is a sum of
 //! a cosine and a sine with constant factors, and so is the height at which the normal meets the plane of the
 //! triangle. Both triangles of an edge compute the same number with other signs, so a walk does not go to and fro.
+//!
+//! A pole is one place. Triangles with two corners there are lines, which no normal but that of the pole meets, and
+//! are left out; the pole itself has all heights of vertices there, and the furthest of them counts.
 
 use super::decode::Tile;
-use super::ellipsoid::{Meridian, Parallel, Vector, cross, dot, minus, plus};
+use super::ellipsoid::{B, Meridian, Parallel, Vector, cross, dot, minus, plus};
 use super::tiling::TileId;
+
+/// Metres from the axis, and cosine of a latitude, below which it is a pole: rounding.
+const POLAR: [f64; 2] = [1e-6, 1e-12];
 
 /// No triangle beside.
 const NONE: u32 = u32::MAX;
@@ -34,6 +40,8 @@ struct Facet {
 #[derive(Clone, Debug)]
 pub struct Facets {
     facets: Vec<Facet>,
+    /// The lowest and the highest vertex at the south pole, and at the north pole.
+    poles: [Option<[f64; 2]>; 2],
 }
 
 /// What a run of samples comes to.
@@ -60,12 +68,26 @@ impl Facets {
     /// Those of a tile; `positions` are those of its vertices.
     pub fn new(tile: &Tile, positions: &[Vector]) -> Self {
         let origin = positions.first().copied().unwrap_or_default();
-        let mut facets: Vec<_> = tile
+        let poles = poles(positions);
+        let one = |corner: u32| {
+            let found = poles.each_ref().map(|at| at.contains(&corner).then(|| at[0]));
+            found.into_iter().flatten().next().unwrap_or(corner)
+        };
+        let is_line = |[a, b, c]: [u32; 3]| a == b || b == c || c == a;
+        // Broken tiles have triangles that name one vertex twice: these stay.
+        let triangles: Vec<_> = tile
             .triangles
             .iter()
-            .map(|corners| Facet::new(corners.map(|corner| positions[corner as usize]), origin))
+            .map(|corners| (corners, corners.map(one)))
+            .filter(|(corners, joined)| is_line(**corners) || !is_line(*joined))
             .collect();
-        let around = (0u32..).zip(&tile.triangles).flat_map(|(number, &[a, b, c])| {
+        let mut facets: Vec<_> = triangles
+            .iter()
+            .map(|(corners, _)| {
+                Facet::new(corners.map(|corner| positions[corner as usize]), origin)
+            })
+            .collect();
+        let around = (0u32..).zip(&triangles).flat_map(|(number, &(_, [a, b, c]))| {
             let side = |k: usize, from: u32, to: u32| ([from.min(to), from.max(to)], number, k);
             [side(0, a, b), side(1, b, c), side(2, c, a)]
         });
@@ -78,7 +100,11 @@ impl Facets {
             }
         }
         facets.iter_mut().for_each(Facet::open_borders);
-        Self { facets }
+        let heights = |at: &Vec<u32>| {
+            let heights = at.iter().map(|&vertex| positions[vertex as usize][2].abs() - B);
+            heights.map(|z| [z; 2]).reduce(|[low, high], [z, _]| [low.min(z), high.max(z)])
+        };
+        Self { facets, poles: poles.each_ref().map(heights) }
     }
 
     /// Positions of the vertices of a tile.
@@ -107,6 +133,16 @@ impl Facets {
         limit: f64,
     ) -> Seen {
         let mut seen = Seen::default();
+        if parallel.cos.abs() < POLAR[1] {
+            let Some([low, high]) = self.poles[usize::from(parallel.sin > 0.0)] else {
+                return seen;
+            };
+            let valid = heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
+            valid.for_each(|(index, &height)| {
+                seen.add(index, (height - low).abs().max((height - high).abs()), limit);
+            });
+            return seen;
+        }
         let mut now = *from;
         let Some(facet) = self.facets.get(now as usize) else { return seen };
         let mut row = facet.on(parallel);
@@ -150,6 +186,16 @@ impl Facets {
             .position(|facet| facet.on(parallel).has(at))
             .and_then(|found| u32::try_from(found).ok())
     }
+}
+
+/// The vertices at the south pole and at the north pole.
+fn poles(positions: &[Vector]) -> [Vec<u32>; 2] {
+    let is_pole = |[x, y, _]: &Vector| x.abs().max(y.abs()) < POLAR[0];
+    let at = |is_north: bool| {
+        let all = (0..).zip(positions).filter(|(_, at)| is_pole(at) && (at[2] > 0.0) == is_north);
+        all.map(|(vertex, _)| vertex).collect()
+    };
+    [false, true].map(at)
 }
 
 impl Facet {
