@@ -63,6 +63,13 @@ fn what_a_page_cannot_do_is_refused() {
     let large = ["view", "synth:rough,size=513", "--html", "a.html", "--memory", "16M"];
     place.fails(&large, 75, &["--memory"]);
     place.fails(&["view", "gone.ply", "--html", "a.html"], 65, &["gone.ply"]);
+    let row = "ncols 5\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3 4 5\n";
+    place.write("row.asc", row);
+    let small = ["view", "row.asc", "--html", "a.html"];
+    place.fails(&small, 65, &["row.asc", "no surface"]);
+    place.fails(&[&small[..], &["--insertion"]].concat(), 2, &["row.asc", "two rows"]);
+    let beside = ["view", "dem.tif", "--html", "a.html", "--bbox", "0,0,1,1"];
+    place.fails(&beside, 2, &["dem.tif", "--bbox"]);
     assert!(!place.path("a.html").exists());
 }
 

@@ -28,7 +28,8 @@ pub(super) fn page(
     let info = grid.info();
     let part = part(info, job.bbox)?;
     if part.width < 2 || part.height < 2 {
-        return Err(Error::usage("a surface has at least two rows and columns of samples"));
+        return Err(Error::usage("a surface has at least two rows and columns of samples")
+            .remedy("name a larger grid, or another part with --bbox"));
     }
     let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
     within_memory(need, "a small grid", &job.resources)?;

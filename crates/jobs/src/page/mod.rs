@@ -13,7 +13,7 @@ mod solid;
 mod surface;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -123,11 +123,17 @@ pub struct PageReport {
 pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<PageReport> {
     let started = Instant::now();
     refuse_existing(&job.output, job.overwrite)?;
-    let (page, report) = match &job.show {
-        Show::Surface { against } => surface(job, against.as_ref(), progress, cancel)?,
-        Show::Insertion => insertion(job, cancel)?,
-        Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel)?,
+    let made = match &job.show {
+        Show::Surface { against } => surface(job, against.as_ref(), progress, cancel),
+        Show::Insertion => insertion(job, cancel),
+        Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel),
     };
+    let (page, report) = made.map_err(|error| match error.kind() {
+        ErrorKind::BadInput | ErrorKind::Usage | ErrorKind::Unsupported => {
+            error.in_file(Path::new(&job.input.to_string()))
+        }
+        _ => error,
+    })?;
     cancel.check()?;
     let output_bytes = write(job, page)?;
     let (input, output) = (job.input.to_string(), job.output.display().to_string());
