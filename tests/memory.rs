@@ -186,10 +186,15 @@ fn make_inputs(place: &Place) {
     place.ok(&["line", "walk.fgb", "walked.fgb", "--tolerance", "5", "-q"]);
     place.ok(&["plan", "tin", "dem.tif", "-o", "tin.plan", "--max-error", "0.5"]);
     // The same samples, a second of arc apart.
-    place.ok(&["convert", "large.tif", "globe.flt", "-q"]);
-    let header = "ncols 2817\nnrows 2817\nxllcenter 7\nyllcenter 46\ncellsize 0.000277777777777778\n\
-                  NODATA_value -9999\nbyteorder LSBFIRST\n";
-    place.write("globe.hdr", header).write("globe.prj", "EPSG:4326");
+    for (grid, name, side) in [("dem.tif", "globe", terrain), ("large.tif", "wide", 2817)] {
+        place.ok(&["convert", grid, &format!("{name}.flt"), "-q"]);
+        let header = format!(
+            "ncols {side}\nnrows {side}\nxllcenter 7\nyllcenter 46\ncellsize 0.000277777777777778\n\
+             NODATA_value -9999\nbyteorder LSBFIRST\n"
+        );
+        place.write(&format!("{name}.hdr"), header);
+        place.write(&format!("{name}.prj"), "EPSG:4326");
+    }
     place.ok(&["tiles", "globe.flt", "tiles", "-q"]);
 }
 
@@ -269,6 +274,7 @@ const JOBS: &[&str] = &[
     "synth cloud,size=200 o.laz",
     "run tin.plan",
     "tiles globe.flt o",
+    "tiles wide.flt o --max-level 4",
     "verify tiles globe.flt",
 ];
 

@@ -46,6 +46,19 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
         );
     }
     assert_eq!(walk(&place, "one"), walk(&place, "two"));
+    // Tiles do not depend on those below them, but for those of level 0, which tell of them.
+    place.ok(&["tiles", "dem.asc", "few", "--max-level", "7", "-q"]);
+    place.ok(&["verify", "few", "dem.asc", "-q"]);
+    let few: Vec<_> =
+        walk(&place, "few").into_iter().filter(|name| !name.starts_with('0')).collect();
+    assert!(few.len() > 7);
+    for name in few.iter().filter(|name| name.ends_with(".terrain")) {
+        assert_eq!(
+            place.bytes(&format!("few/{name}")),
+            place.bytes(&format!("one/{name}")),
+            "{name}"
+        );
+    }
     let told = json(&place.ok(&["verify", "one", "dem.asc", "--json"]).out);
     assert_eq!(told["passed"], true, "{told}");
     place.ok(&[
@@ -91,4 +104,63 @@ fn what_cannot_be_placed_on_the_globe_is_refused_by_name() {
     place.ok(&["tiles", "dem.asc", "t", "--overwrite", "-q"]);
     place.write("t/mine.txt", "mine");
     place.fails(&["tiles", "dem.asc", "t", "--overwrite"], 2, &["holds other files too"]);
+}
+
+/// A grid of so many columns and rows, of one height or what `height` makes of column and row.
+fn plain(
+    place: &Place,
+    [cols, rows]: [usize; 2],
+    [west, south, cell]: [f64; 3],
+    height: impl Fn(usize, usize) -> f64,
+) {
+    let row = |row| (0..cols).map(|col| height(col, row).to_string()).collect::<Vec<_>>().join(" ");
+    let rows_of: Vec<_> = (0..rows).map(row).collect();
+    let head = format!(
+        "ncols {cols}\nnrows {rows}\nxllcenter {west}\nyllcenter {south}\ncellsize {cell}\n"
+    );
+    place.write("g.asc", format!("{head}NODATA_value -9999\n{}\n", rows_of.join("\n")));
+    place.write("g.prj", "EPSG:4326");
+}
+
+/// Small ones, up to the poles and 180 degrees, on borders of tiles, far below the ellipsoid.
+#[test]
+fn grids_of_every_shape_and_place_are_proved() {
+    let rough = |col: usize, row: usize| ((row * 37 + col * 91) % 300) as f64;
+    let place = Place::new();
+    for (size, at) in [
+        ([1, 1], [7.03, 46.02, 0.001]),
+        ([40, 1], [7.03, 46.02, 0.001]),
+        ([1, 40], [7.03, 46.02, 0.001]),
+        ([1, 1], [0.0, 0.0, 0.001]),
+        ([1, 1], [0.0, 90.0, 0.001]),
+        ([1, 1], [180.0, -90.0, 0.001]),
+        ([33, 33], [0.0, 0.0, 180.0 / 16384.0]),
+        ([37, 19], [-180.0, -90.0, 10.0]),
+        ([13, 7], [-180.0, -90.0, 30.0]),
+        // Rounding puts the last column a hair beyond 180 degrees.
+        ([1081, 3], [-180.0, 0.0, 0.333_333_333_333_334]),
+    ] {
+        plain(&place, size, at, rough);
+        place.ok(&["tiles", "g.asc", "t", "--overwrite", "-q"]);
+        place.ok(&["verify", "t", "g.asc", "-q"]);
+    }
+    plain(&place, [20, 20], [7.0, 46.0, 0.001], |_, _| -1e5);
+    place.ok(&["tiles", "g.asc", "t", "--overwrite", "-q"]);
+    place.ok(&["verify", "t", "g.asc", "-q"]);
+}
+
+#[test]
+fn heights_that_are_none_are_refused_by_name() {
+    let place = Place::new();
+    let at = [7.0, 46.0, 0.001];
+    let fails = |code, words: &[&str]| place.fails(&["tiles", "g.asc", "t"], code, words);
+    plain(&place, [20, 20], at, |_, _| -9999.0);
+    fails(65, &["g.asc", "no valid sample", "nodata"]);
+    plain(&place, [20, 20], at, |_, _| -7e6);
+    fails(65, &["g.asc", "-7e6", "--nodata -7e6"]);
+    plain(&place, [20, 20], at, |_, _| 1e30);
+    fails(2, &["heights of 1.0", "e30 m", "nodata"]);
+    plain(&place, [20, 20], at, |col, _| if col == 3 { -32768.0 } else { 500.0 });
+    fails(2, &["--nodata -3.2768e4"]);
+    place.ok(&["tiles", "g.asc", "t", "--nodata", "-32768", "-q"]);
 }

@@ -14,6 +14,7 @@ pub mod feature_stats;
 #[cfg(test)]
 mod few;
 pub mod figures;
+mod globe;
 pub mod grid;
 pub mod input;
 pub mod kept;

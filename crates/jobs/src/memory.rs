@@ -120,6 +120,26 @@ pub fn open(
     }
 }
 
+/// The same for a job that holds so many bytes all the time, beside all shares.
+pub fn open_beside(
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+    held: u64,
+) -> Result<Opened> {
+    let held = held + held / (SLACK - 1);
+    let rest = Resources { memory: resources.memory.saturating_sub(held), ..resources.clone() };
+    open(input, options, &rest, worker).map_err(|error| {
+        let looked = look_at(input, options).ok().filter(|_| error.kind() == ErrorKind::Resource);
+        let enough = looked.map(|grid| held + least(worker, grid.block_bytes()));
+        match enough.filter(|enough| *enough > resources.memory) {
+            Some(enough) => too_little(resources.memory, enough),
+            None => error,
+        }
+    })
+}
+
 /// The error that tells how much memory is enough; `None` where none is.
 fn enough(
     input: &Inputs,

@@ -6,7 +6,7 @@ use crate::border::Side;
 use crate::globe::{EQUATOR, Upright, Vector};
 use crate::ground::Ground;
 use crate::horizon;
-use crate::level::Level;
+use crate::level::{Level, shallower};
 use crate::surface::{Tile, Vertex};
 use crate::tiling::{self, STEPS};
 use terrane_base::error::{Error, Result};
@@ -71,7 +71,7 @@ pub fn quantized_mesh<G: Ground>(
     let heights = Heights::of(tile).ok_or_else(|| {
         let tiling::TileId { level, x, y } = tile.id;
         Error::usage(format!("tile {level}/{x}/{y} is steeper than a tile can hold"))
-            .remedy(format!("pass --max-level {}", level.saturating_sub(1)))
+            .remedy(shallower(level))
     })?;
     let (vertices, triangles) = in_order(tile);
     let mut out = Vec::with_capacity(vertices.len() * 12 + 256);

@@ -215,6 +215,9 @@ const SQUARES: u32 = 128;
 const FRACTION: f64 = (1 << 20) as f64;
 
 impl Means {
+    /// Bytes that they take at the most, with those that stand for voids.
+    pub(crate) const BYTES: u64 = (SQUARES * SQUARES) as u64 * 48;
+
     /// Of a grid of so many columns and rows.
     pub fn new([width, height]: [u32; 2]) -> Self {
         let square = width.max(height).div_ceil(SQUARES).max(1);

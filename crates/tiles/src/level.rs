@@ -49,10 +49,8 @@ impl Level {
         let tolerance = tiling::level_error(level);
         let step = power_below(tolerance / STEPS_OF_ERROR);
         if reach / step > MOST_STEPS {
-            return Err(Error::usage(format!(
-                "heights of {reach} m are more than can be told apart at level {level}"
-            ))
-            .remedy("pass a smaller --max-level"));
+            let what = format!("heights of {reach:e} m are more than can be told apart");
+            return Err(Error::usage(format!("{what} at level {level}")).remedy(shallower(level)));
         }
         let across = tiling::degrees(level) / spacing;
         let stride = power_below(across / FINENESS).max(1.0) as u32;
@@ -92,6 +90,14 @@ pub fn deepest_for(spacing: f64) -> u8 {
     (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
 }
 
+/// What may help where a level is too deep for the heights.
+pub(crate) fn shallower(level: u8) -> String {
+    match level.checked_sub(1) {
+        Some(before) => format!("pass --max-level {before}"),
+        None => "check the nodata value and the unit of the heights".to_owned(),
+    }
+}
+
 fn power_below(value: f64) -> f64 {
     value.log2().floor().exp2()
 }
@@ -120,6 +126,8 @@ mod tests {
             let level = Level::new(level, 1e-6, 9000.0).unwrap();
             assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
         }
-        assert!(Level::new(tiling::DEEPEST, 1e-6, 20_000.0).is_err());
+        let told = |level: u8, reach: f64| Level::new(level, 1e-6, reach).unwrap_err().to_string();
+        assert!(told(tiling::DEEPEST, 20_000.0).contains("pass --max-level 19"));
+        assert!(told(0, 1e30).contains("1e30 m") && told(0, 1e30).contains("nodata"));
     }
 }

@@ -32,6 +32,6 @@ pub use globe::{Turn, Upright, Vector};
 pub use ground::{Fill, Ground, Means, Patch, Sample};
 pub use level::{Level, deepest_for};
 pub use measure::{Measure, Shell};
-pub use overview::{Block, Blocks, Glance, Overview, Plan};
+pub use overview::{Block, Blocks, Glance, Overview, Plan, Seen};
 pub use surface::{Builder, Tile, Vertex, build, too_steep};
 pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

@@ -201,34 +201,66 @@ impl Plan {
         Glance { rect, blocks, lines, means, range }
     }
 
-    /// Joins what was seen in rectangles that cover the grid; `None` where all of it is void.
-    pub fn join(&self, glances: Vec<Glance>) -> Option<Overview> {
-        let Blocks { side, counts, whole } = self.blocks;
-        let mut blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
+    /// Nothing seen yet.
+    pub fn begin(&self) -> Seen {
+        let Blocks { counts, whole, .. } = self.blocks;
         let line = |axis: usize| {
             let empty = |at: &u32| (*at, vec![f64::NAN; whole[1 - axis] as usize]);
             self.lines[axis].iter().map(empty).collect::<BTreeMap<_, _>>()
         };
-        let mut lines = [line(0), line(1)];
-        let (mut means, mut range) = (Means::new(whole), None);
-        for glance in glances {
-            let Rect { col, row, width, .. } = glance.rect;
-            let across = width.div_ceil(side) as usize;
-            for (i, block) in glance.blocks.into_iter().enumerate() {
-                let [x, y] = [col / side, row / side].map(|at| at as usize);
-                blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
-            }
-            for (axis, from) in [(0, row), (1, col)] {
-                for (at, heights) in &glance.lines[axis] {
-                    if let Some(line) = lines[axis].get_mut(at) {
-                        line[from as usize..][..heights.len()].copy_from_slice(heights);
-                    }
+        Seen {
+            plan: self.clone(),
+            blocks: vec![Block::default(); counts[0] as usize * counts[1] as usize],
+            lines: [line(0), line(1)],
+            means: Means::new(whole),
+            range: None,
+        }
+    }
+
+    /// Bytes that all that is seen takes.
+    pub fn bytes(&self) -> u64 {
+        let Blocks { counts, whole, .. } = self.blocks;
+        let line = |axis: usize| self.lines[axis].len() as u64 * u64::from(whole[1 - axis]) * 8;
+        let blocks = counts.map(u64::from).iter().product::<u64>();
+        blocks * size_of::<Block>() as u64 + line(0) + line(1) + Means::BYTES
+    }
+}
+
+/// What was seen so far: the same whatever the order.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    plan: Plan,
+    blocks: Vec<Block>,
+    lines: [BTreeMap<u32, Vec<f64>>; 2],
+    means: Means,
+    range: Option<[f64; 2]>,
+}
+
+impl Seen {
+    /// Adds what was seen in a rectangle.
+    pub fn add(&mut self, glance: Glance) {
+        let Blocks { side, counts, .. } = self.plan.blocks;
+        let Rect { col, row, width, .. } = glance.rect;
+        let across = width.div_ceil(side) as usize;
+        for (i, block) in glance.blocks.into_iter().enumerate() {
+            let [x, y] = [col / side, row / side].map(|at| at as usize);
+            self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
+        }
+        for (axis, from) in [(0, row), (1, col)] {
+            for (at, heights) in &glance.lines[axis] {
+                if let Some(line) = self.lines[axis].get_mut(at) {
+                    line[from as usize..][..heights.len()].copy_from_slice(heights);
                 }
             }
-            means.join(&glance.means);
-            range = range.into_iter().chain(glance.range).reduce(around);
         }
-        Some(Overview { plan: self.clone(), blocks, lines, fill: means.fill()?, range: range? })
+        self.means.join(&glance.means);
+        self.range = self.range.into_iter().chain(glance.range).reduce(around);
+    }
+
+    /// The grid from afar, once all of it was seen; `None` where all of it is void.
+    pub fn end(self) -> Option<Overview> {
+        let Self { plan, blocks, lines, means, range } = self;
+        Some(Overview { plan, blocks, lines, fill: means.fill()?, range: range? })
     }
 }
 
@@ -411,8 +443,10 @@ mod tests {
             let from = row as usize * whole[0] as usize;
             plan.look(rect, &heights[from..][..rect.len()])
         };
-        let glances = (0..whole[1]).step_by(rows as usize).map(look).collect();
-        plan.join(glances)
+        let glances = (0..whole[1]).step_by(rows as usize).map(look);
+        let mut seen = plan.begin();
+        glances.for_each(|glance| seen.add(glance));
+        seen.end()
     }
 
     proptest! {

@@ -4,7 +4,7 @@
 use crate::border::{self, Side};
 use crate::globe::{Turn, Upright, Vector, bend};
 use crate::ground::{Ground, Sample};
-use crate::level::Level;
+use crate::level::{Level, shallower};
 use crate::measure::{Measure, Shell};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -184,7 +184,7 @@ pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
 pub fn too_steep(id: TileId, level: &Level) -> Error {
     let TileId { level: z, x, y } = id;
     Error::usage(format!("heights in tile {z}/{x}/{y} cannot be held to {} m", level.tolerance))
-        .remedy(format!("pass --max-level {}", z.saturating_sub(1)))
+        .remedy(shallower(z))
 }
 
 /// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there

@@ -122,6 +122,8 @@ impl Folder {
             near == 0 && rows.get(&0).is_some_and(|row| row.tiles.contains(&(id.x, id.y)))
         };
         found.extend(roots.into_iter().filter(|id| !is_there(id)));
+        found.retain(|id| id.level <= self.last);
+        rows.retain(|level, _| *level <= self.last);
         found.iter().for_each(|id| {
             rows.entry(id.level).or_default().tiles.insert((id.x, id.y));
         });

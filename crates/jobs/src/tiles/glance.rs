@@ -1,7 +1,9 @@
 //! The first look at a grid, all of it once.
 
-use std::sync::Mutex;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
+use super::near;
 use super::place::Place;
 use crate::workers;
 use crate::{Cancel, Progress};
@@ -9,27 +11,45 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_raster::GridSource;
-use terrane_tiles::{Overview, Plan, TileId, degrees};
+use terrane_tiles::{Blocks, Overview, Plan, TileId, degrees};
+
+/// Metres below which there is no ground.
+const LOWEST: f64 = -1e6;
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
 
-/// Looks at a grid, whose tiles of levels before `near` are made of what is seen.
+/// What is to be seen of a grid whose tiles of levels before `near` are made of that.
+pub(super) fn plan(place: &Place, near: u8) -> Plan {
+    let lines = lines(place, near);
+    Plan::new(place.whole, place.map, [&lines[0], &lines[1]])
+}
+
+/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
+/// and a row of blocks.
+pub(super) fn worker_bytes(place: &Place, plan: &Plan) -> u64 {
+    /// Two points in a list that grows, and the place of the next of each.
+    const BLOCK: u64 = 2 * (2 * 12 + 4);
+    let Blocks { side, counts, .. } = plan.blocks;
+    let blocks = counts.map(u64::from).iter().product::<u64>();
+    let row = u64::from(place.whole[0]) * u64::from(side) * 8;
+    near::WORKER_BYTES.max((8 << 20) + blocks * BLOCK + row)
+}
+
+/// Looks at a grid.
 ///
 /// # Errors
-/// A grid without a sample, and what reading finds.
+/// A grid without a sample or with absurd heights, and what reading finds.
 pub(super) fn look(
     grid: &dyn GridSource,
     place: &Place,
-    near: u8,
+    plan: &Plan,
     threads: usize,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Overview> {
-    let lines = lines(place, near);
-    let plan = Plan::new(place.whole, place.map, [&lines[0], &lines[1]]);
     let rects = rects(place.whole, plan.blocks.side, grid.info().block);
-    let seen = Mutex::new(Vec::new());
+    let seen = Mutex::new(plan.begin());
     progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
     workers::run(
         threads,
@@ -41,15 +61,26 @@ pub(super) fn look(
             read(grid, place, rect, heights)?;
             let glance = plan.look(rect, heights);
             grid.copied(rect);
-            lock(&seen).push(glance);
+            lock(&seen).add(glance);
             progress.advance(rect.len() as u64);
             Ok(())
         },
         |_| Ok(()),
     )?;
     progress.end();
-    let seen = std::mem::take(&mut *lock(&seen));
-    plan.join(seen).ok_or_else(|| Error::bad_input("has no valid sample"))
+    let seen = seen.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let refuse = |error: Error, remedy: &str| error.in_file(Path::new(&place.name)).remedy(remedy);
+    let overview = seen.end().ok_or_else(|| {
+        let remedy = "check its nodata value, or choose another --band";
+        refuse(Error::bad_input("the grid has no valid sample"), remedy)
+    })?;
+    let [lowest, _] = overview.range;
+    if lowest < LOWEST {
+        let stored = lowest / place.metres;
+        let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
+        return Err(refuse(Error::bad_input(format!("the height {stored:e} is absurd")), &remedy));
+    }
+    Ok(overview)
 }
 
 /// Reads heights in metres.

@@ -29,8 +29,8 @@ use crate::{Cancel, Progress, Resources};
 use folder::Folder;
 use place::Place;
 pub use report::{LevelReport, TilesReport};
-use terrane_base::error::{Error, Result};
-use terrane_raster::{GridSource, Inputs};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_raster::{GridSource, Inputs, looks_like_nodata};
 use terrane_tiles::{DEEPEST, Level, Overview, TileId, deepest_for, degrees};
 
 /// Samples along a side of the tiles that are made of samples read once.
@@ -82,7 +82,7 @@ struct Ground<'a> {
     place: Place,
     overview: Overview,
     levels: Vec<Level>,
-    /// The first level whose tiles are regions or parts of one.
+    /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made.
     near: u8,
 }
 
@@ -99,18 +99,43 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     }
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let options = job.reading.options(&job.resources, 0)?;
-    let (grid, shares) = memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES)?;
-    let place = Place::of(grid.info(), &job.input)?;
+    // There is no --tile here to make smaller.
+    let plainly =
+        |error: Error| match error.remedy_text().and_then(|text| text.split_once(", or a")) {
+            Some((memory, _)) if error.kind() == ErrorKind::Resource => {
+                let memory = memory.to_owned();
+                error.remedy(memory)
+            }
+            _ => error,
+        };
+    let looked = memory::look_at(&job.input, &options)?;
+    let mut place = Place::of(looked.info(), &job.input)?;
+    drop(looked);
     let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
-    let folder = Folder::create(job, last)?;
     let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-    let near = (0..last).find(is_near).unwrap_or(last);
-    let overview = glance::look(&*grid, &place, near, shares.threads, progress, cancel)?;
+    // Whatever is made of a grid, no more of it is read at once.
+    let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
+    let plan = glance::plan(&place, near);
+    let (worker, held) = (glance::worker_bytes(&place, &plan), plan.bytes());
+    let (grid, shares) =
+        memory::open_beside(&job.input, &options, &job.resources, worker, held).map_err(plainly)?;
+    let folder = Folder::create(job, last)?;
+    let overview = glance::look(&*grid, &place, &plan, shares.threads, progress, cancel)?;
+    let suspect = looks_like_nodata(overview.range[0] / place.metres, grid.info());
+    place.notes.extend(suspect.map(|stored| {
+        format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
+    }));
     let reach = overview.range[0].abs().max(overview.range[1].abs());
     let levels =
         (0..=last).map(|level| Level::new(level, place.spacing, reach)).collect::<Result<_>>()?;
     let ground = Ground { job, grid: &*grid, place, overview, levels, near };
-    ground.make(&folder, shares.threads, progress, cancel)?;
+    let of_nodata = |error: Error| match suspect.filter(|_| error.kind() == ErrorKind::Usage) {
+        Some(stored) => {
+            error.remedy(format!("if {stored:e} stands for nodata, pass --nodata {stored:e}"))
+        }
+        None => error,
+    };
+    ground.make(&folder, shares.threads, progress, cancel).map_err(of_nodata)?;
     let made = folder.finish(&ground, cancel)?;
     Ok(TilesReport {
         run: Figures { threads: shares.threads, ..Figures::since(started, &job.resources) },

@@ -1,17 +1,21 @@
 //! Tiles that are made of samples read once.
 
+use std::path::Path;
+
 use super::folder::Folder;
 use super::{APRON, Ground, REGION, glance};
 use crate::Cancel;
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_tiles::{Bounds, Patch, TileId, build};
 
-/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
-pub(super) const WORKER_BYTES: u64 = {
-    let side = REGION as u64 + 2 * APRON as u64;
-    side * side * 8 + (24 << 20)
+/// Most samples of a region, with those around it.
+const MOST_SAMPLES: u64 = {
+    let side = REGION as u64 + 2 * APRON as u64 + 4;
+    side * side
 };
+/// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
+pub(super) const WORKER_BYTES: u64 = MOST_SAMPLES * 8 + (24 << 20);
 
 impl Ground<'_> {
     /// Makes a region and all tiles that it is divided into.
@@ -20,11 +24,23 @@ impl Ground<'_> {
         if rect.is_empty() {
             return Ok(());
         }
+        if rect.len() as u64 > MOST_SAMPLES {
+            return Err(Error::unsupported(
+                "has samples that are too near to each other for tiles",
+            )
+            .in_file(Path::new(&self.place.name))
+            .remedy("take a part of it, or a coarser grid"));
+        }
         let mut heights = Vec::new();
         glance::read(self.grid, &self.place, rect, &mut heights)?;
         let fill = self.overview.voids();
         let patch = Patch::new(&heights, rect, self.place.whole, self.place.map, fill);
-        self.descend(id, &patch, folder, cancel)?;
+        match usize::from(id.level) < self.levels.len() {
+            true => self.descend(id, &patch, folder, cancel)?,
+            // All tiles are larger, and only have to know of it.
+            false if patch.holds_any(&id.bounds()) => folder.note(id),
+            false => (),
+        }
         self.grid.copied(rect);
         Ok(())
     }

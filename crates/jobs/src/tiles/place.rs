@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::globe::into_world;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_raster::{GridInfo, Inputs};
@@ -21,6 +22,8 @@ const NEAR: [(u32, &str); 6] = [
 /// The map from samples to longitudes and latitudes.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
+    /// What the grid is called.
+    pub(super) name: String,
     pub(super) map: Affine,
     /// Columns and rows.
     pub(super) whole: [u32; 2],
@@ -63,6 +66,7 @@ impl Place {
                     .remedy("turn it with gdalwarp"),
             );
         }
+        let map = into_world(map, whole);
         let ends =
             [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
         let side =
@@ -76,7 +80,7 @@ impl Place {
         }
         let bounds = Bounds { west, south, east, north };
         let spacing = map.a.abs().min(map.e.abs());
-        Ok(Self { map, whole, bounds, spacing, metres, notes })
+        Ok(Self { name: input.to_string(), map, whole, bounds, spacing, metres, notes })
     }
 }
 

@@ -1,14 +1,12 @@
 //! Where the samples of a raster are, and their heights in metres.
 
+use crate::globe::into_world;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_raster::GridSource;
 
 /// EPSG codes of WGS 84 with two and three axes.
 const WGS_84: [u32; 2] = [4326, 4979];
-
-/// Degrees by which samples may be beyond the world: rounding.
-const ROUNDING: f64 = 1e-9;
 
 /// A raster whose columns are meridians and whose rows are parallels of WGS 84.
 pub(super) struct Places<'a> {
@@ -27,7 +25,8 @@ impl<'a> Places<'a> {
     /// By name: no reference system, or another than WGS 84 in degrees; a grid that is turned; samples beyond the
     /// poles or the antimeridian.
     pub(super) fn of(grid: &'a dyn GridSource) -> Result<Self> {
-        let (crs, map) = (&grid.info().crs, grid.info().transform);
+        let info = grid.info();
+        let (crs, map) = (&info.crs, into_world(info.transform, [info.width, info.height]));
         check_system(crs)?;
         if map.b != 0.0 || map.d != 0.0 {
             return Err(Error::unsupported("is turned: its rows are no parallels"));
@@ -42,7 +41,7 @@ impl<'a> Places<'a> {
         let Rect { width, height, .. } = self.bounds();
         let longitudes = [0, width - 1].map(|col| self.longitude(col));
         let latitudes = [0, height - 1].map(|row| self.latitude(row));
-        let is_beyond = |at: &f64, most: f64| at.is_nan() || at.abs() > most + ROUNDING;
+        let is_beyond = |at: &f64, most: f64| at.is_nan() || at.abs() > most;
         if let Some(at) = longitudes.iter().find(|at| is_beyond(at, 180.0)) {
             return Err(Error::unsupported(format!(
                 "has samples at longitude {at}, beyond the antimeridian"
