@@ -137,6 +137,11 @@ impl Glb {
     }
 }
 
+/// What the proof of a set says of the changes below.
+pub(crate) fn named() -> impl Iterator<Item = &'static str> {
+    CHANGES.into_iter().map(|(what, _)| what)
+}
+
 type Change = (&'static str, fn(&mut Glb));
 
 const CHANGES: [Change; 15] = [
