@@ -132,7 +132,11 @@ proptest! {
         if let Ok(there) = operation.position(at) {
             let back = operation.inverse().position(there).unwrap();
             let unit = code(*own).horizontal_metres().unwrap_or(DEGREE);
-            prop_assert!((back[0] - at[0]).hypot(back[1] - at[1]) * unit < 1e-3, "{own} {at:?} {back:?}");
+            let across = match unit == DEGREE {
+                true => (back[0] - at[0] + 180.0).rem_euclid(360.0) - 180.0,
+                false => back[0] - at[0],
+            };
+            prop_assert!(across.hypot(back[1] - at[1]) * unit < 1e-3, "{own} {at:?} {back:?}");
         }
     }
 }
