@@ -271,3 +271,58 @@ impl MeshSink for MovingMesh {
         self.inner.finish()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Drain;
+
+    impl MeshSink for Drain {
+        fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
+            assert!(batch.corners.is_empty(), "not asked for");
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<u64> {
+            Ok(0)
+        }
+    }
+
+    #[test]
+    fn a_triangle_that_turns_over_is_an_error_with_its_place() {
+        let from = wkt::of_srs("EPSG:32632");
+        let operation = Operation::to_wgs84(&from, None).unwrap();
+        let mut sink = MovingMesh::new(Box::new(Drain), Arc::new(operation));
+        let [a, b] = [[300_000.0, 5e6, 0.0], [500_000.0, 5e6, 0.0]];
+        let mut push = |up: f64| {
+            let corners = [a, b, [400_000.0, 5e6 + up, 0.0]];
+            let batch = MeshBatch {
+                vertices: &corners,
+                values: &[],
+                triangles: &[[0, 1, 2]],
+                corners: &[corners],
+            };
+            sink.push(batch)
+        };
+        push(2000.0).unwrap();
+        let told = push(-2000.0).unwrap_err().to_string();
+        assert!(told.contains("at 300000, 5000000 turns over in EPSG:4326"), "{told}");
+    }
+
+    #[test]
+    fn lines_across_the_edge_of_a_map_are_found() {
+        let operation = Operation::to_wgs84(&wkt::of_srs("EPSG:32632"), None).unwrap();
+        assert!(check_steps(&[[170.0, 5.0], [179.0, 5.0]], &operation).is_ok());
+        let told = check_steps(&[[179.0, 5.0], [-179.0, 5.0]], &operation).unwrap_err().to_string();
+        assert!(told.contains("across the edge of EPSG:4326"), "{told}");
+    }
+
+    #[test]
+    fn what_is_held_whole_is_a_small_part_of_the_memory() {
+        assert!(check_room(1 << 20, 8 << 20).is_ok());
+        let told = check_room(1 << 20, (8 << 20) - 1).unwrap_err();
+        assert_eq!(told.kind(), ErrorKind::Resource);
+        assert!(told.to_string().contains("--memory 8M"), "{told}");
+    }
+}
