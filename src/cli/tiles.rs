@@ -1,12 +1,12 @@
 //! `terrane tiles`: terrain for the globe, at every level of detail.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
 use crate::jobs::tiles::{self, FORMATS, Format, TilesJob, TilesReport};
@@ -26,6 +26,30 @@ pub(super) struct Args {
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
+    #[command(flatten)]
+    wanted: Wanted,
+    /// Replace a folder of tiles that exists
+    #[arg(long, help_heading = "Tiles")]
+    overwrite: bool,
+    /// Keep what is done in this folder, so that the same command goes on after it was killed; it can
+    /// be removed when the tiles are there
+    #[arg(long, value_name = "FOLDER", help_heading = "Resources")]
+    workdir: Option<PathBuf>,
+    #[command(flatten)]
+    disk: args::Disk,
+    #[command(flatten)]
+    pub(super) many: many::Many,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+/// What is asked of tiles.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Wanted {
     /// What to write; given twice, a folder for each inside of the output
     #[arg(long, short, value_name = "FORMAT", value_parser = parse_format, default_value = FORMATS[0].name,
           long_help = formats_help(), help_heading = "Tiles")]
@@ -44,21 +68,24 @@ pub(super) struct Args {
     /// Write plain files; compressed ones (gzip) are to be served with "Content-Encoding: gzip"
     #[arg(long, help_heading = "Tiles")]
     no_gzip: bool,
-    /// Replace a folder of tiles that exists
-    #[arg(long, help_heading = "Tiles")]
-    overwrite: bool,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
-    water: Option<String>,
-    #[command(flatten)]
-    pub(super) many: many::Many,
-    #[command(flatten)]
-    grid: args::Grid,
-    #[command(flatten)]
-    machine: args::SpillingMachine,
-    #[command(flatten)]
-    show: args::Show,
+    pub(super) water: Option<String>,
+}
+
+impl Wanted {
+    /// The job with what is asked for.
+    pub(super) fn job(&self, job: TilesJob) -> TilesJob {
+        TilesJob {
+            formats: self.format.clone(),
+            tile_edges: self.tile_edges,
+            max_level: self.max_level,
+            normals: !self.no_normals,
+            compress: !self.no_gzip,
+            ..job
+        }
+    }
 }
 
 impl Verb for Args {
@@ -99,34 +126,41 @@ fn formats_help() -> String {
 }
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    if args.disk.no_disk_check && args.workdir.is_none() {
+        return Err(Error::usage("--no-disk-check is for runs by plan")
+            .remedy("leave it out, or pass --workdir"));
+    }
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     atomic::refuse_stdout(&args.output)?;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
     args.grid.check_all(&names)?;
-    check::not_inputs(&names, &[&args.output])?;
-    check::not_among(args.grid.clip.as_slice(), &[&args.output])?;
-    check::not_among(args.water.as_slice(), &[&args.output])?;
-    atomic::refuse_existing(&args.output, args.overwrite)?;
-    let job = TilesJob {
-        reading: args.grid.reading(args.water.as_ref()),
+    let results: Vec<&Path> =
+        std::iter::once(&args.output).chain(&args.workdir).map(PathBuf::as_path).collect();
+    check::not_inputs(&names, &results)?;
+    check::not_among(args.grid.clip.as_slice(), &results)?;
+    check::not_among(args.wanted.water.as_slice(), &results)?;
+    let job = args.wanted.job(TilesJob {
+        reading: args.grid.reading(args.wanted.water.as_ref()),
         overwrite: args.overwrite,
-        formats: args.format.clone(),
-        tile_edges: args.tile_edges,
-        max_level: args.max_level,
-        normals: !args.no_normals,
-        compress: !args.no_gzip,
         resources,
         ..TilesJob::new(names, &args.output)
+    });
+    let progress = args.show.progress();
+    let report = match &args.workdir {
+        None => tiles::run(&job, progress.as_ref(), cancel)?,
+        Some(folder) => {
+            let disk = args.disk.check();
+            tiles::run_in(folder, &job, &skipped, disk, progress.as_ref(), cancel)?
+        }
     };
-    let report = tiles::run(&job, args.show.progress().as_ref(), cancel)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     args.show.tell(&told, || summary(&report))?;
     Ok(Outcome::Kept)
 }
 
-fn summary(r: &TilesReport) -> String {
+pub(super) fn summary(r: &TilesReport) -> String {
     let mut rows = vec![
         ("system", r.crs.clone()),
         ("samples", text::count(r.samples)),
@@ -143,7 +177,7 @@ fn summary(r: &TilesReport) -> String {
     };
     let sets = r.levels.chunk_by(|a, b| a.format == b.format).map(|of_set| {
         let levels: Vec<String> = of_set.iter().map(level).collect();
-        format!("{}\n{heading}\n{}", of_set[0].format, levels.join("\n"))
+        format!("{}\n{heading}\n{}", of_set[0].format.known().name, levels.join("\n"))
     });
     let sets: Vec<String> = sets.collect();
     format!("{} -> {}\n{}\n{}", r.input, r.output, text::table(&rows), sets.join("\n"))

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::contours::ContourBuilder;
 use super::convert::ConvertBuilder;
+use super::tiles::TilesBuilder;
 use super::tin::TinBuilder;
 use super::verify::VerifyBuilder;
 use terrane_base::geom::Rect;
@@ -194,6 +195,11 @@ impl Grid {
     /// Contour lines of it.
     pub fn contours(&self) -> ContourBuilder<'_> {
         ContourBuilder::of(self)
+    }
+
+    /// Tiles of it for viewers of the globe.
+    pub fn tiles(&self) -> TilesBuilder<'_> {
+        TilesBuilder::of(self)
     }
 
     /// A copy of it, or of a part, in another format.

@@ -11,6 +11,7 @@ mod plan;
 mod run;
 mod simplify;
 mod surface;
+mod tiles;
 mod tin;
 mod verify;
 
@@ -24,5 +25,6 @@ pub use plan::{Plan, PlanBuilder, PlanRun, PlanStatus};
 pub use run::Memory;
 pub use simplify::{Coordinates, Method, Simplify, simplify};
 pub use surface::Surface;
+pub use tiles::TilesBuilder;
 pub use tin::{ArrayGrid, Tin, TinBuilder, TinParts};
 pub use verify::VerifyBuilder;

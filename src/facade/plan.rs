@@ -6,15 +6,17 @@ use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::grid::plan::{grid_status, run_grid};
 use terrane_jobs::plan::{DiskCheck, Kind, RunJob, RunReport, StatusReport, TaskReport, kind};
+use terrane_jobs::tiles::{run_tiles, tiles_status};
 use terrane_jobs::tin::{Form, run_plan, status_of};
 
-/// A plan in a folder: what is to be made, of what, by which tasks. [`TinBuilder::plan`] and
-/// [`GridBuilder::plan`] write one; any number of processes and machines that see the folder may
+/// A plan in a folder: what is to be made, of what, by which tasks. [`TinBuilder::plan`],
+/// [`GridBuilder::plan`] and [`TilesBuilder::plan`] write one; any number of processes and machines that see the folder may
 /// [`run`](Self::run) it, or its tasks, at the same time and as often as they like. What comes out is, byte
 /// for byte, what the builder's `write` gives.
 ///
 /// [`TinBuilder::plan`]: crate::TinBuilder::plan
 /// [`GridBuilder::plan`]: crate::GridBuilder::plan
+/// [`TilesBuilder::plan`]: crate::TilesBuilder::plan
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -101,6 +103,7 @@ impl Plan {
         match self.kind {
             Kind::Tin => status_of(&self.folder).map(PlanStatus::of),
             Kind::Grid => grid_status(&self.folder).map(PlanStatus::of),
+            Kind::Tiles => tiles_status(&self.folder).map(PlanStatus::of),
         }
     }
 
@@ -186,6 +189,12 @@ impl PlanBuilder<'_> {
                 let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
                 let report = run_grid(&job, &*progress, &cancel)?;
                 let written = report.of.written.clone();
+                Ok(PlanRun::of(report, written))
+            }
+            Kind::Tiles => {
+                let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+                let report = run_tiles(&job, &*progress, &cancel)?;
+                let written = report.of.tiles.as_ref().map(|tiles| tiles.output.clone());
                 Ok(PlanRun::of(report, written))
             }
         }

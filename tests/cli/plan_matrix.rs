@@ -1,8 +1,8 @@
-//! Every promise of a plan, for meshes and for grids alike, by the program itself: a table of kinds of
+//! Every promise of a plan, for meshes, grids and tiles alike, by the program itself: a table of kinds of
 //! plans x ways to do them x what may go wrong. Whatever happens, the bytes at the end are those of one
 //! run without a plan, or the failure names what is wrong and what to do.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ struct Kind {
     output: &'static str,
 }
 
-const KINDS: [Kind; 2] = [
+const KINDS: [Kind; 3] = [
     Kind {
         name: "tin",
         plan: &["tin", TERRAIN, "--max-error", "4", "--tile", "64", "--strip-rows", "3"],
@@ -37,7 +37,48 @@ const KINDS: [Kind; 2] = [
         ending: "tif",
         output: "grid.tif",
     },
+    Kind {
+        name: "tiles",
+        plan: &["tiles", "dem.asc", "--cut", "3"],
+        single: &["tiles", "dem.asc", "whole.tiles"],
+        ending: "tiles",
+        output: "tiles",
+    },
 ];
+
+impl Kind {
+    /// A folder with all files that kinds read.
+    fn place(&self) -> Place {
+        if self.name == "tiles" { crate::tiles::place(150) } else { Place::new() }
+    }
+}
+
+/// The files of an output.
+fn files(output: &Path) -> Vec<PathBuf> {
+    if !output.is_dir() {
+        return vec![output.to_path_buf()];
+    }
+    let entries = std::fs::read_dir(output).unwrap();
+    let mut found: Vec<_> = entries.flat_map(|entry| files(&entry.unwrap().path())).collect();
+    found.sort();
+    found
+}
+
+/// The bytes of an output, and the names of its files.
+fn contents(output: &Path) -> Vec<u8> {
+    let content = |file: PathBuf| {
+        let name = file.strip_prefix(output).unwrap().to_str().unwrap().as_bytes().to_vec();
+        [name, std::fs::read(&file).unwrap()].concat()
+    };
+    files(output).into_iter().flat_map(content).collect()
+}
+
+fn remove(output: &Path) {
+    match output.is_dir() {
+        true => std::fs::remove_dir_all(output).unwrap(),
+        false => std::fs::remove_file(output).unwrap(),
+    }
+}
 
 /// A folder with a plan in `work`, and the bytes it has to end with.
 struct Work {
@@ -50,9 +91,9 @@ struct Work {
 
 impl Work {
     fn new(kind: &'static Kind) -> Self {
-        let place = Place::new();
+        let place = kind.place();
         place.ok(&[kind.single, &["-q"]].concat());
-        let expected = std::fs::read(place.path(&format!("whole.{}", kind.ending))).unwrap();
+        let expected = contents(&place.path(&format!("whole.{}", kind.ending)));
         place.ok(&[&["plan"], kind.plan, &["-o", "work", "-q"]].concat());
         let mut work = Self { kind, place, expected, tasks: Vec::new() };
         let status = work.status();
@@ -94,7 +135,7 @@ impl Work {
     }
 
     fn check(&self, what: &str) {
-        let same = std::fs::read(self.output()).unwrap() == self.expected;
+        let same = contents(&self.output()) == self.expected;
         assert!(same, "{}, {what}: other bytes", self.kind.name);
     }
 
@@ -132,7 +173,7 @@ fn a_flipped_bit_anywhere_is_found_by_whoever_reads_it_and_made_good() {
                 let mut bytes = sound.clone();
                 bytes[at] ^= 1 << bit;
                 std::fs::write(path, &bytes).unwrap();
-                std::fs::remove_file(work.output()).unwrap();
+                remove(&work.output());
                 let ways = ["finish", "run", "finish", "finish", "run", "finish", "tasks"];
                 let way = ways[tried % ways.len()];
                 let what = format!("{way}, {}, byte {at} bit {bit}", path.display());
@@ -190,7 +231,7 @@ fn truncated_emptied_and_lost_results_are_made_again() {
             let left = work.status();
             let ids: Vec<_> = left["to_do"].as_array().unwrap().iter().map(|t| &t["id"]).collect();
             assert!(ids.contains(&&Value::from(task_of(&path))), "{what}: {left}");
-            std::fs::remove_file(work.output()).unwrap();
+            remove(&work.output());
             if lost && way == "finish" {
                 let words = [&*task_of(&path), "is not done", "--task"];
                 work.place.fails(&["finish", "work"], 69, &words);
@@ -202,7 +243,7 @@ fn truncated_emptied_and_lost_results_are_made_again() {
             assert!(std::fs::read(&path).unwrap() == sound, "{what} is the same again");
         }
         std::fs::remove_dir_all(work.place.path("work/objects")).unwrap();
-        std::fs::remove_file(work.output()).unwrap();
+        remove(&work.output());
         assert_eq!(work.run()["made"].as_array().unwrap().len(), work.tasks.len());
         work.check("all lost");
     }
@@ -275,15 +316,20 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
         let output = moved.join(kind.output);
         let status = || json(&work.place.ok(&["status", "moved", "--json"]).out);
         let fault = || status()["output_fault"].as_str().unwrap_or_default().to_owned();
-        let is_right = || std::fs::read(&output).unwrap() == work.expected;
+        let is_right = || contents(&output) == work.expected;
 
         assert_eq!(status()["output"], output.to_str().unwrap(), "moved, and all there");
         let report = json(&work.place.ok(&["run", "moved", "--json"]).out);
         assert_eq!(report["made"].as_array().unwrap().len(), 0, "{report}");
 
-        let mut bytes = work.expected.clone();
+        let last = files(&output).pop().unwrap();
+        let all = |files: &[PathBuf]| -> u64 {
+            files.iter().map(|file| file.metadata().unwrap().len()).sum()
+        };
+        let length = all(&files(&output));
+        let mut bytes = std::fs::read(&last).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
-        std::fs::write(&output, &bytes).unwrap();
+        std::fs::write(&last, &bytes).unwrap();
         assert!(fault().contains("was altered since it was written: its bytes"), "{}", fault());
         for verb in [&["run", "moved"][..], &["finish", "moved"]] {
             work.place.fails(verb, 2, &["was altered", "its bytes are others", "--overwrite"]);
@@ -292,13 +338,13 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
         assert!(is_right() && fault().is_empty(), "made anew when asked");
 
         bytes.push(0);
-        std::fs::write(&output, &bytes).unwrap();
-        let words = format!("it had {} bytes and has {}", bytes.len() - 1, bytes.len());
+        std::fs::write(&last, &bytes).unwrap();
+        let words = format!("it had {length} bytes and has {}", length + 1);
         work.place.fails(&["finish", "moved"], 2, &["was altered", &words]);
         work.place.ok(&["finish", "moved", "--overwrite", "-q"]);
         assert!(is_right());
 
-        std::fs::remove_file(&output).unwrap();
+        remove(&output);
         assert!(fault().ends_with("was written and is missing"), "{}", fault());
         assert_eq!(status()["to_do"][0]["id"], "finish");
         work.place.ok(&["run", "moved", "-q"]);
@@ -312,7 +358,7 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
 #[test]
 fn a_mistyped_folder_makes_no_folder() {
     for kind in &KINDS {
-        let place = Place::new();
+        let place = kind.place();
         for verb in [&["run", "tpyo"][..], &["status", "tpyo"], &["finish", "tpyo"]] {
             place.fails(verb, 65, &["tpyo", "holds no plan"]);
         }
@@ -326,9 +372,10 @@ fn a_mistyped_folder_makes_no_folder() {
         }
         assert_eq!(work.status()["done"], 0, "told before the work");
     }
-    let place = Place::new();
-    let tin = [KINDS[0].single, &["--workdir", "tpyo/work"]].concat();
-    place.fails(&tin, 73, &["tpyo/work", "make tpyo first"]);
+    for kind in [&KINDS[0], &KINDS[2]] {
+        let single = [kind.single, &["--workdir", "tpyo/work"]].concat();
+        kind.place().fails(&single, 73, &["tpyo/work", "make tpyo first"]);
+    }
 }
 
 #[test]
@@ -351,7 +398,10 @@ fn ratios(place: &Place, output: &str) -> [f64; 2] {
     let planned = json(&place.ok(&["status", "work", "--json"]).out);
     place.ok(&["run", "work", "-q"]);
     let done = json(&place.ok(&["status", "work", "--json"]).out);
-    let bytes = std::fs::metadata(place.path("work").join(output)).unwrap().len();
+    // Many small files take whole blocks of the disk.
+    let block = if place.path("work").join(output).is_dir() { 4096 } else { 1 };
+    let length = |file: PathBuf| file.metadata().unwrap().len().next_multiple_of(block);
+    let bytes: u64 = files(&place.path("work").join(output)).into_iter().map(length).sum();
     assert_eq!(done["disk_needed"], 0);
     let ratio = |expected: &Value, bytes: f64| expected.as_f64().unwrap() / bytes;
     [
@@ -375,7 +425,14 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
         place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "512", "-q"], how].concat());
         (how.join(" "), ratios(&place, output))
     };
+    let tiles = |side: usize, how: &[&str]| {
+        let place = crate::tiles::place(side);
+        place.ok(&[&["plan", "tiles", "dem.asc", "-o", "work", "-q"], how].concat());
+        (format!("tiles of {side} {how:?}"), ratios(&place, "tiles"))
+    };
     for (what, found) in [
+        tiles(1500, &[]),
+        tiles(700, &["--no-gzip", "--no-normals"]),
         tin("synth:rough,size=2000", "2", "512", "PLY"),
         tin("synth:rough,size=2000", "2", "512", "GLB"),
         tin("synth:rough,size=1500", "30", "64", "STL"),

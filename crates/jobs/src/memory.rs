@@ -56,10 +56,16 @@ pub fn least(worker: u64, block: u64) -> u64 {
 /// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
 /// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
-    let least = least(worker, 0);
+    divide_beside(memory, 0, threads, worker)
+}
+
+/// As [`divide`], beside so many bytes that are `held` all the time.
+fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<Shares> {
+    let least = least(worker, 0).saturating_add(held);
     if memory < least {
         return Err(too_little(memory, least));
     }
+    let memory = memory - held;
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
     let rest = memory - PROGRAM - worker * threads as u64;
@@ -100,11 +106,22 @@ pub fn open(
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
+    open_beside(0, input, options, resources, worker)
+}
+
+/// As [`open`], beside so many bytes that are `held` all the time.
+pub(crate) fn open_beside(
+    held: u64,
+    input: &Inputs,
+    options: &OpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
     let mut threads = resources.threads;
     let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
     loop {
         let mut fitting = 1;
-        let opened = divide(resources.memory, threads, worker).and_then(|shares| {
+        let opened = divide_beside(resources.memory, held, threads, worker).and_then(|shares| {
             fitting = shares.threads;
             let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
             let options = OpenOptions { cache_bytes, threads: fitting, ..options.clone() };
@@ -113,7 +130,7 @@ pub fn open(
         match opened {
             Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
             Err(error) if is_short(&error) => {
-                return Err(enough(input, options, resources, worker).unwrap_or(error));
+                return Err(enough(held, input, options, resources, worker).unwrap_or(error));
             }
             opened => return opened,
         }
@@ -122,13 +139,14 @@ pub fn open(
 
 /// The error that tells how much memory is enough; `None` where none is.
 fn enough(
+    held: u64,
     input: &Inputs,
     options: &OpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Option<Error> {
     let block = look_at(input, options).ok()?.block_bytes();
-    let least = least(worker, block);
+    let least = least(worker, block).saturating_add(held);
     let is_enough = block <= MOST_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
     // Where polygons are among what takes it, they are named.
@@ -172,6 +190,16 @@ mod tests {
             assert!(shares.cache >= block * MIB, "{block} MiB: {shares:?}");
             let less = divide(least - 2 * MIB, 1, 48 * MIB);
             assert!(less.is_err() || less.unwrap().cache < block * MIB);
+        }
+    }
+
+    #[test]
+    fn what_is_held_is_no_share() {
+        for held in [0, 9, 1000] {
+            let shares = divide_beside((128 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap();
+            assert_eq!(shares, divide(128 * MIB, 8, 48 * MIB).unwrap());
+            let error = divide_beside((60 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("at least {} MiB", 66 + held)));
         }
     }
 

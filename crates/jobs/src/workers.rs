@@ -1,5 +1,6 @@
 //! Worker threads that take numbered units of work until none is left.
 
+use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -44,6 +45,29 @@ pub(crate) fn run<S>(
     lock(&error).take().map_or(Ok(()), Err)
 }
 
+/// As [`run`]; what each unit gives is taken in the order of units, whoever is done first.
+pub(crate) fn in_order<S, T: Send>(
+    threads: usize,
+    units: u64,
+    cancel: &Cancel,
+    start: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, u64) -> Result<T> + Sync,
+    take: impl FnMut(T) -> Result<()> + Send,
+) -> Result<()> {
+    let taking = Mutex::new((0, BTreeMap::new(), take));
+    let work = |state: &mut S, unit: u64| {
+        let made = work(state, unit)?;
+        let (next, waiting, take) = &mut *lock(&taking);
+        waiting.insert(unit, made);
+        while let Some(made) = waiting.remove(next) {
+            take(made)?;
+            *next += 1;
+        }
+        Ok(())
+    };
+    run(threads, units, cancel, start, work, |_| Ok(()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -66,6 +90,21 @@ mod tests {
         };
         run(3, 101, &Cancel::default(), || 0, work, finish).unwrap();
         assert_eq!((sum.into_inner(), finished.into_inner()), (5050, 3));
+    }
+
+    #[test]
+    fn what_units_give_is_taken_in_order() {
+        let mut taken = Vec::new();
+        let work = |_: &mut (), unit: u64| {
+            std::thread::sleep(std::time::Duration::from_micros(unit * 7919 % 50));
+            Ok(unit)
+        };
+        let take = |unit| {
+            taken.push(unit);
+            Ok(())
+        };
+        in_order(4, 200, &Cancel::default(), || (), work, take).unwrap();
+        assert!(taken.into_iter().eq(0..200));
     }
 
     #[test]

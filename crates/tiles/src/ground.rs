@@ -1,6 +1,8 @@
 //! The ground that tiles are made of: samples of a grid, what lies between them, and what stands for them where
 //! there are none.
 
+use std::collections::BTreeMap;
+
 use crate::globe::{Turn, Upright, bend};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
@@ -200,10 +202,10 @@ pub struct Fill {
 }
 
 /// Sums for a [`Fill`], of samples in any order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Means {
-    /// Sum in steps of 2^-20 m, so that order does not matter, and count.
-    sums: Vec<(i128, u64)>,
+    /// By square: sum in steps of 2^-20 m, so that order does not matter, and count.
+    sums: BTreeMap<u32, (i128, u64)>,
     width: u32,
     height: u32,
     square: u32,
@@ -219,30 +221,62 @@ impl Means {
     pub fn new([width, height]: [u32; 2]) -> Self {
         let square = width.max(height).div_ceil(SQUARES).max(1);
         let [width, height] = [width, height].map(|side| side.div_ceil(square));
-        Self { sums: vec![(0, 0); (width * height) as usize], width, height, square }
+        Self { sums: BTreeMap::new(), width, height, square }
     }
 
     /// Adds a run of samples of a row; those that are not finite are none.
     pub fn add(&mut self, first: u32, row: u32, heights: &[f64]) {
-        for (col, height) in (first..).zip(heights).filter(|(_, height)| height.is_finite()) {
-            let place = row / self.square * self.width + col / self.square;
-            let (sum, count) = &mut self.sums[place as usize];
-            *sum += (height * FRACTION).round() as i128;
-            *count += 1;
+        let (mut col, mut left) = (first, heights);
+        while !left.is_empty() {
+            let here = (self.square - col % self.square).min(left.len() as u32);
+            let (piece, rest) = left.split_at(here as usize);
+            let (mut sum, mut count) = (0, 0);
+            for height in piece.iter().filter(|height| height.is_finite()) {
+                sum += (height * FRACTION).round() as i128;
+                count += 1;
+            }
+            self.sum(row / self.square * self.width + col / self.square, sum, count);
+            (col, left) = (col + here, rest);
+        }
+    }
+
+    fn sum(&mut self, square: u32, sum: i128, count: u64) {
+        if count > 0 {
+            let here = self.sums.entry(square).or_default();
+            *here = (here.0 + sum, here.1 + count);
         }
     }
 
     /// Adds the sums of other samples of the same grid.
     pub fn join(&mut self, other: &Self) {
-        for (here, there) in self.sums.iter_mut().zip(&other.sums) {
-            here.0 += there.0;
-            here.1 += there.1;
-        }
+        other.sums().for_each(|(square, sum, count)| self.sum(square, sum, count));
+    }
+
+    /// Squares that have samples in a rectangle.
+    pub(crate) fn squares_in(&self, rect: Rect) -> u64 {
+        let along = |from: u32, count: u32| match count {
+            0 => 0,
+            _ => u64::from((from + count - 1) / self.square - from / self.square) + 1,
+        };
+        along(rect.col, rect.width) * along(rect.row, rect.height)
+    }
+
+    /// What there is: squares, sums and counts.
+    pub(crate) fn sums(&self) -> impl Iterator<Item = (u32, i128, u64)> {
+        self.sums.iter().map(|(square, (sum, count))| (*square, *sum, *count))
+    }
+
+    /// Adds a sum; `None` where there is no such square, or no such sum.
+    pub(crate) fn put(&mut self, square: u32, sum: i128, count: u64) -> Option<()> {
+        let is_one = square < self.width * self.height && sum.unsigned_abs() >> 100 == 0;
+        is_one.then(|| self.sum(square, sum, count))
     }
 
     /// What stands for voids; `None` without a sample.
     pub fn fill(&self) -> Option<Fill> {
-        let means = filled(&self.sums, [self.width as usize, self.height as usize])?;
+        let sum = |square| self.sums.get(&square).copied().unwrap_or_default();
+        let sums: Vec<_> = (0..self.width * self.height).map(sum).collect();
+        let means = filled(&sums, [self.width as usize, self.height as usize])?;
         Some(Fill { means, width: self.width, height: self.height, square: self.square })
     }
 }

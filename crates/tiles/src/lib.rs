@@ -35,7 +35,7 @@ pub use gltf::{Facts, glb};
 pub use ground::{Fill, Ground, Means, Patch, Sample};
 pub use level::{Level, deepest_for};
 pub use measure::{Measure, Shell};
-pub use overview::{Block, Blocks, Glance, Overview, Plan};
+pub use overview::{Block, Blocks, Gathered, Glance, Overview, Plan};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
 pub use surface::{Builder, Tile, Vertex, build, too_steep};
 pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

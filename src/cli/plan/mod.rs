@@ -10,11 +10,13 @@ use clap::Subcommand;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, many, names, parse};
-use crate::cli::{grid, tin};
+use crate::cli::{grid, tiles, tin};
 use crate::error::Result;
-use crate::jobs::grid::plan::{PlanGridJob, plan_grid};
+use crate::jobs::grid::plan::plan_grid;
+use crate::jobs::plan::PlanJob;
 use crate::jobs::sift::Sifted;
-use crate::jobs::tin::{Goal, PlanJob, TinJob, plan_work};
+use crate::jobs::tiles::{TilesJob, plan_tiles};
+use crate::jobs::tin::{Goal, TinJob, plan_work};
 use crate::jobs::{Cancel, Resources};
 use crate::mesh;
 use crate::raster::write;
@@ -30,6 +32,7 @@ pub(crate) struct Args {
 enum What {
     Tin(Box<TinArgs>),
     Grid(Box<GridArgs>),
+    Tiles(Box<TilesArgs>),
 }
 
 /// Plan a triangle mesh with a proven vertical error bound; the same mesh as that of `terrane tin`
@@ -83,6 +86,30 @@ struct GridArgs {
     show: args::Show,
 }
 
+/// Plan terrain tiles of a grid for viewers of the globe; the same tiles as those of `terrane tiles`
+#[derive(Clone, Debug, clap::Args)]
+struct TilesArgs {
+    /// Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one
+    /// mosaic
+    #[arg(required = true, value_parser = names::any())]
+    input: Vec<String>,
+    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
+    #[arg(short = 'o', long = "output", value_name = "FOLDER")]
+    folder: PathBuf,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    grid: args::Grid,
+    #[command(flatten)]
+    wanted: tiles::Wanted,
+    /// Tiles in a task: regions of about a million samples, each made with all tiles in it, or larger ones [default:
+    /// 128]
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    cut: Option<u32>,
+    #[command(flatten)]
+    show: args::Show,
+}
+
 impl Verb for Args {
     const NAME: &'static str = "plan";
 
@@ -90,6 +117,7 @@ impl Verb for Args {
         Some(match &self.what {
             What::Tin(args) => &args.many,
             What::Grid(args) => &args.many,
+            What::Tiles(args) => &args.many,
         })
     }
 
@@ -102,7 +130,25 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     match &args.what {
         What::Tin(args) => plan_tin(args, cancel),
         What::Grid(args) => plan_of_grid(args, cancel),
+        What::Tiles(args) => plan_of_tiles(args),
     }
+}
+
+fn plan_of_tiles(args: &TilesArgs) -> Result<Outcome> {
+    let resources = Resources::default();
+    let options = args.grid.open_options(&resources);
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Grids(&options), &resources)?;
+    args.grid.check_all(&names)?;
+    let job = args.wanted.job(TilesJob {
+        reading: args.grid.reading(args.wanted.water.as_ref()),
+        resources,
+        ..TilesJob::new(names, args.folder.join("tiles"))
+    });
+    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.cut, skipped };
+    let report = plan_tiles(&plan)?;
+    args.show.tell(&report, || status::tiles_summary(&report))?;
+    Ok(Outcome::Kept)
 }
 
 fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
@@ -114,7 +160,7 @@ fn plan_of_grid(args: &GridArgs, cancel: &Cancel) -> Result<Outcome> {
         args.many.take(&args.input, many::Kind::Clouds(&options), &resources)?;
     let mut job = args.wanted.job(&names, resources)?;
     job.output = args.folder.join("grid").with_extension(format.extensions[0]);
-    let plan = PlanGridJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
+    let plan = PlanJob { job, folder: args.folder.clone(), cut: args.tile, skipped };
     let report = plan_grid(&plan, args.show.progress().as_ref(), cancel)?;
     args.show.tell(&report, || status::grid_summary(&report))?;
     Ok(Outcome::Kept)
@@ -132,7 +178,7 @@ fn plan_tin(args: &TinArgs, cancel: &Cancel) -> Result<Outcome> {
     Ok(Outcome::Kept)
 }
 
-fn job(args: &TinArgs) -> Result<PlanJob> {
+fn job(args: &TinArgs) -> Result<PlanJob<TinJob>> {
     args.grid.check_all(&args.input)?;
     args.method.check_triangulation()?;
     let format = mesh::by_path(&args.folder, Some(&args.format))?;

@@ -5,36 +5,37 @@ use std::path::PathBuf;
 use crate::cli::plan::status;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, say, text};
-use crate::cli::{grid, tin};
+use crate::cli::{grid, tiles, tin};
 use crate::error::{Error, Result};
 use crate::jobs::Cancel;
 use crate::jobs::grid::plan::{GridRun, run_grid};
 use crate::jobs::plan::{self, Kind, RunJob, kind};
+use crate::jobs::tiles::run_tiles;
 use crate::jobs::tin::{Form, RunReport, TinReport, run_plan};
 
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
-/// then the mesh or grid is written. Killed, it goes on where it was when it is run again
+/// then the mesh, grid or tiles are written. Killed, it goes on where it was when it is run again
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder of the plan
     folder: PathBuf,
-    /// Only this task, such as strip-0, seam-0, tile-0 or finish; many may be done at the same time, on any
+    /// Only this task, such as strip-0, seam-0, tile-0, near-0 or finish; many may be done at the same time, on any
     /// machine that sees the folder and the input
     #[arg(long, value_name = "ID")]
     task: Option<String>,
-    /// File to write [default: in the folder]
+    /// File, or folder of tiles, to write [default: in the folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
 }
 
-/// Write the mesh or grid of a plan whose other tasks are all done
+/// Write the mesh, grid or tiles of a plan whose other tasks are all done
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// File to write [default: in the folder]
+    /// File, or folder of tiles, to write [default: in the folder]
     output: Option<PathBuf>,
     #[command(flatten)]
     how: How,
@@ -111,16 +112,36 @@ fn work(
             }
         }
         Kind::Grid => {
-            if how.split.tiles.is_some() {
-                return Err(Error::usage("--split is for meshes, and this is the plan of a grid")
-                    .remedy("leave --split out"));
-            }
+            how.refuse_split("a grid")?;
             let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
             let report = run_grid(&job, how.show.progress().as_ref(), cancel)?;
             how.show.tell(&report, || grid_summary(&report))?;
         }
+        Kind::Tiles => {
+            how.refuse_split("tiles")?;
+            let job = RunJob { folder, task, output, overwrite, form: (), disk, resources };
+            let report = run_tiles(&job, how.show.progress().as_ref(), cancel)?;
+            how.show.tell(&report, || tiles_summary(&report))?;
+        }
     }
     Ok(Outcome::Kept)
+}
+
+impl How {
+    fn refuse_split(&self, of: &str) -> Result<()> {
+        match self.split.tiles {
+            None => Ok(()),
+            Some(_) => {
+                let message = format!("--split is for meshes, and this is the plan of {of}");
+                Err(Error::usage(message).remedy("leave --split out"))
+            }
+        }
+    }
+}
+
+fn tiles_summary(r: &crate::jobs::tiles::RunReport) -> String {
+    let made = format!("{} tiles", text::count(r.of.made_tiles));
+    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(tiles::summary))
 }
 
 fn grid_summary(r: &GridRun) -> String {

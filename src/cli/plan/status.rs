@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::jobs::grid::plan::{GridStatus, grid_status};
 use crate::jobs::plan::{self, Forecast, Kind, kind};
 use crate::jobs::sift::Skipped;
+use crate::jobs::tiles::{self, tiles_status};
 use crate::jobs::tin::{StatusReport, status_of};
 
 /// Tell which tasks of a plan are done and which are not
@@ -32,6 +33,7 @@ fn run(args: &Args) -> Result<Outcome> {
     match kind(&args.folder)? {
         Kind::Tin => tell(args, &status_of(&args.folder)?, summary),
         Kind::Grid => tell(args, &grid_status(&args.folder)?, grid_summary),
+        Kind::Tiles => tell(args, &tiles_status(&args.folder)?, tiles_summary),
     }
 }
 
@@ -66,6 +68,15 @@ pub(crate) fn summary(r: &StatusReport) -> String {
         ("max error", format!("{error}, written as {}", r.format)),
     ];
     table("mesh", of, r)
+}
+
+/// The plan of tiles for people.
+pub(crate) fn tiles_summary(r: &tiles::StatusReport) -> String {
+    let of = [
+        ("samples", text::count(r.of.samples)),
+        ("levels", format!("0 to {}, written as {}", r.of.max_level, r.format)),
+    ];
+    table("tiles", of, r)
 }
 
 /// Files that were left out of the input of a plan, as rows of a table.

@@ -136,14 +136,7 @@ impl<'a, W: Work> Survey<'a, W> {
     /// Looks for the objects of all tasks, in parallel; tells of each. Fails when it is to stop.
     pub(super) fn of_all(folder: &'a Folder<W>, look: Look, at: At<'_>) -> Result<Self> {
         let mut survey = Self::new(folder);
-        let mut left: BTreeSet<W::Task> = folder.tasks().into_iter().collect();
-        while !left.is_empty() {
-            // A key follows from the seals of what was looked for before.
-            let waits = |task: &W::Task| folder.before(*task).iter().any(|b| left.contains(b));
-            let (later, now): (Vec<_>, Vec<_>) = left.iter().copied().partition(waits);
-            survey.look_for(&now, look, at)?;
-            left = later.into_iter().collect();
-        }
+        survey.look_for_all(folder.tasks(), look, at)?;
         Ok(survey)
     }
 
@@ -155,7 +148,7 @@ impl<'a, W: Work> Survey<'a, W> {
         at: At<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
-        survey.look_for(&folder.before(task), look, at.silent())?;
+        survey.look_for_all(folder.before(task), look, at.silent())?;
         survey.look_for(&[task], Look::Whole, at.silent())?;
         Ok(survey)
     }
@@ -167,6 +160,19 @@ impl<'a, W: Work> Survey<'a, W> {
             return Ok(());
         }
         self.look_for(&[task], Look::Whole, at.silent())
+    }
+
+    /// Looks for the objects of tasks that wait for each other, or for none besides.
+    fn look_for_all(&mut self, tasks: Vec<W::Task>, look: Look, at: At<'_>) -> Result<()> {
+        let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
+        while !left.is_empty() {
+            // A key follows from the seals of what was looked for before.
+            let waits = |task: &W::Task| self.folder.before(*task).iter().any(|b| left.contains(b));
+            let (later, now): (Vec<_>, Vec<_>) = left.iter().copied().partition(waits);
+            self.look_for(&now, look, at)?;
+            left = later.into_iter().collect();
+        }
+        Ok(())
     }
 
     fn look_for(&mut self, tasks: &[W::Task], look: Look, at: At<'_>) -> Result<()> {

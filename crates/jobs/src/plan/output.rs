@@ -201,7 +201,23 @@ fn place(folder: &Path, noted: &str) -> Result<PathBuf> {
     std::path::absolute(folder.join(path_of(noted))).map_err(|e| Error::read(folder, e))
 }
 
-/// The files that a result is made of.
+/// The files that a result is made of: of a folder of meshes those of its index, of another one all.
 fn files(path: &Path) -> Result<Vec<PathBuf>> {
-    if path.is_dir() { split::files(path) } else { Ok(vec![path.to_path_buf()]) }
+    if !path.is_dir() {
+        return Ok(vec![path.to_path_buf()]);
+    }
+    if let Ok(files) = split::files(path) {
+        return Ok(files);
+    }
+    let (mut found, mut folders) = (Vec::new(), vec![path.to_path_buf()]);
+    while let Some(folder) = folders.pop() {
+        let fail = |e| Error::read(&folder, e);
+        for entry in std::fs::read_dir(&folder).map_err(fail)? {
+            let entry = entry.map_err(fail)?;
+            let is_folder = entry.file_type().map_err(fail)?.is_dir();
+            if is_folder { &mut folders } else { &mut found }.push(entry.path());
+        }
+    }
+    found.sort();
+    Ok(found)
 }

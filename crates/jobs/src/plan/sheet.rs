@@ -29,6 +29,8 @@ pub enum Kind {
     Tin,
     /// A grid ([`grid::plan`](crate::grid::plan)).
     Grid,
+    /// Tiles of the globe ([`tiles`](crate::tiles)).
+    Tiles,
 }
 
 /// A plan.
@@ -75,7 +77,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
         return Err(Error::bad_input("holds no plan").in_file(folder).remedy(
-            "make one: terrane plan tin GRID... or terrane plan grid CLOUD..., -o FOLDER",
+            "make one: terrane plan tin GRID..., plan grid CLOUD... or plan tiles GRID..., -o FOLDER",
         ));
     }
     let fail = |e| Error::read(&path, e);

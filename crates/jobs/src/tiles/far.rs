@@ -1,7 +1,9 @@
 //! Tiles with more samples than are looked at one by one.
 
-use super::folder::Folder;
-use super::{Ground, glance};
+use super::Ground;
+use super::folder::Made;
+use super::format::Format;
+use super::spans::Known;
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -11,29 +13,28 @@ use terrane_tiles::{Bounds, Builder, Ground as _, Level, Patch, Shell, TileId, t
 const MOST_ROUNDS: u32 = 32;
 
 impl Ground<'_> {
-    /// Makes a tile of a far level.
-    pub(super) fn far(&self, id: TileId, folder: &Folder, cancel: &Cancel) -> Result<()> {
-        self.of_level(id)
-            .enumerate()
-            .try_for_each(|(set, level)| self.far_of((set, level), id, folder, cancel))
+    /// Makes a tile of a far level, of each format; `known` has all tiles there are.
+    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Vec<Made>> {
+        self.of_level(id).map(|level| self.far_of(level, id, known, cancel)).collect()
     }
 
     fn far_of(
         &self,
-        (set, level): (usize, &Level),
+        (format, level): (Format, &Level),
         id: TileId,
-        folder: &Folder,
+        known: &Known,
         cancel: &Cancel,
-    ) -> Result<()> {
+    ) -> Result<Made> {
         let bounds = id.bounds();
-        let mut builder = Builder::new(id, level, &self.overview)?;
+        let mut builder = Builder::new(id, level, self.overview)?;
         builder.fit(|each| self.overview.each(&bounds, 1, &mut |sample| each(sample)));
         for _ in 0..MOST_ROUNDS {
             let mut shell = builder.shell();
             self.measure(&bounds, level.tolerance, &mut shell, cancel)?;
             let (measure, beyond) = shell.end();
             if beyond.is_empty() {
-                return folder.put(set, &builder.finish(measure), level, &self.overview);
+                let tile = builder.finish(measure);
+                return Made::new(&tile, self.opened, (format, level), self.overview, known);
             }
             builder.insert(&beyond);
         }
@@ -84,11 +85,12 @@ impl Ground<'_> {
         heights: &mut Vec<f64>,
     ) -> Result<()> {
         let Some(rect) = rect else { return Ok(()) };
-        glance::read(self.grid, &self.place, rect, heights)?;
+        let (opened, place) = (self.opened, &self.opened.division.place);
+        opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(heights, rect, self.place.whole, self.place.map, fill);
+        let patch = Patch::new(heights, rect, place.whole, place.map, fill);
         patch.each(bounds, 1, &mut |sample| shell.add(sample, tolerance));
-        self.grid.copied(rect);
+        opened.grid.copied(rect);
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
 //! several formats, a folder of that kind for each.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 
 use super::format::{FORMATS, Format};
 use super::report::{LevelReport, TilesReport};
-use super::{Ground, TilesJob, three};
+use super::spans::Known;
+use super::{Ground, Opened, TilesJob, three};
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
@@ -27,213 +28,206 @@ const TOLD_LEVELS: u8 = 10;
 /// How hard files are compressed, of 12.
 const EFFORT: i32 = 9;
 
-/// What is known of the tiles of a level.
+/// What is known of the tiles of a level beside which there are.
 #[derive(Clone, Debug, Default)]
 struct Row {
-    tiles: BTreeSet<(u32, u32)>,
-    /// By set.
-    made: [Made; FORMATS.len()],
-}
-
-/// What was made of a level in a format.
-#[derive(Clone, Copy, Debug, Default)]
-struct Made {
     largest: f64,
-    samples: u64,
     vertices: u64,
     triangles: u64,
     bytes: u64,
 }
 
+/// The file of a tile.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Made {
+    pub(super) id: TileId,
+    pub(super) format: Format,
+    /// Metres that no sample is further from it.
+    pub(super) largest: f64,
+    pub(super) vertices: u32,
+    pub(super) triangles: u32,
+    /// What 3D Tiles tell of it.
+    pub(super) facts: Option<Facts>,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Made {
+    /// Of a tile; `known` has all tiles that it has to tell of.
+    pub(super) fn new(
+        tile: &Tile,
+        opened: &Opened,
+        (format, level): (Format, &Level),
+        ground: &impl terrane_tiles::Ground,
+        known: &Known,
+    ) -> Result<Self> {
+        let job = &opened.job;
+        let normals = job.normals.then_some((level, ground));
+        let (bytes, facts) = match format {
+            Format::QuantizedMesh => {
+                let below = below(tile.id, opened.division.last, known);
+                (quantized_mesh(tile, normals, below.as_deref())?, None)
+            }
+            Format::ThreeTiles => {
+                let (bytes, facts) = glb(tile, normals, job.tile_edges)?;
+                (bytes, Some(facts))
+            }
+        };
+        Ok(Self {
+            id: tile.id,
+            format,
+            largest: tile.measure.largest,
+            vertices: tile.vertices.len() as u32,
+            triangles: tile.triangles.len() as u32,
+            facts,
+            bytes: if job.compress { packed(&bytes)? } else { bytes },
+        })
+    }
+}
+
+/// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
+fn below(id: TileId, last: u8, known: &Known) -> Option<String> {
+    if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= last {
+        return None;
+    }
+    let levels = 1..=TOLD_LEVELS.min(last - id.level);
+    Some(Value::Array(levels.map(|by| known.below(id, by).rectangles()).collect()).to_string())
+}
+
 /// A folder in the making.
 pub(super) struct Folder {
     folder: AtomicFolder,
-    formats: Vec<Format>,
-    normals: bool,
-    edges: bool,
+    has_many: bool,
     compress: bool,
-    /// The deepest level.
-    last: u8,
-    rows: Mutex<BTreeMap<u8, Row>>,
-    /// What 3D Tiles tell of each tile.
-    facts: Mutex<BTreeMap<TileId, Facts>>,
+    held: Mutex<Held>,
+}
+
+/// What is known of the tiles that are written.
+#[derive(Default)]
+struct Held {
+    known: Known,
+    rows: BTreeMap<(Format, u8), Row>,
+    /// Of 3D Tiles.
+    facts: BTreeMap<TileId, Facts>,
 }
 
 impl Folder {
-    /// For tiles down to a level.
-    pub(super) fn create(job: &TilesJob, last: u8) -> Result<Self> {
+    /// With nothing in it.
+    pub(super) fn create(job: &TilesJob) -> Result<Self> {
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
-        Ok(Self {
-            folder,
-            formats: job.formats.clone(),
-            normals: job.normals,
-            edges: job.tile_edges,
-            compress: job.compress,
-            last,
-            rows: Mutex::default(),
-            facts: Mutex::default(),
-        })
+        let (has_many, compress) = (job.formats.len() > 1, job.compress);
+        Ok(Self { folder, has_many, compress, held: Mutex::default() })
     }
 
-    /// Where the files of a set are: in the folder itself where it is the only one.
-    fn inside(&self, set: usize) -> PathBuf {
-        match self.formats.len() {
-            1 => self.folder.inside().to_path_buf(),
-            _ => self.folder.inside().join(self.formats[set].known().name),
+    /// Where the files of a format are: in the folder itself where it is the only one.
+    fn inside(&self, format: Format) -> PathBuf {
+        match self.has_many {
+            true => self.folder.inside().join(format.known().name),
+            false => self.folder.inside().to_path_buf(),
         }
     }
 
-    /// Notes that there is a tile, which is put later: those it is in tell of it.
-    pub(super) fn note(&self, TileId { level, x, y }: TileId) {
-        lock(&self.rows).entry(level).or_default().tiles.insert((x, y));
-    }
-
-    /// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
-    fn below(&self, id: TileId) -> Option<String> {
-        if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= self.last {
-            return None;
-        }
-        let rows = lock(&self.rows);
-        let told = (id.level + 1..=(id.level + TOLD_LEVELS).min(self.last)).map(|level| {
-            let by = level - id.level;
-            let [x, y] = [id.x, id.y].map(|at| (at << by, (at + 1) << by));
-            let column = |row: &Row| {
-                let tiles = row.tiles.range((x.0, y.0)..(x.1, 0));
-                tiles.filter(|(_, at)| (y.0..y.1).contains(at)).copied().collect()
-            };
-            rectangles(&rows.get(&level).map_or_else(BTreeSet::new, column))
-        });
-        Some(Value::Array(told.collect()).to_string())
-    }
-
-    /// Writes a tile of a set that was noted, as all in it were.
-    pub(super) fn put(
-        &self,
-        set: usize,
-        tile: &Tile,
-        level: &Level,
-        ground: &impl terrane_tiles::Ground,
-    ) -> Result<()> {
-        let normals = self.normals.then_some((level, ground));
-        let TileId { level, x, y } = tile.id;
-        let (bytes, name) = match self.formats[set] {
-            Format::QuantizedMesh => (
-                quantized_mesh(tile, normals, self.below(tile.id).as_deref())?,
-                format!("{level}/{x}/{y}.{ENDING}"),
-            ),
-            Format::ThreeTiles => {
-                let (bytes, facts) = glb(tile, normals, self.edges)?;
-                lock(&self.facts).insert(tile.id, facts);
-                (bytes, three::name_of(tile.id, three::ENDING))
-            }
+    /// Writes a tile.
+    pub(super) fn put(&self, made: &Made) -> Result<()> {
+        let TileId { level, x, y } = made.id;
+        let name = match made.format {
+            Format::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
+            Format::ThreeTiles => three::name_of(made.id, three::ENDING),
         };
-        let bytes = self.write(set, &name, bytes)?;
-        let mut rows = lock(&self.rows);
-        let made = &mut rows.entry(level).or_default().made[set];
-        made.largest = made.largest.max(tile.measure.largest);
-        made.samples += tile.measure.samples;
-        made.vertices += tile.vertices.len() as u64;
-        made.triangles += tile.triangles.len() as u64;
-        made.bytes += bytes;
+        self.write(made.format, &name, &made.bytes)?;
+        let mut held = lock(&self.held);
+        held.known.insert(made.id);
+        if let Some(facts) = made.facts {
+            held.facts.insert(made.id, facts);
+        }
+        let row = held.rows.entry((made.format, level)).or_default();
+        row.largest = row.largest.max(made.largest);
+        row.vertices += u64::from(made.vertices);
+        row.triangles += u64::from(made.triangles);
+        row.bytes += made.bytes.len() as u64;
         Ok(())
     }
 
-    /// Writes a file of a set, packed if that is wanted; how long it is.
-    fn write(&self, set: usize, name: &str, bytes: Vec<u8>) -> Result<u64> {
-        let bytes = if self.compress { packed(&bytes)? } else { bytes };
-        let path = self.inside(set).join(name);
+    fn write(&self, format: Format, name: &str, bytes: &[u8]) -> Result<()> {
+        let path = self.inside(format).join(name);
         let folder = path.parent().unwrap_or(&path);
         std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
-        std::fs::write(&path, &bytes).map_err(|e| Error::write(&path, e))?;
-        Ok(bytes.len() as u64)
+        std::fs::write(&path, bytes).map_err(|e| Error::write(&path, e))
     }
 
-    /// The tiles of levels before `near` that have one of that level in them, the coarsest first; and both of
-    /// level 0, which every client asks for.
-    pub(super) fn above(&self, near: u8) -> Vec<TileId> {
-        let mut rows = lock(&self.rows);
-        let mut found = BTreeSet::new();
-        let places = rows.get(&near).into_iter().flat_map(|row| &row.tiles);
-        let mut here: BTreeSet<TileId> =
-            places.map(|(x, y)| TileId { level: near, x: *x, y: *y }).collect();
-        for _ in 0..near {
-            here = here.into_iter().filter_map(TileId::parent).collect();
-            found.extend(here.iter().copied());
-        }
-        let roots = [0, 1].map(|x| TileId { level: 0, x, y: 0 });
-        let is_there = |id: &TileId| {
-            near == 0 && rows.get(&0).is_some_and(|row| row.tiles.contains(&(id.x, id.y)))
-        };
-        found.extend(roots.into_iter().filter(|id| !is_there(id)));
-        found.iter().for_each(|id| {
-            rows.entry(id.level).or_default().tiles.insert((id.x, id.y));
-        });
-        found.into_iter().collect()
+    /// The tiles that are written.
+    pub(super) fn known(&self) -> Known {
+        lock(&self.held).known.clone()
     }
 
     /// Writes what says what there is, and gives the folder its name.
     pub(super) fn finish(self, ground: &Ground<'_>, cancel: &Cancel) -> Result<TilesReport> {
-        let rows = lock(&self.rows).clone();
-        let (mut levels, mut bytes) = (Vec::new(), 0);
-        for (set, format) in self.formats.iter().enumerate() {
-            let of_set: Vec<LevelReport> =
-                rows.iter().map(|(level, row)| told(ground, set, *level, row)).collect();
+        let held = std::mem::take(&mut *lock(&self.held));
+        let (mut levels, mut bytes, mut facts) = (Vec::new(), 0, held.facts);
+        three::nest(&mut facts);
+        for (format, of_format) in &ground.levels {
+            let rows = held.rows.iter().filter(|((own, _), _)| own == format);
+            let told: Vec<LevelReport> = rows
+                .map(|((_, level), row)| {
+                    told((*format, &of_format[usize::from(*level)]), row, &held.known)
+                })
+                .collect();
             let (name, text) = match format {
-                Format::QuantizedMesh => (LAYER, layer(ground, &of_set, &rows)),
+                Format::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
                 Format::ThreeTiles => {
-                    bytes += self.subtrees(set, cancel)?;
-                    (three::TILESET, three::tileset(ground, &of_set, &lock(&self.facts)))
+                    bytes += self.subtrees(&facts, cancel)?;
+                    (three::TILESET, three::tileset(ground, &told, &facts))
                 }
             };
-            let path = self.inside(set).join(name);
+            let path = self.inside(*format).join(name);
             let mut file = AtomicFile::create(&path, false)?;
             let text = serde_json::to_vec_pretty(&text).unwrap_or_default();
             file.write_all(&text).map_err(|e| Error::write(&path, e))?;
             bytes += file.commit()?;
-            levels.extend(of_set);
+            levels.extend(told);
         }
         cancel.check()?;
         sync(self.folder.inside());
         self.folder.commit()?;
+        let Opened { job, division, grid, heights, .. } = ground.opened;
+        let [width, height] = division.place.whole.map(u64::from);
         Ok(TilesReport {
-            input: ground.job.input.to_string(),
-            output: ground.job.output.display().to_string(),
-            crs: ground.grid.info().crs.label(),
+            input: job.input.to_string(),
+            output: job.output.display().to_string(),
+            crs: grid.info().crs.label(),
             tiles: levels.iter().map(|level| level.tiles).sum(),
-            samples: u64::from(ground.place.whole[0]) * u64::from(ground.place.whole[1]),
+            samples: width * height,
             output_bytes: bytes + levels.iter().map(|level| level.bytes).sum::<u64>(),
             levels,
-            notes: ground.place.notes.clone(),
+            notes: heights.notes.clone(),
             ..TilesReport::default()
         })
     }
 
-    /// Writes the subtrees of a set; how long they are.
-    fn subtrees(&self, set: usize, cancel: &Cancel) -> Result<u64> {
-        let mut facts = lock(&self.facts);
-        three::nest(&mut facts);
-        let mut bytes = 0;
-        for (top, subtree) in three::subtrees(&facts) {
+    /// Writes the subtrees of 3D Tiles; how long they are.
+    fn subtrees(&self, facts: &BTreeMap<TileId, Facts>, cancel: &Cancel) -> Result<u64> {
+        let mut all = 0;
+        for (top, bytes) in three::subtrees(facts) {
             cancel.check()?;
-            bytes += self.write(set, &three::name_of(top, three::SUBTREE), subtree)?;
+            let bytes = if self.compress { packed(&bytes)? } else { bytes };
+            self.write(Format::ThreeTiles, &three::name_of(top, three::SUBTREE), &bytes)?;
+            all += bytes.len() as u64;
         }
-        Ok(bytes)
+        Ok(all)
     }
 }
 
-fn told(ground: &Ground<'_>, set: usize, level: u8, row: &Row) -> LevelReport {
-    let (made, of_level) = (&row.made[set], &ground.levels[set][usize::from(level)]);
+fn told((format, level): (Format, &Level), row: &Row, known: &Known) -> LevelReport {
     LevelReport {
-        format: ground.job.formats[set].known().name,
-        level,
-        tolerance: level_error(level),
-        step: of_level.step,
-        lattice: of_level.lattice,
-        error: made.largest,
-        tiles: row.tiles.len() as u64,
-        vertices: made.vertices,
-        triangles: made.triangles,
-        bytes: made.bytes,
+        format,
+        level: level.level,
+        tolerance: level_error(level.level),
+        step: level.step,
+        lattice: level.lattice,
+        error: row.largest,
+        tiles: known.level(level.level).count(),
+        vertices: row.vertices,
+        triangles: row.triangles,
+        bytes: row.bytes,
     }
 }
 
@@ -260,20 +254,16 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// What clients are told: the format, where there are tiles, and what is proven of them.
-fn layer(ground: &Ground<'_>, told: &[LevelReport], rows: &BTreeMap<u8, Row>) -> Value {
-    let bounds = &ground.place.bounds;
-    let last = ground.last();
-    let none = BTreeSet::new();
-    let tiles = |level: u8| rows.get(&level).map_or(&none, |row| &row.tiles);
-    let available: Vec<Value> = (0..=last).map(|level| rectangles(tiles(level))).collect();
-    let levels: Vec<Value> = told
-        .iter()
-        .map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
-            json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
-        })
-        .collect();
+fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
+    let Opened { job, division, .. } = ground.opened;
+    let (bounds, last) = (&division.place.bounds, division.last);
+    let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
+    let levels = told.iter().map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
+        json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
+    });
+    let levels: Vec<Value> = levels.collect();
     let mut extensions = vec!["metadata"];
-    if ground.job.normals {
+    if job.normals {
         extensions.insert(0, "octvertexnormals");
     }
     json!({
@@ -294,43 +284,11 @@ fn layer(ground: &Ground<'_>, told: &[LevelReport], rows: &BTreeMap<u8, Row>) ->
         "available": available,
         "terrane": {
             "version": env!("CARGO_PKG_VERSION"),
-            "sources": ground.job.input.names(),
+            "source": job.input.to_string(),
             "voids": "filled",
             "levels": levels,
         },
     })
-}
-
-/// Places of tiles as rectangles: runs of a row, joined with those below that begin and end alike.
-fn rectangles(tiles: &BTreeSet<(u32, u32)>) -> Value {
-    let mut by_row: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
-    for (x, y) in tiles {
-        let runs = by_row.entry(*y).or_default();
-        match runs.last_mut() {
-            Some(run) if run[1] + 1 == *x => run[1] = *x,
-            _ => runs.push([*x, *x]),
-        }
-    }
-    let mut found: Vec<[u32; 4]> = Vec::new();
-    // By begin and end: the rectangle that reached the row before.
-    let mut open: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    for (y, runs) in by_row {
-        let mut here = BTreeMap::new();
-        for run in runs {
-            let place = match open.get(&run).filter(|place| found[**place][3] + 1 == y) {
-                Some(place) => *place,
-                None => {
-                    found.push([run[0], y, run[1], y]);
-                    found.len() - 1
-                }
-            };
-            found[place][3] = y;
-            here.insert(run, place);
-        }
-        open = here;
-    }
-    let told = |[x, y, to_x, to_y]: &[u32; 4]| json!({"startX": x, "startY": y, "endX": to_x, "endY": to_y});
-    found.iter().map(told).collect()
 }
 
 /// True for a folder of tiles, or of folders of tiles of the formats, that holds nothing else.
@@ -344,21 +302,16 @@ fn is_tiles(path: &Path) -> bool {
     }
 }
 
-/// True for a folder of tiles of one format that holds nothing else.
+/// True for a folder of tiles of one format that holds nothing else; damaged ones are such, too.
 fn is_one_set(path: &Path) -> bool {
-    let own = |name: &str, key: &str| {
-        let text = std::fs::read(path.join(name)).ok();
-        let told = text.and_then(|text| serde_json::from_slice::<Value>(&text).ok());
-        told.is_some_and(|told| told.pointer(key).is_some())
-    };
     let layer = Kind { told: LAYER, top: &[], endings: &[ENDING] };
     let tileset = Kind {
         told: three::TILESET,
         top: &three::HALVES,
         endings: &[three::ENDING, three::SUBTREE],
     };
-    own(LAYER, "/terrane") && layer.holds_all(path, 1)
-        || own(three::TILESET, "/extras/terrane") && tileset.holds_all(path, 0)
+    path.join(LAYER).is_file() && layer.holds_all(path, 1)
+        || path.join(three::TILESET).is_file() && tileset.holds_all(path, 0)
 }
 
 /// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
@@ -394,30 +347,5 @@ impl Kind<'_> {
                 }
             }
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rectangles_hold_each_tile_once() {
-        let tiles: BTreeSet<(u32, u32)> = (0..400)
-            .map(|i| (i % 20, i / 20))
-            .filter(|(x, y)| (x * 7 + y * 3) % 11 > 1 || *y > 14)
-            .collect();
-        let mut seen = BTreeSet::new();
-        let told = rectangles(&tiles);
-        for rect in told.as_array().unwrap() {
-            let end = |key: &str| rect[key].as_u64().unwrap() as u32;
-            for y in end("startY")..=end("endY") {
-                for x in end("startX")..=end("endX") {
-                    assert!(seen.insert((x, y)));
-                }
-            }
-        }
-        assert_eq!(seen, tiles);
-        assert!(told.as_array().unwrap().len() < tiles.len() / 2);
     }
 }

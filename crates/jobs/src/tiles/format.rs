@@ -1,11 +1,16 @@
 //! The formats that tiles are written in.
 
+use serde::{Deserialize, Serialize};
+
 /// A format of tiles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Format {
     /// Quantized-mesh 1.0, with `layer.json`.
+    #[default]
+    #[serde(rename = "quantized-mesh")]
     QuantizedMesh,
     /// 3D Tiles 1.1, with `tileset.json`.
+    #[serde(rename = "3dtiles")]
     ThreeTiles,
 }
 

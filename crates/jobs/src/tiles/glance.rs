@@ -1,95 +1,71 @@
 //! The first look at a grid, all of it once.
 
-use std::sync::Mutex;
-
-use super::place::Place;
+use super::Opened;
+use super::division::Division;
+use crate::plan::At;
 use crate::workers;
-use crate::{Cancel, Progress};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_files::lock;
-use terrane_raster::GridSource;
-use terrane_tiles::{Overview, Plan, TileId, degrees};
+use terrane_tiles::{Glance, Plan};
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
 
-/// Looks at a grid, whose tiles of levels before `near` are made of what is seen.
-///
-/// # Errors
-/// A grid without a sample, and what reading finds.
+/// What is to be looked at.
+pub(super) fn plan(division: &Division) -> Plan {
+    let [meridians, parallels] = division.lines();
+    Plan::new(division.place.whole, division.place.map, [&meridians, &parallels])
+}
+
+/// Looks at rows of a grid; what is seen is handed on in order.
 pub(super) fn look(
-    grid: &dyn GridSource,
-    place: &Place,
-    near: u8,
-    threads: usize,
-    progress: &dyn Progress,
-    cancel: &Cancel,
-) -> Result<Overview> {
-    let lines = lines(place, near);
-    let plan = Plan::new(place.whole, place.map, [&lines[0], &lines[1]]);
-    let rects = rects(place.whole, plan.blocks.side, grid.info().block);
-    let seen = Mutex::new(Vec::new());
-    progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
-    workers::run(
-        threads,
+    opened: &Opened,
+    plan: &Plan,
+    rows: [u32; 2],
+    at: At<'_>,
+    take: impl FnMut(Glance) -> Result<()> + Send,
+) -> Result<()> {
+    let width = opened.division.place.whole[0];
+    let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
+    at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
+    workers::in_order(
+        opened.shares.threads,
         rects.len() as u64,
-        cancel,
+        at.cancel,
         Vec::new,
         |heights: &mut Vec<f64>, i| {
             let rect = rects[i as usize];
-            read(grid, place, rect, heights)?;
+            opened.read(rect, heights)?;
             let glance = plan.look(rect, heights);
-            grid.copied(rect);
-            lock(&seen).push(glance);
-            progress.advance(rect.len() as u64);
-            Ok(())
+            opened.grid.copied(rect);
+            at.progress.advance(rect.len() as u64);
+            Ok(glance)
         },
-        |_| Ok(()),
+        take,
     )?;
-    progress.end();
-    let seen = std::mem::take(&mut *lock(&seen));
-    plan.join(seen).ok_or_else(|| Error::bad_input("has no valid sample"))
-}
-
-/// Reads heights in metres.
-pub(super) fn read(
-    grid: &dyn GridSource,
-    place: &Place,
-    rect: Rect,
-    heights: &mut Vec<f64>,
-) -> Result<()> {
-    heights.clear();
-    heights.resize(rect.len(), 0.0);
-    grid.read_f64(rect, heights)?;
-    if place.metres != 1.0 {
-        heights.iter_mut().for_each(|height| *height *= place.metres);
-    }
+    at.progress.end();
     Ok(())
 }
 
-/// Meridians and parallels that are borders of tiles of levels before `near`.
-fn lines(place: &Place, near: u8) -> [Vec<f64>; 2] {
-    let Some(level) = near.checked_sub(1) else { return [Vec::new(), Vec::new()] };
-    let [cols, rows] = TileId::meeting(level, &place.bounds);
-    let width = degrees(level);
-    [(cols, -180.0), (rows, -90.0)].map(|([first, last], from)| {
-        (first..=last + 1).map(|i| from + f64::from(i) * width).collect()
-    })
+/// Bytes of all that is seen, as tasks write it.
+pub(super) fn written_bytes(opened: &Opened, plan: &Plan) -> u64 {
+    let [width, height] = opened.division.place.whole;
+    let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);
+    rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()
 }
 
 /// Windows of whole blocks, along those of the file.
-fn rects([width, height]: [u32; 2], side: u32, block: (u32, u32)) -> Vec<Rect> {
+fn rects(width: u32, [first, end]: [u32; 2], side: u32, block: (u32, u32)) -> Vec<Rect> {
     let whole = |samples: u32, most: u32| {
         samples.max(1).next_multiple_of(side).min(most.next_multiple_of(side))
     };
-    let rows = whole(block.1.min(1024), height).max(side);
+    let rows = whole(block.1.min(1024), end - first).max(side);
     let cols = whole(WINDOW / rows, width).max(side);
-    let starts = |end: u32, step: u32| (0..end).step_by(step as usize);
+    let starts = |from: u32, end: u32, step: u32| (from..end).step_by(step as usize);
     let rect =
-        |(col, row): (u32, u32)| Rect::new(col, row, cols.min(width - col), rows.min(height - row));
-    starts(height, rows)
-        .flat_map(|row| starts(width, cols).map(move |col| (col, row)))
+        |(col, row): (u32, u32)| Rect::new(col, row, cols.min(width - col), rows.min(end - row));
+    starts(first, end, rows)
+        .flat_map(|row| starts(0, width, cols).map(move |col| (col, row)))
         .map(rect)
         .collect()
 }

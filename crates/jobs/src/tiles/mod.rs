@@ -9,48 +9,63 @@
 //! **Far levels**: tiles that hold several regions are made of the overview, and measured by blocks; where a block
 //! does not tell, its samples are read.
 //!
-//! Whatever is made depends on the grid and the options alone. Files are put into a folder that appears whole.
+//! Whatever is made depends on the grid and the options alone: at once, or by a plan whose tasks look, make regions,
+//! and make what is above them. Files are put into a folder that appears whole.
 
+mod division;
 mod far;
 mod folder;
 mod format;
 mod glance;
 mod near;
+mod object;
 mod place;
+mod probe;
 mod report;
+mod spans;
 mod three;
+mod work;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use crate::figures::Figures;
-use crate::memory;
+use crate::memory::{self, Shares};
+use crate::plan::{self, At, DiskCheck, PLAN, Plan};
 use crate::reading::Reading;
+use crate::sift::Skipped;
 use crate::workers;
 use crate::{Cancel, Progress, Resources};
+use division::Division;
 use folder::Folder;
 pub use format::{FORMATS, Format};
-use place::Place;
-pub use report::{LevelReport, TilesReport};
-use terrane_base::error::{Error, Result};
+use place::Heights;
+pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::Rect;
+use terrane_files::refuse_held;
 use terrane_raster::{GridSource, Inputs};
-use terrane_tiles::{DEEPEST, Level, Overview, TileId, deepest_for, degrees};
+use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for};
+use work::Tiles;
 
-/// Samples along a side of the tiles that are made of samples read once.
-const REGION: f64 = 1024.0;
 /// Samples around a region that slopes are told from.
 const APRON: u32 = 10;
 
-/// Tiles to make of a grid.
-#[derive(Clone, Debug)]
+/// Tiles to make of a grid. A plan notes what they depend on.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TilesJob {
     /// File names, or a grid in memory by name.
     pub input: Inputs,
     /// What is read of it.
+    #[serde(flatten)]
     pub reading: Reading,
     /// Folder to make.
+    #[serde(skip)]
     pub output: PathBuf,
     /// Replace a folder of tiles that exists.
+    #[serde(skip)]
     pub overwrite: bool,
     /// What to write: of several formats, a folder in the output for each, by its name.
     pub formats: Vec<Format>,
@@ -63,6 +78,7 @@ pub struct TilesJob {
     /// Compress each file (gzip).
     pub compress: bool,
     /// What the job may use.
+    #[serde(skip)]
     pub resources: Resources,
 }
 
@@ -84,16 +100,30 @@ impl TilesJob {
     }
 }
 
-/// What all of the work knows.
+/// Tiles to plan; a task has so many tiles of regions, or of levels above them (`cut`).
+pub type PlanJob = plan::PlanJob<TilesJob>;
+/// Work on the plan of tiles.
+pub type RunJob = plan::RunJob<()>;
+/// The plan of tiles, or how far the work on it has come.
+pub type StatusReport = plan::StatusReport<TilesStatus>;
+/// What a run of the plan of tiles did.
+pub type RunReport = plan::RunReport<TilesRun>;
+
+/// A grid that is opened, and how the work on it is divided.
+struct Opened {
+    job: TilesJob,
+    grid: Box<dyn GridSource>,
+    shares: Shares,
+    heights: Heights,
+    division: Division,
+}
+
+/// What is known once all was looked at.
 struct Ground<'a> {
-    job: &'a TilesJob,
-    grid: &'a dyn GridSource,
-    place: Place,
-    overview: Overview,
-    /// By set, from level 0 on.
-    levels: Vec<Vec<Level>>,
-    /// The first level whose tiles are regions or parts of one.
-    near: u8,
+    opened: &'a Opened,
+    overview: &'a Overview,
+    /// By format, from level 0 on.
+    levels: Vec<(Format, Vec<Level>)>,
 }
 
 /// Makes tiles. Nothing appears under the output's name unless it succeeds.
@@ -102,33 +132,146 @@ struct Ground<'a> {
 /// A grid without a system of longitudes and latitudes, or one that is turned, or beyond the poles or 180 degrees;
 /// an output that exists; a level too deep for the heights; all that reading and writing may find.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
-    let started = Instant::now();
-    if let Some(level) = job.max_level.filter(|level| *level > DEEPEST) {
-        return Err(Error::usage(format!("level {level} is too deep"))
-            .remedy(format!("choose {DEEPEST} at most")));
-    }
-    check_formats(job)?;
+    let (started, at) = (Instant::now(), At { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let options = job.reading.options(&job.resources, 0)?;
-    let (grid, shares) = memory::open(&job.input, &options, &job.resources, near::WORKER_BYTES)?;
-    let place = Place::of(grid.info(), &job.input)?;
-    let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
-    let folder = Folder::create(job, last)?;
-    let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-    let near = (0..last).find(is_near).unwrap_or(last);
-    let overview = glance::look(&*grid, &place, near, shares.threads, progress, cancel)?;
-    let levels = job
-        .formats
-        .iter()
-        .map(|format| levels(*format, last, &place, overview.range))
-        .collect::<Result<_>>()?;
-    let ground = Ground { job, grid: &*grid, place, overview, levels, near };
-    ground.make(&folder, shares.threads, progress, cancel)?;
+    let opened = Opened::new(job)?;
+    let folder = Folder::create(job)?;
+    let mut gathered = opened.gather();
+    let (plan, rows) = (gathered.plan().clone(), [0, opened.division.place.whole[1]]);
+    glance::look(&opened, &plan, rows, at, |glance| {
+        gathered.add(glance);
+        Ok(())
+    })?;
+    let overview = gathered.finish().ok_or_else(|| opened.is_void())?;
+    let ground = Ground::new(&opened, &overview)?;
+    ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
-    Ok(TilesReport {
-        run: Figures { threads: shares.threads, ..Figures::since(started, &job.resources) },
-        ..made
-    })
+    let run = Figures { threads: opened.shares.threads, ..Figures::since(started, &job.resources) };
+    Ok(TilesReport { run, ..made })
+}
+
+/// Writes down what is to be made, from what, by which tasks, and what they need.
+///
+/// # Errors
+/// Those of [`run`] that are found before the work; `Usage` for a folder that holds another plan or other files.
+pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
+    let plan::PlanJob { job, folder, cut, skipped } = job;
+    refuse_held(job.input.names())?;
+    let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
+    let opened = Opened::new(&TilesJob { input, reading, ..job.clone() })?;
+    let tiles = Tiles::new(&opened, *cut)?;
+    let files = plan::grid_files(&opened.job.input, &opened.job.reading, &*opened.grid);
+    let needs = tiles.needs(&opened)?;
+    Plan::new(tiles, files, needs, skipped)?.put(folder)?;
+    tiles_status(folder)
+}
+
+/// How far the work in a folder has come; results are looked at, not read through.
+///
+/// # Errors
+/// A folder without the plan of tiles.
+pub fn tiles_status(folder: &Path) -> Result<StatusReport> {
+    plan::status::<Tiles>(folder)
+}
+
+/// Works on the plan of tiles, which are those of [`run`] on the same request, byte for byte, whoever did which
+/// task how often.
+///
+/// # Errors
+/// Those of [`run`], and of any [`RunJob`].
+pub fn run_tiles(job: &RunJob, progress: &dyn Progress, cancel: &Cancel) -> Result<RunReport> {
+    plan::run::<Tiles>(job, progress, cancel)
+}
+
+/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
+/// `skipped` are files that are left out of the input, to be noted in the plan.
+///
+/// # Errors
+/// Those of [`plan_tiles`] and [`run_tiles`].
+pub fn run_in(
+    folder: &Path,
+    job: &TilesJob,
+    skipped: &[Skipped],
+    disk: DiskCheck,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TilesReport> {
+    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    if !folder.join(PLAN).exists() {
+        terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
+    }
+    let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+    plan_tiles(&PlanJob { job: job.clone(), folder: folder.clone(), cut: None, skipped })?;
+    let run = RunJob {
+        folder,
+        task: None,
+        output: Some(job.output.clone()),
+        overwrite: job.overwrite,
+        form: (),
+        disk,
+        resources: job.resources.clone(),
+    };
+    let report = run_tiles(&run, progress, cancel)?;
+    let lost = || Error::new(ErrorKind::Internal, "a run ended without its tiles");
+    let mut tiles = report.of.tiles.ok_or_else(lost)?;
+    tiles.run.wall_seconds = report.wall_seconds;
+    Ok(tiles)
+}
+
+impl Opened {
+    fn new(job: &TilesJob) -> Result<Self> {
+        if let Some(level) = job.max_level.filter(|level| *level > DEEPEST) {
+            return Err(Error::usage(format!("level {level} is too deep"))
+                .remedy(format!("choose {DEEPEST} at most")));
+        }
+        check_formats(job)?;
+        let options = job.reading.options(&job.resources, 0)?;
+        let (place, heights) =
+            place::of(memory::look_at(&job.input, &options)?.info(), &job.input)?;
+        let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
+        let division = Division::new(place, last);
+        let (held, worker) = (glance::plan(&division).bytes(), near::WORKER_BYTES);
+        let (grid, shares) =
+            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
+        Ok(Self { job: job.clone(), grid, shares, heights, division })
+    }
+
+    /// Reads heights in metres.
+    fn read(&self, rect: Rect, heights: &mut Vec<f64>) -> Result<()> {
+        heights.clear();
+        heights.resize(rect.len(), 0.0);
+        self.grid.read_f64(rect, heights)?;
+        let metres = self.heights.metres;
+        if metres != 1.0 {
+            heights.iter_mut().for_each(|height| *height *= metres);
+        }
+        Ok(())
+    }
+
+    fn gather(&self) -> Gathered {
+        glance::plan(&self.division).gather()
+    }
+
+    fn is_void(&self) -> Error {
+        let error = Error::bad_input("has no valid sample");
+        match self.job.input.names() {
+            [name] => error.in_file(Path::new(name)),
+            _ => error,
+        }
+    }
+}
+
+/// The levels of a format, of heights in a range.
+fn levels(format: Format, division: &Division, range: [f64; 2]) -> Result<Vec<Level>> {
+    let reach = range[0].abs().max(range[1].abs());
+    let level = |level: u8| {
+        let level = Level::new(level, division.place.spacing, reach)?;
+        match format {
+            Format::QuantizedMesh => Ok(level),
+            Format::ThreeTiles => level.on_lattice(range),
+        }
+    };
+    (0..=division.last).map(level).collect()
 }
 
 /// Fails where no format is asked for, one twice, or edges of tiles of a format without.
@@ -145,75 +288,58 @@ fn check_formats(job: &TilesJob) -> Result<()> {
     Ok(())
 }
 
-/// The levels of a set.
-fn levels(format: Format, last: u8, place: &Place, range: [f64; 2]) -> Result<Vec<Level>> {
-    let reach = range[0].abs().max(range[1].abs());
-    let level = |level: u8| {
-        let level = Level::new(level, place.spacing, reach)?;
-        match format {
-            Format::QuantizedMesh => Ok(level),
-            Format::ThreeTiles => level.on_lattice(range),
-        }
-    };
-    (0..=last).map(level).collect()
-}
+impl<'a> Ground<'a> {
+    fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
+        let of =
+            |format: &Format| Ok((*format, levels(*format, &opened.division, overview.range)?));
+        let levels = opened.job.formats.iter().map(of).collect::<Result<_>>()?;
+        Ok(Self { opened, overview, levels })
+    }
 
-impl Ground<'_> {
-    fn make(
+    /// The level of a tile, by format.
+    fn of_level(&self, id: TileId) -> impl Iterator<Item = (Format, &Level)> {
+        let level = usize::from(id.level);
+        self.levels.iter().map(move |(format, levels)| (*format, &levels[level]))
+    }
+
+    fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
+        let Division { near, .. } = self.opened.division;
+        self.each("near levels", &self.opened.division.regions().all(), at, |id| {
+            self.region(id, &mut |made| folder.put(&made), at.cancel)
+        })?;
+        let mut known = folder.known();
+        let there = known.clone();
+        known.add_above(near);
+        let mut above = self.opened.division.above(near).all();
+        above.retain(|id| is_missing(*id, [&there, &known]));
+        self.each("far levels", &above, at, |id| {
+            self.far(id, &known, at.cancel)?.iter().try_for_each(|made| folder.put(made))
+        })
+    }
+
+    /// Does something to each tile, on all threads.
+    fn each(
         &self,
-        folder: &Folder,
-        threads: usize,
-        progress: &dyn Progress,
-        cancel: &Cancel,
+        stage: &str,
+        tiles: &[TileId],
+        at: At<'_>,
+        work: impl Fn(TileId) -> Result<()> + Sync,
     ) -> Result<()> {
-        let regions = self.regions();
-        progress.begin("near levels", regions.len() as u64);
-        let nothing = |_| Ok(());
-        workers::run(
-            threads,
-            regions.len() as u64,
-            cancel,
-            || (),
-            |(), i| {
-                self.region(regions[i as usize], folder, cancel)?;
-                progress.advance(1);
-                Ok(())
-            },
-            nothing,
-        )?;
-        progress.end();
-        let far = folder.above(self.near);
-        progress.begin("far levels", far.len() as u64);
-        workers::run(
-            threads,
-            far.len() as u64,
-            cancel,
-            || (),
-            |(), i| {
-                self.far(far[i as usize], folder, cancel)?;
-                progress.advance(1);
-                Ok(())
-            },
-            nothing,
-        )?;
-        progress.end();
+        at.progress.begin(stage, tiles.len() as u64);
+        let one = |(): &mut (), i: u64| {
+            work(tiles[i as usize])?;
+            at.progress.advance(1);
+            Ok(())
+        };
+        let (threads, count) = (self.opened.shares.threads, tiles.len() as u64);
+        workers::run(threads, count, at.cancel, || (), one, Ok)?;
+        at.progress.end();
         Ok(())
     }
+}
 
-    /// The tiles whose samples are read once, from the north as rows of grids mostly are.
-    fn regions(&self) -> Vec<TileId> {
-        let [[west, east], [south, north]] = TileId::meeting(self.near, &self.place.bounds);
-        let row = |y: u32| (west..=east).map(move |x| TileId { level: self.near, x, y });
-        (south..=north).rev().flat_map(row).collect()
-    }
-
-    /// The level of a tile, by set.
-    fn of_level(&self, id: TileId) -> impl Iterator<Item = &Level> {
-        self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
-    }
-
-    /// The deepest level.
-    fn last(&self) -> u8 {
-        self.levels[0].len() as u8 - 1
-    }
+/// Whether a tile belongs to all that is known and is not there.
+fn is_missing(id: TileId, [there, known]: [&spans::Known; 2]) -> bool {
+    let holds = |known: &spans::Known| known.level(id.level).holds(id.x, id.y);
+    holds(known) && !holds(there)
 }

@@ -1,7 +1,9 @@
 //! Tiles that are made of samples read once.
 
-use super::folder::Folder;
-use super::{APRON, Ground, REGION, glance};
+use super::division::REGION;
+use super::folder::Made;
+use super::spans::Known;
+use super::{APRON, Ground};
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -13,28 +15,43 @@ pub(super) const WORKER_BYTES: u64 = {
     side * side * 8 + (24 << 20)
 };
 
+/// Where tiles go, and what was made of a region so far.
+struct Descent<'a> {
+    patch: &'a Patch<'a>,
+    known: Known,
+    put: &'a mut dyn FnMut(Made) -> Result<()>,
+    cancel: &'a Cancel,
+}
+
 impl Ground<'_> {
-    /// Makes a region and all tiles that it is divided into.
-    pub(super) fn region(&self, id: TileId, folder: &Folder, cancel: &Cancel) -> Result<()> {
+    /// Makes a region and all tiles that it is divided into, each after those in it.
+    pub(super) fn region(
+        &self,
+        id: TileId,
+        put: &mut dyn FnMut(Made) -> Result<()>,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let (opened, place) = (self.opened, &self.opened.division.place);
         let rect = self.rect(&id.bounds());
         if rect.is_empty() {
             return Ok(());
         }
         let mut heights = Vec::new();
-        glance::read(self.grid, &self.place, rect, &mut heights)?;
+        opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(&heights, rect, self.place.whole, self.place.map, fill);
-        self.descend(id, &patch, folder, cancel)?;
-        self.grid.copied(rect);
+        let patch = Patch::new(&heights, rect, place.whole, place.map, fill);
+        self.descend(id, &mut Descent { patch: &patch, known: Known::default(), put, cancel })?;
+        opened.grid.copied(rect);
         Ok(())
     }
 
     /// The samples in a rectangle, and some around it.
     fn rect(&self, bounds: &Bounds) -> Rect {
+        let place = &self.opened.division.place;
         let corners = [[bounds.west, bounds.north], [bounds.east, bounds.south]];
-        let [a, b] = corners.map(|[lon, lat]| self.place.map.invert(lon, lat));
+        let [a, b] = corners.map(|[lon, lat]| place.map.invert(lon, lat));
         let [cols, rows] = [0, 1].map(|axis: usize| {
-            let whole = f64::from(self.place.whole[axis]);
+            let whole = f64::from(place.whole[axis]);
             let low = a[axis].min(b[axis]).floor() - f64::from(APRON);
             let high = a[axis].max(b[axis]).ceil() + f64::from(APRON) + 1.0;
             [low, high].map(|at| at.clamp(0.0, whole) as u32)
@@ -42,26 +59,18 @@ impl Ground<'_> {
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
     }
 
-    fn descend(
-        &self,
-        id: TileId,
-        patch: &Patch<'_>,
-        folder: &Folder,
-        cancel: &Cancel,
-    ) -> Result<()> {
-        cancel.check()?;
-        if !patch.holds_any(&id.bounds()) {
+    fn descend(&self, id: TileId, to: &mut Descent<'_>) -> Result<()> {
+        to.cancel.check()?;
+        if !to.patch.holds_any(&id.bounds()) {
             return Ok(());
         }
-        folder.note(id);
-        if id.level < self.last() {
-            let children = id.children();
-            children
-                .into_iter()
-                .try_for_each(|child| self.descend(child, patch, folder, cancel))?;
+        to.known.insert(id);
+        if id.level < self.opened.division.last {
+            id.children().into_iter().try_for_each(|child| self.descend(child, to))?;
         }
-        self.of_level(id)
-            .enumerate()
-            .try_for_each(|(set, level)| folder.put(set, &build(id, level, patch)?, level, patch))
+        self.of_level(id).try_for_each(|(format, level)| {
+            let tile = build(id, level, to.patch)?;
+            (to.put)(Made::new(&tile, self.opened, (format, level), to.patch, &to.known)?)
+        })
     }
 }

@@ -18,9 +18,10 @@ const NEAR: [(u32, &str); 6] = [
     (6668, "JGD2011"),
 ];
 
-/// The map from samples to longitudes and latitudes.
+/// Where the samples of a grid are on the globe.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
+    /// From samples to longitudes and latitudes.
     pub(super) map: Affine,
     /// Columns and rows.
     pub(super) whole: [u32; 2],
@@ -28,40 +29,25 @@ pub(super) struct Place {
     pub(super) bounds: Bounds,
     /// Degrees between samples, along the finer axis.
     pub(super) spacing: f64,
-    /// Metres in a unit of heights.
+}
+
+/// What the heights of a grid are, and what is to be said of them.
+#[derive(Clone, Debug)]
+pub(super) struct Heights {
+    /// Metres in a unit.
     pub(super) metres: f64,
     pub(super) notes: Vec<String>,
 }
 
 impl Place {
-    /// Of a grid.
+    /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes.
     ///
     /// # Errors
-    /// One whose place on the globe is not known, by what is missing.
-    pub(super) fn of(info: &GridInfo, input: &Inputs) -> Result<Self> {
-        let refuse = |error: Error| match input.names() {
-            [name] => Err(error.in_file(Path::new(name))),
-            _ => Err(error),
-        };
-        let mut notes = Vec::new();
-        if let Err(error) = system(&info.crs, info.georeferenced, &mut notes) {
-            return refuse(error);
-        }
-        let metres = info.crs.vertical_metres().unwrap_or_else(|| {
-            notes.push("the unit of heights is not known; they are taken for metres".to_owned());
-            1.0
-        });
-        notes.push(
-            "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
-             height of the geoid, up to 100 m"
-                .to_owned(),
-        );
-        let (map, whole) = (info.transform, [info.width, info.height]);
+    /// One that is turned, or reaches beyond a pole or 180 degrees.
+    pub(super) fn new(map: Affine, whole: [u32; 2]) -> Result<Self> {
         if map.b != 0.0 || map.d != 0.0 {
-            return refuse(
-                Error::bad_input("is turned: its rows do not run from west to east")
-                    .remedy("turn it with gdalwarp"),
-            );
+            return Err(Error::bad_input("is turned: its rows do not run from west to east")
+                .remedy("turn it with gdalwarp"));
         }
         let ends =
             [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
@@ -70,14 +56,42 @@ impl Place {
         let ([west, east], [south, north]) = (side(0), side(1));
         if west < -180.0 || east > 180.0 || south < -90.0 || north > 90.0 {
             let reach = format!("reaches from {west}, {south} to {east}, {north} degrees");
-            return refuse(Error::bad_input(format!("{reach}, beyond 180 degrees or a pole")).remedy(
+            return Err(Error::bad_input(format!("{reach}, beyond 180 degrees or a pole")).remedy(
                 "cut it at 180 degrees, and move what is beyond by 360 (gdal_translate -projwin, -a_ullr)",
             ));
         }
         let bounds = Bounds { west, south, east, north };
         let spacing = map.a.abs().min(map.e.abs());
-        Ok(Self { map, whole, bounds, spacing, metres, notes })
+        Ok(Self { map, whole, bounds, spacing })
     }
+}
+
+/// Where the samples of a grid are on the globe, and what its heights are.
+///
+/// # Errors
+/// A grid whose place on the globe is not known, by what is missing.
+pub(super) fn of(info: &GridInfo, input: &Inputs) -> Result<(Place, Heights)> {
+    let found = heights(info)
+        .and_then(|heights| Ok((Place::new(info.transform, [info.width, info.height])?, heights)));
+    found.map_err(|error| match input.names() {
+        [name] => error.in_file(Path::new(name)),
+        _ => error,
+    })
+}
+
+fn heights(info: &GridInfo) -> Result<Heights> {
+    let mut notes = Vec::new();
+    system(&info.crs, info.georeferenced, &mut notes)?;
+    let metres = info.crs.vertical_metres().unwrap_or_else(|| {
+        notes.push("the unit of heights is not known; they are taken for metres".to_owned());
+        1.0
+    });
+    notes.push(
+        "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
+         height of the geoid, up to 100 m"
+            .to_owned(),
+    );
+    Ok(Heights { metres, notes })
 }
 
 /// Fails where positions are not longitudes and latitudes as WGS 84 has them, or nearly.

@@ -1,11 +1,12 @@
 //! What was made.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use super::format::Format;
 use crate::figures::Figures;
 
 /// What a job that makes tiles did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct TilesReport {
     pub input: String,
@@ -21,10 +22,10 @@ pub struct TilesReport {
 }
 
 /// The tiles of a level.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LevelReport {
     /// The format of the tiles.
-    pub format: &'static str,
+    pub format: Format,
     /// From 0.
     pub level: u8,
     /// Metres that clients take the level to be off by, which no sample is further from its tile.
@@ -43,4 +44,22 @@ pub struct LevelReport {
     pub triangles: u64,
     /// Of all files.
     pub bytes: u64,
+}
+
+/// What is told of the plan of tiles alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesStatus {
+    /// The deepest level.
+    pub max_level: u8,
+    /// Of the grid.
+    pub samples: u64,
+}
+
+/// What is told of a run on tiles alone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesRun {
+    /// Tiles made by the tasks it did.
+    pub made_tiles: u64,
+    /// The set, if this run came to it; its time is that of writing it.
+    pub tiles: Option<TilesReport>,
 }

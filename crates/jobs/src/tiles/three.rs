@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use serde_json::{Map, Value, json};
 
-use super::Ground;
 use super::report::LevelReport;
+use super::{Ground, Opened};
 use terrane_tiles::{CLASS, Facts, SUBTREE_LEVELS, TileId, level_error, subtree, subtree_of};
 
 /// The name of what says what there is.
@@ -91,7 +91,8 @@ pub(super) fn tileset(
         })
     };
     let both = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
-    let bounds = &ground.place.bounds;
+    let Opened { job, division, .. } = ground.opened;
+    let bounds = &division.place.bounds;
     let told: Vec<Value> = levels
         .iter()
         .map(|l| {
@@ -111,11 +112,11 @@ pub(super) fn tileset(
         },
         "extras": {"terrane": {
             "version": env!("CARGO_PKG_VERSION"),
-            "sources": ground.job.input.names(),
+            "source": job.input.to_string(),
             "voids": "filled",
             "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
-            "normals": ground.job.normals,
-            "edges": ground.job.tile_edges,
+            "normals": job.normals,
+            "edges": job.tile_edges,
             "levels": told,
         }},
     })

@@ -321,7 +321,9 @@ impl<'a> Work<'a> {
         let threads = resources.threads.clamp(1, most);
         // The least is enough for a domain that keeps all samples.
         let least = resources.memory.min(LEAST_MEMORY) / 8 * 5;
-        let memory = (beside_program(resources.memory) / 2).max(least);
+        // An eighth is left to the allocator.
+        let half = beside_program(resources.memory) / 2;
+        let memory = (half - half / 8).max(least);
         let folder = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
         let (cancel, share) = (cancel.clone(), memory / threads as u64);
         Ok(Self { mesh, progress, cancel, threads, memory, share, folder })

@@ -1,7 +1,5 @@
 //! The plan of a mesh: what is asked for and what was found in the input, its tasks, and what one does.
 
-use std::borrow::Cow;
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -14,7 +12,8 @@ use super::{Form, MeshRun, MeshStatus};
 use crate::beside;
 use crate::memory;
 use crate::plan::{
-    self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, StatusReport, Survey, Work,
+    self, At, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
+    Survey, Work,
 };
 use crate::tin::cost::{nanoseconds, seconds};
 use crate::tin::estimate::Size;
@@ -25,12 +24,10 @@ use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
 use crate::tin::tally::Tally;
 use crate::tin::worker::Stock;
-use terrane_base::error::{Error, Result};
-use terrane_base::geom::Affine;
+use terrane_base::error::Result;
 use terrane_base::limits;
-use terrane_files::{is_made, name_of, path_of};
 use terrane_mesh as mesh;
-use terrane_raster::{self as raster, GridInfo, GridSource};
+use terrane_raster::GridSource;
 use terrane_tin::{Local, Triangle};
 
 /// Share of the time that the writing of the mesh takes, about.
@@ -40,7 +37,7 @@ const WRITING: f64 = 0.1;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Mesh {
     method: Method,
-    grid: Grid,
+    grid: PlannedGrid,
 }
 
 /// What is asked for.
@@ -52,19 +49,10 @@ struct Method {
     height_origin: Option<f64>,
 }
 
-/// What was found in the input.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Grid {
-    width: u32,
-    height: u32,
-    transform: [f64; 6],
-    crs: String,
-}
-
 impl Mesh {
     /// That of an opened job; `rows` of tiles make a strip.
     pub(super) fn new(job: &TinJob, opened: &Opened, rows: Option<u32>) -> Result<Self> {
-        let grid = Grid::of(opened.source.info());
+        let grid = PlannedGrid::of(opened.source.info());
         let strip_rows = Strips::new(Layout::new(grid.width, grid.height, job.tile)?, rows).rows();
         let job = TinJob { format: Some(opened.format.name.to_owned()), ..job.clone() };
         let mesh =
@@ -85,11 +73,6 @@ impl Mesh {
         Ok(Strips::new(layout, Some(self.method.strip_rows)))
     }
 
-    /// Number of samples.
-    fn samples(&self) -> u64 {
-        u64::from(self.grid.width) * u64::from(self.grid.height)
-    }
-
     fn tolerance(&self) -> f64 {
         match self.method.job.goal {
             Goal::MaxError(tolerance) => tolerance,
@@ -108,7 +91,7 @@ impl Mesh {
         let thread_memory = worker + opened.kept.bytes();
         let kept = size.triangles * size_of::<Triangle>() as u64
             + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
-        let samples = self.samples();
+        let samples = self.grid.samples();
         let object = |task: Task| {
             let work = strips.work(task);
             let share = work.samples() as f64 / samples as f64;
@@ -122,22 +105,6 @@ impl Mesh {
             output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
             seconds: [whole * (1.0 - WRITING), whole * WRITING],
         })
-    }
-
-    /// Fails when the opened input is another grid than the plan's, or has more files: one beside the
-    /// others may say where voids are.
-    fn check_source(plan: &Plan<Self>, source: &dyn GridSource) -> Result<()> {
-        let Self { method, grid } = &plan.work;
-        let known: HashSet<Cow<'_, Path>> = plan.files().collect();
-        let all = plan::with_companions(files(&method.job, source));
-        if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
-            return Err(Error::bad_input(
-                "is read with the input, and was not when it was planned",
-            )
-            .in_file(new)
-            .remedy("move it away, or plan anew in another folder"));
-        }
-        plan::refuse_another("grid", &method.job.input.to_string(), grid, &Grid::of(source.info()))
     }
 }
 
@@ -176,7 +143,7 @@ impl Work for Mesh {
 
     fn check(&self) -> Result<()> {
         self.method.job.goal.check()?;
-        let Grid { width, height, .. } = self.grid;
+        let PlannedGrid { width, height, .. } = self.grid;
         limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         let tasks = 2 * u64::from(self.strips()?.count());
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
@@ -193,7 +160,7 @@ impl Work for Mesh {
     fn size(&self, task: Named<Task>) -> u64 {
         match task {
             Named::Task(task) => self.strips().map_or(0, |strips| strips.work(task).samples()),
-            Named::Finish => self.samples(),
+            Named::Finish => self.grid.samples(),
         }
     }
 
@@ -202,7 +169,7 @@ impl Work for Mesh {
             input: self.method.job.input.to_string(),
             format: self.method.job.format.clone().unwrap_or_default(),
             tile_cells: self.strips().map_or(0, |strips| strips.layout().side()),
-            of: MeshStatus { max_error: self.tolerance(), samples: self.samples() },
+            of: MeshStatus { max_error: self.tolerance(), samples: self.grid.samples() },
             ..StatusReport::default()
         }
     }
@@ -217,7 +184,9 @@ impl Work for Mesh {
         let tin = plan.work.job(order);
         let mut opened = Opened::new(&tin)?;
         opened.height_origin = plan.work.method.height_origin;
-        Self::check_source(plan, &*opened.source)?;
+        let Self { method, grid } = &plan.work;
+        let all = files(&method.job, &*opened.source);
+        grid.check(plan, &*opened.source, (&method.job.input, all))?;
         Ok(Ready { tin, opened, tolerance: plan.work.tolerance() })
     }
 
@@ -259,7 +228,7 @@ impl Work for Mesh {
         let mut tally = Tally::default();
         survey.done.values().for_each(|done| tally.add(done.facts.tally));
         let shelf = Shelf::new(survey, survey.folder.plan.work.strips()?, Strips::last_of);
-        at.progress.begin("write", survey.folder.plan.work.samples());
+        at.progress.begin("write", survey.folder.plan.work.grid.samples());
         let mut report = maker
             .complete(ready.tolerance, 0, |sink, spec| {
                 let settings = maker.settings(spec, ready.temp_dir());
@@ -277,23 +246,10 @@ impl Work for Mesh {
     }
 }
 
-impl Grid {
-    fn of(info: &GridInfo) -> Self {
-        let Affine { x0, a, b, y0, d, e } = info.transform;
-        let transform = [x0, a, b, y0, d, e];
-        let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
-        Self { width: info.width, height: info.height, transform, crs }
-    }
-}
-
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
-    let is_file = |name: &&String| !is_made(name);
-    let path = |name: &String| path_of(raster::file_name(name)).into_owned();
-    let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
-    let all: Vec<String> = job.input.names().iter().cloned().chain(members).collect();
     let kept = job.refinement.files().into_iter().flatten().flat_map(beside::files);
-    all.iter().filter(is_file).map(path).chain(job.reading.files()).chain(kept).collect()
+    plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).collect()
 }
 
 #[cfg(test)]

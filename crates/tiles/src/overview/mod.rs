@@ -1,6 +1,8 @@
 //! The ground from afar: a plane for each block of samples and how far they are from it, for the levels whose tiles
 //! have too many samples to look at each again and again; and the samples along the lines where these tiles meet.
 
+mod bytes;
+
 use std::collections::BTreeMap;
 
 use crate::globe::{Turn, Upright, bend};
@@ -121,8 +123,8 @@ impl Block {
     }
 }
 
-/// A part of what is looked at in a first pass, to be joined with the others.
-#[derive(Clone, Debug)]
+/// A part of what is looked at in a first pass, to be gathered with the others.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Glance {
     rect: Rect,
     blocks: Vec<Block>,
@@ -151,10 +153,11 @@ impl Plan {
             };
             let most = f64::from(whole[axis] - 1);
             let near = lines[axis].iter().map(place).filter(|at| (-1.0..=most + 1.0).contains(at));
+            // Rounding may put a place on either side of a sample.
             let both = near.flat_map(|at| {
-                // Rounding may put a place on either side of a sample.
-                [at.floor() - 1.0, at.floor(), at.floor() + 1.0, at.floor() + 2.0]
+                [at - 2.0 * HAIR, at + 2.0 * HAIR].map(f64::floor).map(|at| [at, at + 1.0])
             });
+            let both = both.flatten();
             let inner = both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32);
             // Beyond the grid its edges go on.
             let mut found: Vec<u32> = inner.chain([0, whole[axis] - 1]).collect();
@@ -201,34 +204,67 @@ impl Plan {
         Glance { rect, blocks, lines, means, range }
     }
 
-    /// Joins what was seen in rectangles that cover the grid; `None` where all of it is void.
-    pub fn join(&self, glances: Vec<Glance>) -> Option<Overview> {
-        let Blocks { side, counts, whole } = self.blocks;
-        let mut blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
+    /// Bytes that what is seen of the whole grid takes.
+    pub fn bytes(&self) -> u64 {
+        let Blocks { counts, whole, .. } = self.blocks;
+        let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
+        let line = |axis: usize| self.lines[axis].len() as u64 * u64::from(whole[1 - axis]);
+        blocks + (line(0) + line(1)) * size_of::<f64>() as u64
+    }
+
+    /// Nothing seen yet.
+    pub fn gather(self) -> Gathered {
+        let Blocks { counts, whole, .. } = self.blocks;
+        let blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
         let line = |axis: usize| {
             let empty = |at: &u32| (*at, vec![f64::NAN; whole[1 - axis] as usize]);
-            self.lines[axis].iter().map(empty).collect::<BTreeMap<_, _>>()
+            self.lines[axis].iter().map(empty).collect()
         };
-        let mut lines = [line(0), line(1)];
-        let (mut means, mut range) = (Means::new(whole), None);
-        for glance in glances {
-            let Rect { col, row, width, .. } = glance.rect;
-            let across = width.div_ceil(side) as usize;
-            for (i, block) in glance.blocks.into_iter().enumerate() {
-                let [x, y] = [col / side, row / side].map(|at| at as usize);
-                blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
-            }
-            for (axis, from) in [(0, row), (1, col)] {
-                for (at, heights) in &glance.lines[axis] {
-                    if let Some(line) = lines[axis].get_mut(at) {
-                        line[from as usize..][..heights.len()].copy_from_slice(heights);
-                    }
+        let (lines, means) = ([line(0), line(1)], Means::new(whole));
+        Gathered { plan: self, blocks, lines, means, range: None }
+    }
+}
+
+/// What was seen so far, whatever the order.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    plan: Plan,
+    blocks: Vec<Block>,
+    lines: [BTreeMap<u32, Vec<f64>>; 2],
+    means: Means,
+    range: Option<[f64; 2]>,
+}
+
+impl Gathered {
+    /// What is looked at.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Adds what was seen in a rectangle.
+    pub fn add(&mut self, glance: Glance) {
+        let Blocks { side, counts, .. } = self.plan.blocks;
+        let Rect { col, row, width, .. } = glance.rect;
+        let across = width.div_ceil(side) as usize;
+        for (i, block) in glance.blocks.into_iter().enumerate() {
+            let [x, y] = [col / side, row / side].map(|at| at as usize);
+            self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
+        }
+        for (axis, from) in [(0, row), (1, col)] {
+            for (at, heights) in &glance.lines[axis] {
+                if let Some(line) = self.lines[axis].get_mut(at) {
+                    line[from as usize..][..heights.len()].copy_from_slice(heights);
                 }
             }
-            means.join(&glance.means);
-            range = range.into_iter().chain(glance.range).reduce(around);
         }
-        Some(Overview { plan: self.clone(), blocks, lines, fill: means.fill()?, range: range? })
+        self.means.join(&glance.means);
+        self.range = self.range.into_iter().chain(glance.range).reduce(around);
+    }
+
+    /// The grid from afar, once all was seen; `None` where all of it is void.
+    pub fn finish(self) -> Option<Overview> {
+        let Self { plan, blocks, lines, means, range } = self;
+        Some(Overview { plan, blocks, lines, fill: means.fill()?, range: range? })
     }
 }
 
@@ -411,8 +447,21 @@ mod tests {
             let from = row as usize * whole[0] as usize;
             plan.look(rect, &heights[from..][..rect.len()])
         };
-        let glances = (0..whole[1]).step_by(rows as usize).map(look).collect();
-        plan.join(glances)
+        let mut gathered = plan.clone().gather();
+        for glance in (0..whole[1]).step_by(rows as usize).map(look) {
+            // As it is kept and read again.
+            let mut kept = Vec::new();
+            glance.write(&mut kept);
+            assert!(plan.read_glance(&mut &kept[..kept.len() - 1]).is_none());
+            let mut left = &kept[..];
+            let back = plan.read_glance(&mut left).unwrap();
+            let most = plan.written_bytes(glance.rect);
+            let is_whole = heights.iter().all(|height| height.is_finite());
+            assert!(kept.len() as u64 <= most && (!is_whole || kept.len() as u64 == most));
+            assert!(left.is_empty() && format!("{back:?}") == format!("{glance:?}"));
+            gathered.add(back);
+        }
+        gathered.finish()
     }
 
     proptest! {

@@ -1,0 +1,130 @@
+//! What was seen of a part of a grid, as bytes: to be kept, and gathered elsewhere.
+
+use std::collections::BTreeMap;
+
+use super::{Block, Blocks, Extreme, Glance, Plan};
+use crate::ground::Means;
+use terrane_base::geom::Rect;
+
+impl Glance {
+    /// Puts it at the end of `out`, to be read by [`Plan::read_glance`].
+    pub fn write(&self, out: &mut Vec<u8>) {
+        let Rect { col, row, width, height } = self.rect;
+        [col, row, width, height].into_iter().for_each(|n| out.extend(n.to_le_bytes()));
+        let [low, high] = self.range.unwrap_or([f64::NAN; 2]);
+        put(out, &[low, high]);
+        for block in &self.blocks {
+            out.extend(block.count.to_le_bytes());
+            put(out, &block.plane);
+            for Extreme { at, height, off } in block.ends {
+                at.into_iter().for_each(|at| out.extend(at.to_le_bytes()));
+                put(out, &[height, off]);
+            }
+        }
+        for lines in &self.lines {
+            out.extend((lines.len() as u32).to_le_bytes());
+            for (at, heights) in lines {
+                out.extend(at.to_le_bytes());
+                put(out, heights);
+            }
+        }
+        let sums: Vec<_> = self.means.sums().collect();
+        out.extend((sums.len() as u32).to_le_bytes());
+        for (square, sum, count) in sums {
+            out.extend(square.to_le_bytes());
+            out.extend(sum.to_le_bytes());
+            out.extend(count.to_le_bytes());
+        }
+    }
+}
+
+/// Bytes of a written block, and of a written sum of a square.
+const BLOCK: u64 = 4 + 3 * 8 + 2 * (2 * 2 + 2 * 8);
+const SUM: u64 = 4 + 16 + 8;
+
+impl Plan {
+    /// Bytes of a written glance at a rectangle without voids.
+    pub fn written_bytes(&self, rect: Rect) -> u64 {
+        let Rect { col, row, width, height } = rect;
+        let side = self.blocks.side;
+        let blocks = u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side));
+        let lines = |axis: usize, from: u32, count: u32, along: u32| {
+            let within = |line: &&u32| (from..from + count).contains(line);
+            self.lines[axis].iter().filter(within).count() as u64 * (4 + 8 * u64::from(along))
+        };
+        let lines = lines(0, col, width, height) + lines(1, row, height, width);
+        let squares = Means::new(self.blocks.whole).squares_in(rect);
+        4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + squares * SUM
+    }
+
+    /// Reads a glance from the front of `from`; `None` where there is none of this grid.
+    pub fn read_glance(&self, from: &mut &[u8]) -> Option<Glance> {
+        let Blocks { side, whole, .. } = self.blocks;
+        let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
+        let rect = Rect::new(col, row, width, height);
+        let fits = |first: u32, count: u32, whole: u32| {
+            let is_aligned = first.is_multiple_of(side) && count > 0;
+            is_aligned && first.checked_add(count).is_some_and(|end| end <= whole)
+        };
+        if !fits(col, width, whole[0]) || !fits(row, height, whole[1]) {
+            return None;
+        }
+        let [low, high] = numbers(from)?.map(f64::from_le_bytes);
+        let count = width.div_ceil(side) as usize * height.div_ceil(side) as usize;
+        let blocks = (0..count).map(|_| block(from)).collect::<Option<_>>()?;
+        let mut lines = [BTreeMap::new(), BTreeMap::new()];
+        for (lines, along) in lines.iter_mut().zip([height, width]) {
+            for _ in 0..number(from)? {
+                let at = number(from)?;
+                let heights = (0..along).map(|_| float(from)).collect::<Option<_>>()?;
+                lines.insert(at, heights);
+            }
+        }
+        let mut means = Means::new(whole);
+        for _ in 0..number(from)? {
+            let square = number(from)?;
+            let sum = i128::from_le_bytes(bytes(from)?);
+            means.put(square, sum, u64::from_le_bytes(bytes(from)?))?;
+        }
+        let range = (low <= high).then_some([low, high]);
+        Some(Glance { rect, blocks, lines, means, range })
+    }
+}
+
+fn block(from: &mut &[u8]) -> Option<Block> {
+    let count = number(from)?;
+    let plane = numbers(from)?.map(f64::from_le_bytes);
+    let mut ends = [Extreme::default(); 2];
+    for end in &mut ends {
+        let at = numbers(from)?.map(u16::from_le_bytes);
+        let [height, off] = numbers(from)?.map(f64::from_le_bytes);
+        *end = Extreme { at, height, off };
+    }
+    Some(Block { count, plane, ends })
+}
+
+fn put(out: &mut Vec<u8>, values: &[f64]) {
+    values.iter().for_each(|value| out.extend(value.to_le_bytes()));
+}
+
+fn bytes<const N: usize>(from: &mut &[u8]) -> Option<[u8; N]> {
+    let (here, rest) = from.split_first_chunk()?;
+    *from = rest;
+    Some(*here)
+}
+
+fn numbers<const K: usize, const N: usize>(from: &mut &[u8]) -> Option<[[u8; N]; K]> {
+    let mut found = [[0; N]; K];
+    for number in &mut found {
+        *number = bytes(from)?;
+    }
+    Some(found)
+}
+
+fn number(from: &mut &[u8]) -> Option<u32> {
+    bytes(from).map(u32::from_le_bytes)
+}
+
+fn float(from: &mut &[u8]) -> Option<f64> {
+    bytes(from).map(f64::from_le_bytes)
+}
