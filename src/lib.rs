@@ -86,7 +86,7 @@ pub use terrane_jobs::figures::Figures;
 pub use terrane_jobs::grid::{GridReport, Preset};
 pub use terrane_jobs::line::LineReport;
 pub use terrane_jobs::plan::TaskReport;
-pub use terrane_jobs::tiles::TilesReport;
+pub use terrane_jobs::tiles::{Format as TilesFormat, TilesReport};
 pub use terrane_jobs::tin::TinReport;
 pub use terrane_jobs::verify::{CloudVerifyReport, LineVerifyReport, Verdict, VerifyReport};
 pub use terrane_jobs::{Cancel, Progress};

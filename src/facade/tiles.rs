@@ -6,11 +6,11 @@ use super::grid::Grid;
 use super::plan::Plan;
 use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
-use terrane_jobs::tiles::{self, PlanJob, TilesJob, TilesReport};
+use terrane_jobs::tiles::{self, Format, PlanJob, TilesJob, TilesReport};
 
 /// Tiles of a grid of longitudes and latitudes to be made, for viewers of the globe, at every level of detail:
-/// quantized-mesh 1.0. No sample is further from a tile, as a client decodes it, than clients take its level to be
-/// off by. Source: <https://github.com/CesiumGS/quantized-mesh>.
+/// quantized-mesh 1.0, or 3D Tiles 1.1. No sample is further from a tile, as a client decodes it, than clients take its
+/// level to be off by. Sources: <https://github.com/CesiumGS/quantized-mesh>, <https://docs.ogc.org/cs/22-025r4/22-025r4.html>.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -29,6 +29,8 @@ use terrane_jobs::tiles::{self, PlanJob, TilesJob, TilesReport};
 /// ```
 pub struct TilesBuilder<'a> {
     grid: &'a Grid,
+    formats: Vec<Format>,
+    tile_edges: bool,
     max_level: Option<u8>,
     normals: bool,
     compress: bool,
@@ -40,7 +42,28 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        Self { grid, max_level: None, normals: true, compress: true, run: Run::default() }
+        Self {
+            grid,
+            formats: vec![Format::default()],
+            tile_edges: false,
+            max_level: None,
+            normals: true,
+            compress: true,
+            run: Run::default(),
+        }
+    }
+
+    /// What to write, quantized-mesh unless told otherwise; of several formats, a folder for each inside of the output.
+    pub fn formats(mut self, formats: impl IntoIterator<Item = Format>) -> Self {
+        self.formats = formats.into_iter().collect();
+        self
+    }
+
+    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges), which CesiumJS needs to take them for its
+    /// terrain.
+    pub fn tile_edges(mut self, tile_edges: bool) -> Self {
+        self.tile_edges = tile_edges;
+        self
     }
 
     /// The deepest level, from 0 to 20; the first whose tiles have at most 64 samples along a side unless told
@@ -94,6 +117,8 @@ impl<'a> TilesBuilder<'a> {
         Ok(TilesJob {
             reading: self.grid.reading.clone(),
             overwrite: self.run.overwrite,
+            formats: self.formats.clone(),
+            tile_edges: self.tile_edges,
             max_level: self.max_level,
             normals: self.normals,
             compress: self.compress,
