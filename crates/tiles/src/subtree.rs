@@ -18,6 +18,9 @@ pub const CLASS: [(&str, &str, &str); 5] = [
     ("geometricError", r#""type":"SCALAR""#, "TILE_GEOMETRIC_ERROR"),
 ];
 
+/// What is told of a tile, in one column of the table.
+type Column = fn(&Facts) -> Vec<f64>;
+
 /// The tile at the top of the subtree that a tile is in.
 pub fn subtree_of(id: TileId) -> TileId {
     let by = id.level % SUBTREE_LEVELS;
@@ -44,12 +47,12 @@ pub fn subtree(root: TileId, tiles: &[Facts], below: &[TileId]) -> Vec<u8> {
             format!(r#"{{"bitstream":{bits},"availableCount":{count}}}"#)
         }
     };
-    let columns: [&dyn Fn(&Facts) -> Vec<f64>; 5] = [
-        &|facts| vec![facts.heights[0]],
-        &|facts| vec![facts.heights[1]],
-        &|facts| [&facts.sphere.0.0[..], &[facts.sphere.1]].concat(),
-        &|facts| facts.occlusion.0.to_vec(),
-        &|facts| vec![facts.error],
+    let columns: [Column; 5] = [
+        |facts| vec![facts.heights[0]],
+        |facts| vec![facts.heights[1]],
+        |facts| [&facts.sphere.0.0[..], &[facts.sphere.1]].concat(),
+        |facts| facts.occlusion.0.to_vec(),
+        |facts| vec![facts.error],
     ];
     let properties: Vec<String> = CLASS
         .iter()

@@ -172,7 +172,8 @@ mod tests {
         };
         let made = |i: u32| {
             let id = TileId { level: 9, x: i, y: 7 };
-            let format = if i % 2 == 0 { Format::QuantizedMesh } else { Format::ThreeTiles };
+            let format =
+                if i.is_multiple_of(2) { Format::QuantizedMesh } else { Format::ThreeTiles };
             Made {
                 id,
                 format,
