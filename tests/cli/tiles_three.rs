@@ -62,6 +62,14 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
             assert_eq!(place.bytes(&a), place.bytes(&b), "{name}");
         }
     }
+    // So by plan, whose tasks keep what is told of tiles.
+    let planned = ["tiles", "dem.asc", "four", "--workdir", "work", "-q"];
+    place.ok(&[&planned[..], &both[..]].concat());
+    assert_eq!(walk(&place, "one"), walk(&place, "four"));
+    for name in walk(&place, "one") {
+        let [a, b] = ["one", "four"].map(|folder| place.bytes(&format!("{folder}/{name}")));
+        assert_eq!(a, b, "{name}");
+    }
     let plain = ["--no-gzip", "--no-normals", "--max-level", "9", "--overwrite", "-q"];
     place.ok(&[&["tiles", "dem.asc", "two"], &both[..2], &plain[..]].concat());
     place.ok(&["verify", "two/tileset.json", "dem.asc", "-q"]);
