@@ -1,6 +1,8 @@
 //! The surface of a tile: its borders, the posts that follow the bend of the earth, and the samples that are
 //! furthest off, until all are within the error of the level as a client decodes the tile.
 
+use std::cell::RefCell;
+
 use crate::border::{self, Side};
 use crate::globe::{Turn, Upright, Vector, bend};
 use crate::ground::{Ground, Sample};
@@ -13,6 +15,14 @@ use terrane_tin::scatter::{Fit, Mesh};
 
 /// Rounds in which samples that are found beyond the error are put into the mesh.
 const MOST_ROUNDS: u32 = 32;
+
+/// Points that a thread keeps room for from one tile to the next.
+const MOST_KEPT: usize = 1 << 16;
+
+thread_local! {
+    /// Room for the points of a tile: to have it anew for each costs more than to fill it.
+    static POINTS: RefCell<Vec<Point>> = const { RefCell::new(Vec::new()) };
+}
 
 /// A vertex of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,12 +109,16 @@ impl<'a> Builder<'a> {
     /// Takes samples for vertices until all that are handed on, each with its place rounded, are within the
     /// level's error.
     pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(Sample))) {
-        let mut points = Vec::new();
+        let mut points = POINTS.take();
+        points.clear();
         samples(&mut |sample| {
             points.push(self.candidate(self.id.steps(sample.place), sample.height))
         });
         let goal = self.level.goal() / self.level.unit();
         Fit::new(&mut self.mesh, &points, goal).run();
+        if points.capacity() <= MOST_KEPT {
+            POINTS.set(points);
+        }
     }
 
     /// Takes samples for vertices, however far off they seem. Where one is a vertex already, its place was rounded

@@ -1,6 +1,7 @@
 //! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
 //! several formats, a folder of that kind for each.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -259,15 +260,21 @@ fn sync(folder: &Path) {
 #[cfg(not(target_os = "linux"))]
 fn sync(_: &Path) {}
 
+thread_local! {
+    /// What a thread packs with: it is large, and files are small.
+    static PACKER: RefCell<Compressor> =
+        RefCell::new(Compressor::new(CompressionLvl::new(EFFORT).unwrap_or_default()));
+}
+
 fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
-    let effort = CompressionLvl::new(EFFORT).unwrap_or_default();
-    let mut packer = Compressor::new(effort);
-    let mut out = vec![0; packer.gzip_compress_bound(bytes.len())];
-    let size = packer
-        .gzip_compress(bytes, &mut out)
-        .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot compress a tile: {e}")))?;
-    out.truncate(size);
-    Ok(out)
+    PACKER.with_borrow_mut(|packer| {
+        let mut out = vec![0; packer.gzip_compress_bound(bytes.len())];
+        let size = packer
+            .gzip_compress(bytes, &mut out)
+            .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot compress a tile: {e}")))?;
+        out.truncate(size);
+        Ok(out)
+    })
 }
 
 /// What clients are told: the format, where there are tiles, and what is proven of them.
