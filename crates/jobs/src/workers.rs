@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{Scope, ScopedJoinHandle};
 
 use crate::Cancel;
 use terrane_base::error::{Error, Result};
@@ -33,16 +34,26 @@ pub(crate) fn run<S>(
         }
     };
     std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                if let Err(e) = worker() {
-                    failed.store(true, Ordering::Relaxed);
-                    lock(&error).get_or_insert(e);
-                }
-            });
+        let run = || {
+            if let Err(e) = worker() {
+                failed.store(true, Ordering::Relaxed);
+                lock(&error).get_or_insert(e);
+            }
+        };
+        let started = (0..threads).map_while(|_| spawn(scope, run)).count();
+        if started == 0 {
+            run();
         }
     });
     lock(&error).take().map_or(Ok(()), Err)
+}
+
+/// Starts a thread; `None` where the system has none left, or no memory for it.
+pub(crate) fn spawn<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> Option<ScopedJoinHandle<'scope, T>> {
+    std::thread::Builder::new().spawn_scoped(scope, work).ok()
 }
 
 /// As [`run`]; what each unit gives is taken in the order of units, whoever is done first.

@@ -16,6 +16,7 @@ use super::workdir::ObjectWriter;
 use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
 use super::writer::{Collect, Part, Saver, Totals, Writer};
 use crate::kept::Kept;
+use crate::workers::spawn;
 use crate::{Cancel, Progress};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked};
@@ -204,10 +205,15 @@ fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Cloc
     let threads = shared.settings.threads;
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
-        let writing = scope.spawn(move || write_parts(shared, collector, &receiver));
+        let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
+        // Where there are no threads to be had, this one does it all.
+        let Some(writing) = writing else {
+            return Worker::new(shared, Outlet::Direct(collector)).run();
+        };
         let work = |outlet| move || Worker::new(shared, outlet).run();
-        let others: Vec<_> =
-            (1..threads).map(|_| scope.spawn(work(Outlet::Channel(sender.clone())))).collect();
+        let others: Vec<_> = (1..threads)
+            .map_while(|_| spawn(scope, work(Outlet::Channel(sender.clone()))))
+            .collect();
         let mut clock = work(Outlet::Channel(sender))();
         for other in others {
             match other.join() {
