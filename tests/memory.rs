@@ -273,8 +273,8 @@ const JOBS: &[&str] = &[
     "synth rough,size=1025 o.tif",
     "synth cloud,size=200 o.laz",
     "run tin.plan",
-    "tiles globe.flt o",
-    "tiles wide.flt o --max-level 4",
+    "tiles globe.flt o1",
+    "tiles wide.flt o2 --max-level 4",
     "verify tiles globe.flt",
 ];
 

@@ -196,7 +196,9 @@ mod tests {
         add_known(&path, &mut known).unwrap();
         assert_eq!(known.level(9).count(), 9);
         let whole = std::fs::read(&path).unwrap();
-        for length in 0..whole.len() {
+        // Eight zeros are an object without tiles; what is torn there is told by its digest.
+        let is_empty = |length: &usize| *length == 8 && whole[..8] == [0; 8];
+        for length in (0..whole.len()).filter(|length| !is_empty(length)) {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(each_tile(&path, |_| Ok(())).is_err(), "{length}");
         }
