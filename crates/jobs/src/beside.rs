@@ -3,9 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use crate::Resources;
+use crate::memory::PROGRAM;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{name_of, path_of};
 use terrane_vector::{self as vector, Feature, FeatureSource};
+
+/// MiB that are enough for the job beside such a file: the program may have half of the memory with its workers.
+const BESIDE: u64 = 2 * (PROGRAM >> 20) + 40;
 
 /// Such a file, open.
 pub(crate) struct Beside {
@@ -65,7 +69,7 @@ impl Beside {
             format!("its {vertices} vertices take {needed} MiB of the {allowed} MiB allowed");
         Error::new(ErrorKind::Resource, message).in_file(&self.path).remedy(format!(
             "pass --memory {}M or more, or {}",
-            4 * needed + 64,
+            4 * needed + BESIDE,
             self.remedy
         ))
     }

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::figures::Figures;
 use super::input::workers;
+use super::memory::PROGRAM;
 use super::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;
@@ -92,11 +93,11 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
 
 /// Parts of a round: enough to keep all threads busy, as far as memory goes.
 fn round(resources: &Resources) -> Result<usize> {
-    let parts = resources.memory / BYTES_BY_PART;
+    let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {
         let message = format!("the memory budget of {} bytes is too small", resources.memory);
         return Err(Error::new(ErrorKind::Resource, message)
-            .remedy(format!("give at least {} MiB with --memory", BYTES_BY_PART >> 20)));
+            .remedy(format!("pass --memory {}M or more", (PROGRAM + BYTES_BY_PART) >> 20)));
     }
     Ok(parts.min(resources.threads as u64 * PARTS_BY_THREAD) as usize)
 }
