@@ -6,7 +6,7 @@ use crate::atomic;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::jobs::Cancel;
 use crate::jobs::sift::Sifted;
 use crate::jobs::tiles::{self, FORMATS, Format, TilesJob, TilesReport};
@@ -126,10 +126,7 @@ fn formats_help() -> String {
 }
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
-    if args.disk.no_disk_check && args.workdir.is_none() {
-        return Err(Error::usage("--no-disk-check is for runs by plan")
-            .remedy("leave it out, or pass --workdir"));
-    }
+    args.disk.check_workdir(args.workdir.as_deref())?;
     let resources = args.machine.resources();
     let options = args.grid.open_options(&resources);
     atomic::refuse_stdout(&args.output)?;

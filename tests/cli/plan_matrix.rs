@@ -496,4 +496,6 @@ fn a_disk_with_too_little_room_is_refused_unless_told_otherwise() {
     assert!(begun, "it began");
     let stray = ["tin", input, "a.ply", "--max-error", "1", "--no-disk-check"];
     place.fails(&stray, 2, &["--no-disk-check", "--workdir"]);
+    let stray = ["tiles", "dem.asc", "t", "--no-disk-check"];
+    crate::tiles::place(20).fails(&stray, 2, &["--no-disk-check", "--workdir"]);
 }

@@ -152,7 +152,7 @@ fn what_cannot_be_followed_is_refused() {
         let args = ["tin", TERRAIN, "m.ply", "--breaklines", "many.wkt", "--memory", memory];
         [&args[..], &MAKE].concat()
     };
-    place.fails(&with("22M"), 75, &["many.wkt", "200000 vertices take 10 MiB", "--memory 104M"]);
+    place.fails(&with("22M"), 75, &["many.wkt", "200000 vertices take 10 MiB", "--memory 108M"]);
     place.ok(&with("104M"));
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "4"][..], &FOLLOW].concat();
     for other in ["greedy4", "vip"] {

@@ -1,6 +1,6 @@
 //! Arguments that several verbs share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -188,6 +188,15 @@ impl Disk {
     /// What is asked for.
     pub(crate) fn check(&self) -> DiskCheck {
         if self.no_disk_check { DiskCheck::Off } else { DiskCheck::On }
+    }
+
+    /// Fails where it is asked for and there is no folder of tasks whose results might need it.
+    pub(crate) fn check_workdir(&self, workdir: Option<&Path>) -> Result<()> {
+        match self.no_disk_check && workdir.is_none() {
+            false => Ok(()),
+            true => Err(Error::usage("--no-disk-check is for runs by plan")
+                .remedy("leave it out, or pass --workdir")),
+        }
     }
 }
 

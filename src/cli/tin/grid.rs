@@ -18,10 +18,7 @@ use crate::raster::{self, OpenOptions, undeclared_nodata};
 
 pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     args.points.refuse(&args.input[0])?;
-    if args.disk.no_disk_check && args.workdir.is_none() {
-        return Err(Error::usage("--no-disk-check is for runs by plan")
-            .remedy("leave it out, or pass --workdir"));
-    }
+    args.disk.check_workdir(args.workdir.as_deref())?;
     args.textbook.check(args)?;
     let bands = args.bands.bands(&args.grid)?;
     let resources = args.machine.resources();

@@ -497,6 +497,19 @@ mod tests {
     }
 
     #[test]
+    fn a_void_part_comes_back_void() {
+        let plan = Plan::new([20, 20], MAP, [&[], &[]]);
+        let glance = plan.look(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
+        let mut kept = Vec::new();
+        glance.write(&mut kept);
+        let back = plan.read_glance(&mut &kept[..]).unwrap();
+        assert!(back.range.is_none() && back.blocks == glance.blocks);
+        let mut gathered = plan.gather();
+        gathered.add(back);
+        assert!(gathered.finish().is_none());
+    }
+
+    #[test]
     fn along_lines_heights_are_those_of_the_grid() {
         let heights: Vec<f64> =
             (0..5000_u32).map(|i| f64::from(i.wrapping_mul(7919) % 997)).collect();
