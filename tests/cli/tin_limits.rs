@@ -28,14 +28,6 @@ fn report(place: &Place, args: &[&str]) -> Value {
     serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{args:?}: {e}: {}", ran.out))
 }
 
-/// The memory that a run with far too little is told to ask for.
-fn advised(place: &Place, args: &[&str]) -> String {
-    let ran = place.run(&[args, &["--memory", "1M", "-q"]].concat());
-    assert_eq!(ran.code, 75, "{args:?}: {}", ran.err);
-    let words = ran.err.split("--memory ").nth(1).and_then(|rest| rest.split(' ').next());
-    words.unwrap_or_else(|| panic!("no number, {args:?}: {}", ran.err)).to_owned()
-}
-
 #[test]
 fn advised_memory_is_enough_memory() {
     let place = Place::new();
@@ -61,7 +53,7 @@ fn advised_memory_is_enough_memory() {
         for threads in ["1", "2", "7"] {
             let job = job.replace('*', &format!("{i}-{threads}"));
             let job: Vec<&str> = job.split(' ').chain(["--threads", threads]).collect();
-            let memory = advised(&place, &job);
+            let memory = place.advised(&job, "1M", &[]);
             place.ok(&[&job[..], &["--memory", &memory, "-q"]].concat());
         }
     }
@@ -76,7 +68,7 @@ fn more_memory_than_advised_is_enough_too() {
         .ok(&[&["convert", "synth:rough,size=1100", "strip.tif", "-f", "GTiff"], &tall[..]]
             .concat());
     let job = ["tin", "strip.tif", "o.ply", "--max-error", "1", "--tile", "64", "--threads", "2"];
-    let least: u64 = advised(&place, &job).trim_end_matches('M').parse().unwrap();
+    let least: u64 = place.advised(&job, "1M", &[]).trim_end_matches('M').parse().unwrap();
     for memory in least..least + 12 {
         let memory = format!("{memory}M");
         place.ok(&[&job[..], &["--memory", &memory, "--overwrite", "-q"]].concat());
@@ -91,7 +83,7 @@ fn a_mesh_of_all_points_of_a_cloud_keeps_to_the_least_memory() {
     for (format, threads) in [("ply", "1"), ("stl", "2")] {
         let output = format!("all.{format}");
         let job = ["tin", "cloud.las", &output, "--max-error", "0", "--threads", threads];
-        let memory = advised(&place, &job);
+        let memory = place.advised(&job, "1M", &[]);
         let report = report(&place, &[&job[..], &["--memory", &memory]].concat());
         let peak = report["peak_memory"].as_f64().unwrap() / f64::from(1 << 20);
         let allowed: f64 = memory.trim_end_matches('M').parse().unwrap();
@@ -167,10 +159,10 @@ fn a_tile_larger_than_the_grid_is_one_of_its_size() {
             tile,
         ]
     };
-    let memory = advised(&place, &job("a.ply", "199"));
+    let memory = place.advised(&job("a.ply", "199"), "1M", &[]);
     for (output, tile) in [("a.ply", "199"), ("b.ply", "200"), ("c.ply", "8192")] {
         place.ok(&[&job(output, tile)[..], &["--memory", &memory, "-q"]].concat());
-        assert_eq!(advised(&place, &job("d.ply", tile)), memory);
+        assert_eq!(place.advised(&job("d.ply", tile), "1M", &[]), memory);
     }
     let [a, b, c] =
         ["a.ply", "b.ply", "c.ply"].map(|name| std::fs::read(place.path(name)).unwrap());

@@ -92,6 +92,21 @@ impl Place {
         }
         assert_eq!(self.files(), before, "{args:?}");
     }
+
+    /// The memory that a run with `memory` is told to ask for, in an error that says each of `words`.
+    pub fn advised(&self, args: &[&str], memory: &str, words: &[&str]) -> String {
+        let args = [args, &["--memory", memory]].concat();
+        self.fails(&args, 75, words);
+        let told = self.run(&args).err;
+        let advised = told.split("--memory ").nth(1).and_then(|rest| rest.split([' ', ',']).next());
+        advised.unwrap_or_else(|| panic!("no memory, {args:?}: {told}")).to_owned()
+    }
+
+    /// Expects a run with `memory` to be refused and one with what is advised to succeed.
+    pub fn ok_as_advised(&self, args: &[&str], memory: &str, words: &[&str]) {
+        let advised = self.advised(args, memory, words);
+        self.ok(&[args, &["--memory", &advised]].concat());
+    }
 }
 
 impl From<Output> for Ran {
