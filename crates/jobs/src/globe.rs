@@ -1,6 +1,90 @@
-//! Grids on the globe whose last samples rounding has put beyond it.
+//! Where the samples of a grid are on the globe.
 
-use terrane_base::geom::Affine;
+use crate::transform::extent_of;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_crs::Operation;
+use terrane_raster::GridInfo;
+
+/// Systems of longitudes and latitudes that are WGS 84, and those that are within a metre or two of it.
+const SAME: [u32; 2] = [4326, 4979];
+const NEAR: [(u32, &str); 6] = [
+    (4258, "ETRS89"),
+    (4269, "NAD83"),
+    (4283, "GDA94"),
+    (7844, "GDA2020"),
+    (4167, "NZGD2000"),
+    (6668, "JGD2011"),
+];
+
+/// Where the samples of a grid are on the globe.
+pub(crate) enum OnGlobe {
+    /// Columns are meridians and rows parallels: the map to longitudes and latitudes.
+    Straight(Affine),
+    /// The map to positions, and what brings these to longitudes and latitudes.
+    Moved(Affine, Box<Operation>),
+}
+
+impl OnGlobe {
+    /// Of a grid, and what is to be said of it.
+    ///
+    /// # Errors
+    /// A grid whose place on the globe is not known, or that reaches beyond a pole or 180 degrees.
+    pub(crate) fn of(info: &GridInfo) -> Result<(Self, Vec<String>)> {
+        let crs = &info.crs;
+        if !info.georeferenced || crs.is_unknown() {
+            return Err(Error::bad_input("does not say where on the globe it lies")
+                .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
+        }
+        let mut notes = Vec::new();
+        let is_turned = info.transform.b != 0.0 || info.transform.d != 0.0;
+        if crs.geographic == Some(true) && !is_turned && is_near(crs, &mut notes) {
+            let whole = [info.width, info.height];
+            let map = into_world(info.transform, whole);
+            return check_world(&map, whole).map(|()| (Self::Straight(map), notes));
+        }
+        let operation = Operation::to_wgs84(crs, Some(extent_of(info)))?;
+        notes.push(match operation.accuracy() {
+            Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
+            Some(metres) => {
+                let (name, label) = (operation.name(), crs.label());
+                format!("samples are brought from {label} to WGS 84 by {name}, which is right to {metres} m")
+            }
+            None => format!("samples are brought from {} to WGS 84 by {}", crs.label(), operation.name()),
+        });
+        notes.extend_from_slice(operation.notes());
+        Ok((Self::Moved(info.transform, Box::new(operation)), notes))
+    }
+}
+
+/// Whether longitudes and latitudes are those of WGS 84, or nearly.
+fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
+    let known = |code: u32| Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
+    let is_one = |code: u32| crs.epsg == Some(code) || crs.agrees(&known(code));
+    if SAME.into_iter().any(is_one) {
+        return true;
+    }
+    let near = NEAR.into_iter().find(|(code, _)| is_one(*code));
+    if let Some((_, name)) = near {
+        notes
+            .push(format!("{name} is taken for WGS 84, from which it differs by up to two metres"));
+    }
+    near.is_some()
+}
+
+fn check_world(map: &Affine, whole: [u32; 2]) -> Result<()> {
+    let ends = [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
+    let side = |axis: usize| [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])];
+    let ([west, east], [south, north]) = (side(0), side(1));
+    // What is no number is nowhere.
+    if west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 {
+        return Ok(());
+    }
+    let reach = format!("reaches from {west}, {south} to {east}, {north} degrees");
+    Err(Error::bad_input(format!("{reach}, beyond 180 degrees or a pole")).remedy(
+        "cut it at 180 degrees, and move what is beyond by 360 (gdal_translate -projwin, -a_ullr)",
+    ))
+}
 
 /// Degrees by which samples may be beyond the world: rounding.
 const HAIR: f64 = 1e-9;

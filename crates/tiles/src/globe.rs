@@ -116,6 +116,19 @@ impl Upright {
         Self { normal: Vector([lat.cos * lon.cos, lat.cos * lon.sin, lat.sin]), bend }
     }
 
+    /// In a direction from the centre of the earth's curvature there, nearly of length 1.
+    pub(crate) fn along(up: Vector) -> Self {
+        let normal = up.unit();
+        let [x, y, sin] = normal.0;
+        Self { normal, bend: bend(Turn { sin, cos: x.hypot(y) }) }
+    }
+
+    /// Longitude and latitude in degrees.
+    pub(crate) fn place(&self) -> [f64; 2] {
+        let [x, y, z] = self.normal.0;
+        [y.atan2(x), z.atan2(x.hypot(y))].map(f64::to_degrees)
+    }
+
     /// The place so many metres above the ellipsoid.
     #[inline]
     pub fn point(&self, height: f64) -> Vector {

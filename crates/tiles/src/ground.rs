@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::chart::Chart;
 use crate::globe::{Turn, Upright, bend};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
@@ -43,48 +44,91 @@ pub trait Ground {
     fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
 }
 
-/// Samples that a place may be beside one and still be on it.
-pub(crate) const HAIR: f64 = 1e-7;
-
-/// A rectangle of heights of a grid whose rows run from west to east and whose columns from north to south.
+/// A rectangle of heights of a grid.
 #[derive(Clone, Debug)]
 pub struct Patch<'a> {
     heights: &'a [f64],
     rect: Rect,
-    /// Samples of the whole grid along both sides.
-    whole: [u32; 2],
-    map: Affine,
-    cols: Vec<Turn>,
-    rows: Vec<(Turn, f64)>,
+    chart: &'a Chart,
+    places: Places<'a>,
     fill: &'a Fill,
 }
 
+/// Where samples of a patch are.
+#[derive(Clone, Debug)]
+enum Places<'a> {
+    /// Where columns are meridians and rows parallels.
+    Straight { map: &'a Affine, cols: Vec<Turn>, rows: Vec<(Turn, f64)> },
+    /// Found once, row by row.
+    Found(Vec<([f64; 2], Upright)>),
+    /// Found for each that is asked for.
+    Asked,
+}
+
 impl<'a> Patch<'a> {
-    /// The heights of `rect`, row by row, NaN where void, of a grid of so many columns and rows, which `map`
-    /// takes to longitudes and latitudes without turning it.
-    pub fn new(
-        heights: &'a [f64],
-        rect: Rect,
-        whole: [u32; 2],
-        map: Affine,
-        fill: &'a Fill,
-    ) -> Self {
-        debug_assert!(map.b == 0.0 && map.d == 0.0 && heights.len() == rect.len());
-        let col = |col: u32| Turn::of(map.apply(f64::from(col), 0.0)[0]);
-        let row = |row: u32| {
-            let turn = Turn::of(map.apply(0.0, f64::from(row))[1]);
-            (turn, bend(turn))
+    /// Bytes that are kept of each sample's place, of samples that are looked at again and again.
+    pub const PLACE_BYTES: u64 = size_of::<([f64; 2], Upright)>() as u64;
+
+    /// The heights of `rect`, row by row, NaN where void.
+    pub fn new(heights: &'a [f64], rect: Rect, chart: &'a Chart, fill: &'a Fill) -> Self {
+        debug_assert_eq!(heights.len(), rect.len());
+        let places = match chart.map() {
+            None => Places::Asked,
+            Some(map) => {
+                let col = |col: u32| Turn::of(map.apply(f64::from(col), 0.0)[0]);
+                let row = |row: u32| {
+                    let turn = Turn::of(map.apply(0.0, f64::from(row))[1]);
+                    (turn, bend(turn))
+                };
+                let cols = (rect.col..rect.col + rect.width).map(col).collect();
+                let rows = (rect.row..rect.row + rect.height).map(row).collect();
+                Places::Straight { map, cols, rows }
+            }
         };
-        let cols = (rect.col..rect.col + rect.width).map(col).collect();
-        let rows = (rect.row..rect.row + rect.height).map(row).collect();
-        Self { heights, rect, whole, map, cols, rows, fill }
+        Self { heights, rect, chart, places, fill }
+    }
+
+    /// The same, to be looked at more than once.
+    #[must_use]
+    pub fn kept(mut self) -> Self {
+        if matches!(self.places, Places::Asked) {
+            let Rect { col, row, width, height } = self.rect;
+            let all =
+                (row..row + height).flat_map(|row| (col..col + width).map(move |col| [col, row]));
+            let place = |at: [u32; 2]| {
+                let Sample { place, upright, .. } = self.chart.sample(at.map(f64::from), 0.0);
+                (place, upright)
+            };
+            self.places = Places::Found(all.map(place).collect());
+        }
+        self
     }
 
     /// True when a valid sample lies in a rectangle, its border included.
     pub fn holds_any(&self, bounds: &Bounds) -> bool {
-        let [left, right] = self.range(0, [bounds.west, bounds.east]);
-        let [top, bottom] = self.range(1, [bounds.south, bounds.north]);
-        (top..bottom).any(|row| (left..right).any(|col| self.at(col, row).is_some()))
+        let [[left, right], [top, bottom]] = self.ranges(bounds);
+        let is_one = |col: u32, row: u32| {
+            self.at(col, row).is_some()
+                && (self.chart.map().is_some() || bounds.holds(self.sample(col, row, 0.0).place))
+        };
+        (top..bottom).any(|row| (left..right).any(|col| is_one(col, row)))
+    }
+
+    /// A sample of the patch.
+    fn sample(&self, col: u32, row: u32, height: f64) -> Sample {
+        let [along, down] = [col - self.rect.col, row - self.rect.row].map(|at| at as usize);
+        match &self.places {
+            Places::Straight { map, cols, rows } => {
+                let place = map.apply(f64::from(col), f64::from(row));
+                let (lat, bend) = rows[down];
+                Sample { place, height, upright: Upright::of(cols[along], lat, bend) }
+            }
+            Places::Found(places) => {
+                let (place, upright) = places[down * self.rect.width as usize + along];
+                Sample { place, height, upright }
+            }
+            Places::Asked => self.chart.sample([col, row].map(f64::from), height),
+        }
     }
 
     /// The height of a sample of the patch.
@@ -97,19 +141,34 @@ impl<'a> Patch<'a> {
         height.is_finite().then_some(height)
     }
 
+    /// Columns and rows that hold all samples in a rectangle, the last ones excluded; where rows are parallels, no
+    /// others.
+    fn ranges(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
+        if let Some(map) = self.chart.map() {
+            let Bounds { west, south, east, north } = *bounds;
+            return [self.range(map, 0, [west, east]), self.range(map, 1, [south, north])];
+        }
+        let Rect { col, row, width, height } = self.rect;
+        let [cols, rows] = self.chart.range(bounds);
+        [(cols, col, width), (rows, row, height)].map(|([low, high], first, count)| {
+            let clip = |at: f64| at.clamp(f64::from(first), f64::from(first + count)) as u32;
+            [clip((low - 1.0).floor()), clip((high + 2.0).ceil())]
+        })
+    }
+
     /// The samples along an axis that lie from `low` to `high`, both included.
-    fn range(&self, axis: usize, [low, high]: [f64; 2]) -> [u32; 2] {
+    fn range(&self, map: &Affine, axis: usize, [low, high]: [f64; 2]) -> [u32; 2] {
         let [first, count] = match axis {
             0 => [self.rect.col, self.rect.width],
             _ => [self.rect.row, self.rect.height],
         };
         let inverse = |value: f64| match axis {
-            0 => self.map.invert(value, self.map.y0)[0],
-            _ => self.map.invert(self.map.x0, value)[1],
+            0 => map.invert(value, map.y0)[0],
+            _ => map.invert(map.x0, value)[1],
         };
         let place = |index: u32| match axis {
-            0 => self.map.apply(f64::from(index), 0.0)[0],
-            _ => self.map.apply(0.0, f64::from(index))[1],
+            0 => map.apply(f64::from(index), 0.0)[0],
+            _ => map.apply(0.0, f64::from(index))[1],
         };
         let holds = |index: u32| (low..=high).contains(&place(index));
         let [a, b] = [inverse(low), inverse(high)];
@@ -129,19 +188,13 @@ impl<'a> Patch<'a> {
 
 impl Ground for Patch<'_> {
     fn height(&self, place: [f64; 2]) -> Option<f64> {
-        let at = self.map.invert(place[0], place[1]);
-        let mut ends = [[(0, 0.0); 2]; 2];
-        for axis in 0..2 {
-            let most = self.whole[axis] - 1;
-            // A hair beside a sample is on it.
-            let near = at[axis].round();
-            let along = if (at[axis] - near).abs() < HAIR { near } else { at[axis] };
-            let along = along.clamp(0.0, f64::from(most));
-            let first = along as u32;
-            let part = along - f64::from(first);
-            ends[axis] = [(first, 1.0 - part), ((first + 1).min(most), part)];
-        }
-        let [cols, rows] = ends;
+        let at = self.chart.within(place)?;
+        let whole = self.chart.whole();
+        let [cols, rows] = [0, 1].map(|axis: usize| {
+            let first = at[axis] as u32;
+            let part = at[axis] - f64::from(first);
+            [(first, 1.0 - part), ((first + 1).min(whole[axis] - 1), part)]
+        });
         let mut sum = 0.0;
         for (row, down) in rows.into_iter().filter(|(_, part)| *part > 0.0) {
             for (col, along) in cols.into_iter().filter(|(_, part)| *part > 0.0) {
@@ -152,38 +205,37 @@ impl Ground for Patch<'_> {
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
+        let Some(map) = self.chart.map() else {
+            return self.chart.stops([from, to], &mut |place| found(place, self.height(place)));
+        };
         let axis = usize::from(from[0] == to[0]);
-        let [first, end] = self.range(axis, [from[axis], to[axis]]);
+        let [first, end] = self.range(map, axis, [from[axis], to[axis]]);
         for index in first..end {
             let mut place = from;
-            place[axis] = self.map.apply(f64::from(index), f64::from(index))[axis];
+            place[axis] = map.apply(f64::from(index), f64::from(index))[axis];
             found(place, self.height(place));
         }
     }
 
     fn fill(&self, place: [f64; 2]) -> f64 {
-        self.fill.at(self.map.invert(place[0], place[1]))
+        self.fill.at(self.chart.at(place))
     }
 
     fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
-        let [left, right] = self.range(0, [bounds.west, bounds.east]);
-        let [top, bottom] = self.range(1, [bounds.south, bounds.north]);
+        let [[left, right], [top, bottom]] = self.ranges(bounds);
+        let is_bent = self.chart.map().is_none();
         let wanted =
             |from: u32, to: u32| (from.next_multiple_of(stride)..to).step_by(stride as usize);
         for row in wanted(top, bottom) {
             let down = (row - self.rect.row) as usize;
             let line = &self.heights[down * self.rect.width as usize..][..self.rect.width as usize];
-            let (lat, bend) = self.rows[down];
             for col in wanted(left, right) {
-                let along = (col - self.rect.col) as usize;
-                let height = line[along];
+                let height = line[(col - self.rect.col) as usize];
                 if height.is_finite() {
-                    let place = self.map.apply(f64::from(col), f64::from(row));
-                    found(Sample {
-                        place,
-                        height,
-                        upright: Upright::of(self.cols[along], lat, bend),
-                    });
+                    let sample = self.sample(col, row, height);
+                    if !is_bent || bounds.holds(sample.place) {
+                        found(sample);
+                    }
                 }
             }
         }
@@ -311,7 +363,8 @@ impl Fill {
     /// At a place of the grid, in samples; beyond the grid as at its border.
     pub fn at(&self, place: [f64; 2]) -> f64 {
         let along = |axis: usize, count: u32| {
-            let place = (place[axis] + 0.5) / f64::from(self.square) - 0.5;
+            // What is no place counts as the first sample.
+            let place = (place[axis].max(0.0) + 0.5) / f64::from(self.square) - 0.5;
             let place = place.clamp(0.0, f64::from(count - 1));
             let first = place.floor();
             [
@@ -345,7 +398,8 @@ mod tests {
         let heights: Vec<f64> =
             (0..2000).map(|i| f64::from(i % 50) * 3.0 - f64::from(i / 50) * 2.0).collect();
         let fill = fill(5.0);
-        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        let chart = Chart::straight(MAP, [50, 40]);
+        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         for [col, row] in [[0.0, 0.0], [3.3, 7.8], [49.0, 39.0], [20.5, 0.0]] {
             let found = patch.height(MAP.apply(col, row)).unwrap();
             assert!((found - (col * 3.0 - row * 2.0)).abs() < 1e-9, "{col} {row}");
@@ -366,11 +420,12 @@ mod tests {
     fn a_part_of_a_grid_is_as_the_whole() {
         let heights: Vec<f64> = (0..2000).map(|i| f64::from(i * 7919 % 997)).collect();
         let fill = fill(5.0);
-        let whole = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        let chart = Chart::straight(MAP, [50, 40]);
+        let whole = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         let rect = Rect::new(11, 5, 30, 30);
         let part: Vec<f64> =
             (5..35).flat_map(|row| heights[row * 50 + 11..][..30].to_vec()).collect();
-        let part = Patch::new(&part, rect, [50, 40], MAP, &fill);
+        let part = Patch::new(&part, rect, &chart, &fill);
         let bounds = Bounds { west: 7.2, south: 45.7, east: 7.3, north: 45.9 };
         for stride in [1, 2, 4] {
             let all = |patch: &Patch<'_>| {
@@ -401,7 +456,8 @@ mod tests {
             means.add(0, row, line);
         }
         let fill = means.fill().unwrap();
-        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), [50, 40], MAP, &fill);
+        let chart = Chart::straight(MAP, [50, 40]);
+        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         assert_eq!(patch.height(MAP.apply(0.2, 0.2)), None);
         assert_eq!(patch.height(MAP.apply(1.0, 0.0)), Some(10.0), "on a sample it alone counts");
         let filled = patch.fill(MAP.apply(0.0, 0.0));

@@ -15,6 +15,7 @@
 //! heights of their edge go on.
 
 mod border;
+mod chart;
 mod encode;
 mod globe;
 mod gltf;
@@ -29,13 +30,14 @@ mod surface;
 mod tests;
 mod tiling;
 
+pub use chart::Chart;
 pub use encode::quantized_mesh;
 pub use globe::{Turn, Upright, Vector};
 pub use gltf::{Facts, glb};
 pub use ground::{Fill, Ground, Means, Patch, Sample};
 pub use level::{Level, deepest_for};
 pub use measure::{Measure, Shell};
-pub use overview::{Block, Blocks, Gathered, Glance, Overview, Plan};
+pub use overview::{Block, Blocks, Gathered, Glance, Lie, Overview, Plan};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
 pub use surface::{Builder, Tile, Vertex, build, too_steep};
 pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};

@@ -113,20 +113,20 @@ impl Shell {
     }
 
     /// Measures a block of so many samples at once, none of which is further than `off` from the plane through
-    /// `corners`: where none can be beyond the tolerance, they count with what they are off by at the most.
-    /// `false` where that is not so.
+    /// `corners`, whose places are within `bow` of a flat surface: where none can be beyond the tolerance, they count
+    /// with what they are off by at the most. `false` where that is not so.
     pub fn add_block(
         &mut self,
         corners: &[Sample; 4],
-        off: f64,
+        [off, bow]: [f64; 2],
         count: u32,
         tolerance: f64,
     ) -> bool {
         let points = corners.each_ref().map(|corner| corner.upright.point(corner.height));
-        let Some(most) = self.furthest(corners, &points) else { return false };
+        let Some((most, steep)) = self.furthest(corners, &points) else { return false };
         // The earth bends between the corners, which a plane does not.
         let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
-        let most = most + off + across * across / (4.0 * POLE);
+        let most = most + off + across * across / (4.0 * POLE) + bow * steep;
         if most > tolerance || corners[0].place[1].abs() > FAR_NORTH {
             return false;
         }
@@ -135,15 +135,15 @@ impl Shell {
         true
     }
 
-    /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block;
-    /// `None` where there are many.
-    fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<f64> {
+    /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block, and how
+    /// far up one of them goes along a step in any direction; `None` where there are many.
+    fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<(f64, f64)> {
         let first = self.facet(&corners[0], points[0]);
         let [east, north] = corners[0].upright.across();
         let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
         let quad = points.map(flat);
         let (mut open, mut seen) = (vec![first], vec![first]);
-        let mut most = 0.0_f64;
+        let (mut most, mut steep) = (0.0_f64, 1.0_f64);
         while let Some(facet) = open.pop() {
             let Facet { corners: ends, across, twins } = &self.facets[facet as usize];
             if !meets(ends.map(flat), &quad) {
@@ -152,6 +152,7 @@ impl Shell {
             for (corner, point) in corners.iter().zip(points) {
                 let up = corner.upright.normal;
                 most = most.max((across.dot(ends[0] - *point) / across.dot(up)).abs());
+                steep = steep.max((across.length() / across.dot(up)).abs());
             }
             for twin in twins.iter().filter(|twin| **twin != NONE) {
                 if !seen.contains(twin) {
@@ -163,7 +164,7 @@ impl Shell {
                 return None;
             }
         }
-        Some(most)
+        Some((most, steep))
     }
 
     /// Of each triangle the furthest sample is noted, so that few become vertices.

@@ -12,6 +12,7 @@ struct Land {
     side: u32,
     map: Affine,
     fill: Fill,
+    chart: Chart,
 }
 
 impl Land {
@@ -44,12 +45,18 @@ impl Land {
         for (row, line) in (0..).zip(heights.chunks(side as usize)) {
             means.add(0, row, line);
         }
-        Self { fill: means.fill().unwrap(), heights, side, map }
+        Self {
+            fill: means.fill().unwrap(),
+            heights,
+            side,
+            map,
+            chart: Chart::straight(map, [side; 2]),
+        }
     }
 
     fn patch(&self) -> Patch<'_> {
         let all = Rect::new(0, 0, self.side, self.side);
-        Patch::new(&self.heights, all, [self.side; 2], self.map, &self.fill)
+        Patch::new(&self.heights, all, &self.chart, &self.fill)
     }
 
     fn bounds(&self) -> Bounds {
@@ -367,6 +374,7 @@ fn tiles_at_a_pole_are_measured_there_too() {
     {
         let mut land = Land::new(40, 89.9, relief, 5, 0);
         land.map = Affine { x0: west, a: step, y0: 90.0, e: -step, ..land.map };
+        land.chart = Chart::straight(land.map, [land.side; 2]);
         let (level, patch) = (land.level(level), land.patch());
         let mut polar = 0;
         for id in land.tiles(level.level) {

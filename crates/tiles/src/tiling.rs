@@ -48,6 +48,11 @@ impl Bounds {
         self.west <= lon && lon <= self.east && self.south <= lat && lat <= self.north
     }
 
+    /// The place in it that is nearest to one, along both axes.
+    pub(crate) fn nearest(&self, [lon, lat]: [f64; 2]) -> [f64; 2] {
+        [lon.clamp(self.west, self.east), lat.clamp(self.south, self.north)]
+    }
+
     /// The rectangle so many degrees larger on each side.
     pub fn grown(&self, degrees: f64) -> Self {
         Self {

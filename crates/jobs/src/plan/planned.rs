@@ -30,12 +30,6 @@ impl PlannedGrid {
         Self { width: info.width, height: info.height, transform, crs }
     }
 
-    /// From samples to world coordinates.
-    pub(crate) fn transform(&self) -> Affine {
-        let [x0, a, b, y0, d, e] = self.transform;
-        Affine { x0, a, b, y0, d, e }
-    }
-
     /// Number of samples.
     pub(crate) fn samples(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)

@@ -111,7 +111,7 @@ impl Division {
     /// Meridians and parallels that are borders of tiles of levels before the regions'.
     pub(super) fn lines(&self) -> [Vec<f64>; 2] {
         let Some(level) = self.far_end().checked_sub(1) else { return [Vec::new(), Vec::new()] };
-        let [cols, rows] = TileId::meeting(level, &self.place.bounds);
+        let [cols, rows] = TileId::meeting(level, &self.place.bounds());
         let width = degrees(level);
         [(cols, -180.0), (rows, -90.0)].map(|([first, last], from)| {
             (first..=last + 1).map(|i| from + f64::from(i) * width).collect()
@@ -135,7 +135,7 @@ impl Division {
     }
 
     fn rows_of(&self, level: u8) -> Rows {
-        let [[west, east], [south, north]] = TileId::meeting(level, &self.place.bounds);
+        let [[west, east], [south, north]] = TileId::meeting(level, &self.place.bounds());
         let [columns, rows] = [east - west, north - south].map(|last| u64::from(last) + 1);
         Rows { level, west, north, columns, count: columns * rows }
     }
@@ -161,13 +161,16 @@ impl Division {
 
     /// Samples of the grid in a rectangle, about.
     pub(super) fn samples(&self, bounds: &Bounds) -> u64 {
-        let all = &self.place.bounds;
+        let all = &self.place.bounds();
         let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
             ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
         };
-        let (dx, dy) = (self.place.map.a.abs(), self.place.map.e.abs());
-        side(bounds.west, bounds.east, all.west, all.east, dx)
-            * side(bounds.south, bounds.north, all.south, all.north, dy)
+        // As if they were evenly in the rectangle around all.
+        let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
+            |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
+        );
+        side(bounds.west, bounds.east, all.west, all.east, dx.max(f64::MIN_POSITIVE))
+            * side(bounds.south, bounds.north, all.south, all.north, dy.max(f64::MIN_POSITIVE))
     }
 }
 
@@ -179,7 +182,8 @@ mod tests {
     fn division(side: u32, seconds: f64) -> Division {
         let step = seconds / 3600.0;
         let map = Affine { x0: 7.0, a: step, b: 0.0, y0: 46.0, d: 0.0, e: -step };
-        Division::new(Place::new(map, [side; 2]).unwrap(), terrane_tiles::deepest_for(step))
+        let place = Place::of(&terrane_tiles::Chart::straight(map, [side; 2]));
+        Division::new(place, terrane_tiles::deepest_for(step))
     }
 
     #[test]
@@ -199,7 +203,7 @@ mod tests {
                     let set: std::collections::BTreeSet<TileId> = sweep.all().into_iter().collect();
                     assert_eq!(set.len() as u64, sweep.len());
                     // Whatever has a sample is among them.
-                    let Bounds { west, south, east, north } = division.place.bounds;
+                    let Bounds { west, south, east, north } = division.place.bounds();
                     for place in [[west, south], [east, north], [west, north]] {
                         let at = |id: &&TileId| {
                             id.bounds().holds(place) && id.level + 1 >= division.near

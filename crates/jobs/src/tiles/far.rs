@@ -6,7 +6,7 @@ use super::spans::Known;
 use crate::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Bounds, Builder, Ground as _, Level, Patch, Shell, TileId, too_steep};
+use terrane_tiles::{Bounds, Builder, Ground as _, Level, Lie, Patch, Shell, TileId, too_steep};
 
 /// Rounds in which samples beyond the error are put into a mesh.
 const MOST_ROUNDS: u32 = 32;
@@ -57,9 +57,13 @@ impl Ground<'_> {
             for col in cols[0]..cols[1] {
                 let block = self.overview.block([col, row]);
                 let corners = self.overview.corners([col, row]);
-                let is_within = corners.iter().all(|corner| bounds.holds(corner.place));
+                let off = [block.off(), self.overview.bow([col, row])];
                 let is_told = block.count == 0
-                    || is_within && shell.add_block(&corners, block.off(), block.count, tolerance);
+                    || match self.overview.lie([col, row], &corners, bounds) {
+                        Lie::Beside => true,
+                        Lie::Within => shell.add_block(&corners, off, block.count, tolerance),
+                        Lie::Across => false,
+                    };
                 if is_told {
                     self.read(open.take(), bounds, tolerance, shell, &mut heights)?;
                     continue;
@@ -84,10 +88,10 @@ impl Ground<'_> {
         heights: &mut Vec<f64>,
     ) -> Result<()> {
         let Some(rect) = rect else { return Ok(()) };
-        let (opened, place) = (self.opened, &self.opened.division.place);
+        let opened = self.opened;
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(heights, rect, place.whole, place.map, fill);
+        let patch = Patch::new(heights, rect, opened.look.chart(), fill);
         patch.each(bounds, 1, &mut |sample| shell.add(sample, tolerance));
         opened.grid.copied(rect);
         Ok(())

@@ -280,7 +280,7 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 /// What clients are told: the format, where there are tiles, and what is proven of them.
 fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
     let Opened { job, division, .. } = ground.opened;
-    let (bounds, last) = (&division.place.bounds, division.last);
+    let (bounds, last) = (&division.place.bounds(), division.last);
     let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
     let levels = told.iter().map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
         json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})

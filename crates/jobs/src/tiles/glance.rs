@@ -1,43 +1,41 @@
 //! The first look at a grid, all of it once.
 
 use super::division::Division;
-use super::place::Place;
 use super::{Opened, near};
 use crate::plan::At;
 use crate::workers;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_tiles::{Blocks, Glance, Plan};
+use terrane_tiles::{Blocks, Chart, Glance, Plan};
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
 
 /// What is to be looked at.
-pub(super) fn plan(division: &Division) -> Plan {
+pub(super) fn plan(chart: Chart, division: &Division) -> Plan {
     let [meridians, parallels] = division.lines();
-    Plan::new(division.place.whole, division.place.map, [&meridians, &parallels])
+    Plan::new(chart, [&meridians, &parallels])
 }
 
 /// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
 /// and a row of blocks.
-pub(super) fn worker_bytes(place: &Place, plan: &Plan) -> u64 {
+pub(super) fn worker_bytes(plan: &Plan) -> u64 {
     /// Two points in a list that grows, and the place of the next of each.
     const BLOCK: u64 = 2 * (2 * 12 + 4);
     let Blocks { side, counts, .. } = plan.blocks;
     let blocks = counts.map(u64::from).iter().product::<u64>();
-    let row = u64::from(place.whole[0]) * u64::from(side) * 8;
-    near::WORKER_BYTES.max((8 << 20) + blocks * BLOCK + row)
+    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    near::worker_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
 }
 
 /// Looks at rows of a grid; what is seen is handed on in order.
 pub(super) fn look(
     opened: &Opened,
-    plan: &Plan,
     rows: [u32; 2],
     at: At<'_>,
     take: impl FnMut(Glance) -> Result<()> + Send,
 ) -> Result<()> {
-    let width = opened.division.place.whole[0];
+    let (plan, width) = (&opened.look, opened.division.place.whole[0]);
     let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
     at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
     workers::in_order(
@@ -60,7 +58,8 @@ pub(super) fn look(
 }
 
 /// Bytes of all that is seen, as tasks write it.
-pub(super) fn written_bytes(opened: &Opened, plan: &Plan) -> u64 {
+pub(super) fn written_bytes(opened: &Opened) -> u64 {
+    let plan = &opened.look;
     let [width, height] = opened.division.place.whole;
     let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);
     rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()

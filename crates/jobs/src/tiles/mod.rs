@@ -41,7 +41,7 @@ use crate::{Cancel, Progress, Resources};
 use division::Division;
 use folder::Folder;
 pub use format::{FORMATS, Format};
-use place::Heights;
+use place::{Heights, Place};
 pub use report::{LevelReport, TilesReport, TilesRun, TilesStatus};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
@@ -118,6 +118,8 @@ struct Opened {
     shares: Shares,
     heights: Heights,
     division: Division,
+    /// What is looked at first.
+    look: terrane_tiles::Plan,
 }
 
 /// What is known once all was looked at.
@@ -131,16 +133,15 @@ struct Ground<'a> {
 /// Makes tiles. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// A grid without a system of longitudes and latitudes, or one that is turned, or beyond the poles or 180 degrees;
+/// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
 /// an output that exists; a level too deep for the heights; all that reading and writing may find.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
     let (started, at) = (Instant::now(), At { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let opened = Opened::new(job)?;
     let folder = Folder::create(job)?;
-    let mut gathered = opened.gather();
-    let (plan, rows) = (gathered.plan().clone(), [0, opened.division.place.whole[1]]);
-    glance::look(&opened, &plan, rows, at, |glance| {
+    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
+    glance::look(&opened, rows, at, |glance| {
         gathered.add(glance);
         Ok(())
     })?;
@@ -228,17 +229,16 @@ impl Opened {
         }
         check_formats(job)?;
         let options = job.reading.options(&job.resources, 0)?;
-        let (place, heights) =
+        let (chart, heights) =
             place::of(memory::look_at(&job.input, &options)?.info(), &job.input)?;
-        let last = job.max_level.unwrap_or_else(|| deepest_for(place.spacing));
-        let division = Division::new(place, last);
-        let plan = glance::plan(&division);
-        let (held, worker) =
-            (memory::with_slack(plan.bytes()), glance::worker_bytes(&division.place, &plan));
+        let last = job.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
+        let division = Division::new(Place::of(&chart), last);
+        let look = glance::plan(chart, &division);
+        let (held, worker) = (memory::with_slack(look.bytes()), glance::worker_bytes(&look));
         let (grid, shares) =
             memory::open_beside(held, &job.input, &options, &job.resources, worker)
                 .map_err(without_tile)?;
-        Ok(Self { job: job.clone(), grid, shares, heights, division })
+        Ok(Self { job: job.clone(), grid, shares, heights, division, look })
     }
 
     /// Reads heights in metres.
@@ -251,10 +251,6 @@ impl Opened {
             heights.iter_mut().for_each(|height| *height *= metres);
         }
         Ok(())
-    }
-
-    fn gather(&self) -> Gathered {
-        glance::plan(&self.division).gather()
     }
 
     /// What the grid is called.

@@ -7,15 +7,19 @@ use super::{APRON, Ground};
 use crate::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_tiles::{Bounds, Patch, TileId, build};
+use terrane_tiles::{Bounds, Chart, Patch, TileId, build};
 
-/// Most samples of a region, with those around it.
-const MOST_SAMPLES: u64 = {
+/// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
+fn most_samples(chart: &Chart) -> u64 {
     let side = REGION as u64 + 2 * APRON as u64 + 4;
-    side * side
-};
+    if chart.is_bent() { 2 * side * side } else { side * side }
+}
+
 /// Bytes that a worker takes: the samples of a region, and the points of a tile with what is kept of each.
-pub(super) const WORKER_BYTES: u64 = MOST_SAMPLES * 8 + (24 << 20);
+pub(super) fn worker_bytes(chart: &Chart) -> u64 {
+    let place = if chart.is_bent() { Patch::PLACE_BYTES } else { 0 };
+    most_samples(chart) * (8 + place) + (24 << 20)
+}
 
 /// Where tiles go, and what was made of a region so far.
 struct Descent<'a> {
@@ -33,12 +37,12 @@ impl Ground<'_> {
         put: &mut dyn FnMut(Made) -> Result<()>,
         cancel: &Cancel,
     ) -> Result<()> {
-        let (opened, place) = (self.opened, &self.opened.division.place);
+        let (opened, chart) = (self.opened, self.opened.look.chart());
         let rect = self.rect(&id.bounds());
         if rect.is_empty() {
             return Ok(());
         }
-        if rect.len() as u64 > MOST_SAMPLES {
+        if rect.len() as u64 > most_samples(chart) {
             return Err(Error::unsupported(
                 "has samples that are too near to each other for tiles",
             )
@@ -48,7 +52,7 @@ impl Ground<'_> {
         let mut heights = Vec::new();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(&heights, rect, place.whole, place.map, fill);
+        let patch = Patch::new(&heights, rect, chart, fill).kept();
         let mut descent = Descent { patch: &patch, known: Known::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
@@ -62,13 +66,12 @@ impl Ground<'_> {
 
     /// The samples in a rectangle, and some around it.
     fn rect(&self, bounds: &Bounds) -> Rect {
-        let place = &self.opened.division.place;
-        let corners = [[bounds.west, bounds.north], [bounds.east, bounds.south]];
-        let [a, b] = corners.map(|[lon, lat]| place.map.invert(lon, lat));
+        let chart = self.opened.look.chart();
+        let ranges = chart.range(bounds);
         let [cols, rows] = [0, 1].map(|axis: usize| {
-            let whole = f64::from(place.whole[axis]);
-            let low = a[axis].min(b[axis]).floor() - f64::from(APRON);
-            let high = a[axis].max(b[axis]).ceil() + f64::from(APRON) + 1.0;
+            let (whole, [low, high]) = (f64::from(chart.whole()[axis]), ranges[axis]);
+            let low = low.floor() - f64::from(APRON);
+            let high = high.ceil() + f64::from(APRON) + 1.0;
             [low, high].map(|at| at.clamp(0.0, whole) as u32)
         });
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use super::folder::Made;
 use super::object::{ENTRY, FACTS};
-use super::{Ground, Opened, glance};
+use super::{Ground, Opened};
 use crate::Cancel;
 use crate::workers;
 use terrane_base::error::Result;
@@ -57,7 +57,7 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
         all.part(at..at + 1)
     };
     let tiles: Vec<TileId> = (0..count).flat_map(tile).collect();
-    let mut gathered = opened.gather();
+    let mut gathered = opened.look.clone().gather();
     let mut heights = Vec::new();
     for id in &tiles {
         let rect = blocks(opened, *id);
@@ -94,15 +94,12 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
 
 /// The blocks that a tile's samples are in.
 fn blocks(opened: &Opened, id: TileId) -> Rect {
-    let place = &opened.division.place;
-    let side = glance::plan(&opened.division).blocks.side;
-    let bounds = id.bounds();
-    let corners = [[bounds.west, bounds.north], [bounds.east, bounds.south]];
-    let [a, b] = corners.map(|[lon, lat]| place.map.invert(lon, lat));
+    let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
+    let ranges = chart.range(&id.bounds());
     let [cols, rows] = [0, 1].map(|axis: usize| {
-        let whole = place.whole[axis];
-        let low = a[axis].min(b[axis]).floor().clamp(0.0, f64::from(whole)) as u32;
-        let high = (a[axis].max(b[axis]).ceil() + 1.0).clamp(0.0, f64::from(whole)) as u32;
+        let (whole, [low, high]) = (chart.whole()[axis], ranges[axis]);
+        let low = low.floor().clamp(0.0, f64::from(whole)) as u32;
+        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(whole)) as u32;
         [low / side * side, high.next_multiple_of(side).min(whole)]
     });
     Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])

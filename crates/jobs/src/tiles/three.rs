@@ -92,7 +92,7 @@ pub(super) fn tileset(
     };
     let both = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
     let Opened { job, division, .. } = ground.opened;
-    let bounds = &division.place.bounds;
+    let bounds = &division.place.bounds();
     let told: Vec<Value> = levels
         .iter()
         .map(|l| {

@@ -44,6 +44,8 @@ pub(super) struct Tiles {
 struct Method {
     #[serde(flatten)]
     job: TilesJob,
+    /// Where the grid is on the globe.
+    place: Place,
     /// The deepest level.
     last: u8,
     /// Tiles of a task.
@@ -66,8 +68,8 @@ pub(super) struct Ready {
 impl Tiles {
     /// Those of an opened job.
     pub(super) fn new(opened: &Opened, cut: Option<u32>) -> Result<Self> {
-        let (job, last) = (opened.job.clone(), opened.division.last);
-        let method = Method { job, last, cut: cut.unwrap_or(CUT) };
+        let (job, Division { place, last, .. }) = (opened.job.clone(), opened.division.clone());
+        let method = Method { job, place, last, cut: cut.unwrap_or(CUT) };
         let tiles = Self { method, grid: PlannedGrid::of(opened.grid.info()) };
         tiles.check().map(|()| tiles)
     }
@@ -75,27 +77,25 @@ impl Tiles {
     /// What the work takes.
     pub(super) fn needs(&self, opened: &Opened) -> Result<Needs> {
         let samples = self.grid.samples() as f64;
-        let plan = glance::plan(&opened.division);
         let [bytes, output] = probe::expect(opened)?;
-        let worker = glance::worker_bytes(&opened.division.place, &plan);
-        let held = with_slack(plan.bytes()) + worker;
+        let worker = glance::worker_bytes(&opened.look);
+        let held = with_slack(opened.look.bytes()) + worker;
         Ok(Needs {
             memory: memory::least(held, opened.grid.block_bytes()),
             thread_memory: worker,
-            objects: glance::written_bytes(opened, &plan) + bytes,
+            objects: glance::written_bytes(opened) + bytes,
             output,
             seconds: SAMPLE.map(|nanoseconds| samples * nanoseconds * 1e-9),
         })
     }
 
-    fn division(&self) -> Result<Division> {
-        let place = Place::new(self.grid.transform(), [self.grid.width, self.grid.height])?;
-        Ok(Division::new(place, self.method.last))
+    fn division(&self) -> Division {
+        Division::new(self.method.place.clone(), self.method.last)
     }
 
     /// Tasks of each kind.
     fn counts(&self) -> [u32; 3] {
-        self.division().map_or([0; 3], |division| division.counts(self.method.cut))
+        self.division().counts(self.method.cut)
     }
 
     /// The tiles of a task, of all that there may be.
@@ -109,7 +109,7 @@ impl Ready {
     /// What was seen, of all objects that have it.
     fn ground(&self, survey: &Survey<'_, Tiles>) -> Result<Ground<'_>> {
         if self.overview.get().is_none() {
-            let mut gathered = self.opened.gather();
+            let mut gathered = self.opened.look.clone().gather();
             for task in looks(survey.folder.plan.work.counts()) {
                 add_glances(&survey.object(task)?.0, &mut gathered)?;
             }
@@ -181,7 +181,6 @@ impl Work for Tiles {
             return Err(Error::usage(format!("a task of {} tiles is none", self.method.cut))
                 .remedy(format!("choose 1 to {MOST_CUT}")));
         }
-        self.division()?;
         let tasks = self.counts().into_iter().map(u64::from).sum();
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
     }
@@ -202,7 +201,7 @@ impl Work for Tiles {
     }
 
     fn size(&self, task: Named<Task>) -> u64 {
-        let Ok(division) = self.division() else { return 0 };
+        let division = self.division();
         let width = u64::from(self.grid.width);
         match task {
             Named::Task(Task::Look(look)) => {
@@ -267,9 +266,8 @@ impl Work for Tiles {
         let tiles = match task {
             Task::Look(look) => {
                 let mut writer = Writer::create(object)?;
-                let plan = glance::plan(&opened.division);
                 let mut bytes = Vec::new();
-                glance::look(opened, &plan, opened.division.rows(look), at, |glance| {
+                glance::look(opened, opened.division.rows(look), at, |glance| {
                     bytes.clear();
                     glance.write(&mut bytes);
                     writer.put(&bytes)

@@ -45,14 +45,13 @@ const SUM: u64 = 4 + 16 + 8;
 impl Plan {
     /// Bytes of a written glance at a rectangle without voids.
     pub fn written_bytes(&self, rect: Rect) -> u64 {
-        let Rect { col, row, width, height } = rect;
+        let Rect { width, height, .. } = rect;
         let side = self.blocks.side;
         let blocks = u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side));
-        let lines = |axis: usize, from: u32, count: u32, along: u32| {
-            let within = |line: &&u32| (from..from + count).contains(line);
-            self.lines[axis].iter().filter(within).count() as u64 * (4 + 8 * u64::from(along))
+        let lines = |axis: usize| {
+            self.within(axis, rect).map(|(_, part)| 4 + 8 * part.len() as u64).sum::<u64>()
         };
-        let lines = lines(0, col, width, height) + lines(1, row, height, width);
+        let lines = lines(0) + lines(1);
         let squares = Means::new(self.blocks.whole).squares_in(rect);
         4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + squares * SUM
     }
@@ -73,11 +72,16 @@ impl Plan {
         let count = width.div_ceil(side) as usize * height.div_ceil(side) as usize;
         let blocks = (0..count).map(|_| block(from)).collect::<Option<_>>()?;
         let mut lines = [BTreeMap::new(), BTreeMap::new()];
-        for (lines, along) in lines.iter_mut().zip([height, width]) {
-            for _ in 0..number(from)? {
-                let at = number(from)?;
-                let heights = (0..along).map(|_| float(from)).collect::<Option<_>>()?;
-                lines.insert(at, heights);
+        for (axis, lines) in lines.iter_mut().enumerate() {
+            let within: Vec<_> = self.within(axis, rect).collect();
+            if number(from)? as usize != within.len() {
+                return None;
+            }
+            for (at, part) in within {
+                if number(from)? != at {
+                    return None;
+                }
+                lines.insert(at, part.map(|_| float(from)).collect::<Option<_>>()?);
             }
         }
         let mut means = Means::new(whole);

@@ -3,10 +3,11 @@
 
 mod bytes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
-use crate::globe::{Turn, Upright, bend};
-use crate::ground::{Fill, Ground, HAIR, Means, Sample};
+use crate::chart::{Chart, HAIR};
+use crate::ground::{Fill, Ground, Means, Sample};
 use crate::tiling::Bounds;
 use terrane_base::geom::{Affine, Rect};
 
@@ -133,39 +134,46 @@ pub struct Glance {
     range: Option<[f64; 2]>,
 }
 
-/// What is to be looked at: a grid of blocks, and the columns and rows whose samples are kept.
+/// What is to be looked at: a grid of blocks, and the columns and rows of which samples are kept.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// How it is divided.
     pub blocks: Blocks,
-    map: Affine,
-    lines: [Vec<u32>; 2],
+    chart: Chart,
+    lines: [Lines; 2],
 }
 
+/// Columns or rows by number, and which samples along them are kept: all of them, if it is not said.
+type Lines = BTreeMap<u32, Option<Vec<u32>>>;
+
 impl Plan {
-    /// Of a grid of so many columns and rows, which `map` takes to longitudes and latitudes. Along the meridians
-    /// and parallels of `lines` the samples on both sides are kept.
-    pub fn new(whole: [u32; 2], map: Affine, lines: [&[f64]; 2]) -> Self {
-        let beside = |axis: usize| {
-            let place = |line: &f64| match axis {
-                0 => map.invert(*line, map.y0)[0],
-                _ => map.invert(map.x0, *line)[1],
-            };
-            let most = f64::from(whole[axis] - 1);
-            let near = lines[axis].iter().map(place).filter(|at| (-1.0..=most + 1.0).contains(at));
-            // Rounding may put a place on either side of a sample.
-            let both = near.flat_map(|at| {
-                [at - 2.0 * HAIR, at + 2.0 * HAIR].map(f64::floor).map(|at| [at, at + 1.0])
+    /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
+    pub fn new(chart: Chart, lines: [&[f64]; 2]) -> Self {
+        let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
+        Self { blocks: Blocks::of(chart.whole()), chart, lines }
+    }
+
+    /// Where the samples of the grid are.
+    pub fn chart(&self) -> &Chart {
+        &self.chart
+    }
+
+    /// The lines that have samples kept in a rectangle, and which of those that are kept along each.
+    fn within(&self, axis: usize, rect: Rect) -> impl Iterator<Item = (u32, Range<usize>)> {
+        let across = [(rect.col, rect.width), (rect.row, rect.height)];
+        let ((first, count), (from, along)) = (across[axis], across[1 - axis]);
+        self.lines[axis].range(first..first + count).filter_map(move |(line, spots)| {
+            let [from, to] = [from, from + along].map(|end| match spots {
+                None => end as usize,
+                Some(spots) => spots.partition_point(|spot| *spot < end),
             });
-            let both = both.flatten();
-            let inner = both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32);
-            // Beyond the grid its edges go on.
-            let mut found: Vec<u32> = inner.chain([0, whole[axis] - 1]).collect();
-            found.sort_unstable();
-            found.dedup();
-            found
-        };
-        Self { blocks: Blocks::of(whole), map, lines: [beside(0), beside(1)] }
+            (from < to).then_some((*line, from..to))
+        })
+    }
+
+    /// Samples that are kept of a line.
+    fn len(&self, axis: usize, spots: &Option<Vec<u32>>) -> usize {
+        spots.as_ref().map_or(self.blocks.whole[1 - axis] as usize, Vec::len)
     }
 
     /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
@@ -185,31 +193,35 @@ impl Plan {
         }
         let valid = || heights.iter().copied().filter(|height| height.is_finite());
         let range = valid().map(|height| [height; 2]).reduce(around);
-        let within = |axis: usize, from: u32, count: u32| {
-            self.lines[axis].iter().copied().filter(move |line| (from..from + count).contains(line))
-        };
         let width = rect.width as usize;
-        let column = |col: u32| {
-            let from = (col - rect.col) as usize;
-            (col, heights[from..].iter().step_by(width).copied().collect())
+        let line = |axis: usize, (line, part): (u32, Range<usize>)| {
+            let at = |along: u32| {
+                let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
+                heights[(row - rect.row) as usize * width + (col - rect.col) as usize]
+            };
+            let heights = match &self.lines[axis][&line] {
+                None => part.map(|along| at(along as u32)).collect(),
+                Some(spots) => spots[part].iter().map(|along| at(*along)).collect(),
+            };
+            (line, heights)
         };
-        let row = |row: u32| {
-            let from = (row - rect.row) as usize * width;
-            (row, heights[from..from + width].to_vec())
-        };
-        let lines = [
-            within(0, rect.col, rect.width).map(column).collect(),
-            within(1, rect.row, rect.height).map(row).collect(),
-        ];
+        let lines =
+            [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
         Glance { rect, blocks, lines, means, range }
     }
 
     /// Bytes that what is seen of the whole grid takes.
     pub fn bytes(&self) -> u64 {
-        let Blocks { counts, whole, .. } = self.blocks;
+        let Blocks { counts, .. } = self.blocks;
         let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
-        let line = |axis: usize| self.lines[axis].len() as u64 * u64::from(whole[1 - axis]);
-        blocks + (line(0) + line(1)) * size_of::<f64>() as u64 + Means::BYTES
+        let line = |axis: usize| {
+            let bytes = |spots: &Option<Vec<u32>>| {
+                let number = if spots.is_some() { size_of::<u32>() } else { 0 };
+                self.len(axis, spots) * (size_of::<f64>() + number)
+            };
+            self.lines[axis].values().map(bytes).sum::<usize>() as u64
+        };
+        blocks + line(0) + line(1) + Means::BYTES + self.chart.bytes()
     }
 
     /// Nothing seen yet.
@@ -217,7 +229,7 @@ impl Plan {
         let Blocks { counts, whole, .. } = self.blocks;
         let blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
         let line = |axis: usize| {
-            let empty = |at: &u32| (*at, vec![f64::NAN; whole[1 - axis] as usize]);
+            let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
             self.lines[axis].iter().map(empty).collect()
         };
         let (lines, means) = ([line(0), line(1)], Means::new(whole));
@@ -250,10 +262,12 @@ impl Gathered {
             let [x, y] = [col / side, row / side].map(|at| at as usize);
             self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
         }
-        for (axis, from) in [(0, row), (1, col)] {
-            for (at, heights) in &glance.lines[axis] {
-                if let Some(line) = self.lines[axis].get_mut(at) {
-                    line[from as usize..][..heights.len()].copy_from_slice(heights);
+        for axis in 0..2 {
+            for (at, part) in self.plan.within(axis, glance.rect) {
+                if let (Some(line), Some(heights)) =
+                    (self.lines[axis].get_mut(&at), glance.lines[axis].get(&at))
+                {
+                    line[part].copy_from_slice(heights);
                 }
             }
         }
@@ -270,6 +284,20 @@ impl Gathered {
 
 fn around(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// Metres of a degree along the equator, about.
+const DEGREE: f64 = 111_000.0;
+
+/// How samples lie to a rectangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lie {
+    /// None is in it.
+    Beside,
+    /// All are.
+    Within,
+    /// That is not known.
+    Across,
 }
 
 /// A grid from afar.
@@ -301,18 +329,14 @@ impl Overview {
 
     /// The first and the last column and row of blocks with samples in a rectangle, the last ones excluded.
     pub fn blocks_in(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
-        let Affine { x0, y0, .. } = self.plan.map;
-        let ends = [
-            [bounds.west, bounds.east].map(|lon| self.plan.map.invert(lon, y0)[0]),
-            [bounds.south, bounds.north].map(|lat| self.plan.map.invert(x0, lat)[1]),
-        ];
+        let ends = self.plan.chart.range(bounds);
         let side = f64::from(self.plan.blocks.side);
         [0, 1].map(|axis: usize| {
-            let [a, b] = ends[axis];
+            let [low, high] = ends[axis];
             let count = f64::from(self.plan.blocks.counts[axis]);
             // A sample more on each side, as places are rounded.
-            let first = ((a.min(b) - 1.0) / side).floor().clamp(0.0, count);
-            let end = ((a.max(b) + 1.0) / side).floor() + 1.0;
+            let first = ((low - 1.0) / side).floor().clamp(0.0, count);
+            let end = ((high + 1.0) / side).floor() + 1.0;
             [first as u32, end.clamp(first, count) as u32]
         })
     }
@@ -323,9 +347,70 @@ impl Overview {
         let ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
         ends.map(|[right, down]| {
             let offset = [right * (rect.width - 1), down * (rect.height - 1)].map(f64::from);
-            let [col, row] = [f64::from(rect.col) + offset[0], f64::from(rect.row) + offset[1]];
-            Sample::new(self.plan.map.apply(col, row), self.block(at).height(offset))
+            let at_grid = [f64::from(rect.col) + offset[0], f64::from(rect.row) + offset[1]];
+            self.plan.chart.sample(at_grid, self.block(at).height(offset))
         })
+    }
+
+    /// How the samples of a block, whose corners are given, lie to a rectangle.
+    pub fn lie(&self, at: [u32; 2], corners: &[Sample; 4], bounds: &Bounds) -> Lie {
+        let holds = |bounds: &Bounds| corners.iter().all(|corner| bounds.holds(corner.place));
+        if !self.plan.chart.is_bent() {
+            return if holds(bounds) { Lie::Within } else { Lie::Across };
+        }
+        // What bows out of a block is beyond its corners; meridians are the nearer to each other the further north.
+        let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
+        let slack = self.bow(at) / DEGREE / furthest.to_radians().cos().max(1e-3);
+        let Bounds { west, south, east, north } = bounds.grown(slack);
+        let all = |is: &dyn Fn([f64; 2]) -> bool| corners.iter().all(|corner| is(corner.place));
+        let is_beside = all(&|[lon, _]| lon < west)
+            || all(&|[lon, _]| lon > east)
+            || all(&|[_, lat]| lat < south)
+            || all(&|[_, lat]| lat > north);
+        match is_beside {
+            true => Lie::Beside,
+            false if holds(&bounds.grown(-slack)) => Lie::Within,
+            false => Lie::Across,
+        }
+    }
+
+    /// Metres that a block's samples are from a flat surface through its corners, at the most, beside the heights;
+    /// nothing where columns are meridians.
+    pub fn bow(&self, at: [u32; 2]) -> f64 {
+        let rect = self.plan.blocks.rect(at);
+        let ends = [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]];
+        let [first, last] = ends.map(|end| end.map(f64::from));
+        self.plan.chart.bow(first, last)
+    }
+
+    /// The height between samples that are kept; `Err` where they are not.
+    fn kept(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+        match self.plan.chart.map() {
+            Some(_) => self.on_line([col, row]),
+            None => self.on_spots([col, row]),
+        }
+    }
+
+    /// The height between samples of two rows.
+    fn on_spots(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+        let ends = |at: f64| {
+            let first = at as u32;
+            let part = at - f64::from(first);
+            [(first, 1.0 - part), (first + 1, part)]
+        };
+        let mut sum = 0.0;
+        for (row, down) in ends(row).into_iter().filter(|(_, part)| *part > 0.0) {
+            let (Some(Some(spots)), Some(heights)) =
+                (self.plan.lines[1].get(&row), self.lines[1].get(&row))
+            else {
+                return Err(());
+            };
+            for (col, along) in ends(col).into_iter().filter(|(_, part)| *part > 0.0) {
+                let at = spots.binary_search(&col).map_err(|_| ())?;
+                sum += down * along * heights[at];
+            }
+        }
+        Ok(sum.is_finite().then_some(sum))
     }
 
     /// The height on a column or row that is kept, between samples along it; `Err` where it is none of them.
@@ -352,27 +437,13 @@ impl Overview {
         }
         Err(())
     }
-
-    /// Columns and rows of a place; a hair beside a sample is on it.
-    fn beside(&self, place: [f64; 2]) -> [f64; 2] {
-        self.plan.map.invert(place[0], place[1]).map(|at| {
-            let near = at.round();
-            if (at - near).abs() < HAIR { near } else { at }
-        })
-    }
-
-    /// Those of the nearest place of the grid.
-    fn at(&self, place: [f64; 2]) -> [f64; 2] {
-        let ([col, row], whole) = (self.beside(place), self.plan.blocks.whole);
-        [col.clamp(0.0, f64::from(whole[0] - 1)), row.clamp(0.0, f64::from(whole[1] - 1))]
-    }
 }
 
 impl Ground for Overview {
     /// Exact along the lines that were kept; elsewhere that of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
-        let [col, row] = self.at(place);
-        if let Ok(found) = self.on_line([col, row]) {
+        let [col, row] = self.plan.chart.within(place)?;
+        if let Ok(found) = self.kept([col, row]) {
             return found;
         }
         let side = f64::from(self.plan.blocks.side);
@@ -384,22 +455,28 @@ impl Ground for Overview {
     }
 
     fn fill(&self, place: [f64; 2]) -> f64 {
-        self.fill.at(self.plan.map.invert(place[0], place[1]))
+        self.fill.at(self.plan.chart.at(place))
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
+        let mut stop = |place: [f64; 2]| {
+            if let Some(Ok(height)) = self.plan.chart.within(place).map(|at| self.kept(at)) {
+                found(place, height);
+            }
+        };
+        let Some(map) = self.plan.chart.map() else {
+            return self.plan.chart.stops([from, to], &mut stop);
+        };
         let axis = usize::from(from[0] == to[0]);
-        let ends = [from, to].map(|end| self.beside(end)[axis]);
+        let ends = [from, to].map(|end| beside(map, end)[axis]);
         let most = f64::from(self.plan.blocks.whole[axis] - 1);
         let first = ends[0].min(ends[1]).ceil().max(0.0);
         let last = ends[0].max(ends[1]).floor().min(most);
         let mut index = first;
         while index <= last {
             let mut place = from;
-            place[axis] = self.plan.map.apply(index, index)[axis];
-            if let Ok(height) = self.on_line(self.at(place)) {
-                found(place, height);
-            }
+            place[axis] = map.apply(index, index)[axis];
+            stop(place);
             index += 1.0;
         }
     }
@@ -415,16 +492,77 @@ impl Ground for Overview {
                 for Extreme { at: [right, down], height, .. } in ends {
                     let at =
                         [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
-                    let place = self.plan.map.apply(at[0], at[1]);
-                    if bounds.holds(place) {
-                        let lat = Turn::of(place[1]);
-                        let upright = Upright::of(Turn::of(place[0]), lat, bend(lat));
-                        found(Sample { place, height: *height, upright });
+                    let sample = self.plan.chart.sample(at, *height);
+                    if bounds.holds(sample.place) {
+                        found(sample);
                     }
                 }
             }
         }
     }
+}
+
+/// Columns and rows of a place; a hair beside a sample is on it.
+fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
+    map.invert(place[0], place[1]).map(|at| {
+        let near = at.round();
+        if (at - near).abs() < HAIR { near } else { at }
+    })
+}
+
+/// Columns and rows on both sides of meridians and parallels.
+fn whole(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
+    let whole = chart.whole();
+    [0, 1].map(|axis: usize| {
+        let most = f64::from(whole[axis] - 1);
+        // Beyond the grid its edges go on.
+        let mut found = BTreeSet::from([0, whole[axis] - 1]);
+        for line in lines[axis] {
+            let Some(map) = chart.map() else { continue };
+            let at = match axis {
+                0 => map.invert(*line, map.y0)[0],
+                _ => map.invert(map.x0, *line)[1],
+            };
+            if (-1.0..=most + 1.0).contains(&at) {
+                // Rounding may put a place on either side of a sample.
+                let both = [at - 2.0 * HAIR, at + 2.0 * HAIR].map(f64::floor);
+                let both = both.into_iter().flat_map(|at| [at, at + 1.0]);
+                found.extend(both.filter(|at| (0.0..=most).contains(at)).map(|at| at as u32));
+            }
+        }
+        found.into_iter().map(|line| (line, None)).collect()
+    })
+}
+
+/// The four samples around each place along meridians and parallels, by row.
+fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
+    let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let most = chart.whole().map(|count| count - 1);
+    for axis in 0..2 {
+        for line in lines[axis] {
+            let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
+            chart.stops([end(-180.0), end(180.0)], &mut |place| {
+                let Some([col, row]) = chart.within(place).map(|at| at.map(|at| at as u32)) else {
+                    return;
+                };
+                for row in [row, (row + 1).min(most[1])] {
+                    let spots = found.entry(row).or_default();
+                    // Those along a row come one after the other.
+                    for col in [col, (col + 1).min(most[0])] {
+                        if !spots.iter().rev().take(2).any(|spot| *spot == col) {
+                            spots.push(col);
+                        }
+                    }
+                }
+            });
+        }
+    }
+    let sorted = |(row, mut spots): (u32, Vec<u32>)| {
+        spots.sort_unstable();
+        spots.dedup();
+        (row, Some(spots))
+    };
+    [BTreeMap::new(), found.into_iter().map(sorted).collect()]
 }
 
 #[cfg(test)]
@@ -440,7 +578,7 @@ mod tests {
         lines: [&[f64]; 2],
         pieces: u32,
     ) -> Option<Overview> {
-        let plan = Plan::new(whole, MAP, lines);
+        let plan = Plan::new(Chart::straight(MAP, whole), lines);
         let rows = plan.blocks.side * pieces;
         let look = |row: u32| {
             let rect = Rect::new(0, row, whole[0], rows.min(whole[1] - row));
@@ -498,7 +636,7 @@ mod tests {
 
     #[test]
     fn a_void_part_comes_back_void() {
-        let plan = Plan::new([20, 20], MAP, [&[], &[]]);
+        let plan = Plan::new(Chart::straight(MAP, [20, 20]), [&[], &[]]);
         let glance = plan.look(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
         glance.write(&mut kept);
@@ -515,8 +653,8 @@ mod tests {
             (0..5000_u32).map(|i| f64::from(i.wrapping_mul(7919) % 997)).collect();
         let lines: [&[f64]; 2] = [&[7.2345, 7.3, 12.0], &[45.7, 45.8123]];
         let found = overview([100, 50], &heights, lines, 1).unwrap();
-        let patch =
-            crate::Patch::new(&heights, Rect::new(0, 0, 100, 50), [100, 50], MAP, &found.fill);
+        let chart = Chart::straight(MAP, [100, 50]);
+        let patch = crate::Patch::new(&heights, Rect::new(0, 0, 100, 50), &chart, &found.fill);
         for ends in [
             [[7.2345, 45.6], [7.2345, 45.9]],
             [[7.1, 45.8123], [7.9, 45.8123]],

@@ -63,8 +63,8 @@ pub fn is_tiles(path: &Path) -> bool {
 /// a report whose verdict has not `passed`.
 ///
 /// # Errors
-/// A `layer.json` or `tileset.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster that is not in
-/// WGS 84 degrees, is turned, reaches beyond the world or has no valid sample; too little memory for the number of
+/// A `layer.json` or `tileset.json` of another kind of tiles; a tile that cannot be decoded, with the byte; a raster whose place
+/// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
 /// tiles or the vertices of one.
 pub fn verify_tiles(
     job: &TilesVerifyJob,
@@ -133,10 +133,11 @@ impl<'a> Context<'a> {
     ) -> Self {
         let memory = beside_program(resources.memory) / 2;
         let memory = memory.saturating_sub(tiles.all.len() as u64 * TILE_BYTES);
-        let least = 4 * sweep::WINDOW_BYTES;
+        let window = sweep::window_bytes(&places);
+        let least = 4 * window;
         let fitting = usize::try_from(memory / 2 / least).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, fitting.max(1));
-        let memory = memory.saturating_sub(threads as u64 * sweep::WINDOW_BYTES);
+        let memory = memory.saturating_sub(threads as u64 * window);
         let share = usize::try_from(memory / 4 / threads as u64).unwrap_or(usize::MAX);
         let most = share / BYTES_PER_VERTEX;
         Self { layer, tiles, places, progress, cancel, threads, memory, most }

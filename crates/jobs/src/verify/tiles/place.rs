@@ -1,57 +1,46 @@
 //! Where the samples of a raster are, and their heights in metres.
 
-use crate::globe::into_world;
-use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Affine, Crs, Rect};
+use crate::globe::OnGlobe;
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_proof::tiles::{Meridian, Parallel};
 use terrane_raster::GridSource;
 
-/// EPSG codes of WGS 84 with two and three axes.
-const WGS_84: [u32; 2] = [4326, 4979];
-
-/// A raster whose columns are meridians and whose rows are parallels of WGS 84.
+/// A raster on the globe.
 pub(super) struct Places<'a> {
     grid: &'a dyn GridSource,
-    map: Affine,
+    on_globe: OnGlobe,
     /// Metres in one unit of heights.
     metres: f64,
     /// Whether the raster says what heights are in.
     pub(super) knows_unit: bool,
+    /// What is to be said of where it lies.
+    pub(super) notes: Vec<String>,
+}
+
+/// Where the samples of a window are.
+pub(super) enum Placed {
+    /// Columns are meridians and rows parallels: degrees of each, and what is upright there.
+    Straight {
+        longitudes: Vec<f64>,
+        latitudes: Vec<f64>,
+        meridians: Vec<Meridian>,
+        parallels: Vec<Parallel>,
+    },
+    /// Row by row, longitude and latitude in degrees.
+    Moved(Vec<[f64; 2]>),
 }
 
 impl<'a> Places<'a> {
     /// Those of a raster.
     ///
     /// # Errors
-    /// By name: no reference system, or another than WGS 84 in degrees; a grid that is turned; samples beyond the
-    /// poles or the antimeridian.
+    /// A raster whose place on the globe is not known, by what is missing.
     pub(super) fn of(grid: &'a dyn GridSource) -> Result<Self> {
         let info = grid.info();
-        let (crs, map) = (&info.crs, into_world(info.transform, [info.width, info.height]));
-        check_system(crs)?;
-        if map.b != 0.0 || map.d != 0.0 {
-            return Err(Error::unsupported("is turned: its rows are no parallels"));
-        }
-        let unit = crs.vertical_metres();
-        let places = Self { grid, map, metres: unit.unwrap_or(1.0), knows_unit: unit.is_some() };
-        places.check_world()?;
-        Ok(places)
-    }
-
-    fn check_world(&self) -> Result<()> {
-        let Rect { width, height, .. } = self.bounds();
-        let longitudes = [0, width - 1].map(|col| self.longitude(col));
-        let latitudes = [0, height - 1].map(|row| self.latitude(row));
-        let is_beyond = |at: &f64, most: f64| at.is_nan() || at.abs() > most;
-        if let Some(at) = longitudes.iter().find(|at| is_beyond(at, 180.0)) {
-            return Err(Error::unsupported(format!(
-                "has samples at longitude {at}, beyond the antimeridian"
-            ))
-            .remedy("cut it at 180 degrees, and shift what is beyond by 360"));
-        }
-        if let Some(at) = latitudes.iter().find(|at| is_beyond(at, 90.0)) {
-            return Err(Error::unsupported(format!("has samples at latitude {at}, beyond a pole")));
-        }
-        Ok(())
+        let (on_globe, notes) = OnGlobe::of(info)?;
+        let unit = info.crs.vertical_metres();
+        Ok(Self { grid, on_globe, metres: unit.unwrap_or(1.0), knows_unit: unit.is_some(), notes })
     }
 
     /// The rectangle of all samples.
@@ -59,14 +48,44 @@ impl<'a> Places<'a> {
         self.grid.info().bounds()
     }
 
-    /// Degrees of a column.
-    pub(super) fn longitude(&self, col: u32) -> f64 {
-        self.map.apply(f64::from(col), 0.0)[0]
+    /// Bytes of where a sample of a window is.
+    pub(super) fn sample_bytes(&self) -> u64 {
+        match self.on_globe {
+            OnGlobe::Straight(_) => 0,
+            OnGlobe::Moved(..) => size_of::<[f64; 2]>() as u64,
+        }
     }
 
-    /// Degrees of a row.
-    pub(super) fn latitude(&self, row: u32) -> f64 {
-        self.map.apply(0.0, f64::from(row))[1]
+    /// Longitude and latitude of a sample.
+    ///
+    /// # Errors
+    /// One beyond what its projection reaches.
+    pub(super) fn place(&self, col: u32, row: u32) -> Result<[f64; 2]> {
+        let at = [col, row].map(f64::from);
+        match &self.on_globe {
+            OnGlobe::Straight(map) => Ok([map.apply(at[0], 0.0)[0], map.apply(0.0, at[1])[1]]),
+            OnGlobe::Moved(map, operation) => operation.position(map.apply(at[0], at[1])),
+        }
+    }
+
+    /// Where the samples of a window are, each by itself.
+    ///
+    /// # Errors
+    /// Samples beyond what their projection reaches.
+    pub(super) fn window(&self, rect: Rect) -> Result<Placed> {
+        let (cols, rows) = (rect.col..rect.end_col(), rect.row..rect.end_row());
+        if let OnGlobe::Moved(..) = self.on_globe {
+            let all = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
+            return all
+                .map(|(col, row)| self.place(col, row))
+                .collect::<Result<_>>()
+                .map(Placed::Moved);
+        }
+        let longitudes = cols.map(|col| Ok(self.place(col, 0)?[0])).collect::<Result<Vec<_>>>()?;
+        let latitudes = rows.map(|row| Ok(self.place(0, row)?[1])).collect::<Result<Vec<_>>>()?;
+        let meridians = longitudes.iter().map(|&at| Meridian::at(at)).collect();
+        let parallels = latitudes.iter().map(|&at| Parallel::at(at)).collect();
+        Ok(Placed::Straight { longitudes, latitudes, meridians, parallels })
     }
 
     /// Reads heights in metres; voids are NaN.
@@ -78,22 +97,4 @@ impl<'a> Places<'a> {
         }
         Ok(())
     }
-}
-
-fn check_system(crs: &Crs) -> Result<()> {
-    let remedy = "bring the raster into EPSG:4326, for example with gdalwarp";
-    if !crs.is_named() {
-        return Err(Error::bad_input("does not say its reference system")
-            .remedy("name it in the file or in a .prj beside it"));
-    }
-    let agrees = |code| {
-        let known = Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
-        crs.agrees(&known)
-    };
-    if crs.geographic != Some(true) || !WGS_84.into_iter().any(agrees) {
-        let message =
-            format!("is in {}, and tiles are proved against WGS 84 in degrees", crs.label());
-        return Err(Error::unsupported(message).remedy(remedy));
-    }
-    Ok(())
 }

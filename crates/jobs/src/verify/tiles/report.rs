@@ -280,9 +280,8 @@ impl Judge<'_> {
             over: samples.over,
             max_error: far.map(|(far, _)| far.distance),
             max_error_tile: far.map(|(_, id)| id.to_string()),
-            max_error_at: far.map(|(Far { sample: [row, col], .. }, _)| {
-                [places.longitude(col), places.latitude(row)]
-            }),
+            max_error_at: far
+                .and_then(|(Far { sample: [row, col], .. }, _)| places.place(col, row).ok()),
             rmse: samples.rmse(),
             borders: within.compared,
             borders_alone: within.alone,
@@ -379,6 +378,6 @@ impl Judge<'_> {
     fn notes(&self) -> Vec<String> {
         let unknown = !self.context.places.knows_unit;
         let note = "the raster does not say what its heights are in: they are taken for metres";
-        unknown.then(|| note.to_owned()).into_iter().collect()
+        self.context.places.notes.iter().cloned().chain(unknown.then(|| note.to_owned())).collect()
     }
 }

@@ -1,23 +1,31 @@
 //! Samples against the surfaces of all levels: the raster is read once, window by window, and what is made of
 //! tiles stays in a cache while windows next to each other ask for it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use super::Context;
 use super::cache::Cache;
+use super::place::{Placed, Places};
 use crate::workers;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 use terrane_proof::ExactSum;
-use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, TileId};
+use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, Seen, TileId};
 
 /// Columns and rows of a window.
 const WINDOW: u32 = 512;
 /// Bytes of a window and what is made of it.
-pub(super) const WINDOW_BYTES: u64 = (WINDOW as u64 * WINDOW as u64) * 8 + (1 << 20);
+pub(super) fn window_bytes(places: &Places<'_>) -> u64 {
+    // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
+    let sample = match places.sample_bytes() {
+        0 => 8,
+        place => 8 + place + 4 * size_of::<usize>() as u64,
+    };
+    u64::from(WINDOW) * u64::from(WINDOW) * sample + (1 << 20)
+}
 /// Most tiles that are counted as missing.
 pub(super) const MOST_MISSING: usize = 1 << 20;
 
@@ -119,7 +127,7 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
         let rect = Rect::new(col, row, WINDOW, WINDOW).intersect(&bounds);
         heights.resize(rect.len(), 0.0);
         context.places.read(rect, heights)?;
-        let window = Window::new(context, rect, heights);
+        let window = Window::new(context, rect, heights)?;
         window.count(found);
         (0..=context.layer.finest).try_for_each(|level| {
             let mut level = Level { window: &window, level, facets: &facets, under: &under, found };
@@ -146,42 +154,40 @@ struct Window<'a> {
     context: &'a Context<'a>,
     rect: Rect,
     heights: &'a [f64],
-    longitudes: Vec<f64>,
-    latitudes: Vec<f64>,
-    meridians: Vec<Meridian>,
-    parallels: Vec<Parallel>,
+    placed: Placed,
 }
 
 impl<'a> Window<'a> {
-    fn new(context: &'a Context<'a>, rect: Rect, heights: &'a [f64]) -> Self {
-        let places = &context.places;
-        let longitudes = (rect.col..rect.end_col()).map(|col| places.longitude(col));
-        let latitudes = (rect.row..rect.end_row()).map(|row| places.latitude(row));
-        let (longitudes, latitudes): (Vec<_>, Vec<_>) = (longitudes.collect(), latitudes.collect());
-        let meridians = longitudes.iter().map(|&at| Meridian::at(at)).collect();
-        let parallels = latitudes.iter().map(|&at| Parallel::at(at)).collect();
-        Self { context, rect, heights, longitudes, latitudes, meridians, parallels }
+    fn new(context: &'a Context<'a>, rect: Rect, heights: &'a [f64]) -> Result<Self> {
+        Ok(Self { context, rect, heights, placed: context.places.window(rect)? })
     }
 
     fn row(&self, row: usize, columns: &Range<usize>) -> &[f64] {
-        &self.heights[row * self.longitudes.len()..][columns.clone()]
+        &self.heights[row * self.rect.width as usize..][columns.clone()]
     }
 
     /// Counts the valid samples.
     fn count(&self, found: &mut Found) {
-        for (row, &latitude) in self.latitudes.iter().enumerate() {
-            let heights = self.row(row, &(0..self.longitudes.len()));
-            let valid = heights.iter().zip(&self.longitudes).filter(|(height, _)| !height.is_nan());
-            for (&height, &longitude) in valid {
-                found.valid += 1;
-                found.reach(height);
-                found.hold([longitude, latitude]);
-            }
+        let width = self.rect.width as usize;
+        for (number, &height) in self.heights.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
+            found.valid += 1;
+            found.reach(height);
+            found.hold(match &self.placed {
+                Placed::Straight { longitudes, latitudes, .. } => {
+                    [longitudes[number % width], latitudes[number / width]]
+                }
+                Placed::Moved(places) => places[number],
+            });
         }
     }
 
     fn has_samples(&self, rows: &Range<usize>, columns: &Range<usize>) -> bool {
         rows.clone().any(|row| self.row(row, columns).iter().any(|height| !height.is_nan()))
+    }
+
+    /// Column and row of the raster, of a sample of the window.
+    fn sample(&self, row: usize, col: usize) -> [u32; 2] {
+        [self.rect.row + row as u32, self.rect.col + col as u32]
     }
 }
 
@@ -215,27 +221,54 @@ struct Level<'a> {
 impl Level<'_> {
     fn measure(&mut self) -> Result<()> {
         let (window, level) = (self.window, self.level);
-        let columns = runs(&window.longitudes, |at| TileId::columns_of(level, at));
-        for (y, rows) in runs(&window.latitudes, |at| TileId::rows_of(level, at)) {
+        let (longitudes, latitudes) = match &window.placed {
+            Placed::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
+            Placed::Moved(places) => return self.scattered(places),
+        };
+        let columns = runs(longitudes, |at| TileId::columns_of(level, at));
+        for (y, rows) in runs(latitudes, |at| TileId::rows_of(level, at)) {
             window.context.cancel.check()?;
             for (x, columns) in &columns {
-                self.tile(TileId { level, y, x: *x }, &rows, columns)?;
+                let id = TileId { level, y, x: *x };
+                if window.has_samples(&rows, columns) {
+                    self.tile(id, |level, facets| level.rows(id, facets, &rows, columns))?;
+                }
             }
         }
         Ok(())
     }
 
-    fn tile(&mut self, id: TileId, rows: &Range<usize>, columns: &Range<usize>) -> Result<()> {
-        let context = self.window.context;
-        if !self.window.has_samples(rows, columns) {
-            return Ok(());
+    /// Samples that lie in rows and columns of no tile: those of each tile one by one.
+    fn scattered(&mut self, places: &[[f64; 2]]) -> Result<()> {
+        let level = self.level;
+        let mut of_tiles: BTreeMap<TileId, Vec<usize>> = BTreeMap::new();
+        let valid = |number: &usize| !self.window.heights[*number].is_nan();
+        for number in (0..places.len()).filter(valid) {
+            let [longitude, latitude] = places[number];
+            for y in TileId::rows_of(level, latitude) {
+                for x in TileId::columns_of(level, longitude) {
+                    of_tiles.entry(TileId { level, y, x }).or_default().push(number);
+                }
+            }
         }
-        let Some(number) = context.tiles.find_one(id) else {
+        for (id, numbers) in of_tiles {
+            self.window.context.cancel.check()?;
+            self.tile(id, |level, facets| level.each(id, facets, (places, &numbers)))?;
+        }
+        Ok(())
+    }
+
+    fn tile(
+        &mut self,
+        id: TileId,
+        measure: impl FnOnce(&mut Self, &Facets) -> Under,
+    ) -> Result<()> {
+        let Some(number) = self.window.context.tiles.find_one(id) else {
             self.found.miss(id);
             return Ok(());
         };
         let facets = self.facets_of(id)?;
-        let under = self.samples(id, &facets, rows, columns);
+        let under = measure(self, &facets);
         let mut all = lock(self.under);
         let known = &mut all[number];
         known.count += under.count;
@@ -252,29 +285,62 @@ impl Level<'_> {
         })
     }
 
-    fn samples(
+    fn rows(
         &mut self,
         id: TileId,
         facets: &Facets,
         rows: &Range<usize>,
         columns: &Range<usize>,
     ) -> Under {
-        let (window, level) = (self.window, &mut self.found.levels[usize::from(self.level)]);
-        let limit = window.context.limit(self.level);
-        let meridians = &window.meridians[columns.clone()];
-        let (mut under, mut from, mut squares, mut over) = (Under::default(), 0, 0.0, 0);
-        for row in rows.clone() {
-            let parallel = &window.parallels[row];
-            let seen = facets.row(&mut from, parallel, meridians, window.row(row, columns), limit);
+        let window = self.window;
+        let Placed::Straight { meridians, parallels, .. } = &window.placed else {
+            return Under::default();
+        };
+        let meridians = &meridians[columns.clone()];
+        let mut from = 0;
+        self.measured(id, rows.clone(), |row, limit| {
+            let heights = window.row(row, columns);
+            let seen = facets.row(&mut from, &parallels[row], meridians, heights, limit);
+            (seen, window.sample(row, columns.start + seen.most.map_or(0, |(_, index)| index)))
+        })
+    }
+
+    fn each(
+        &mut self,
+        id: TileId,
+        facets: &Facets,
+        (places, numbers): (&[[f64; 2]], &[usize]),
+    ) -> Under {
+        let window = self.window;
+        let width = window.rect.width as usize;
+        let mut from = 0;
+        self.measured(id, numbers.iter().copied(), |number, limit| {
+            let [longitude, latitude] = places[number];
+            let (meridian, parallel) = (Meridian::at(longitude), Parallel::at(latitude));
+            let heights = &window.heights[number..=number];
+            let seen = facets.row(&mut from, &parallel, &[meridian], heights, limit);
+            (seen, window.sample(number / width, number % width))
+        })
+    }
+
+    /// Adds up what is seen of parts of a tile, each with the row and column of its farthest sample.
+    fn measured<T>(
+        &mut self,
+        id: TileId,
+        parts: impl Iterator<Item = T>,
+        mut look: impl FnMut(T, f64) -> (Seen, [u32; 2]),
+    ) -> Under {
+        let limit = self.window.context.limit(self.level);
+        let (mut under, mut squares, mut over) = (Under::default(), 0.0, 0);
+        for part in parts {
+            let (seen, sample) = look(part, limit);
             under.count += seen.count;
             over += seen.over;
             squares += seen.squares;
-            let far = seen.most.map(|(distance, index)| {
-                let col = window.rect.col + (columns.start + index) as u32;
-                Far { distance, sample: [window.rect.row + row as u32, col] }
-            });
+            let far = seen.most.map(|(distance, _)| Far { distance, sample });
             under.far = farther(under.far, far);
         }
+        let level = &mut self.found.levels[usize::from(self.level)];
         level.samples += under.count;
         level.over += over;
         level.squares.add(squares);

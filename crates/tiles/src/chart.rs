@@ -1,0 +1,408 @@
+//! Where the samples of a grid are on the globe, and between which samples a place lies.
+//!
+//! Rows and columns that are parallels and meridians are straight; those of any other system are bent: they are known
+//! at nodes, and in between by polynomials of the third degree, which follow a projection to less than a hair.
+
+use std::sync::Arc;
+
+use crate::globe::{Turn, Upright, Vector, bend};
+use crate::ground::Sample;
+use crate::tiling::Bounds;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Affine;
+
+/// Samples that a place may be beside one and still be on it.
+pub(crate) const HAIR: f64 = 1e-7;
+/// Samples between nodes, where there are not too many.
+const BETWEEN: u32 = 16;
+/// Most parts between nodes along an axis, and the fewest that a polynomial needs.
+const PARTS: [u32; 2] = [3, 1023];
+/// Metres that a place between nodes may be off by, and samples that the way back may.
+const OFF: f64 = 1e-4;
+const OFF_BACK: f64 = 1e-3;
+/// Points along each side of a rectangle that tell where its samples are.
+const ALONG: u32 = 4;
+
+/// Where the samples of a grid are on the globe.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    whole: [u32; 2],
+    way: Way,
+}
+
+#[derive(Clone, Debug)]
+enum Way {
+    Straight(Affine),
+    Bent(Arc<Bent>),
+}
+
+/// Rows and columns that are no parallels and meridians.
+#[derive(Debug)]
+struct Bent {
+    /// From columns and rows to what is upright there, nearly of length 1.
+    upright: Table<3>,
+    /// From longitudes and latitudes to columns and rows; not a number where they have none.
+    samples: Table<2>,
+    bounds: Bounds,
+    spacing: f64,
+    /// Degrees between the places on a border that are looked at.
+    stop: f64,
+}
+
+impl Chart {
+    /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes without turning it.
+    pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
+        debug_assert!(map.b == 0.0 && map.d == 0.0);
+        Self { whole, way: Way::Straight(map) }
+    }
+
+    /// Of a grid of columns and rows, which `to` takes to longitudes and latitudes in degrees, and `back` from there.
+    ///
+    /// # Errors
+    /// Those of `to`; a grid across 180 degrees or around a pole, or one that is too bent for what is known at a
+    /// thousand times a thousand nodes.
+    pub fn bent(
+        whole: [u32; 2],
+        to: impl Fn([f64; 2]) -> Result<[f64; 2]>,
+        back: impl Fn([f64; 2]) -> Result<[f64; 2]>,
+    ) -> Result<Self> {
+        let ends = whole.map(|count| f64::from(count.max(2) - 1));
+        let parts = ends.map(|end| ((end as u32).div_ceil(BETWEEN)).clamp(PARTS[0], PARTS[1]));
+        let upright = Table::new([[0.0, ends[0]], [0.0, ends[1]]], parts, |at| {
+            Ok(Upright::at(to(at)?).normal.0)
+        })?;
+        let spacing = spacing(&upright);
+        let bounds = outline(whole, &upright, spacing)?;
+        for pole in [-90.0, 90.0] {
+            let is_in = |at: [f64; 2]| (0..2).all(|axis| (0.0..=ends[axis]).contains(&at[axis]));
+            if back([0.0, pole]).is_ok_and(is_in) {
+                return Err(Error::unsupported("lies around a pole")
+                    .remedy("take it in parts that do not hold the pole"));
+            }
+        }
+        // Beside what the samples lie in, so that it is known at its border.
+        let margin = 2.0 * spacing;
+        let known = bounds.grown(margin);
+        let sides = [[known.west, known.east], [known.south, known.north]];
+        let samples = Table::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
+        // Half of what a sample takes at the most, and a part of every tile's side.
+        let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
+        let chart = Self {
+            whole,
+            way: Way::Bent(Arc::new(Bent { upright, samples, bounds, spacing, stop })),
+        };
+        chart.check(parts, to)?;
+        Ok(chart)
+    }
+
+    /// Fails where places between nodes are not where they should be.
+    fn check(&self, parts: [u32; 2], to: impl Fn([f64; 2]) -> Result<[f64; 2]>) -> Result<()> {
+        /// Places that are looked at along an axis, at most.
+        const MOST: u32 = 64;
+        let too_bent = |off: f64, unit: &str| {
+            Error::unsupported(format!(
+                "is too large for its projection: places are off by {off:.1e} {unit}"
+            ))
+            .remedy("take it in parts, or transform it with gdalwarp -t_srs EPSG:4326")
+        };
+        for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {
+            for col in (0..parts[0]).step_by(parts[0].div_ceil(MOST) as usize) {
+                let middle = |axis: usize, part: u32| {
+                    (f64::from(part) + 0.5) * f64::from(self.whole[axis].max(2) - 1)
+                        / f64::from(parts[axis])
+                };
+                let at = [middle(0, col), middle(1, row)];
+                let place = to(at)?;
+                let off = (self.upright(at).point(0.0) - Upright::at(place).point(0.0)).length();
+                if off > OFF {
+                    return Err(too_bent(off, "m"));
+                }
+                let back = self.at(place);
+                let off = (back[0] - at[0]).abs().max((back[1] - at[1]).abs());
+                if off.is_nan() || off > OFF_BACK {
+                    return Err(too_bent(off, "samples"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Columns and rows.
+    pub fn whole(&self) -> [u32; 2] {
+        self.whole
+    }
+
+    /// The map to longitudes and latitudes, where rows are parallels and columns meridians.
+    pub(crate) fn map(&self) -> Option<&Affine> {
+        match &self.way {
+            Way::Straight(map) => Some(map),
+            Way::Bent(_) => None,
+        }
+    }
+
+    /// Whether rows are other lines than parallels, or columns than meridians.
+    pub fn is_bent(&self) -> bool {
+        matches!(self.way, Way::Bent(_))
+    }
+
+    /// What all samples lie in.
+    pub fn bounds(&self) -> Bounds {
+        match &self.way {
+            Way::Straight(map) => {
+                let [a, b] = [[0; 2], self.whole.map(|count| count - 1)]
+                    .map(|[col, row]| map.apply(f64::from(col), f64::from(row)));
+                Bounds {
+                    west: a[0].min(b[0]),
+                    south: a[1].min(b[1]),
+                    east: a[0].max(b[0]),
+                    north: a[1].max(b[1]),
+                }
+            }
+            Way::Bent(bent) => bent.bounds,
+        }
+    }
+
+    /// Degrees between samples, along the finer axis: of longitude or latitude, or as along the equator.
+    pub fn spacing(&self) -> f64 {
+        match &self.way {
+            Way::Straight(map) => map.a.abs().min(map.e.abs()),
+            Way::Bent(bent) => bent.spacing,
+        }
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        match &self.way {
+            Way::Straight(_) => 0,
+            Way::Bent(bent) => bent.upright.bytes() + bent.samples.bytes(),
+        }
+    }
+
+    /// What is upright at a column and row.
+    fn upright(&self, at: [f64; 2]) -> Upright {
+        match &self.way {
+            Way::Straight(map) => Upright::at(map.apply(at[0], at[1])),
+            Way::Bent(bent) => Upright::along(Vector(bent.upright.at(at))),
+        }
+    }
+
+    /// A sample so many columns and rows from the first.
+    pub(crate) fn sample(&self, at: [f64; 2], height: f64) -> Sample {
+        match &self.way {
+            Way::Straight(map) => {
+                let place = map.apply(at[0], at[1]);
+                let lat = Turn::of(place[1]);
+                Sample { place, height, upright: Upright::of(Turn::of(place[0]), lat, bend(lat)) }
+            }
+            Way::Bent(_) => {
+                let upright = self.upright(at);
+                Sample { place: upright.place(), height, upright }
+            }
+        }
+    }
+
+    /// Columns and rows from the first sample to a place. Of a bent grid, to the nearest place of the rectangle that
+    /// all samples lie in; not a number where there is none.
+    pub(crate) fn at(&self, place: [f64; 2]) -> [f64; 2] {
+        match &self.way {
+            Way::Straight(map) => map.invert(place[0], place[1]),
+            Way::Bent(bent) => bent.samples.at(bent.bounds.nearest(place)),
+        }
+    }
+
+    /// The same; a hair beside a sample is on it, and beyond the grid its edge goes on. `None` where there is none.
+    pub(crate) fn within(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+        let at = self.at(place);
+        if at[0].is_nan() || at[1].is_nan() {
+            return None;
+        }
+        Some([0, 1].map(|axis: usize| {
+            let near = at[axis].round();
+            let along = if (at[axis] - near).abs() < HAIR { near } else { at[axis] };
+            along.clamp(0.0, f64::from(self.whole[axis] - 1))
+        }))
+    }
+
+    /// The lowest and the highest column and row that places of a rectangle may have, in parts of samples.
+    pub fn range(&self, bounds: &Bounds) -> [[f64; 2]; 2] {
+        let Bounds { west, south, east, north } = *bounds;
+        if let Way::Straight(map) = &self.way {
+            let [a, b] = [[west, north], [east, south]].map(|[lon, lat]| map.invert(lon, lat));
+            return [0, 1].map(|axis: usize| [a[axis].min(b[axis]), a[axis].max(b[axis])]);
+        }
+        let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut bow = [0.0_f64; 2];
+        let corners = [[west, south], [east, south], [east, north], [west, north]];
+        for (i, from) in corners.into_iter().enumerate() {
+            let to = corners[(i + 1) % 4];
+            let at = |k: u32| {
+                let part = f64::from(k) / f64::from(ALONG);
+                self.at([0, 1].map(|axis: usize| from[axis] + (to[axis] - from[axis]) * part))
+            };
+            let points: [[f64; 2]; ALONG as usize + 1] = std::array::from_fn(|k| at(k as u32));
+            for (axis, [low, high]) in ends.iter_mut().enumerate() {
+                for point in points {
+                    // Where nothing is known there may be any sample.
+                    let [from, to] = match point[axis].is_nan() {
+                        true => [0.0, f64::from(self.whole[axis])],
+                        false => [point[axis]; 2],
+                    };
+                    (*low, *high) = (low.min(from), high.max(to));
+                }
+                for three in points.windows(3) {
+                    let off = three[1][axis] - (three[0][axis] + three[2][axis]) / 2.0;
+                    bow[axis] = bow[axis].max(off.abs());
+                }
+            }
+        }
+        [0, 1].map(|axis: usize| [ends[axis][0] - bow[axis], ends[axis][1] + bow[axis]])
+    }
+
+    /// Metres that the middle of a rectangle of samples is from a flat surface through its corners, at the most;
+    /// nothing where rows are parallels, whose bend is the earth's.
+    pub(crate) fn bow(&self, [left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> f64 {
+        if let Way::Straight(_) = &self.way {
+            return 0.0;
+        }
+        let point = |at: [f64; 2]| self.upright(at).point(0.0);
+        let off = |a: [f64; 2], b: [f64; 2]| {
+            let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+            (point(middle) - (point(a) + point(b)) * 0.5).length()
+        };
+        let along = off([left, top], [right, top]).max(off([left, bottom], [right, bottom]));
+        let down = off([left, top], [left, bottom]).max(off([right, top], [right, bottom]));
+        along + down
+    }
+
+    /// Hands on the places along the straight line between two on one meridian or parallel that tell how a bent
+    /// grid goes there: the same, whatever part of the line is asked for. None of a straight one.
+    pub(crate) fn stops(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2])) {
+        let Way::Bent(bent) = &self.way else { return };
+        let axis = usize::from(from[0] == to[0]);
+        let Bounds { west, south, east, north } = bent.bounds;
+        let ([origin, low, high], [across, least, most]) = match axis {
+            0 => ([-180.0, west, east], [from[1], south, north]),
+            _ => ([-90.0, south, north], [from[0], west, east]),
+        };
+        if across < least - bent.stop || across > most + bent.stop {
+            return;
+        }
+        let [a, b] = [from[axis].min(to[axis]), from[axis].max(to[axis])];
+        let number = |value: f64| (value - origin) / bent.stop;
+        let first = number(a.max(low)).ceil();
+        let last = number(b.min(high)).floor();
+        let mut i = first;
+        while i <= last {
+            let mut place = from;
+            place[axis] = origin + i * bent.stop;
+            found(place);
+            i += 1.0;
+        }
+    }
+}
+
+/// Degrees, as along the equator, between samples that are nearest to each other.
+fn spacing(upright: &Table<3>) -> f64 {
+    let [cols, rows] = upright.parts.map(|parts| parts as usize);
+    let mut least = f64::INFINITY;
+    for row in 0..=rows {
+        for col in 0..=cols {
+            let here = Vector(upright.node([col, row]));
+            for (axis, next) in [[col + 1, row], [col, row + 1]].into_iter().enumerate() {
+                if next[axis] <= [cols, rows][axis] {
+                    let off = (Vector(upright.node(next)) - here).length();
+                    least = least.min(off / upright.step[axis]);
+                }
+            }
+        }
+    }
+    least.to_degrees()
+}
+
+/// What all samples lie in.
+///
+/// # Errors
+/// Samples on both sides of 180 degrees.
+fn outline([width, height]: [u32; 2], upright: &Table<3>, spacing: f64) -> Result<Bounds> {
+    let place =
+        |col: u32, row: u32| Upright::along(Vector(upright.at([col, row].map(f64::from)))).place();
+    let across = |row: u32| (0..width).map(|col| place(col, row)).collect::<Vec<_>>();
+    let down = |col: u32| (0..height).map(|row| place(col, row)).collect::<Vec<_>>();
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for side in [across(0), across(height - 1), down(0), down(width - 1)] {
+        if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
+            return Err(Error::unsupported("lies across 180 degrees, or around a pole")
+                .remedy("take what lies on either side for itself"));
+        }
+        for place in side {
+            for axis in 0..2 {
+                (low[axis], high[axis]) = (low[axis].min(place[axis]), high[axis].max(place[axis]));
+            }
+        }
+    }
+    // Sides bow out a little between samples, and those within may lie behind that.
+    let bow = 1e-11 + spacing * spacing / 10.0;
+    Ok(Bounds {
+        west: (low[0] - bow).max(-180.0),
+        south: (low[1] - bow).max(-90.0),
+        east: (high[0] + bow).min(180.0),
+        north: (high[1] + bow).min(90.0),
+    })
+}
+
+/// Values at nodes of a lattice, and between them by polynomials of the third degree through four nodes each way.
+#[derive(Debug)]
+struct Table<const N: usize> {
+    from: [f64; 2],
+    step: [f64; 2],
+    parts: [u32; 2],
+    nodes: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Table<N> {
+    /// Of a function on a rectangle that is divided into parts.
+    fn new(
+        sides: [[f64; 2]; 2],
+        parts: [u32; 2],
+        of: impl Fn([f64; 2]) -> Result<[f64; N]>,
+    ) -> Result<Self> {
+        let from = sides.map(|[low, _]| low);
+        let step =
+            [0, 1].map(|axis: usize| (sides[axis][1] - sides[axis][0]) / f64::from(parts[axis]));
+        let place = |axis: usize, part: u32| from[axis] + step[axis] * f64::from(part);
+        let all = (0..=parts[1]).flat_map(|row| (0..=parts[0]).map(move |col| (col, row)));
+        let nodes = all.map(|(col, row)| of([place(0, col), place(1, row)]));
+        Ok(Self { from, step, parts, nodes: nodes.collect::<Result<_>>()? })
+    }
+
+    fn node(&self, [col, row]: [usize; 2]) -> [f64; N] {
+        self.nodes[row * (self.parts[0] as usize + 1) + col]
+    }
+
+    fn bytes(&self) -> u64 {
+        (self.nodes.len() * size_of::<[f64; N]>()) as u64
+    }
+
+    fn at(&self, at: [f64; 2]) -> [f64; N] {
+        let [(left, across), (top, down)] = [0, 1].map(|axis: usize| {
+            let part = (at[axis] - self.from[axis]) / self.step[axis];
+            let first = (part.floor() - 1.0).clamp(0.0, f64::from(self.parts[axis] - 3));
+            (first as usize, weights(part - first))
+        });
+        let mut sum = [0.0; N];
+        for (row, by_row) in down.into_iter().enumerate() {
+            let from = (top + row) * (self.parts[0] as usize + 1) + left;
+            for (node, by_col) in self.nodes[from..from + 4].iter().zip(across) {
+                let by = by_row * by_col;
+                (0..N).for_each(|i| sum[i] += node[i] * by);
+            }
+        }
+        sum
+    }
+}
+
+/// What four nodes count for at a place, in steps from the first.
+fn weights(at: f64) -> [f64; 4] {
+    let [a, b, c, d] = [at, at - 1.0, at - 2.0, at - 3.0];
+    [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0]
+}
