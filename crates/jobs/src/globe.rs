@@ -43,7 +43,9 @@ impl OnGlobe {
             let map = into_world(info.transform, whole);
             return check_world(&map, whole).map(|()| (Self::Straight(map), notes));
         }
-        let operation = Operation::to_wgs84(crs, Some(extent_of(info)))?;
+        let operation = Operation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
+            error.remedy("take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326")
+        })?;
         notes.push(match operation.accuracy() {
             Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
             Some(metres) => {

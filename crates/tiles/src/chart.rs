@@ -13,8 +13,8 @@ use terrane_base::geom::Affine;
 
 /// Samples that a place may be beside one and still be on it.
 pub(crate) const HAIR: f64 = 1e-7;
-/// Samples between nodes, where there are not too many.
-const BETWEEN: u32 = 16;
+/// Samples between nodes, where there are not too many: fewer where a projection bends more.
+const BETWEEN: [u32; 3] = [16, 4, 1];
 /// Most parts between nodes along an axis, and the fewest that a polynomial needs.
 const PARTS: [u32; 2] = [3, 1023];
 /// Metres that a place between nodes may be off by, and samples that the way back may.
@@ -66,33 +66,45 @@ impl Chart {
         to: impl Fn([f64; 2]) -> Result<[f64; 2]>,
         back: impl Fn([f64; 2]) -> Result<[f64; 2]>,
     ) -> Result<Self> {
-        let ends = whole.map(|count| f64::from(count.max(2) - 1));
-        let parts = ends.map(|end| ((end as u32).div_ceil(BETWEEN)).clamp(PARTS[0], PARTS[1]));
-        let upright = Table::new([[0.0, ends[0]], [0.0, ends[1]]], parts, |at| {
-            Ok(Upright::at(to(at)?).normal.0)
-        })?;
-        let spacing = spacing(&upright);
-        let bounds = outline(whole, &upright, spacing)?;
-        for pole in [-90.0, 90.0] {
-            let is_in = |at: [f64; 2]| (0..2).all(|axis| (0.0..=ends[axis]).contains(&at[axis]));
-            if back([0.0, pole]).is_ok_and(is_in) {
-                return Err(Error::unsupported("lies around a pole")
-                    .remedy("take it in parts that do not hold the pole"));
+        let ends = whole.map(|count| count.max(2) - 1);
+        let is_in =
+            |at: [f64; 2]| (0..2).all(|axis| (0.0..=f64::from(ends[axis])).contains(&at[axis]));
+        if [-90.0, 90.0].into_iter().any(|pole| back([0.0, pole]).is_ok_and(is_in)) {
+            return Err(Error::unsupported("lies around a pole")
+                .remedy("take it in parts that do not hold the pole"));
+        }
+        let mut found = Err(Error::bad_input("has no sample"));
+        for between in BETWEEN {
+            let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
+            let chart = Self::of_parts(whole, parts, &to, &back)?;
+            found = chart.check(parts, &to).map(|()| chart);
+            if found.is_ok() {
+                break;
             }
         }
+        found
+    }
+
+    /// A bent one whose nodes are so many parts apart.
+    fn of_parts(
+        whole: [u32; 2],
+        parts: [u32; 2],
+        to: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
+        back: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
+    ) -> Result<Self> {
+        let ends = whole.map(|count| f64::from(count.max(2) - 1));
+        let sides = ends.map(|end| [0.0, end]);
+        let upright = Table::new(sides, parts, |at| Ok(Upright::at(to(at)?).normal.0))?;
+        let spacing = spacing(&upright);
+        let bounds = outline(whole, &upright, spacing)?;
         // Beside what the samples lie in, so that it is known at its border.
-        let margin = 2.0 * spacing;
-        let known = bounds.grown(margin);
+        let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
         let samples = Table::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
         // Half of what a sample takes at the most, and a part of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
-        let chart = Self {
-            whole,
-            way: Way::Bent(Arc::new(Bent { upright, samples, bounds, spacing, stop })),
-        };
-        chart.check(parts, to)?;
-        Ok(chart)
+        let bent = Bent { upright, samples, bounds, spacing, stop };
+        Ok(Self { whole, way: Way::Bent(Arc::new(bent)) })
     }
 
     /// Fails where places between nodes are not where they should be.
@@ -107,9 +119,10 @@ impl Chart {
         };
         for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {
             for col in (0..parts[0]).step_by(parts[0].div_ceil(MOST) as usize) {
+                // Samples halfway between nodes.
                 let middle = |axis: usize, part: u32| {
-                    (f64::from(part) + 0.5) * f64::from(self.whole[axis].max(2) - 1)
-                        / f64::from(parts[axis])
+                    let last = f64::from(self.whole[axis] - 1);
+                    ((f64::from(part) + 0.5) * last / f64::from(parts[axis])).round()
                 };
                 let at = [middle(0, col), middle(1, row)];
                 let place = to(at)?;
@@ -280,22 +293,20 @@ impl Chart {
         let Way::Bent(bent) = &self.way else { return };
         let axis = usize::from(from[0] == to[0]);
         let Bounds { west, south, east, north } = bent.bounds;
-        let ([origin, low, high], [across, least, most]) = match axis {
-            0 => ([-180.0, west, east], [from[1], south, north]),
-            _ => ([-90.0, south, north], [from[0], west, east]),
-        };
-        if across < least - bent.stop || across > most + bent.stop {
-            return;
-        }
-        let [a, b] = [from[axis].min(to[axis]), from[axis].max(to[axis])];
-        let number = |value: f64| (value - origin) / bent.stop;
-        let first = number(a.max(low)).ceil();
-        let last = number(b.min(high)).floor();
-        let mut i = first;
-        while i <= last {
+        let [origin, low, high] =
+            if axis == 0 { [-180.0, west, east] } else { [-90.0, south, north] };
+        let [a, b] = [from[axis].min(to[axis]).max(low), from[axis].max(to[axis]).min(high)];
+        let mut stop = |at: f64| {
             let mut place = from;
-            place[axis] = origin + i * bent.stop;
+            place[axis] = at;
             found(place);
+        };
+        // Where the samples end, what goes on beyond them begins.
+        [low, high].into_iter().filter(|end| (a..=b).contains(end)).for_each(&mut stop);
+        let [first, last] = [a, b].map(|value| (value - origin) / bent.stop);
+        let mut i = first.ceil();
+        while i <= last.floor() {
+            stop(origin + i * bent.stop);
             i += 1.0;
         }
     }

@@ -534,7 +534,7 @@ fn whole(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
     })
 }
 
-/// The four samples around each place along meridians and parallels, by row.
+/// The samples around meridians and parallels, by row.
 fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let most = chart.whole().map(|count| count - 1);
@@ -545,11 +545,12 @@ fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
                 let Some([col, row]) = chart.within(place).map(|at| at.map(|at| at as u32)) else {
                     return;
                 };
-                for row in [row, (row + 1).min(most[1])] {
+                // Those of the cells beside it, too: the line goes through some of them between two places.
+                for row in row.saturating_sub(1)..=(row + 2).min(most[1]) {
                     let spots = found.entry(row).or_default();
                     // Those along a row come one after the other.
-                    for col in [col, (col + 1).min(most[0])] {
-                        if !spots.iter().rev().take(2).any(|spot| *spot == col) {
+                    for col in col.saturating_sub(1)..=(col + 2).min(most[0]) {
+                        if !spots.iter().rev().take(4).any(|spot| *spot == col) {
                             spots.push(col);
                         }
                     }
