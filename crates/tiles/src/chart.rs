@@ -473,8 +473,11 @@ pub(crate) mod tests {
         // The pole is among the samples; and too few nodes for how it bends.
         let (chart, _) = turned([100, 100], 0.5, 0.0, 60.0);
         assert!(chart.unwrap_err().to_string().contains("pole"));
-        let (chart, _) = turned([4000, 8], 0.02, 1.4, 10.0);
-        assert!(chart.unwrap_err().to_string().contains("too large for its projection"));
+        let wave =
+            |[col, row]: [f64; 2]| Ok([col * 0.001 + (row * 1.3).sin() * 0.0001, row * 0.001]);
+        let chart = Chart::bent([9, 4000], wave, |[lon, lat]| Ok([lon * 1000.0, lat * 1000.0]));
+        let told = chart.unwrap_err().to_string();
+        assert!(told.contains("too large for its projection"), "{told}");
     }
 
     proptest! {

@@ -545,8 +545,8 @@ fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
                 let Some([col, row]) = chart.within(place).map(|at| at.map(|at| at as u32)) else {
                     return;
                 };
-                // Those of the cells beside it, too: the line goes through some of them between two places.
-                for row in row.saturating_sub(1)..=(row + 2).min(most[1]) {
+                // Those of the cells on either side, too: the line may go through them to the next place.
+                for row in row..=(row + 1).min(most[1]) {
                     let spots = found.entry(row).or_default();
                     // Those along a row come one after the other.
                     for col in col.saturating_sub(1)..=(col + 2).min(most[0]) {
