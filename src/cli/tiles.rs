@@ -17,7 +17,8 @@ use crate::jobs::tiles::{self, FORMATS, Format, TilesJob, TilesReport};
 /// grid, and layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it on the bent earth, than
 /// clients take its level to be off by (77 km at level 0, half as much at each further one); each tile
 /// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
-/// spanned. The grid is in longitudes and latitudes; its heights are taken from the ellipsoid on.
+/// spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up. Heights are
+/// taken from the ellipsoid on, or brought there with --geoid.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. The last name is
@@ -62,6 +63,9 @@ pub(super) struct Wanted {
     #[arg(long, value_name = "LEVEL", value_parser = clap::value_parser!(u8).range(0..=20),
           help_heading = "Tiles")]
     max_level: Option<u8>,
+    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a GTX file
+    #[arg(long, value_name = "FILE", value_parser = names::any(), help_heading = "Tiles")]
+    pub(super) geoid: Option<String>,
     /// Write no normals of vertices, which viewers light the ground by
     #[arg(long, help_heading = "Tiles")]
     no_normals: bool,
@@ -78,6 +82,7 @@ impl Wanted {
     /// The job with what is asked for.
     pub(super) fn job(&self, job: TilesJob) -> TilesJob {
         TilesJob {
+            geoid: self.geoid.clone(),
             formats: self.format.clone(),
             tile_edges: self.tile_edges,
             max_level: self.max_level,
@@ -138,6 +143,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     check::not_inputs(&names, &results)?;
     check::not_among(args.grid.clip.as_slice(), &results)?;
     check::not_among(args.wanted.water.as_slice(), &results)?;
+    check::not_among(args.wanted.geoid.as_slice(), &results)?;
     let job = args.wanted.job(TilesJob {
         reading: args.grid.reading(args.wanted.water.as_ref()),
         overwrite: args.overwrite,

@@ -8,7 +8,7 @@ use super::run::{Run, overwrite_setting, run_settings};
 use terrane_base::{Error, Result};
 use terrane_jobs::tiles::{self, Format as TilesFormat, PlanJob, TilesJob, TilesReport};
 
-/// Tiles of a grid of longitudes and latitudes to be made, for viewers of the globe, at every level of detail:
+/// Tiles of a grid in any system to be made, for viewers of the globe, at every level of detail:
 /// quantized-mesh 1.0, 3D Tiles 1.1, or both. No sample is further from a tile, as a client decodes it, than clients take its level to be
 /// off by. Sources: <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
 ///
@@ -29,6 +29,7 @@ use terrane_jobs::tiles::{self, Format as TilesFormat, PlanJob, TilesJob, TilesR
 /// ```
 pub struct TilesBuilder<'a> {
     grid: &'a Grid,
+    geoid: Option<String>,
     formats: Vec<TilesFormat>,
     tile_edges: bool,
     max_level: Option<u8>,
@@ -42,9 +43,16 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        let TilesJob { formats, tile_edges, max_level, normals, compress, .. } =
+        let TilesJob { geoid, formats, tile_edges, max_level, normals, compress, .. } =
             TilesJob::new(grid.inputs.clone(), PathBuf::new());
-        Self { grid, formats, tile_edges, max_level, normals, compress, run: Run::default() }
+        Self { grid, geoid, formats, tile_edges, max_level, normals, compress, run: Run::default() }
+    }
+
+    /// A file with the heights of the geoid that those of the grid are counted from, above the ellipsoid, in metres
+    /// (GTX). Heights are taken from the ellipsoid on without it.
+    pub fn geoid(mut self, file: impl Into<String>) -> Self {
+        self.geoid = Some(file.into());
+        self
     }
 
     /// What to write (quantized-mesh unless told otherwise); of several formats, a folder for each in the output.
@@ -82,8 +90,7 @@ impl<'a> TilesBuilder<'a> {
     /// Makes the tiles in a folder of this name, which appears whole or not at all.
     ///
     /// # Errors
-    /// A grid that is not in longitudes and latitudes, is turned, or reaches beyond a pole or 180 degrees; damage in
-    /// it; too little memory; an output that exists or cannot be written; cancelled.
+    /// A grid whose place on the globe is not known, or that lies around a pole or across 180 degrees; damage in it; too little memory; an output that exists or cannot be written; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<TilesReport> {
         let job = self.job(path.into())?;
         tiles::run(&job, &*self.run.progress, &self.run.cancel)
@@ -111,6 +118,7 @@ impl<'a> TilesBuilder<'a> {
         Ok(TilesJob {
             reading: self.grid.reading.clone(),
             overwrite: self.run.overwrite,
+            geoid: self.geoid.clone(),
             formats: self.formats.clone(),
             tile_edges: self.tile_edges,
             max_level: self.max_level,

@@ -128,3 +128,109 @@ fn what_cannot_be_brought_to_the_globe_is_refused_by_name() {
         place.fails(&["tiles", "g.asc", "t"], 65, &["g.asc", words]);
     }
 }
+
+/// Heights of a geoid on whole degrees, 45 to 48 degrees north and 6 to 9 east, that differ by place.
+fn geoid(of: impl Fn(u32, u32) -> f32) -> Vec<u8> {
+    let mut bytes: Vec<u8> =
+        [45.0_f64, 6.0, 1.0, 1.0].iter().flat_map(|v| v.to_be_bytes()).collect();
+    bytes.extend([4_u32, 4].iter().flat_map(|v| v.to_be_bytes()));
+    let all = (0..4).flat_map(|row| (0..4).map(move |col| (col, row)));
+    bytes.extend(all.flat_map(|(col, row)| of(col, row).to_be_bytes()));
+    bytes
+}
+
+/// Heights are those of the geoid higher, in any system; and no others pass for them.
+#[test]
+fn heights_are_brought_to_the_ellipsoid_by_a_geoid() {
+    let place = Place::new();
+    place.write("g.gtx", geoid(|col, row| 300.0 + 40.0 * col as f32 - 70.0 * row as f32));
+    let [west, south, cell, rows] = [7.2, 46.3, 0.0005, 60.0];
+    let at = |col: usize, row: usize| {
+        [west + cell * col as f64, south + cell * (rows - 1.0 - row as f64)]
+    };
+    let lifted = |col: usize, row: usize| {
+        let [lon, lat] = at(col, row);
+        match rough(col, row) {
+            void if void < -9000.0 => void,
+            height => height + 300.0 + 40.0 * (lon - 6.0) - 70.0 * (lat - 45.0),
+        }
+    };
+    plain(&place, [60, 60], [west, south, cell], lifted);
+    for ending in ["asc", "prj"] {
+        std::fs::rename(
+            place.path(&format!("g.{ending}")),
+            place.path(&format!("lifted.{ending}")),
+        )
+        .unwrap();
+    }
+    plain(&place, [60, 60], [west, south, cell], rough);
+    let made = json(&place.ok(&["tiles", "g.asc", "t", "--geoid", "g.gtx", "--json"]).out);
+    assert!(made["notes"].to_string().contains("from the geoid to the ellipsoid"), "{made}");
+    place.ok(&["verify", "t", "g.asc", "--geoid", "g.gtx", "-q"]);
+    // Of the lifted grid, whose heights are rounded, nothing but the errors that are stated may differ, by a hair.
+    let told = json(&place.run(&["verify", "t", "lifted.asc", "--json"]).out);
+    for (level, stated) in
+        told["levels"].as_array().unwrap().iter().zip(made["levels"].as_array().unwrap())
+    {
+        let [found, stated] =
+            [&level["max_error"], &stated["error"]].map(|error| error.as_f64().unwrap());
+        assert!(found <= stated + 1e-3 && level["over"] == 0, "{level} {stated}");
+    }
+    assert_eq!(place.run(&["verify", "t", "g.asc", "-q"]).code, 1, "without the geoid");
+    place.ok(&["tiles", "g.asc", "plan", "--geoid", "g.gtx", "--workdir", "work", "-q"]);
+    for name in walk(&place, "t") {
+        assert_eq!(
+            place.bytes(&format!("t/{name}")),
+            place.bytes(&format!("plan/{name}")),
+            "{name}"
+        );
+    }
+    // In another system.
+    plain(&place, [60, 60], [450_000.0, 5_150_000.0, 40.0], rough);
+    place.write("g.prj", "EPSG:32632");
+    place.ok(&["tiles", "g.asc", "t", "--geoid", "g.gtx", "--overwrite", "-q"]);
+    place.ok(&["verify", "t", "g.asc", "--geoid", "g.gtx", "-q"]);
+    assert_eq!(place.run(&["verify", "t", "g.asc", "-q"]).code, 1);
+    // What it cannot be used for.
+    let fails = |more: &[&str], code: i32, words: &[&str]| {
+        place.fails(&[&["tiles", "g.asc", "none"][..], more].concat(), code, words);
+    };
+    place.write("bad.gtx", "x");
+    fails(&["--geoid", "bad.gtx"], 65, &["bad.gtx", "no sound GTX"]);
+    fails(&["--geoid", "none.gtx"], 65, &["none.gtx", "No such file"]);
+    place.fails(&["tiles", "g.asc", "g.gtx", "--geoid", "g.gtx", "--overwrite"], 2, &["g.gtx"]);
+    plain(&place, [60, 60], [950_000.0, 5_150_000.0, 40.0], rough);
+    place.write("g.prj", "EPSG:32632");
+    fails(&["--geoid", "g.gtx"], 65, &["the geoid is not known at longitude"]);
+    plain(&place, [60, 60], [west, south, cell], rough);
+    place.write("g.prj", "EPSG:4979");
+    fails(&["--geoid", "g.gtx"], 2, &["g.gtx", "from the ellipsoid already"]);
+    place.ok(&["tin", "g.asc", "m.ply", "--max-error", "1", "-q"]);
+    place.fails(
+        &["verify", "m.ply", "g.asc", "--geoid", "g.gtx"],
+        2,
+        &["--geoid is for terrain tiles"],
+    );
+}
+
+/// Depths are heights that are counted downwards.
+#[test]
+fn depths_are_below_the_ellipsoid() {
+    let place = Place::new();
+    let make = |system: &str, name: &str, height: &dyn Fn(usize, usize) -> f64| {
+        plain(&place, [50, 40], [7.2, 46.3, 0.0005], height);
+        place.write("g.prj", system);
+        place.ok(&["tiles", "g.asc", name, "-q"]);
+        place.ok(&["verify", name, "g.asc", "-q"]);
+    };
+    let void = |z: f64| if z < -9000.0 { z } else { -z };
+    make("EPSG:4326+5714", "up", &rough);
+    make("EPSG:4326+5715", "down", &|col, row| void(rough(col, row)));
+    for name in walk(&place, "up") {
+        assert_eq!(
+            place.bytes(&format!("up/{name}")),
+            place.bytes(&format!("down/{name}")),
+            "{name}"
+        );
+    }
+}

@@ -116,6 +116,11 @@ impl Geoid {
         Ok(sum)
     }
 
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        (self.heights.len() * size_of::<f32>()) as u64
+    }
+
     /// True where columns go all the way round.
     fn is_round(&self) -> bool {
         (self.step[0] * self.columns as f64 - 360.0).abs() < self.step[0] * 1e-3

@@ -1,9 +1,13 @@
-//! Where the samples of a grid are on the globe.
+//! Where the samples of a grid are on the globe, and how high.
 
-use crate::transform::extent_of;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::Resources;
+use crate::transform::{extent_of, read_geoid};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Affine, Crs};
-use terrane_crs::Operation;
+use terrane_base::geom::{Affine, Crs, Heights};
+use terrane_crs::{Geoid, Operation};
 use terrane_raster::GridInfo;
 
 /// Systems of longitudes and latitudes that are WGS 84, and those that are within a metre or two of it.
@@ -56,6 +60,76 @@ impl OnGlobe {
         });
         notes.extend_from_slice(operation.notes());
         Ok((Self::Moved(info.transform, Box::new(operation)), notes))
+    }
+}
+
+/// What brings the heights of a grid to metres above the ellipsoid.
+#[derive(Clone, Debug)]
+pub(crate) struct Lift {
+    /// Metres in a unit, less than none where heights are counted downwards.
+    pub(crate) metres: f64,
+    geoid: Option<Arc<Geoid>>,
+}
+
+impl Lift {
+    /// Of the heights of a system, with the file of a geoid where they are counted from one; and whether the system
+    /// says what they are in.
+    ///
+    /// # Errors
+    /// A geoid that cannot be read, or is of no use, as heights are counted from the ellipsoid already.
+    pub(crate) fn of(
+        crs: &Crs,
+        geoid: Option<&str>,
+        resources: &Resources,
+    ) -> Result<(Self, bool)> {
+        let unit = crs.vertical_metres();
+        let heights = crs.heights();
+        let metres = match heights {
+            Heights::Above { is_down: true, .. } => -unit.unwrap_or(1.0),
+            _ => unit.unwrap_or(1.0),
+        };
+        let read = |name: &str| {
+            let path = Path::new(name);
+            if heights == Heights::Ellipsoidal {
+                return Err(Error::usage(
+                    "the heights of the grid are counted from the ellipsoid already",
+                )
+                .in_file(path)
+                .remedy("leave --geoid out"));
+            }
+            read_geoid(path, resources).map(Arc::new)
+        };
+        let geoid = geoid.map(read).transpose()?;
+        Ok((Self { metres, geoid }, unit.is_some()))
+    }
+
+    /// Whether a geoid is added.
+    pub(crate) fn has_geoid(&self) -> bool {
+        self.geoid.is_some()
+    }
+
+    /// Bytes that it holds.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.geoid.as_ref().map_or(0, |geoid| geoid.bytes())
+    }
+
+    /// Lifts heights, whose places are told by number; voids stay.
+    ///
+    /// # Errors
+    /// A place that the geoid is not known at.
+    pub(crate) fn lift(
+        &self,
+        heights: &mut [f64],
+        place: impl Fn(usize) -> Result<[f64; 2]>,
+    ) -> Result<()> {
+        if self.metres != 1.0 {
+            heights.iter_mut().for_each(|height| *height *= self.metres);
+        }
+        let Some(geoid) = &self.geoid else { return Ok(()) };
+        for (number, height) in heights.iter_mut().enumerate().filter(|(_, z)| z.is_finite()) {
+            *height += geoid.height(place(number)?)?;
+        }
+        Ok(())
     }
 }
 

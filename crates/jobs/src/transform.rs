@@ -75,22 +75,25 @@ impl Transform {
     ) -> Result<Operation> {
         // What is wrong with the one system is told with the file.
         from.conversion().map_err(|e| e.in_file(input))?;
-        let read = |path: &PathBuf| {
-            let file = RawFile::open(path)?;
-            check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
-            file.read_vec(0, file.size())
-        };
         let shift_grid = self.shift_grid.as_ref().map(|path| {
-            ShiftGrid::of_ntv2(&read(path)?).map(Arc::new).map_err(|e| e.in_file(path))
+            ShiftGrid::of_ntv2(&read(path, resources)?).map(Arc::new).map_err(|e| e.in_file(path))
         });
-        let geoid = self
-            .geoid
-            .as_ref()
-            .map(|path| Geoid::of_gtx(&read(path)?).map(Arc::new).map_err(|e| e.in_file(path)));
+        let geoid = self.geoid.as_ref().map(|path| read_geoid(path, resources).map(Arc::new));
         let options =
             Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
         Operation::between(from, &wkt::of_srs(&self.target), &options)
     }
+}
+
+/// The heights of a geoid, of a GTX file that takes a small part of the memory.
+pub(crate) fn read_geoid(path: &Path, resources: &Resources) -> Result<Geoid> {
+    Geoid::of_gtx(&read(path, resources)?).map_err(|e| e.in_file(path))
+}
+
+fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
+    let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
+    check_room(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
+    file.read_vec(0, file.size())
 }
 
 /// Fails where a file that is held whole leaves too little memory for the rest.

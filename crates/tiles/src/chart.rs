@@ -199,6 +199,14 @@ impl Chart {
         }
     }
 
+    /// Longitude and latitude of a column and row.
+    pub fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        match &self.way {
+            Way::Straight(map) => map.apply(at[0], at[1]),
+            Way::Bent(_) => self.upright(at).place(),
+        }
+    }
+
     /// A sample so many columns and rows from the first.
     pub(crate) fn sample(&self, at: [f64; 2], height: f64) -> Sample {
         match &self.way {

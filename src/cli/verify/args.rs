@@ -45,6 +45,9 @@ pub(crate) struct Args {
     /// Water of this file, that has to be level, and whose banks edges have to follow, as in terrane tin
     #[arg(long, value_name = "FILE", value_parser = names::any())]
     pub(crate) water: Option<String>,
+    /// Heights of the geoid that those of the grid are counted from, as in terrane tiles
+    #[arg(long, value_name = "FILE", value_parser = names::any())]
+    pub(crate) geoid: Option<String>,
     #[command(flatten)]
     pub(crate) many: many::Many,
     #[command(flatten)]
@@ -126,24 +129,39 @@ impl Promises {
 impl Args {
     /// Refuses what meshes of grids alone are held to, as `what` is proved.
     pub(crate) fn refuse_of_surfaces(&self, what: &str) -> Result<()> {
-        let bound = self.bound.map(|bound| ("--bound", format!("--bound {bound}")));
-        let angle = given("--min-angle", self.min_angle.is_some());
-        let water = given("--water", self.water.is_some());
-        let bands = given("--bands", self.bands.is_given());
-        self.refuse(bound.or(angle).or(water).or(bands), "grids", what)
+        self.refuse_of_triangles(what)?;
+        self.refuse(given("--water", self.water.is_some()), "meshes of grids", what)?;
+        self.refuse_of_tiles(what)
     }
 
-    /// Refuses what meshes alone are held to, too, as `what` is proved.
+    /// Refuses what tiles alone are held to, as `what` is proved.
+    pub(crate) fn refuse_of_tiles(&self, what: &str) -> Result<()> {
+        self.refuse(given("--geoid", self.geoid.is_some()), "terrain tiles", what)
+    }
+
+    /// Refuses what meshes alone are held to, as tiles are proved.
     pub(crate) fn refuse_of_meshes(&self, what: &str) -> Result<()> {
+        self.refuse_of_kept(what)?;
+        self.refuse_of_triangles(what)
+    }
+
+    /// Refuses what meshes of grids and of clouds are held to, as `what` is proved.
+    pub(crate) fn refuse_of_kept(&self, what: &str) -> Result<()> {
         let kept = given("--keep-points", self.keep_points.is_some());
         let lines = given("--breaklines", self.breaklines.is_some());
-        self.refuse(kept.or(lines), "grids and clouds", what)?;
-        self.refuse_of_surfaces(what)
+        self.refuse(kept.or(lines), "meshes of grids and clouds", what)
+    }
+
+    fn refuse_of_triangles(&self, what: &str) -> Result<()> {
+        let bound = self.bound.map(|bound| ("--bound", format!("--bound {bound}")));
+        let angle = given("--min-angle", self.min_angle.is_some());
+        let bands = given("--bands", self.bands.is_given());
+        self.refuse(bound.or(angle).or(bands), "meshes of grids", what)
     }
 
     fn refuse(&self, given: Option<(&str, String)>, of: &str, what: &str) -> Result<()> {
         let Some((option, given)) = given else { return Ok(()) };
-        Err(Error::usage(format!("{given} is for meshes of {of}, and {what}"))
+        Err(Error::usage(format!("{given} is for {of}, and {what}"))
             .in_file(&self.mesh)
             .remedy(format!("leave {option} out")))
     }

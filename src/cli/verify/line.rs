@@ -31,7 +31,8 @@ fn job(args: &Args) -> Result<LineVerifyJob> {
             .in_file(&args.mesh)
             .remedy(format!("leave {option} out")));
     }
-    args.refuse_of_meshes("these are lines")?;
+    args.refuse_of_kept("these are lines")?;
+    args.refuse_of_surfaces("these are lines")?;
     if let Some(option) = args.many.given() {
         return Err(Error::usage(format!(
             "{option} is for many files, and lines are proved against one"

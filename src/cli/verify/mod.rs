@@ -59,5 +59,6 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         return cloud::run(args, cancel);
     }
     args.points.refuse(&args.source[0])?;
+    args.refuse_of_tiles("this is a mesh")?;
     grid::run(args, cancel)
 }

@@ -21,12 +21,14 @@ pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let args = &Args { source: names, ..args.clone() };
     args.grid.check_all(&args.source)?;
     let mut read = args.grid.read_with(raster::files(&args.source)?);
+    read.extend(args.water.iter().chain(&args.geoid).cloned());
     read.push(name_of(args.mesh.clone())?);
     check::report(args.report.as_deref(), &read, &[], args.overwrite)?;
     let job = TilesVerifyJob {
         tiles: args.mesh.clone(),
         raster: args.source.clone().into(),
-        reading: args.grid.reading(None),
+        reading: args.grid.reading(args.water.as_ref()),
+        geoid: args.geoid.clone(),
         resources,
     };
     let report = verify_tiles(&job, args.show.progress().as_ref(), cancel)?;

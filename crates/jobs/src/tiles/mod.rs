@@ -31,6 +31,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use crate::beside;
 use crate::figures::Figures;
 use crate::memory::{self, Shares};
 use crate::plan::{self, At, DiskCheck, PLAN, Plan};
@@ -69,6 +70,9 @@ pub struct TilesJob {
     /// Replace a folder of tiles that exists.
     #[serde(skip)]
     pub overwrite: bool,
+    /// The name of a file with the heights of the geoid that the grid's are counted from (GTX).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geoid: Option<String>,
     /// What to write: of several formats, a folder in the output for each, by its name.
     pub formats: Vec<Format>,
     /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges).
@@ -92,6 +96,7 @@ impl TilesJob {
             reading: Reading::default(),
             output: output.into(),
             overwrite: false,
+            geoid: None,
             formats: vec![Format::QuantizedMesh],
             tile_edges: false,
             max_level: None,
@@ -161,9 +166,10 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     refuse_held(job.input.names())?;
     let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
-    let opened = Opened::new(&TilesJob { input, reading, ..job.clone() })?;
+    let geoid = job.geoid.as_deref().map(beside::absolute).transpose()?;
+    let opened = Opened::new(&TilesJob { input, reading, geoid, ..job.clone() })?;
     let tiles = Tiles::new(&opened, *cut)?;
-    let files = plan::grid_files(&opened.job.input, &opened.job.reading, &*opened.grid);
+    let files = opened.files();
     let needs = tiles.needs(&opened)?;
     Plan::new(tiles, files, needs, skipped)?.put(folder)?;
     tiles_status(folder)
@@ -229,12 +235,16 @@ impl Opened {
         }
         check_formats(job)?;
         let options = job.reading.options(&job.resources, 0)?;
-        let (chart, heights) =
-            place::of(memory::look_at(&job.input, &options)?.info(), &job.input)?;
+        let (chart, heights) = place::of(
+            memory::look_at(&job.input, &options)?.info(),
+            (&job.input, job.geoid.as_deref()),
+            &job.resources,
+        )?;
         let last = job.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let division = Division::new(Place::of(&chart), last);
         let look = glance::plan(chart, &division);
-        let (held, worker) = (memory::with_slack(look.bytes()), glance::worker_bytes(&look));
+        let (held, worker) =
+            (memory::with_slack(look.bytes() + heights.lift.bytes()), glance::worker_bytes(&look));
         let (grid, shares) =
             memory::open_beside(held, &job.input, &options, &job.resources, worker)
                 .map_err(without_tile)?;
@@ -246,11 +256,19 @@ impl Opened {
         heights.clear();
         heights.resize(rect.len(), 0.0);
         self.grid.read_f64(rect, heights)?;
-        let metres = self.heights.metres;
-        if metres != 1.0 {
-            heights.iter_mut().for_each(|height| *height *= metres);
-        }
-        Ok(())
+        let width = rect.width as usize;
+        self.heights.lift.lift(heights, |number| {
+            let [col, row] = [number % width, number / width].map(|at| at as f64);
+            let [first, top] = [rect.col, rect.row].map(f64::from);
+            Ok(self.look.chart().place([first + col, top + row]))
+        })
+    }
+
+    /// The files that are read.
+    fn files(&self) -> Vec<PathBuf> {
+        let Self { job, grid, .. } = self;
+        let geoid = job.geoid.iter().map(PathBuf::from);
+        plan::grid_files(&job.input, &job.reading, &**grid).into_iter().chain(geoid).collect()
     }
 
     /// What the grid is called.
@@ -270,7 +288,7 @@ impl Opened {
         })?;
         let [lowest, _] = overview.range;
         if lowest < LOWEST {
-            let stored = lowest / self.heights.metres;
+            let stored = lowest / self.heights.lift.metres;
             let remedy = format!("if it stands for nodata, pass --nodata {stored:e}");
             let error = Error::bad_input(format!("the height {stored:e} is absurd"));
             return Err(refuse(error, &remedy));
@@ -302,7 +320,7 @@ impl<'a> Ground<'a> {
 
     /// The lowest height as it is stored, where it looks like a nodata value.
     fn suspect(&self) -> Option<f64> {
-        let lowest = self.overview.range[0] / self.opened.heights.metres;
+        let lowest = self.overview.range[0] / self.opened.heights.lift.metres;
         looks_like_nodata(lowest, self.opened.grid.info())
     }
 

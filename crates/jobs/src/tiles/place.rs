@@ -4,8 +4,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::globe::OnGlobe;
+use crate::Resources;
+use crate::globe::{Lift, OnGlobe};
 use terrane_base::error::Result;
+use terrane_base::geom::Heights as From;
 use terrane_raster::{GridInfo, Inputs};
 use terrane_tiles::{Bounds, Chart};
 
@@ -23,8 +25,7 @@ pub(super) struct Place {
 /// What the heights of a grid are, and what is to be said of them.
 #[derive(Clone, Debug)]
 pub(super) struct Heights {
-    /// Metres in a unit.
-    pub(super) metres: f64,
+    pub(super) lift: Lift,
     pub(super) notes: Vec<String>,
 }
 
@@ -46,22 +47,31 @@ impl Place {
 ///
 /// # Errors
 /// A grid whose place on the globe is not known, by what is missing.
-pub(super) fn of(info: &GridInfo, input: &Inputs) -> Result<(Chart, Heights)> {
+pub(super) fn of(
+    info: &GridInfo,
+    (input, geoid): (&Inputs, Option<&str>),
+    resources: &Resources,
+) -> Result<(Chart, Heights)> {
     let found = chart(info);
     let (chart, mut notes) = found.map_err(|error| match input.names() {
         [name] => error.in_file(Path::new(name)),
         _ => error,
     })?;
-    let metres = info.crs.vertical_metres().unwrap_or_else(|| {
+    let (lift, knows_unit) = Lift::of(&info.crs, geoid, resources)?;
+    if !knows_unit {
         notes.push("the unit of heights is not known; they are taken for metres".to_owned());
-        1.0
+    }
+    let is_ellipsoidal = info.crs.heights() == From::Ellipsoidal;
+    notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
+        (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),
+        (false, true) => None,
+        (false, false) => Some(
+            "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
+             height of the geoid, up to 100 m: pass --geoid"
+                .to_owned(),
+        ),
     });
-    notes.push(
-        "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
-         height of the geoid, up to 100 m"
-            .to_owned(),
-    );
-    Ok((chart, Heights { metres, notes }))
+    Ok((chart, Heights { lift, notes }))
 }
 
 fn chart(info: &GridInfo) -> Result<(Chart, Vec<String>)> {

@@ -246,8 +246,7 @@ impl Work for Tiles {
         let job = method.job.clone();
         let max_level = Some(method.last);
         let opened = Opened::new(&TilesJob { output, overwrite, resources, max_level, ..job })?;
-        let all = plan::grid_files(&method.job.input, &method.job.reading, &*opened.grid);
-        grid.check(plan, &*opened.grid, (&method.job.input, all))?;
+        grid.check(plan, &*opened.grid, (&method.job.input, opened.files()))?;
         Ok(Ready { opened, overview: OnceLock::new() })
     }
 

@@ -48,6 +48,8 @@ pub struct TilesVerifyJob {
     pub raster: Inputs,
     /// What is read of it.
     pub reading: Reading,
+    /// The name of a file with the heights of the geoid that the raster's are counted from (GTX).
+    pub geoid: Option<String>,
     /// What the job may use.
     pub resources: Resources,
 }
@@ -81,7 +83,8 @@ pub fn verify_tiles(
     let options = job.reading.options(&job.resources, cache_beside(job.resources.memory))?;
     let grid = raster::open_all(job.raster.names(), &options)?;
     super::check_grid(&*grid).map_err(of_raster)?;
-    let places = Places::of(&*grid).map_err(of_raster)?;
+    let places = Places::of(&*grid, job.geoid.as_deref(), &job.resources)
+        .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let tiles = match &layer.kind {
         Kind::QuantizedMesh => Tiles::find(&layer.folder, most, cancel)?,
         Kind::ThreeTiles(three) => three.find(&layer.folder, most, cancel)?,

@@ -1,6 +1,7 @@
 //! Where the samples of a raster are, and their heights in metres.
 
-use crate::globe::OnGlobe;
+use crate::Resources;
+use crate::globe::{Lift, OnGlobe};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_proof::tiles::{Meridian, Parallel};
@@ -10,8 +11,7 @@ use terrane_raster::GridSource;
 pub(super) struct Places<'a> {
     grid: &'a dyn GridSource,
     on_globe: OnGlobe,
-    /// Metres in one unit of heights.
-    metres: f64,
+    lift: Lift,
     /// Whether the raster says what heights are in.
     pub(super) knows_unit: bool,
     /// What is to be said of where it lies.
@@ -35,12 +35,16 @@ impl<'a> Places<'a> {
     /// Those of a raster.
     ///
     /// # Errors
-    /// A raster whose place on the globe is not known, by what is missing.
-    pub(super) fn of(grid: &'a dyn GridSource) -> Result<Self> {
+    /// A raster whose place on the globe is not known, by what is missing; a geoid that cannot be read.
+    pub(super) fn of(
+        grid: &'a dyn GridSource,
+        geoid: Option<&str>,
+        resources: &Resources,
+    ) -> Result<Self> {
         let info = grid.info();
         let (on_globe, notes) = OnGlobe::of(info)?;
-        let unit = info.crs.vertical_metres();
-        Ok(Self { grid, on_globe, metres: unit.unwrap_or(1.0), knows_unit: unit.is_some(), notes })
+        let (lift, knows_unit) = Lift::of(&info.crs, geoid, resources)?;
+        Ok(Self { grid, on_globe, lift, knows_unit, notes })
     }
 
     /// The rectangle of all samples.
@@ -92,9 +96,9 @@ impl<'a> Places<'a> {
     pub(super) fn read(&self, rect: Rect, heights: &mut [f64]) -> Result<()> {
         self.grid.read_f64(rect, heights)?;
         self.grid.copied(rect);
-        if self.metres != 1.0 {
-            heights.iter_mut().for_each(|height| *height *= self.metres);
-        }
-        Ok(())
+        let width = rect.width as usize;
+        self.lift.lift(heights, |number| {
+            self.place(rect.col + (number % width) as u32, rect.row + (number / width) as u32)
+        })
     }
 }
