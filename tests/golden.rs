@@ -334,6 +334,10 @@ fn jobs() -> Vec<String> {
             add(format!("tiles ../in/{grid}.asc o{how}"));
         }
     }
+    // Rows that are no parallels.
+    for how in ["--no-gzip", "--format 3dtiles --no-gzip", "--threads 1 --memory 200M"] {
+        add(format!("tiles synth:rough,size=200,cell=90 o {how}"));
+    }
     add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());

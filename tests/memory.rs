@@ -196,6 +196,7 @@ fn make_inputs(place: &Place) {
         place.write(&format!("{name}.prj"), "EPSG:4326");
     }
     place.ok(&["tiles", "globe.flt", "tiles", "-q"]);
+    place.ok(&["tiles", "dem.tif", "moved", "-q"]);
 }
 
 /// Every verb in every way of its own to hold memory, without what is the same in all of them.
@@ -276,6 +277,9 @@ const JOBS: &[&str] = &[
     "tiles globe.flt o1",
     "tiles wide.flt o2 --max-level 4",
     "verify tiles globe.flt",
+    "tiles dem.tif o3",
+    "tiles large.tif o4 --max-level 5",
+    "verify moved dem.tif",
 ];
 
 /// Budgets of the table, in MiB.
