@@ -46,11 +46,6 @@ pub(super) struct Args {
     /// Replace a file that exists
     #[arg(long, help_heading = "Output")]
     overwrite: bool,
-    /// Part to copy, in the coordinates of the data, widened to whole cells (the square around each
-    /// sample)
-    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
-          value_parser = parse::bbox)]
-    bbox: Option<[f64; 4]>,
     /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their
     /// lowest bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream)
     #[arg(long, value_name = "FILE", value_parser = names::any())]
@@ -103,7 +98,6 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         format: args.format.clone(),
         creation: args.co.clone(),
         reading: args.grid.reading(args.water.as_ref()),
-        bbox: args.bbox,
         sample_type: args.sample_type,
         out_nodata: args.out_nodata,
         round: args.round,

@@ -6,6 +6,7 @@ use super::grid::Grid;
 use super::run::{Run, output_settings, run_settings};
 use terrane_base::Result;
 use terrane_jobs::convert::{self, ConvertJob, ConvertReport};
+use terrane_jobs::reading::Reading;
 use terrane_raster::SampleType;
 
 /// A copy of a grid to be made, exact unless [rounding](Self::round) is allowed.
@@ -80,8 +81,10 @@ impl<'a> ConvertBuilder<'a> {
         let job = ConvertJob {
             format: self.format,
             creation: self.creation,
-            reading: self.grid.reading.clone(),
-            bbox: self.bounds,
+            reading: Reading {
+                bbox: self.bounds.or(self.grid.reading.bbox),
+                ..self.grid.reading.clone()
+            },
             sample_type: self.sample_type,
             round: self.round,
             overwrite: self.run.overwrite,

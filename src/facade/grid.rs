@@ -118,6 +118,23 @@ impl Grid {
         self.read_as(reading)
     }
 
+    /// The part of it whose cells (the square around each sample) the box (x low, y low, x high, y high) overlaps.
+    ///
+    /// # Errors
+    /// A box without a cell of the grid.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?.bbox([500_200.0, 4_749_000.0, 500_700.0, 4_749_500.0])?;
+    /// assert_eq!((dem.info().width, dem.info().height), (51, 51));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn bbox(self, bbox: [f64; 4]) -> Result<Self> {
+        let reading = Reading { bbox: Some(bbox), ..self.reading.clone() };
+        self.read_as(reading)
+    }
+
     /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
     /// Those on a border stay, and rings within a polygon are holes.
     ///

@@ -23,6 +23,7 @@ mod line_hierarchy;
 mod manners;
 mod many;
 mod mosaic;
+mod parts;
 mod pipes;
 mod plan_grid;
 mod plan_matrix;

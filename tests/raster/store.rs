@@ -383,7 +383,13 @@ fn a_box_keeps_the_cells_it_overlaps() {
     let grid = MemoryGrid::new(SampleType::I16, 100, 80);
     let place = |col: f64, row: f64| grid.info.transform.apply(col, row);
     let ([x0, y1], [x1, y0]) = (place(10.0, 20.0), place(40.4, 33.9));
-    convert(&grid, &ConvertJob { bbox: Some([x0, y0, x1, y1]), ..job(&path) }).unwrap();
+    let whole = folder.path().join("whole.tif");
+    convert(&grid, &job(&whole)).unwrap();
+    let part = |bbox| {
+        let options = OpenOptions { bbox: Some(bbox), ..OpenOptions::default() };
+        raster::open_all(&[whole.display().to_string()], &options)
+    };
+    convert(&*part([x0, y0, x1, y1]).unwrap(), &job(&path)).unwrap();
     let store = open(&path);
     assert_eq!((store.info().width, store.info().height), (31, 15));
     assert_eq!(store.info().transform, grid.info.transform.shifted(10.0, 20.0));
@@ -392,8 +398,7 @@ fn a_box_keeps_the_cells_it_overlaps() {
     let expected = grid.window(Rect::new(10, 20, 31, 15));
     assert!(found.iter().zip(expected).all(|(a, b)| same(*a, b)));
     for bbox in [[0.0, 0.0, 1.0, 1.0], [x1, y0, x0, y1], [f64::NAN; 4]] {
-        let job = ConvertJob { bbox: Some(bbox), overwrite: true, ..job(&path) };
-        let error = convert(&grid, &job).unwrap_err();
+        let error = part(bbox).err().unwrap();
         assert_eq!(error.kind(), ErrorKind::Usage);
         assert!(error.to_string().contains("the grid covers"), "{error}");
     }

@@ -9,7 +9,6 @@
 //! heights, halved block by block as the level above passes by, in another; each level is then fed like
 //! the first, and the file is put together at the end.
 
-mod bbox;
 pub(crate) mod task;
 
 use std::path::PathBuf;
@@ -20,7 +19,6 @@ use serde::Serialize;
 use crate::figures::Figures;
 use crate::reading::Reading;
 use crate::{Cancel, Progress, Resources};
-use bbox::{part, window};
 use task::{Pieces, Summary, Task};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{beside_grid, path_of};
@@ -42,9 +40,6 @@ pub struct ConvertJob {
     pub creation: Vec<(String, String)>,
     /// What is read of it.
     pub reading: Reading,
-    /// Keep only the cells that (x min, y min, x max, y max) overlaps, in world coordinates: the box
-    /// is widened to whole cells, a cell being the square around a sample.
-    pub bbox: Option<[f64; 4]>,
     /// Type of the written samples; the source's when `None`, or what the format holds.
     pub sample_type: Option<SampleType>,
     /// Written value for voids; the value they are read by when `None`, where the type holds it.
@@ -66,7 +61,6 @@ impl ConvertJob {
             format: None,
             creation: Vec::new(),
             reading: Reading::default(),
-            bbox: None,
             sample_type: None,
             out_nodata: None,
             round: false,
@@ -156,10 +150,9 @@ pub fn copy(
     let start = Instant::now();
     let format = write::by_path(&job.output, job.format.as_deref())?;
     let budget = Budget::divide(job, format)?;
-    let window = window(source.info(), job.bbox)?;
-    let info = part(source.info(), window);
+    let (window, info) = (source.info().bounds(), source.info());
     let options = WriteOptions { read: job.read_beside(source)?, ..job.write_options() };
-    let mut sink = format.create(&job.output, &info, &options)?;
+    let mut sink = format.create(&job.output, info, &options)?;
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);

@@ -21,6 +21,9 @@ pub struct Reading {
     /// Replaces the files' nodata value.
     #[serde(with = "as_text")]
     pub nodata: Option<f64>,
+    /// The box (x min, y min, x max, y max) whose cells are read, and no others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bbox: Option<[f64; 4]>,
     /// The name of a file with the polygons that the grid is clipped to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clip: Option<String>,
@@ -32,7 +35,7 @@ pub struct Reading {
 impl Default for Reading {
     /// The first band, with the files' own nodata value, all of it.
     fn default() -> Self {
-        Self { band: 1, nodata: None, clip: None, water: None }
+        Self { band: 1, nodata: None, bbox: None, clip: None, water: None }
     }
 }
 
@@ -53,6 +56,7 @@ impl Reading {
             cache_bytes,
             threads,
             temp_dir,
+            bbox: self.bbox,
             clip,
             water,
             colours: false,

@@ -57,6 +57,7 @@ mod notes;
 mod npy;
 mod packed;
 mod pam;
+mod part;
 mod png;
 mod prj;
 mod raw;
@@ -273,6 +274,9 @@ pub struct OpenOptions {
     pub threads: usize,
     /// Folder for what has to be unpacked first; the system's when `None`.
     pub temp_dir: Option<PathBuf>,
+    /// The box (x min, y min, x max, y max) whose cells are all there is of what [`open_all`] opens, once water is
+    /// level and the grid is clipped.
+    pub bbox: Option<[f64; 4]>,
     /// What [`open_all`] clips the grid to: all samples outside are voids. Its bytes are taken off
     /// `cache_bytes`.
     pub clip: Option<Arc<Clip>>,
@@ -292,6 +296,7 @@ impl Default for OpenOptions {
             cache_bytes: 256 << 20,
             threads,
             temp_dir: None,
+            bbox: None,
             clip: None,
             water: None,
             colours: false,
@@ -357,7 +362,7 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 ///
 /// # Errors
 /// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to
-/// clip to that are in another reference system, hold no sample, or take all of the cache.
+/// clip to that are in another reference system, hold no sample, or take all of the cache; a box without a cell.
 pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
     let open = |options: &OpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),
@@ -367,8 +372,12 @@ pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn Grid
         Some(water) => water::levelled(water, options, open),
         None => open(options),
     };
-    match &options.clip {
+    let open = |options: &OpenOptions| match &options.clip {
         Some(clip) => clip::clipped(clip, options, open),
+        None => open(options),
+    };
+    match options.bbox {
+        Some(bbox) => part::part(bbox, options, open),
         None => open(options),
     }
 }

@@ -25,6 +25,10 @@ pub(crate) struct Grid {
     /// Stored value that means "no height", instead of the file's own
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = parse::finite_or_nan)]
     pub(crate) nodata: Option<f64>,
+    /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample); of a mesh that
+    /// is shown, its own part
+    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true, value_parser = parse::bbox)]
+    pub(crate) bbox: Option<[f64; 4]>,
     /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken
     /// for voids; those on a border stay, and rings within a polygon are holes
     #[arg(long, value_name = "FILE", value_parser = names::any())]
@@ -35,7 +39,12 @@ impl Grid {
     /// What is asked to be read, with the water of a file.
     pub(crate) fn reading(&self, water: Option<&String>) -> Reading {
         let (band, clip) = (self.band.unwrap_or(1), self.clip.clone());
-        Reading { band, nodata: self.nodata, clip, water: water.cloned() }
+        Reading { band, nodata: self.nodata, bbox: self.bbox, clip, water: water.cloned() }
+    }
+
+    /// The same of all of the grid.
+    pub(crate) fn whole(&self) -> Self {
+        Self { bbox: None, ..self.clone() }
     }
 
     /// The band, if it was named.
@@ -71,7 +80,7 @@ impl Grid {
     pub(crate) fn check(&self, input: &str) -> Result<()> {
         match self.given() {
             // A synthetic terrain has samples, too.
-            Some(option @ "--clip") => only_grids(option, input),
+            Some(option @ ("--clip" | "--bbox")) => only_grids(option, input),
             Some(option) => only_grid_files(option, input),
             None => Ok(()),
         }
@@ -87,6 +96,7 @@ impl Grid {
         let options = [
             ("--band", self.band.is_some()),
             ("--nodata", self.nodata.is_some()),
+            ("--bbox", self.bbox.is_some()),
             ("--clip", self.clip.is_some()),
         ];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)

@@ -61,10 +61,6 @@ pub(super) struct Args {
     /// Factor on heights before they are lit [default: one that suits the terrain]
     #[arg(long, value_name = "FACTOR", value_parser = parse::positive)]
     exaggeration: Option<f64>,
-    /// Part to show, in the coordinates of the data
-    #[arg(long, value_name = "XMIN,YMIN,XMAX,YMAX", allow_hyphen_values = true,
-          value_parser = parse::bbox)]
-    bbox: Option<[f64; 4]>,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -120,14 +116,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
-    args.grid.check_all(&args.input)?;
+    args.grid.whole().check_all(&args.input)?;
     let output = args.output.clone().unwrap_or_default();
     check::ending(&output, &["png"], "a picture")?;
     check::new_file(&output, args.overwrite)?;
     view::check_width(args.width)?;
     let job = ViewJob {
         input: args.input.clone().into(),
-        reading: args.grid.reading(None),
+        reading: args.grid.whole().reading(None),
         output,
         overwrite: args.overwrite,
         width: args.width,
@@ -135,7 +131,7 @@ fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewRep
         azimuth: args.azimuth.unwrap_or(AZIMUTH),
         altitude: args.altitude.unwrap_or(ALTITUDE),
         exaggeration: args.exaggeration,
-        bbox: args.bbox,
+        bbox: args.grid.bbox,
         resources,
     };
     view::run(&job, args.show.progress().as_ref(), cancel)

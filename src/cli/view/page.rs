@@ -28,7 +28,7 @@ pub(super) fn make(
     check::new_file(html, args.overwrite)?;
     let job = PageJob {
         input: args.input.clone().into(),
-        reading: args.grid.reading(None),
+        reading: args.grid.whole().reading(None),
         show: show(args, are_lines),
         output: html.to_path_buf(),
         overwrite: args.overwrite,
@@ -36,7 +36,7 @@ pub(super) fn make(
         azimuth: args.azimuth.unwrap_or(AZIMUTH),
         altitude: args.altitude.unwrap_or(ALTITUDE),
         exaggeration: args.exaggeration,
-        bbox: args.bbox,
+        bbox: args.grid.bbox,
         resources,
     };
     page::run(&job, args.show.progress().as_ref(), cancel)
@@ -61,7 +61,6 @@ fn refuse_for_lines(args: &Args) -> Result<()> {
         ("--azimuth", args.azimuth.is_some()),
         ("--altitude", args.altitude.is_some()),
         ("--exaggeration", args.exaggeration.is_some()),
-        ("--bbox", args.bbox.is_some()),
     ];
     let given = given.into_iter().filter(|(_, given)| *given).map(|(option, _)| option);
     match args.grid.given().into_iter().chain(args.many.given()).chain(given).next() {
@@ -77,8 +76,8 @@ fn refuse_for_surfaces(args: &Args) -> Result<()> {
         return Err(Error::usage("--layer is for a page of lines").remedy("leave --layer out"));
     }
     match &args.against {
-        Some(grid) => args.grid.check(grid),
-        None => args.grid.check_all(&args.input),
+        Some(grid) => args.grid.whole().check(grid),
+        None => args.grid.whole().check_all(&args.input),
     }
 }
 

@@ -1,0 +1,153 @@
+//! A grid in front of another: a rectangle of its samples.
+
+use std::path::PathBuf;
+
+use crate::sample::Height;
+use crate::window::{Sample, Window};
+use crate::{GridInfo, GridSource, OpenOptions};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+
+/// Less of a cell than this is rounding, not overlap.
+const HAIR: f64 = 1e-6;
+
+/// A part of a grid.
+struct Part {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    /// In the whole grid.
+    window: Rect,
+}
+
+/// The cells of what `open` opens that a box (x min, y min, x max, y max) overlaps. The cell of a sample is the
+/// square around it, whether samples are points or areas, so the box is widened to whole cells; what
+/// lies outside the grid is left out. On a rotated grid: the upright lattice rectangle around the box.
+///
+/// # Errors
+/// Those of `open`; a box without a cell.
+pub(crate) fn part(
+    bbox: [f64; 4],
+    options: &OpenOptions,
+    open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
+) -> Result<Box<dyn GridSource>> {
+    let inner = open(&OpenOptions { bbox: None, ..options.clone() })?;
+    let info = inner.info();
+    let window = window(info, bbox)?;
+    let transform = info.transform.shifted(f64::from(window.col), f64::from(window.row));
+    let info = GridInfo { width: window.width, height: window.height, transform, ..info.clone() };
+    Ok(Box::new(Part { info, inner, window }))
+}
+
+impl Part {
+    fn whole(&self, rect: Rect) -> Rect {
+        Rect { col: rect.col + self.window.col, row: rect.row + self.window.row, ..rect }
+    }
+
+    fn read<H: Sample + Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        Window::new(&self.info, rect, out)?;
+        H::read(&*self.inner, self.whole(rect), out)
+    }
+}
+
+impl GridSource for Part {
+    reads_alike!();
+
+    fn block_bytes(&self) -> u64 {
+        self.inner.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.inner.release(self.whole(rect));
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.inner.copied(self.whole(rect));
+    }
+}
+
+fn window(info: &GridInfo, [x0, y0, x1, y1]: [f64; 4]) -> Result<Rect> {
+    let corners =
+        [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| info.transform.invert(x, y));
+    let (col, width) = span(corners.map(|c| c[0]), info.width);
+    let (row, height) = span(corners.map(|c| c[1]), info.height);
+    let ordered = x0 <= x1 && y0 <= y1;
+    if !ordered || width == 0 || height == 0 {
+        let message = format!("no cell lies inside the box {x0},{y0},{x1},{y1}");
+        let [a, b] = extent(info);
+        let extent = format!("{},{},{},{}", a[0], a[1], b[0], b[1]);
+        return Err(Error::usage(message)
+            .remedy(format!("give x min,y min,x max,y max; the grid covers {extent}")));
+    }
+    Ok(Rect::new(col, row, width, height))
+}
+
+/// First and number of the cells that four lattice positions span.
+fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
+    let least = positions.into_iter().fold(f64::INFINITY, f64::min) + 0.5;
+    let most = positions.into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.5;
+    let side = f64::from(side);
+    let first = (least + HAIR).floor();
+    let end = (most - HAIR).ceil().max(first + 1.0);
+    let (first, end) = (first.clamp(0.0, side) as u32, end.clamp(0.0, side) as u32);
+    (first, end.saturating_sub(first))
+}
+
+/// Least and greatest world position of the grid's cells.
+fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
+    let (right, down) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
+    let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, down], [right, down]];
+    let corners = corners.map(|[col, row]| info.transform.apply(col, row));
+    let fold = |pick: fn(f64, f64) -> f64| {
+        let [a, b, c, d] = corners;
+        [0, 1].map(|axis| pick(pick(a[axis], b[axis]), pick(c[axis], d[axis])))
+    };
+    [fold(f64::min), fold(f64::max)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_widened_to_whole_cells() {
+        let of = |least: f64, most: f64| span([least, most, least, most], 10);
+        assert_eq!(of(-0.5, 9.5), (0, 10), "the edges of the grid");
+        assert_eq!(of(2.0, 2.0), (2, 1), "a point");
+        assert_eq!(of(1.5, 3.5), (2, 2), "cell edges");
+        assert_eq!(of(1.4, 3.6), (1, 4));
+        assert_eq!(of(-7.0, 0.6), (0, 2));
+        assert_eq!(of(9.4, 99.0), (9, 1));
+        assert_eq!(of(9.5, 99.0).1, 0);
+        assert_eq!(of(-9.0, -0.5).1, 0);
+        assert_eq!(of(f64::NAN, f64::NAN).1, 0);
+    }
+
+    #[test]
+    fn a_part_is_a_grid_of_its_own() {
+        let whole =
+            |options: &OpenOptions| crate::open_all(&["synth:rough,size=200".to_owned()], options);
+        let grid = whole(&OpenOptions::default()).unwrap();
+        let [x, y] = grid.info().transform.apply(40.0, 60.0);
+        let bbox = Some([x - 4.0, y - 96.0, x + 196.0, y + 3.0]);
+        let part = whole(&OpenOptions { bbox, ..OpenOptions::default() }).unwrap();
+        assert_eq!([part.info().width, part.info().height], [21, 11]);
+        assert_eq!(part.info().transform.apply(0.0, 0.0), [x, y]);
+        let read = |grid: &dyn GridSource, rect| {
+            let mut out = vec![0.0; Rect::len(&rect)];
+            grid.read_f64(rect, &mut out).unwrap();
+            out
+        };
+        assert_eq!(read(&*part, Rect::new(3, 2, 18, 9)), read(&*grid, Rect::new(43, 62, 18, 9)));
+        assert!(part.read_f64(Rect::new(3, 2, 19, 9), &mut [0.0; 171]).is_err(), "beyond the part");
+        let none = OpenOptions { bbox: Some([0.0, 0.0, 1.0, 1.0]), ..OpenOptions::default() };
+        let told = whole(&none).err().unwrap().to_string();
+        assert!(
+            told.contains("no cell lies inside the box") && told.contains("the grid covers"),
+            "{told}"
+        );
+    }
+}
