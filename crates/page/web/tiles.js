@@ -43,7 +43,7 @@ function homeOf([west, south, east, north]) {
   const lat = (south + north) / 2;
   const wide = (east - west) * RADIANS * EQUATOR * Math.cos(lat * RADIANS);
   const span = Math.max(200, Math.hypot(wide, (north - south) * RADIANS * EQUATOR));
-  return { lon: (west + east) / 2, lat, span, distance: Math.min(2.6e7, span * 1.15) };
+  return { lon: (west + east) / 2, lat, span, distance: Math.min(2.6e7, span * 1.3) };
 }
 
 // ---- what is seen
@@ -107,9 +107,12 @@ function tellPlace(found) {
 
 const rangeOf = () => stream.heights ?? [0, 1];
 
+/** What is drawn of the data, and not of what tiles span beyond them. */
+const covering = () => draws.filter((draw) => !draw.isBare);
+
 /** Least and largest error of what is drawn, for a scale by powers. */
 function errorRange() {
-  const all = draws.map(({ tile }) => Math.max(1e-3, tile.error));
+  const all = covering().map(({ tile }) => Math.max(1e-3, tile.error));
   return all.length ? [Math.min(...all), Math.max(...all) * 1.001] : [1, 2];
 }
 
@@ -131,7 +134,7 @@ function scaleOf(colour) {
 /** The legend, when what it is about has changed. */
 function paint() {
   const { colour } = shown;
-  const levels = [...new Set(draws.map(({ tile }) => tile.level))].sort((a, b) => a - b);
+  const levels = [...new Set(covering().map(({ tile }) => tile.level))].sort((a, b) => a - b);
   const about = colour === 1 ? rangeOf() : colour === 3 ? levels : colour === 4 ? errorRange() : [];
   const now = [colour, ...about, $('legend').clientWidth].join();
   if (now === painted) return;
@@ -321,10 +324,11 @@ function render() {
 const bytes = (value) => (value >= 1 << 20 ? num(value / (1 << 20), 0.1) + ' MiB' : num(value / 1024, 1) + ' KiB');
 
 function figures() {
-  const levels = draws.map(({ tile }) => tile.level);
+  const own = covering();
+  const levels = own.map(({ tile }) => tile.level);
   return {
-    drawn: draws.length, loaded: stream.ready.size, loading: stream.waiting, triangles: drawing.triangles, bytes: stream.bytes,
-    received: stream.received, pixels: Math.max(0, ...draws.map((draw) => draw.pixels)), strain: stream.strain,
+    drawn: own.length, loaded: stream.ready.size, loading: stream.waiting, triangles: drawing.triangles, bytes: stream.bytes,
+    received: stream.received, pixels: Math.max(0, ...own.map((draw) => draw.pixels)), strain: stream.strain,
     levels: [Math.min(...levels), Math.max(...levels)], failures: stream.failures.length,
   };
 }
@@ -363,7 +367,7 @@ function frame(now) {
 window.terrane = {
   facts, shown, at, under, toView, figures, stream: () => stream, camera: () => camera,
   isIdle: () => !dirty && isIdle(),
-  drawn: () => draws.map(({ tile, quarters, pixels }) => ({ level: tile.level, x: tile.x, y: tile.y, quarters, pixels, error: tile.error })),
+  drawn: () => covering().map(({ tile, quarters, pixels }) => ({ level: tile.level, x: tile.x, y: tile.y, quarters, pixels, error: tile.error })),
   look: (lon, lat, distance, height = 0) => { touched = true; camera.look(lon, lat, distance, height * shown.exaggeration); dirty = true; },
   refresh: () => { dirty = true; },
   picture: () => {

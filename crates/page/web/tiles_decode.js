@@ -99,7 +99,7 @@ class TileSet {
     return all.some((r) => x >= r.startX && x <= r.endX && y >= r.startY && y <= r.endY);
   }
 
-  url({ level, x, y }) {
+  address({ level, x, y }) {
     const parts = { z: level, x, y, version: this.layer.version ?? '' };
     return this.layer.tiles[0].replace(/\{(\w+)\}/g, (all, name) => parts[name] ?? all);
   }

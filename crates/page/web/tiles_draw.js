@@ -171,23 +171,25 @@ class TilesDrawing {
     gl.uniform1i(at.facets, how.facets ? 1 : 0);
     gl.uniform1i(at.borders, how.borders ? 1 : 0);
     this.triangles = 0;
-    for (const { tile, quarters, distance } of draws) {
+    for (const { tile, quarters, distance, gap, isBare } of draws) {
       const { mesh } = tile;
       gl.uniform3f(at.offset, ...frame.inward(minus(mesh.middle, eye)));
       gl.uniform3f(at.middle, mesh.middle[0], mesh.middle[1], mesh.middle[2] / (1 - SQUASH));
-      gl.uniform1f(at.skirt, 2 * tile.error * how.exaggeration + (3 * how.allowed * (distance + tile.reach)) / how.pixels);
+      gl.uniform1f(at.skirt, 2 * Math.max(gap, tile.error) * how.exaggeration + (3 * how.allowed * (distance + tile.reach)) / how.pixels);
       gl.uniform1i(at.quarters, quarters);
       gl.uniform1i(at.smooth_, mesh.smooth ? 1 : 0);
       gl.uniform3f(at.tint, ...how.tintOf(tile));
       gl.uniform1f(at.error, how.errorOf(tile));
-      gl.uniform4f(at.data, ...part(tile, how.bounds));
+      gl.uniform4f(at.data, ...(isBare ? NOWHERE : part(tile, how.bounds)));
       gl.bindVertexArray(mesh.array);
       gl.drawArrays(gl.TRIANGLES, 0, mesh.count);
-      this.triangles += mesh.corners.length / 3;
+      if (!isBare) this.triangles += mesh.corners.length / 3;
     }
     gl.bindVertexArray(null);
   }
 }
+
+const NOWHERE = [2, 2, 2, 2];
 
 /** Where bounds in degrees lie in a tile: 0 to 1 from its west and south. */
 function part({ west, south, width }, [w, s, e, n]) {

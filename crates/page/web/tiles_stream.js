@@ -41,14 +41,14 @@ class TileStream {
     this.heights = null;
   }
 
-  /** Tiles to draw from there, as { tile, quarters, pixels, distance }; asks for what is missing. */
+  /** Tiles to draw from there, as { tile, quarters, pixels, distance, gap, isBare }; asks for what is missing. */
   update(view) {
     this.turn++;
     this.view = view;
     this.draws = [];
     this.list = [];
     for (const root of this.roots) {
-      if (root.state === 'ready') this.visit(root);
+      if (root.state === 'ready') this.visit(root, 0);
       else this.want(root, Infinity);
     }
     this.waiting = this.list.length;
@@ -57,23 +57,34 @@ class TileStream {
     return this.draws;
   }
 
-  visit(tile) {
+  /** `gap`: how far off the coarser tiles are that may lie beside it. */
+  visit(tile, gap) {
     tile.used = this.turn;
     if (this.isHidden(tile)) return;
     const distance = this.distance(tile);
     const { pixels: scale, exaggeration, allowed } = this.view;
     const pixels = (tile.error * exaggeration * scale) / distance;
-    let quarters = ALL_QUARTERS;
-    if (pixels > allowed * this.strain) {
-      for (const quarter of QUARTERS) {
-        const part = this.part(tile, quarter);
-        if (!part || part.state === 'failed') continue;
-        if (part.state === 'ready') this.visit(part);
-        else if (!this.isHidden(part)) this.want(part, pixels);
-        if (part.state === 'ready' || this.isHidden(part)) quarters &= ~(1 << quarter);
-      }
+    if (pixels <= allowed * this.strain || tile.level === this.set.last) {
+      this.draws.push({ tile, quarters: ALL_QUARTERS, pixels, distance, gap, isBare: false });
+      return;
     }
-    if (quarters) this.draws.push({ tile, quarters, pixels, distance });
+    // A quarter is drawn of the tile until the tile below is there, so that there is never a hole; and where there
+    // is none, as there are no data.
+    let [bare, late] = [0, 0];
+    for (const quarter of QUARTERS) {
+      const part = this.part(tile, quarter);
+      if (!part) bare |= 1 << quarter;
+      else if (part.state === 'failed' || (part.state !== 'ready' && !this.isHidden(part))) late |= 1 << quarter;
+    }
+    const below = bare | late ? Math.max(gap, tile.error) : gap;
+    for (const quarter of QUARTERS) {
+      const part = this.part(tile, quarter);
+      if (part?.state === 'ready') this.visit(part, below);
+      else if (late & (1 << quarter)) this.want(part, pixels);
+    }
+    for (const [quarters, isBare] of [[late, false], [bare, true]]) {
+      if (quarters) this.draws.push({ tile, quarters, pixels, distance, gap, isBare });
+    }
   }
 
   /** The tile of a quarter, if there is one. */
@@ -140,7 +151,7 @@ class TileStream {
     tile.abort = new AbortController();
     this.loading.add(tile);
     try {
-      const answer = await fetch(this.set.url(tile), { signal: tile.abort.signal });
+      const answer = await fetch(this.set.address(tile), { signal: tile.abort.signal });
       if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
       const buffer = await answer.arrayBuffer();
       this.received += Number(answer.headers.get('content-length')) || buffer.byteLength;

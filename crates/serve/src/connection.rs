@@ -1,7 +1,7 @@
 //! One client: requests one after the other, each within a time, and what they are answered with.
 
 use std::io::{self, Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 use crate::clients::Client;
@@ -10,6 +10,8 @@ use crate::request::{self, BAD, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, Refusal, Requ
 
 /// How long the whole head of a request may take, and each block that a client is sent.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long a client may go on after its last answer.
+const FAREWELL: Duration = Duration::from_secs(1);
 /// Bytes of a file that are sent at once.
 const BLOCK: usize = 64 << 10;
 /// Between the head of a request and what follows.
@@ -41,8 +43,26 @@ impl<'a> Connection<'a> {
     /// Answers until the client has enough, is too slow, or sends what is no request.
     pub(crate) fn attend(mut self, folder: &Folder) {
         let _ = self.stream.set_nodelay(true);
-        while matches!(self.answer(folder), Ok(true)) {
-            self.client.is_alive();
+        loop {
+            match self.answer(folder) {
+                Ok(true) => self.client.is_alive(),
+                Ok(false) => return self.part().unwrap_or_default(),
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Says that nothing more will come, and lets go by what the client still sends: while some of it is unread, the
+    /// system may drop the answer.
+    fn part(&self) -> io::Result<()> {
+        self.stream.shutdown(Shutdown::Write)?;
+        let (mut stream, mut block) = (self.stream, [0; 2048]);
+        let end = Instant::now() + FAREWELL;
+        loop {
+            stream.set_read_timeout(Some(left(end)?))?;
+            if stream.read(&mut block)? == 0 {
+                return Ok(());
+            }
         }
     }
 

@@ -53,9 +53,11 @@ impl Folder {
         let ending = name.last()?.rsplit_once('.')?.1;
         let (_, kind) = KINDS.iter().find(|(known, _)| *known == ending)?;
         let root = self.root.as_ref()?;
-        let path = name.iter().fold(root.clone(), |path, part| path.join(part));
-        // Links are followed here, so that what is opened is where it says.
-        let path = path.canonicalize().ok().filter(|path| path.starts_with(root))?;
+        // Links are followed here, so that nothing on the way is elsewhere, and what is opened is where it says.
+        let inside = |path: PathBuf, part: &String| {
+            path.join(part).canonicalize().ok().filter(|path| path.starts_with(root))
+        };
+        let path = name.iter().try_fold(root.clone(), inside)?;
         Found::open(&path, kind, false).ok()
     }
 }
