@@ -81,9 +81,11 @@ fn status(head: &str) -> u16 {
     head.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or_else(|| panic!("{head:?}"))
 }
 
+/// Tiles of both formats, in the folders `set` and `three`.
 fn tiles() -> Place {
     let place = crate::tiles::place(100);
     place.ok(&["tiles", "dem.asc", "set", "-q"]);
+    place.ok(&["tiles", "dem.asc", "three", "-q", "--format", "3dtiles"]);
     place
 }
 
@@ -132,6 +134,25 @@ fn the_page_and_the_tiles_are_sent() {
     let (head, body) = served.raw(again.as_bytes());
     assert!(status(&head) == 304 && body.is_empty(), "{head}");
     assert_eq!(served.status("GET", "/favicon.ico"), 204);
+}
+
+#[test]
+fn tiles_of_3d_tiles_are_sent_too() {
+    let place = tiles();
+    let served = Served::new(&place, &["three"]);
+    let count = |set: &Served| (set.told["tiles"].clone(), set.told["levels"].clone());
+    assert_eq!(count(&served), count(&Served::new(&place, &["set"])));
+    for name in crate::tiles::walk(&place, "three") {
+        let (head, body) = served.ask("GET", &format!("/{name}"));
+        assert_eq!(body, place.bytes(&format!("three/{name}")), "{name}");
+        let kind = match name.rsplit_once('.').unwrap().1 {
+            "glb" => "model/gltf-binary",
+            "json" => "application/json",
+            _ => "application/octet-stream",
+        };
+        assert!(head.contains(&format!("Content-Type: {kind}\r\n")), "{head}");
+        assert_eq!(head.contains("Content-Encoding: gzip"), !name.ends_with("json"), "{head}");
+    }
 }
 
 #[test]

@@ -66,6 +66,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../web/camera.js"),
             include_str!("../web/globe.js"),
             include_str!("../web/tiles_decode.js"),
+            include_str!("../web/tiles_three.js"),
             include_str!("../web/tiles_stream.js"),
             include_str!("../web/tiles_draw.js"),
             include_str!("../web/tiles.js"),

@@ -23,9 +23,9 @@ let painted = '';
 
 async function start() {
   setPanel();
-  const answer = await fetch(facts.layer);
-  if (!answer.ok) throw new Error(facts.layer + ': ' + answer.status);
-  set = new TileSet(await answer.json());
+  const answer = await fetch(facts.told);
+  if (!answer.ok) throw new Error(facts.told + ': ' + answer.status);
+  set = new (facts.format === '3dtiles' ? ThreeTiles : TileSet)(await answer.json());
   drawing = new TilesDrawing($('view'));
   stream = new TileStream(set, {
     upload: (mesh) => drawing.upload(mesh), release: (mesh) => drawing.release(mesh), changed: () => { dirty = true; },
@@ -301,6 +301,8 @@ function follow() {
   if (ground) camera.target[2] = ground.height * shown.exaggeration;
 }
 
+const failures = () => [...stream.failures, ...set.failures()];
+
 const isIdle = () => stream.waiting === 0 && stream.loading.size === 0;
 
 function render() {
@@ -318,7 +320,7 @@ function render() {
     $('wait').hidden = true;
     document.body.dataset.state = 'ready';
   }
-  if (draws.length === 0 && stream.roots.some((root) => root.state === 'failed')) fail(stream.failures[0]);
+  if (draws.length === 0 && failures().length > 0) fail(failures()[0]);
 }
 
 const bytes = (value) => (value >= 1 << 20 ? num(value / (1 << 20), 0.1) + ' MiB' : num(value / 1024, 1) + ' KiB');
@@ -329,7 +331,7 @@ function figures() {
   return {
     drawn: own.length, loaded: stream.ready.size, loading: stream.waiting, triangles: drawing.triangles, bytes: stream.bytes,
     received: stream.received, pixels: Math.max(0, ...own.map((draw) => draw.pixels)), strain: stream.strain,
-    levels: [Math.min(...levels), Math.max(...levels)], failures: stream.failures.length,
+    levels: [Math.min(...levels), Math.max(...levels)], failures: failures().length,
   };
 }
 
@@ -347,7 +349,7 @@ function tellFigures() {
   ]);
   const notes = [];
   if (now.strain > 1) notes.push('Tiles are coarser than asked for: finer ones do not fit into memory.');
-  if (now.failures) notes.push(`${now.failures} tiles cannot be shown, first ${stream.failures[0]}.`);
+  if (now.failures) notes.push(`${now.failures} tiles cannot be shown, first ${failures()[0]}.`);
   $('notes').textContent = notes.join(' ');
 }
 

@@ -73,19 +73,27 @@ function octants(bytes) {
 function placed(id, found) {
   const { west, south, width } = rectangle(id);
   const { u, v, heights } = found;
-  const [low, high] = heights.reduce(([a, b], h) => [Math.min(a, h), Math.max(b, h)], [Infinity, -Infinity]);
-  const middle = earthCentred(west + width / 2, south + width / 2, (low + high) / 2);
+  const middle = earthCentred(west + width / 2, south + width / 2, heights[0] ?? 0);
   const places = new Float32Array(3 * u.length);
-  let reach = 0;
   for (let i = 0; i < u.length; i++) {
-    const place = minus(earthCentred(west + width * (u[i] / STEPS), south + width * (v[i] / STEPS), heights[i]), middle);
-    places.set(place, 3 * i);
-    reach = Math.max(reach, Math.hypot(...place));
+    const place = earthCentred(west + width * (u[i] / STEPS), south + width * (v[i] / STEPS), heights[i]);
+    places.set(minus(place, middle), 3 * i);
   }
-  return { ...found, low, high, middle, places, reach };
+  return measured({ ...found, middle, places });
 }
 
-/** What a folder says of its tiles: where there are some, where they are, how far off a level is. */
+/** A tile with the range of its heights, and how far its places are from its middle. */
+function measured(mesh) {
+  let [low, high, reach] = [Infinity, -Infinity, 0];
+  mesh.heights.forEach((height, i) => {
+    [low, high] = [Math.min(low, height), Math.max(high, height)];
+    reach = Math.max(reach, Math.hypot(...mesh.places.subarray(3 * i, 3 * i + 3)));
+  });
+  if (mesh.corners.length === 0) throw new Error('it has no triangle');
+  return { ...mesh, low, high, reach };
+}
+
+/** What a `layer.json` says: where there are tiles, where they are, how far off a level is. */
 class TileSet {
   constructor(layer) {
     this.layer = layer;
@@ -104,10 +112,18 @@ class TileSet {
     return this.layer.tiles[0].replace(/\{(\w+)\}/g, (all, name) => parts[name] ?? all);
   }
 
-  /** Metres: what is told of the level, or what viewers take it for. */
-  error(level) {
+  decode(buffer, tile) {
+    return placed(tile, decodeTerrain(buffer));
+  }
+
+  /** Metres, of a tile that does not tell: what is told of the level, or what viewers take it for. */
+  error({ level }) {
     const told = this.layer.terrane?.levels?.find((one) => one.level === level);
     return told?.error ?? 77067.34 / 2 ** level;
+  }
+
+  failures() {
+    return [];
   }
 
   get count() {

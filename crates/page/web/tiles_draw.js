@@ -12,11 +12,11 @@ uniform mat3 turned;
 uniform vec3 offset, middle;
 uniform float exaggeration, skirt;
 out vec3 edge;
-out vec3 normal;
-out vec3 above;
+centroid out vec3 normal;
+centroid out vec3 above;
 out vec3 at;
 out vec2 inside;
-out float level;
+centroid out float level;
 
 void main() {
   int corner = gl_VertexID % 3;
@@ -34,11 +34,11 @@ void main() {
 const TILE_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 edge;
-in vec3 normal;
-in vec3 above;
+centroid in vec3 normal;
+centroid in vec3 above;
 in vec3 at;
 in vec2 inside;
-in float level;
+centroid in float level;
 uniform sampler2D palette;
 uniform vec2 range;
 uniform vec4 data; // where the data are in the tile

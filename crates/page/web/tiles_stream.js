@@ -28,7 +28,7 @@ class Tile {
 class TileStream {
   constructor(set, { upload, release, changed }) {
     Object.assign(this, { set, upload, release, changed });
-    this.roots = [0, 1].filter((x) => set.has(0, x, 0)).map((x) => new Tile(0, x, 0, ANY_HEIGHT));
+    this.roots = [0, 1].map((x) => new Tile(0, x, 0, ANY_HEIGHT));
     this.ready = new Set();
     this.loading = new Set();
     this.most = 256 << 20; // bytes
@@ -47,11 +47,13 @@ class TileStream {
     this.view = view;
     this.draws = [];
     this.list = [];
+    this.unknown = 0;
     for (const root of this.roots) {
       if (root.state === 'ready') this.visit(root, 0);
-      else this.want(root, Infinity);
+      else if (this.set.has(0, root.x, 0, this.changed)) this.want(root, Infinity);
+      else if (this.set.has(0, root.x, 0) === null) this.unknown++;
     }
-    this.waiting = this.list.length;
+    this.waiting = this.list.length + this.unknown;
     this.ask();
     this.letGo();
     return this.draws;
@@ -65,36 +67,44 @@ class TileStream {
     const { pixels: scale, exaggeration, allowed } = this.view;
     const pixels = (tile.error * exaggeration * scale) / distance;
     if (pixels <= allowed * this.strain || tile.level === this.set.last) {
-      this.draws.push({ tile, quarters: ALL_QUARTERS, pixels, distance, gap, isBare: false });
+      this.draws.push({ tile, quarters: ALL_QUARTERS, pixels, distance, gap, isBare: !this.isOfData(tile) });
       return;
     }
     // A quarter is drawn of the tile until the tile below is there, so that there is never a hole; and where there
     // is none, as there are no data.
+    const parts = this.parts(tile);
     let [bare, late] = [0, 0];
-    for (const quarter of QUARTERS) {
-      const part = this.part(tile, quarter);
-      if (!part) bare |= 1 << quarter;
-      else if (part.state === 'failed' || (part.state !== 'ready' && !this.isHidden(part))) late |= 1 << quarter;
-    }
+    parts.forEach((part, quarter) => {
+      if (part === false) bare |= 1 << quarter;
+      else if (part === null || part.state === 'failed' || (part.state !== 'ready' && !this.isHidden(part))) late |= 1 << quarter;
+    });
     const below = bare | late ? Math.max(gap, tile.error) : gap;
-    for (const quarter of QUARTERS) {
-      const part = this.part(tile, quarter);
-      if (part?.state === 'ready') this.visit(part, below);
-      else if (late & (1 << quarter)) this.want(part, pixels);
-    }
+    parts.forEach((part, quarter) => {
+      if (part === null) this.unknown++;
+      else if (part && part.state === 'ready') this.visit(part, below);
+      else if (part && late & (1 << quarter)) this.want(part, pixels);
+    });
     for (const [quarters, isBare] of [[late, false], [bare, true]]) {
       if (quarters) this.draws.push({ tile, quarters, pixels, distance, gap, isBare });
     }
   }
 
-  /** The tile of a quarter, if there is one. */
-  part(tile, quarter) {
-    tile.parts ??= QUARTERS.map((q) => {
+  isOfData({ west, south, width }) {
+    const [w, s, e, n] = this.set.bounds;
+    return west <= e && west + width >= w && south <= n && south + width >= s;
+  }
+
+  /** The tiles of the quarters: false where there is none, null where that is not known yet. */
+  parts(tile) {
+    tile.parts ??= QUARTERS.map(() => null);
+    tile.parts.forEach((part, q) => {
+      if (part !== null) return;
       const at = [tile.level + 1, 2 * tile.x + (q & 1), 2 * tile.y + (q >> 1)];
       const [low, high] = tile.heights;
-      return this.set.has(...at) ? new Tile(...at, [low - tile.error, high + tile.error]) : null;
+      const has = this.set.has(...at, this.changed);
+      tile.parts[q] = has ? new Tile(...at, [low - tile.error, high + tile.error]) : has;
     });
-    return tile.parts[quarter];
+    return tile.parts;
   }
 
   /** A ball around a tile as it is drawn. */
@@ -139,11 +149,18 @@ class TileStream {
     this.list.push(tile);
   }
 
-  /** Starts requests for what is most wanted, and ends those for what no longer is. */
+  /** Ends requests for what is no longer wanted, and starts some for what is most wanted. */
   ask() {
     for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
-    const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
-    for (const tile of list.slice(0, Math.max(0, MOST_REQUESTS - this.loading.size))) this.load(tile);
+    this.list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => a.urgency - b.urgency);
+    this.next();
+  }
+
+  next() {
+    while (this.loading.size < MOST_REQUESTS && this.list.length > 0) {
+      const tile = this.list.pop();
+      if (tile.state === 'none') this.load(tile);
+    }
   }
 
   async load(tile) {
@@ -155,18 +172,19 @@ class TileStream {
       if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
       const buffer = await answer.arrayBuffer();
       this.received += Number(answer.headers.get('content-length')) || buffer.byteLength;
-      this.take(tile, placed(tile, decodeTerrain(buffer)));
+      this.take(tile, this.set.decode(buffer, tile));
     } catch (error) {
       tile.state = tile.abort.signal.aborted ? 'none' : 'failed';
       if (tile.state === 'failed') this.failures.push(tile.name + ': ' + error.message);
     }
     this.loading.delete(tile);
+    this.next();
     this.changed();
   }
 
   take(tile, mesh) {
     tile.mesh = mesh;
-    tile.error = mesh.error ?? this.set.error(tile.level);
+    tile.error = mesh.error ?? this.set.error(tile);
     tile.heights = [mesh.low, mesh.high];
     tile.bytes = this.upload(mesh);
     tile.state = 'ready';

@@ -20,7 +20,7 @@ use crate::jobs::{Cancel, Resources};
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
     /// pattern in quotes are one mosaic; for a page also a file of lines or polygons; to be served also a
-    /// folder of terrain tiles (quantized-mesh with its layer.json)
+    /// folder of terrain tiles (quantized-mesh or 3D Tiles of `terrane tiles`)
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
@@ -106,10 +106,10 @@ impl Verb for Args {
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
     let is_page = args.html.is_some() || args.serve;
-    let are_grids = !(is_page && page::are_lines(&args.input)) && !serve::are_tiles(&args.input);
-    let Sifted { names, skipped } = match are_grids {
-        false => Sifted { names: args.input.clone(), skipped: Vec::new() },
-        true => {
+    let are_others = serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input);
+    let Sifted { names, skipped } = match are_others {
+        true => Sifted { names: args.input.clone(), skipped: Vec::new() },
+        false => {
             let options = args.grid.open_options(&resources);
             args.many.take(&args.input, many::Kind::Grids(&options), &resources)?
         }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::{PageJob, PageReport};
@@ -17,7 +18,7 @@ const TILESET: &str = "tileset.json";
 /// The names of folders beside each other, where there are tiles of several formats.
 const SETS: [&str; 2] = ["quantized-mesh", "3dtiles"];
 /// Most bytes of what says what there is: rectangles of a million tiles that touch no other.
-const MOST_LAYER: u64 = 64 << 20;
+const MOST_TOLD: u64 = 64 << 20;
 
 /// What is read of a `layer.json`; the page reads it again, and more of it.
 #[derive(Debug, Deserialize)]
@@ -34,6 +35,37 @@ struct Layer {
     available: Vec<Vec<Rectangle>>,
     #[serde(rename = "parentUrl")]
     parent: Option<Value>,
+}
+
+/// What is read of a `tileset.json`: what terrane tells of its own.
+#[derive(Debug, Deserialize)]
+struct Tileset {
+    extras: Extras,
+}
+
+#[derive(Debug, Deserialize)]
+struct Extras {
+    terrane: Terrane,
+}
+
+#[derive(Debug, Deserialize)]
+struct Terrane {
+    bounds: [f64; 4],
+    levels: Vec<Level>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Level {
+    tiles: u64,
+}
+
+/// What a folder holds.
+struct Set {
+    format: &'static str,
+    told: &'static str,
+    levels: usize,
+    tiles: u64,
+    bounds: [f64; 4],
 }
 
 /// Tiles from one to another, both included.
@@ -67,54 +99,62 @@ pub fn is_tiles(path: &Path) -> bool {
 pub(super) fn page(job: &PageJob) -> Result<(Page, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
-    let layer = read(&folder)?;
-    layer.check()?;
+    let set = Set::read(&folder)?;
     let none = || Error::new(ErrorKind::Internal, "there is no page of tiles");
     let mut page = Page::new("tiles", &name(&folder)).ok_or_else(none)?;
     let [land, water] = terrane_render::palette();
-    page.fact("layer", LAYER);
+    page.fact("format", set.format);
+    page.fact("told", set.told);
     page.fact("palette", json!({ "land": land, "water": water }));
     page.fact("azimuth", job.azimuth);
     page.fact("altitude", job.altitude);
     page.fact("exaggeration", job.exaggeration);
     page.fact("edges", job.edges);
-    let report = PageReport {
-        page: "tiles",
-        levels: Some(layer.available.len() as u32),
-        tiles: Some(layer.available.iter().flatten().map(Rectangle::count).sum()),
-        bounds: layer.bounds,
-        ..PageReport::default()
-    };
-    Ok((page, report))
+    let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
+    Ok((
+        page,
+        PageReport { page: "tiles", levels, tiles, bounds: set.bounds, ..PageReport::default() },
+    ))
 }
 
-fn read(folder: &Path) -> Result<Layer> {
-    let path = folder.join(LAYER);
-    if !path.is_file() {
-        return Err(another(folder));
+impl Set {
+    fn read(folder: &Path) -> Result<Self> {
+        let [told, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
+        match (told.is_file(), tileset.is_file()) {
+            (true, _) => {
+                let layer: Layer = parsed(&told)?;
+                layer.check()?;
+                let tiles = layer.available.iter().flatten().map(Rectangle::count).sum();
+                let (levels, bounds) = (layer.available.len(), layer.bounds);
+                Ok(Self { format: SETS[0], told: LAYER, levels, tiles, bounds })
+            }
+            (false, true) => {
+                let Tileset { extras: Extras { terrane } } = parsed(&tileset)?;
+                let tiles = terrane.levels.iter().map(|level| level.tiles).sum();
+                let (levels, bounds) = (terrane.levels.len(), terrane.bounds);
+                Ok(Self { format: SETS[1], told: TILESET, levels, tiles, bounds })
+            }
+            (false, false) => {
+                Err(Error::usage("holds tiles of several formats, and a page shows one of them")
+                    .in_file(folder)
+                    .remedy(format!("name {}", folder.join(SETS[0]).display())))
+            }
+        }
     }
-    let file = RawFile::open(&path)?;
-    if file.size() > MOST_LAYER {
-        return Err(Error::limit(LAYER, file.size(), MOST_LAYER).in_file(&path));
+}
+
+/// What says what there is.
+fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let file = RawFile::open(path)?;
+    if file.size() > MOST_TOLD {
+        return Err(Error::limit("the file", file.size(), MOST_TOLD).in_file(path));
     }
     let bytes = file.read_vec(0, file.size())?;
     serde_json::from_slice(&bytes).map_err(|e| {
-        Error::bad_input(format!("is no {LAYER} of terrain tiles: {e}"))
-            .in_file(&path)
+        Error::bad_input(format!("it does not tell of terrain tiles as terrane does: {e}"))
+            .in_file(path)
             .remedy("name a folder that `terrane tiles` made")
     })
-}
-
-/// Why a folder without a `layer.json` cannot be shown.
-fn another(folder: &Path) -> Error {
-    if folder.join(TILESET).is_file() {
-        return Error::unsupported("holds 3D Tiles, and a page shows quantized-mesh")
-            .in_file(folder)
-            .remedy("make tiles with `--format quantized-mesh`");
-    }
-    Error::usage("holds tiles of several formats, and a page shows one of them")
-        .in_file(folder)
-        .remedy(format!("name {}", folder.join(SETS[0]).display()))
 }
 
 impl Layer {
@@ -207,7 +247,7 @@ mod tests {
             ("\"bounds\"", "\"projection\":\"EPSG:3857\",\"bounds\"", "EPSG:3857"),
             ("\"bounds\"", "\"parentUrl\":\"x\",\"bounds\"", "parentUrl"),
             ("\"available\"", "\"others\"", "available"),
-            ("\"format\"", "\"form\"", "is no layer.json"),
+            ("\"format\"", "\"form\"", "as terrane does: missing field `format`"),
         ] {
             let error = made(&LAYER_TEXT.replace(from, to)).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("; "), "{told}: {error}");
@@ -224,7 +264,7 @@ mod tests {
         std::fs::create_dir(&set).unwrap();
         std::fs::write(set.join(LAYER), "{}").unwrap();
         assert!(is_tiles(folder.path()) && page().contains("several formats"));
-        std::fs::write(folder.path().join(TILESET), "{}").unwrap();
-        assert!(page().contains("3D Tiles"));
+        std::fs::write(folder.path().join(TILESET), r#"{"asset":{"version":"1.1"}}"#).unwrap();
+        assert!(page().contains("as terrane does: missing field `extras`"));
     }
 }
