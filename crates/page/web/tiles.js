@@ -6,13 +6,14 @@ const ERRORS = [[238, 244, 240], [168, 211, 204], [110, 176, 180], [247, 214, 13
 const LEVELS = [[196, 122, 94], [121, 164, 196], [214, 184, 104], [132, 172, 122], [170, 132, 178], [110, 178, 174]];
 /** Digits behind the point of degrees: a tenth of a metre. */
 const DEGREE_STEP = 1e-6;
+/** Metres above the ellipsoid that no terrain reaches. */
+const ABOVE = 1e5;
 
 const shown = {
   colour: 1, wire: Boolean(facts.edges), facets: false, borders: false, exaggeration: facts.exaggeration ?? 1,
   azimuth: facts.azimuth, altitude: facts.altitude, allowed: 2,
 };
 let drawing, camera, stream, set;
-let draws = [];
 let view = null;
 let flying = false;
 let dirty = true;
@@ -65,13 +66,13 @@ function viewOf() {
 function under(px, py) {
   const { clientWidth, clientHeight } = $('view');
   const way = camera.frame.outward(camera.ray((2 * px) / clientWidth - 1, 1 - (2 * py) / clientHeight));
-  return told(hit(draws, camera.frame.world(camera.eye), way, shown.exaggeration), shown.exaggeration);
+  return told(hit(stream.draws, camera.frame.world(camera.eye), way, shown.exaggeration), shown.exaggeration);
 }
 
 /** What is drawn at a place on the globe. */
 function at(lon, lat) {
   const up = upright(lon, lat);
-  return told(hit(draws, earthCentred(lon, lat, 1e5), along([0, 0, 0], up, -1), 1), 1);
+  return told(hit(stream.draws, earthCentred(lon, lat, ABOVE), along([0, 0, 0], up, -1), 1, 2 * ABOVE), 1);
 }
 
 /** A hit, with where it is on the globe. */
@@ -108,7 +109,7 @@ function tellPlace(found) {
 const rangeOf = () => stream.heights ?? [0, 1];
 
 /** What is drawn of the data, and not of what tiles span beyond them. */
-const covering = () => draws.filter((draw) => !draw.isBare);
+const covering = () => stream.draws.filter((draw) => !draw.isBare);
 
 /** Least and largest error of what is drawn, for a scale by powers. */
 function errorRange() {
@@ -307,7 +308,8 @@ const isIdle = () => stream.waiting === 0 && stream.loading.size === 0;
 
 function render() {
   view = viewOf();
-  draws = stream.update(view);
+  stream.update(view);
+  const { draws } = stream;
   const z = camera.target[2];
   follow();
   if (camera.target[2] !== z) dirty = true;
@@ -374,7 +376,7 @@ window.terrane = {
   refresh: () => { dirty = true; },
   picture: () => {
     const { gl, canvas } = drawing;
-    drawing.draw(camera, draws, how());
+    drawing.draw(camera, stream.draws, how());
     const pixels = new Uint8Array(4 * canvas.width * canvas.height);
     gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     return { width: canvas.width, height: canvas.height, bytes: pixels };

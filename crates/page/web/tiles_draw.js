@@ -108,8 +108,7 @@ class TilesDrawing {
   /** Puts a tile on the card; the bytes that it takes, here and there. */
   upload(mesh) {
     const gl = this.gl;
-    const skirts = skirt(mesh);
-    const order = [...mesh.corners].map((vertex) => [vertex, 0]).concat(skirts);
+    const { order, starts } = byQuarter(mesh);
     const bytes = new ArrayBuffer(order.length * VERTEX_BYTES);
     const [floats, shorts, signs] = [new Float32Array(bytes), new Uint16Array(bytes), new Int8Array(bytes)];
     order.forEach(([vertex, low], i) => {
@@ -122,7 +121,7 @@ class TilesDrawing {
     });
     mesh.buffer = gl.createBuffer();
     mesh.array = gl.createVertexArray();
-    mesh.count = order.length;
+    mesh.starts = starts;
     gl.bindVertexArray(mesh.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, mesh.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
@@ -182,7 +181,7 @@ class TilesDrawing {
       gl.uniform1f(at.error, how.errorOf(tile));
       gl.uniform4f(at.data, ...(isBare ? NOWHERE : part(tile, how.bounds)));
       gl.bindVertexArray(mesh.array);
-      gl.drawArrays(gl.TRIANGLES, 0, mesh.count);
+      for (const [first, end] of runs(mesh.starts, quarters)) gl.drawArrays(gl.TRIANGLES, first, end - first);
       if (!isBare) this.triangles += mesh.corners.length / 3;
     }
     gl.bindVertexArray(null);
@@ -194,6 +193,31 @@ const NOWHERE = [2, 2, 2, 2];
 /** Where bounds in degrees lie in a tile: 0 to 1 from its west and south. */
 function part({ west, south, width }, [w, s, e, n]) {
   return [(w - west) / width, (s - south) / width, (e - west) / width, (n - south) / width];
+}
+
+/** Vertices of all triangles, those that lie in one quarter together, and at the end those of several: where each
+ * begins. So what is hidden of a tile costs little. */
+function byQuarter(mesh) {
+  const middle = STEPS / 2 + 1;
+  const list = [...mesh.corners].map((vertex) => [vertex, 0]).concat(skirt(mesh));
+  const groups = [[], [], [], [], []];
+  for (let t = 0; t < list.length; t += 3) {
+    const three = list.slice(t, t + 3);
+    const halves = [mesh.u, mesh.v].map((steps) => {
+      const all = three.map(([vertex]) => steps[vertex]);
+      return Math.max(...all) <= middle ? 0 : Math.min(...all) >= middle - 2 ? 1 : null;
+    });
+    groups[halves.includes(null) ? 4 : halves[0] + 2 * halves[1]].push(...three);
+  }
+  const starts = [0];
+  for (const group of groups) starts.push(starts[starts.length - 1] + group.length);
+  return { order: groups.flat(), starts };
+}
+
+/** What to draw for some quarters: from where to where. */
+function runs(starts, quarters) {
+  if (quarters === ALL_QUARTERS) return [[0, starts[5]]];
+  return [0, 1, 2, 3, 4].filter((q) => q === 4 || (quarters >> q) & 1).map((q) => [starts[q], starts[q + 1]]).filter(([a, b]) => b > a);
 }
 
 /** Walls below the four sides, which hide that tiles of other levels lie a little higher or lower: vertices, and 1 for the lower end. */
@@ -209,8 +233,8 @@ function skirt({ u, v }) {
   return out;
 }
 
-/** The nearest place of what is drawn on a ray in earth-centred metres: { tile, triangle, weights, distance }. */
-function hit(draws, origin, way, exaggeration) {
+/** The nearest place of what is drawn on a ray in earth-centred metres, up to so far away: { tile, triangle, weights, distance }. */
+function hit(draws, origin, way, exaggeration, most = Infinity) {
   let found = null;
   for (const { tile, quarters } of draws) {
     const { mesh } = tile;
@@ -223,7 +247,7 @@ function hit(draws, origin, way, exaggeration) {
       const three = [0, 1, 2].map((k) => mesh.corners[3 * t + k]);
       const [a, b, c] = three.map((i) => [places[3 * i], places[3 * i + 1], places[3 * i + 2]]);
       const crossing = cut(from, way, a, b, c);
-      if (!crossing || (found && crossing.distance >= found.distance)) continue;
+      if (!crossing || crossing.distance >= (found?.distance ?? most)) continue;
       const { weights } = crossing;
       const share = (steps) => three.reduce((sum, i, k) => sum + steps[i] * weights[k], 0) / STEPS;
       const quarter = Number(share(mesh.u) >= 0.5) | (Number(share(mesh.v) >= 0.5) << 1);

@@ -39,9 +39,10 @@ class TileStream {
     this.strain = 1; // what the error allowed is multiplied with where tiles do not fit
     this.waiting = 0;
     this.heights = null;
+    this.draws = [];
   }
 
-  /** Tiles to draw from there, as { tile, quarters, pixels, distance, gap, isBare }; asks for what is missing. */
+  /** Takes what to draw from there into `draws`, as { tile, quarters, pixels, distance, gap, isBare }; asks for what is missing. */
   update(view) {
     this.turn++;
     this.view = view;
@@ -56,7 +57,6 @@ class TileStream {
     this.waiting = this.list.length + this.unknown;
     this.ask();
     this.letGo();
-    return this.draws;
   }
 
   /** `gap`: how far off the coarser tiles are that may lie beside it. */
@@ -152,15 +152,8 @@ class TileStream {
   /** Ends requests for what is no longer wanted, and starts some for what is most wanted. */
   ask() {
     for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
-    this.list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => a.urgency - b.urgency);
-    this.next();
-  }
-
-  next() {
-    while (this.loading.size < MOST_REQUESTS && this.list.length > 0) {
-      const tile = this.list.pop();
-      if (tile.state === 'none') this.load(tile);
-    }
+    const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
+    for (const tile of list.slice(0, Math.max(0, MOST_REQUESTS - this.loading.size))) this.load(tile);
   }
 
   async load(tile) {
@@ -178,7 +171,8 @@ class TileStream {
       if (tile.state === 'failed') this.failures.push(tile.name + ': ' + error.message);
     }
     this.loading.delete(tile);
-    this.next();
+    // What is below it is asked for at once, and not when it has been drawn.
+    this.update(this.view);
     this.changed();
   }
 
@@ -214,9 +208,11 @@ class TileStream {
         this.drop(tile);
       }
     }
+    let needed = 0;
+    for (const tile of this.ready) if (tile.used === this.turn) needed += tile.bytes;
     const before = this.strain;
-    if (this.bytes > this.most) this.strain = Math.min(1e6, this.strain * 1.25);
-    else if (this.bytes < 0.6 * this.most) this.strain = Math.max(1, this.strain / 1.25);
+    if (needed > this.most) this.strain = Math.min(1e6, this.strain * 1.25);
+    else if (needed < 0.5 * this.most) this.strain = Math.max(1, this.strain / 1.25);
     if (this.strain !== before) this.changed();
   }
 
