@@ -126,9 +126,13 @@ class GlobeCamera extends Camera {
     this.target[2] = Math.max(-12000, Math.min(this.relief, height));
   }
 
+  /** Along the ground, and up from it. */
   fly(ahead, right, up) {
-    super.fly(ahead, right, up);
+    const height = this.target[2] + up;
+    const level = [Math.sin(this.yaw), Math.cos(this.yaw), 0];
+    this.target = along(along(this.target, level, ahead), this.right, right);
     this.settle();
+    this.target[2] = Math.max(-12000, Math.min(6 * EQUATOR, height));
   }
 
   /** Metres to where the ground goes out of sight, and on to where the highest place does. */

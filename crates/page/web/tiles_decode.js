@@ -100,6 +100,7 @@ class TileSet {
     this.levels = layer.available;
     this.last = this.levels.length - 1;
     this.bounds = layer.bounds ?? [-180, -90, 180, 90];
+    this.loading = 0; // requests of its own
   }
 
   has(level, x, y) {

@@ -51,8 +51,8 @@ class TileStream {
     this.unknown = 0;
     for (const root of this.roots) {
       if (root.state === 'ready') this.visit(root, 0);
-      else if (this.set.has(0, root.x, 0, this.changed)) this.want(root, Infinity);
-      else if (this.set.has(0, root.x, 0) === null) this.unknown++;
+      else if (this.set.has(0, root.x, 0, this)) this.want(root, Infinity);
+      else if (this.set.has(0, root.x, 0, this) === null) this.unknown++;
     }
     this.waiting = this.list.length + this.unknown;
     this.ask();
@@ -101,7 +101,7 @@ class TileStream {
       if (part !== null) return;
       const at = [tile.level + 1, 2 * tile.x + (q & 1), 2 * tile.y + (q >> 1)];
       const [low, high] = tile.heights;
-      const has = this.set.has(...at, this.changed);
+      const has = this.set.has(...at, this);
       tile.parts[q] = has ? new Tile(...at, [low - tile.error, high + tile.error]) : has;
     });
     return tile.parts;
@@ -153,7 +153,7 @@ class TileStream {
   ask() {
     for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
     const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
-    for (const tile of list.slice(0, Math.max(0, MOST_REQUESTS - this.loading.size))) this.load(tile);
+    for (const tile of list.slice(0, Math.max(0, this.room))) this.load(tile);
   }
 
   async load(tile) {
@@ -171,9 +171,18 @@ class TileStream {
       if (tile.state === 'failed') this.failures.push(tile.name + ': ' + error.message);
     }
     this.loading.delete(tile);
-    // What is below it is asked for at once, and not when it has been drawn.
+    this.more();
+  }
+
+  /** Something came: what can be asked for now is, and not only when this has been drawn. */
+  more() {
     this.update(this.view);
     this.changed();
+  }
+
+  /** Requests that may be made. */
+  get room() {
+    return MOST_REQUESTS - this.loading.size - this.set.loading;
   }
 
   take(tile, mesh) {

@@ -60,25 +60,25 @@ class ThreeTiles {
     this.bounds = terrane.bounds;
     this.count = terrane.levels.reduce((sum, level) => sum + level.tiles, 0);
     this.subtrees = new Map();
+    this.loading = 0;
   }
 
   address({ level, x, y }, ending = 'glb') {
     return `${HALVES[x >> level]}/${level}/${x & (2 ** level - 1)}/${y}.${ending}`;
   }
 
-  /** The subtree that a tile is in; null while it is loaded, of which `changed` tells. */
-  subtree({ level, x, y }, changed) {
+  /** The subtree that a tile is in; null until it is loaded, for which `stream` has to have room. */
+  subtree({ level, x, y }, stream) {
     const by = level % this.depth;
     const top = { level: level - by, x: x >> by, y: y >> by };
     const name = this.address(top, 'subtree');
-    if (!this.subtrees.has(name)) {
-      this.subtrees.set(name, null);
-      this.load(name, top).then(changed);
-    }
-    return this.subtrees.get(name);
+    if (!this.subtrees.has(name) && stream.room > 0) this.load(name, top).then(() => stream.more());
+    return this.subtrees.get(name) ?? null;
   }
 
   async load(name, top) {
+    this.subtrees.set(name, null);
+    this.loading++;
     try {
       const answer = await fetch(name);
       if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
@@ -86,18 +86,19 @@ class ThreeTiles {
     } catch (error) {
       this.subtrees.set(name, { failed: `${name}: ${error.message}` });
     }
+    this.loading--;
   }
 
   /** Whether there is a tile; null while that is not known. */
-  has(level, x, y, changed) {
+  has(level, x, y, stream) {
     if (level > this.last) return false;
     const id = { level, x, y };
     if (level > 0 && level % this.depth === 0) {
-      const above = this.subtree({ level: level - 1, x: x >> 1, y: y >> 1 }, changed);
+      const above = this.subtree({ level: level - 1, x: x >> 1, y: y >> 1 }, stream);
       if (!above || above.failed) return above && false;
       if (!above.isBelow(above.along(id))) return false;
     }
-    const subtree = this.subtree(id, changed);
+    const subtree = this.subtree(id, stream);
     return subtree && !subtree.failed && subtree.isHere(subtree.number(id));
   }
 
