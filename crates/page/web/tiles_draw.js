@@ -17,6 +17,7 @@ centroid out vec3 above;
 out vec3 at;
 out vec2 inside;
 centroid out float level;
+out float hang;
 
 void main() {
   int corner = gl_VertexID % 3;
@@ -28,6 +29,7 @@ void main() {
   above = turned * up;
   inside = within;
   level = height;
+  hang = aside.w;
   gl_Position = view * vec4(at, 1);
 }`;
 
@@ -39,6 +41,7 @@ centroid in vec3 above;
 in vec3 at;
 in vec2 inside;
 centroid in float level;
+in float hang;
 uniform sampler2D palette;
 uniform vec2 range;
 uniform vec4 data; // where the data are in the tile
@@ -83,7 +86,7 @@ void main() {
     float dense = max(width.x, max(width.y, width.z));
     shown = mix(shown, vec3(0.07, 0.1, 0.17), line * wire * clamp(0.42 / dense - 0.5, 0.1, 0.62));
   }
-  if (borders) shown = mix(vec3(0.72, 0.16, 0.1), shown, smoothstep(0.5, 1.5, min(rim.x, rim.y)));
+  if (borders && hang < 0.001) shown = mix(vec3(0.72, 0.16, 0.1), shown, smoothstep(0.5, 1.5, min(rim.x, rim.y)));
   seen = vec4(shown, 1);
 }`;
 
