@@ -274,6 +274,14 @@ fn clients_that_wait_keep_nobody_out() {
     for _ in 0..20 {
         assert_eq!(served.status("GET", "/layer.json"), 200);
     }
+    // The first of them are cut off by now.
+    for mut stream in &slow[..100] {
+        stream.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+        let mut rest = Vec::new();
+        if let Err(e) = stream.read_to_end(&mut rest) {
+            assert_eq!(e.kind(), std::io::ErrorKind::ConnectionReset);
+        }
+    }
     assert!(started.elapsed() < Duration::from_secs(8), "{:?}", started.elapsed());
     // The last of them had their time.
     for mut stream in slow {
