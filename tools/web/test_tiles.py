@@ -285,6 +285,22 @@ def test_a_phone_shows_the_tiles(served, opened):
     assert page.page.is_visible("#figures")
 
 
+def test_a_small_plateau_is_seen_from_above(place, opened):
+    heights = 5500 + np.random.default_rng(7).random((33, 33)) * 20
+    with open(place / "high.asc", "w") as out:
+        out.write(f"ncols 33\nnrows 33\nxllcenter 86.9\nyllcenter 27.9\ncellsize {CELL / 3}\n")
+        np.savetxt(out, heights, "%.3f")
+    (place / "high.prj").write_text("EPSG:4326")
+    terrane("tiles", place / "high.asc", place / "high")
+    server = Served(place / "high")
+    page = show(opened, server)
+    height, target = page("() => { const c = terrane.camera(); return [terrane.at(c.frame.lon, c.frame.lat).height, c.target[2] / terrane.shown.exaggeration]; }")
+    assert abs(height - 5510) < 15 and abs(height - target) < 0.01
+    first = page.picture()
+    assert (first.max(axis=2) - first.min(axis=2))[210:290, 470:560].mean() > 25, "the data are in the middle"
+    server.stop()
+
+
 def test_tiles_that_are_gone_are_told_of(grid, place, opened):
     import shutil
 

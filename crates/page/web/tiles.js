@@ -56,7 +56,7 @@ function viewOf() {
   const wide = HALF_VIEW * camera.aspect;
   camera.relief = Math.max(100, (stream.heights?.[1] ?? 9000) * shown.exaggeration);
   return {
-    eye, at: geodetic(eye), axes: [right, cross(right, ahead), ahead], horizon: camera.horizon.most,
+    eye, at: geodetic(eye), focus: [frame.lon, frame.lat], axes: [right, cross(right, ahead), ahead], horizon: camera.horizon.most,
     sides: [(-1 - camera.shift) * wide, (1 - camera.shift) * wide, HALF_VIEW],
     pixels: $('view').clientHeight / 2 / HALF_VIEW, exaggeration: shown.exaggeration, allowed: shown.allowed,
   };
@@ -299,7 +299,9 @@ function follow() {
     setExaggeration(Math.min(8, Math.max(1, Math.round((0.13 * camera.home.span) / (relief || 1)) / 2)));
   }
   const ground = at(camera.frame.lon, camera.frame.lat);
-  if (ground) camera.target[2] = ground.height * shown.exaggeration;
+  // Coarse tiles may be kilometres off.
+  const isNear = ground && (ground.error < camera.distance || ground.level === set.last);
+  if (isNear) camera.target[2] = ground.height * shown.exaggeration;
 }
 
 const failures = () => [...stream.failures, ...set.failures()];

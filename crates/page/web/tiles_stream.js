@@ -115,10 +115,13 @@ class TileStream {
     return { middle, radius: tile.reach * (1 + Math.abs(high * exaggeration) / EQUATOR) + ((high - low) / 2) * exaggeration };
   }
 
-  /** True for a tile beside or behind the view, or beyond the horizon. */
+  /** True for a tile beside or behind the view, or beyond the horizon; but never for those at the place looked at, so
+   * that it is known how high the ground is there, wherever the eye is. */
   isHidden(tile) {
     if (tile.looked === this.turn) return tile.hidden;
-    const { eye, axes, sides, horizon } = this.view;
+    const { eye, axes, sides, horizon, focus: [lon, lat] } = this.view;
+    const holds = (value, from) => value >= from && value <= from + tile.width;
+    if (holds(lon, tile.west) && holds(lat, tile.south)) return false;
     const { middle, radius } = this.ball(tile);
     const from = minus(middle, eye);
     const [x, y, ahead] = axes.map((axis) => dot(from, axis));

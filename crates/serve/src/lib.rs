@@ -1,8 +1,8 @@
 //! A page, and the files of one folder beside it, for a browser on the same machine: HTTP/1.1 on 127.0.0.1.
 //!
 //! Nobody beyond this machine can connect. A page of somebody else in the same browser can, so that what is sent
-//! names no other origin as a reader, and a request has to name this server ([`request`]). Files are found by names
-//! that cannot lead out of the folder ([`folder`]), and no client can keep others out ([`clients`]).
+//! names no other origin as a reader, and a request has to name this server (`request`). Files are found by names
+//! that cannot lead out of the folder (`folder`), and no client can keep others out (`clients`).
 
 mod clients;
 mod connection;
