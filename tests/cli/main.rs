@@ -29,6 +29,7 @@ mod plan_grid;
 mod plan_matrix;
 mod print;
 mod resume;
+mod serve;
 mod shapes;
 mod synth;
 mod tiles;

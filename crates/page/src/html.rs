@@ -18,6 +18,8 @@ pub struct Template {
     body: &'static str,
     /// Its scripts in their order: one scope for all.
     scripts: &'static [&'static str],
+    /// It asks where it came from for more.
+    asks: bool,
 }
 
 /// Every kind of page. A new one is its files in `web/` and an entry here.
@@ -32,6 +34,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../web/surface_draw.js"),
             include_str!("../web/surface.js"),
         ],
+        asks: false,
     },
     Template {
         name: "lines",
@@ -43,6 +46,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../web/lines_draw.js"),
             include_str!("../web/lines.js"),
         ],
+        asks: false,
     },
     Template {
         name: "insertion",
@@ -52,6 +56,22 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../web/insertion_mesh.js"),
             include_str!("../web/insertion.js"),
         ],
+        asks: false,
+    },
+    Template {
+        name: "tiles",
+        body: include_str!("../web/tiles.html"),
+        scripts: &[
+            include_str!("../web/common.js"),
+            include_str!("../web/camera.js"),
+            include_str!("../web/globe.js"),
+            include_str!("../web/tiles_decode.js"),
+            include_str!("../web/tiles_three.js"),
+            include_str!("../web/tiles_stream.js"),
+            include_str!("../web/tiles_draw.js"),
+            include_str!("../web/tiles.js"),
+        ],
+        asks: true,
     },
 ];
 
@@ -106,7 +126,7 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n\
              <body class=\"{}\">\n{}\n",
-            policy(&script),
+            policy(&script, self.template.asks),
             self.template.name,
             self.template.body.replace("{{title}}", &title),
         );
@@ -132,11 +152,12 @@ fn data(out: &mut String, id: &str, kind: &str, text: &str) {
     let _ = writeln!(out, "<script id=\"{id}\" type=\"{kind}\">{text}</script>");
 }
 
-/// What a page may do: run this one script, and fetch nothing.
-fn policy(script: &str) -> String {
+/// What a page may do: run this one script, and fetch nothing, or nothing from elsewhere.
+fn policy(script: &str, asks: bool) -> String {
     let hash = |text: &str| STANDARD.encode(Sha256::digest(text));
+    let asks = if asks { "connect-src 'self'; " } else { "" };
     format!(
-        "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data: blob:; \
+        "default-src 'none'; {asks}script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data: blob:; \
          base-uri 'none'; form-action 'none'",
         hash(script),
         hash(STYLE)
@@ -216,9 +237,12 @@ mod tests {
                 "innerHTML",
                 "document.write",
             ] {
-                assert!(!html.contains(word), "{}: {word}", template.name);
+                let is_asking = template.asks && word == "fetch(";
+                assert!(is_asking || !html.contains(word), "{}: {word}", template.name);
             }
             assert!(html.contains("default-src 'none'"));
+            assert_eq!(html.contains("connect-src 'self';"), template.asks, "{}", template.name);
+            assert_eq!(html.contains("connect-src"), template.asks, "{}", template.name);
             assert!(!html.contains("{{"), "{}: all is filled in", template.name);
         }
     }

@@ -163,3 +163,44 @@ function gestures(view, on) {
     on.zoom(Math.exp(Math.max(-120, Math.min(120, event.deltaY * lines)) * 0.0016), ...place(event));
   }, { passive: false });
 }
+
+// ---- keys that are held
+
+const FLIGHT = ['w', 'a', 's', 'd', 'q', 'y', 'arrowup', 'arrowdown', 'arrowleft', 'arrowright'];
+const held = new Set();
+window.addEventListener('keyup', (event) => held.delete(event.key.toLowerCase()));
+window.addEventListener('blur', () => held.clear());
+
+/** Takes a key that flies; whether it is one. */
+function hold(key) {
+  if (FLIGHT.includes(key)) held.add(key);
+  return FLIGHT.includes(key);
+}
+
+/** Moves by the keys that are held, by the time that went by; whether any is. */
+function moveHeld(camera, seconds) {
+  if (held.size === 0) return false;
+  const way = (forth, back) => (held.has(forth) ? 1 : 0) - (held.has(back) ? 1 : 0);
+  const step = camera.distance * 0.9 * seconds;
+  camera.fly(way('w', 's') * step, way('d', 'a') * step, way('y', 'q') * step);
+  camera.turn(way('arrowright', 'arrowleft') * seconds, way('arrowup', 'arrowdown') * seconds, true);
+  return true;
+}
+
+function drawCompass(camera) {
+  const [context, width] = plane($('compass'));
+  const half = width / 2;
+  context.translate(half, half);
+  context.rotate(-camera.yaw);
+  for (const [sign, colour] of [[-1, '#c8553d'], [1, '#8b97a3']]) {
+    context.fillStyle = colour;
+    context.beginPath();
+    context.moveTo(0, sign * half * 0.62);
+    context.lineTo(half * 0.2, 0);
+    context.lineTo(-half * 0.2, 0);
+    context.fill();
+  }
+  context.fillStyle = '#1d2733';
+  context.textAlign = 'center';
+  context.fillText('N', 0, -half * 0.66);
+}

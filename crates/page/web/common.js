@@ -74,6 +74,8 @@ function tell(list) {
   }
 }
 
+const metres = (value) => (value >= 10000 ? num(value / 1000, 0.01) + ' km' : num(value, value < 100 ? 0.01 : 0.1) + ' m');
+
 function press(button, on) {
   button.setAttribute('aria-pressed', String(Boolean(on)));
 }
@@ -106,6 +108,25 @@ function ticks(low, high, about) {
   return out;
 }
 
+/** 256 colours and what they stand for, into the legend. */
+function drawRamp(colours, low, high, unit, told = num) {
+  const [context, width] = plane($('legend'));
+  for (let i = 0; i < width; i++) {
+    context.fillStyle = css(colours[Math.min(255, Math.floor((i / width) * 256))]);
+    context.fillRect(i, 2, 1.5, 14);
+  }
+  context.fillStyle = '#5b6876';
+  const marks = ticks(low, high, 3);
+  const step = marks.length > 1 ? marks[1] - marks[0] : 0;
+  for (const mark of marks) {
+    const at = ((mark - low) / (high - low || 1)) * width;
+    context.fillRect(Math.min(width - 1, at), 16, 1, 4);
+    const text = told(mark, step) + (mark === marks[marks.length - 1] ? unit : '');
+    const wide = context.measureText(text).width;
+    context.fillText(text, Math.max(0, Math.min(width - wide, at - wide / 2)), 32);
+  }
+}
+
 /** A colour between stops ([r, g, b], 0 to 255), at 0 to 1. */
 function between(stops, at) {
   const place = Math.min(1, Math.max(0, at)) * (stops.length - 1);
@@ -115,6 +136,39 @@ function between(stops, at) {
 }
 
 const css = ([r, g, b], alpha = 1) => `rgba(${Math.round(r)},${Math.round(g)},${Math.round(b)},${alpha})`;
+
+/** A program of the graphics card, and where its uniforms are. */
+function linked(gl, vertex, fragment) {
+  const program = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+  const at = {};
+  for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
+    const { name } = gl.getActiveUniform(program, i);
+    at[name] = gl.getUniformLocation(program, name);
+  }
+  return { program, at };
+}
+
+/** 256 colours, as [r, g, b] from 0 to 255, into a texture. */
+function ramp(gl, texture, unit, colours) {
+  const bytes = new Uint8Array(4 * 256);
+  colours.forEach((colour, i) => bytes.set([...colour.map(Math.round), 255], 4 * i));
+  gl.activeTexture(gl.TEXTURE0 + unit);
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+  for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR],
+    [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) {
+    gl.texParameteri(gl.TEXTURE_2D, key, value);
+  }
+}
 
 /** What does not work is said in the middle of the page. */
 function fail(error) {

@@ -59,29 +59,14 @@ class LinesDrawing {
     const gl = canvas.getContext('webgl2', { antialias: true, alpha: false });
     if (!gl) throw new Error('this browser has no WebGL 2');
     Object.assign(this, { gl, canvas, places: 0 });
-    this.thin = this.link(THIN_VERTEX, THIN_FRAGMENT);
-    this.ribbon = this.link(RIBBON_VERTEX, RIBBON_FRAGMENT);
+    this.thin = linked(gl, THIN_VERTEX, THIN_FRAGMENT).program;
+    this.ribbon = linked(gl, RIBBON_VERTEX, RIBBON_FRAGMENT).program;
     this.setOriginal(filter);
     this.kept = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.kept);
     gl.bufferData(gl.ARRAY_BUFFER, filter.out.byteLength, gl.DYNAMIC_DRAW);
     this.ribbons = this.attributes(this.ribbon, [['from', 0, 1], ['to', 8, 1]]);
     this.points = this.attributes(this.thin, [['place', 0, 0]]);
-  }
-
-  link(vertex, fragment) {
-    const gl = this.gl;
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    return program;
   }
 
   /** An array of attributes over the bound buffer: name, offset in bytes, whether one a ribbon. */

@@ -13,7 +13,6 @@ let places = [];
 let flying = false;
 let dirty = true;
 let profile = null;
-const held = new Set();
 
 async function start() {
   setPanel();
@@ -85,27 +84,10 @@ function scaleOf(colour) {
 }
 
 function drawLegend() {
-  const [context, width] = plane($('legend'));
   const { colour } = shown;
   if (colour === 0) return;
-  const colours = scaleOf(colour);
-  for (let i = 0; i < width; i++) {
-    context.fillStyle = css(colours[Math.min(255, Math.floor((i / width) * 256))]);
-    context.fillRect(i, 2, 1.5, 14);
-  }
   const [low, high] = colour === 1 ? scene.bounds.z : [0, colour === 2 ? 60 : mostError()];
-  const unit = colour === 2 ? '°' : ' ' + facts.units[1];
-  context.fillStyle = '#5b6876';
-  context.strokeStyle = 'rgba(29,39,51,.5)';
-  const marks = ticks(low, high, 3);
-  const step = marks.length > 1 ? marks[1] - marks[0] : 0;
-  for (const mark of marks) {
-    const at = ((mark - low) / (high - low || 1)) * width;
-    context.fillRect(Math.min(width - 1, at), 16, 1, 4);
-    const text = num(mark, step) + (mark === marks[marks.length - 1] ? unit : '');
-    const wide = context.measureText(text).width;
-    context.fillText(text, Math.max(0, Math.min(width - wide, at - wide / 2)), 32);
-  }
+  drawRamp(scaleOf(colour), low, high, colour === 2 ? '°' : ' ' + facts.units[1]);
 }
 
 function drawHistogram() {
@@ -179,8 +161,6 @@ function apart(a, b) {
   return { plan: Math.hypot(d[0], d[1]), space: Math.hypot(...d), up: b[2] - a[2] };
 }
 
-const metres = (value) => (value >= 10000 ? num(value / 1000, 0.01) + ' km' : num(value, value < 100 ? 0.01 : 0.1) + ' m');
-
 function tellMeasure() {
   const pairs = places.slice(1).map((place, i) => apart(places[i], place));
   if (pairs.length === 0) return tell([['Measure', places.length ? 'click the next place' : 'click places on the surface']]);
@@ -230,24 +210,6 @@ function dotAt(context, [x, y]) {
   context.fill();
   context.strokeStyle = '#c8553d';
   context.stroke();
-}
-
-function drawCompass() {
-  const [context, width] = plane($('compass'));
-  const half = width / 2;
-  context.translate(half, half);
-  context.rotate(-camera.yaw);
-  for (const [sign, colour] of [[-1, '#c8553d'], [1, '#8b97a3']]) {
-    context.fillStyle = colour;
-    context.beginPath();
-    context.moveTo(0, sign * half * 0.62);
-    context.lineTo(half * 0.2, 0);
-    context.lineTo(-half * 0.2, 0);
-    context.fill();
-  }
-  context.fillStyle = '#1d2733';
-  context.textAlign = 'center';
-  context.fillText('N', 0, -half * 0.66);
 }
 
 // ---- sections
@@ -428,8 +390,6 @@ function setControls() {
     click: clicked,
   });
   window.addEventListener('keydown', keyed);
-  window.addEventListener('keyup', (event) => held.delete(event.key.toLowerCase()));
-  window.addEventListener('blur', () => held.clear());
   tellFigures();
 }
 
@@ -442,22 +402,13 @@ const KEYS = {
   backspace: () => { if (tool === 'measure') { places.pop(); tellMeasure(); } },
   escape: () => { if (tool !== null) choose(tool); },
 };
-const FLIGHT = ['w', 'a', 's', 'd', 'q', 'y', 'arrowup', 'arrowdown', 'arrowleft', 'arrowright'];
 
 function keyed(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input')) return;
   const key = event.key.toLowerCase();
-  if (FLIGHT.includes(key)) { held.add(key); event.preventDefault(); dirty = true; }
+  if (hold(key)) event.preventDefault();
   KEYS[key]?.();
   dirty = true;
-}
-
-/** Moves by the keys that are held, by the time that went by. */
-function moveHeld(seconds) {
-  const way = (plus, less) => (held.has(plus) ? 1 : 0) - (held.has(less) ? 1 : 0);
-  const step = camera.distance * 0.9 * seconds;
-  camera.fly(way('w', 's') * step, way('d', 'a') * step, way('y', 'q') * step);
-  camera.turn(way('arrowright', 'arrowleft') * seconds, way('arrowup', 'arrowdown') * seconds, true);
 }
 
 function tellFigures() {
@@ -506,12 +457,12 @@ let before = 0;
 function frame(now) {
   const seconds = Math.min(0.1, (now - before) / 1000);
   before = now;
-  if (held.size > 0) { moveHeld(seconds); dirty = true; }
+  if (moveHeld(camera, seconds)) dirty = true;
   if (dirty) {
     dirty = false;
     drawing.draw(camera, how());
     drawOver();
-    drawCompass();
+    drawCompass(camera);
   }
   requestAnimationFrame(frame);
 }

@@ -103,32 +103,12 @@ class SurfaceDrawing {
     Object.assign(this, { gl, canvas, data, scale: ground });
     this.triangles = data.corners.length / 3;
     this.across = Math.min(4096, gl.getParameter(gl.MAX_TEXTURE_SIZE));
-    this.program = this.link(VERTEX, FRAGMENT);
+    this.program = linked(gl, VERTEX, FRAGMENT);
     this.measure();
     this.upload();
     this.makeRuns();
     this.palette = gl.createTexture();
     this.empty = gl.createVertexArray();
-  }
-
-  link(vertex, fragment) {
-    const gl = this.gl;
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-    const at = {};
-    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
-      const { name } = gl.getActiveUniform(program, i);
-      at[name] = gl.getUniformLocation(program, name);
-    }
-    return { program, at };
   }
 
   /** Normals of vertices, weighted by area; areas; and what the scene measures. */
@@ -229,7 +209,7 @@ class SurfaceDrawing {
         at += 5;
       }
     }
-    this.walls ??= { ...this.link(WALL_VERTEX, WALL_FRAGMENT), array: gl.createVertexArray(), buffer: gl.createBuffer() };
+    this.walls ??= { ...linked(gl, WALL_VERTEX, WALL_FRAGMENT), array: gl.createVertexArray(), buffer: gl.createBuffer() };
     const { program, array, buffer } = this.walls;
     this.walls.count = at / 5;
     gl.bindVertexArray(array);
@@ -245,16 +225,7 @@ class SurfaceDrawing {
 
   /** 256 colours, as [r, g, b] from 0 to 255. */
   paint(colours) {
-    const gl = this.gl;
-    const bytes = new Uint8Array(4 * 256);
-    colours.forEach((colour, i) => bytes.set([...colour.map(Math.round), 255], 4 * i));
-    gl.activeTexture(gl.TEXTURE2);
-    gl.bindTexture(gl.TEXTURE_2D, this.palette);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-    for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR],
-      [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) {
-      gl.texParameteri(gl.TEXTURE_2D, key, value);
-    }
+    ramp(this.gl, this.palette, 2, colours);
   }
 
   /** True when none of a run can be seen: all corners of its box lie beyond one side of the view. */

@@ -1,6 +1,7 @@
 //! `terrane view`: a picture of a grid or a mesh, or a page to look at these and at lines in.
 
 mod page;
+mod serve;
 
 use std::path::PathBuf;
 
@@ -14,11 +15,12 @@ use crate::jobs::{Cancel, Resources};
 
 /// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
 /// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
-/// shows and loads nothing
+/// shows and loads nothing; or serve it to browsers on this machine, and folders of terrain tiles of any size, too
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Args {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
-    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons
+    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons; to be served also a
+    /// folder of terrain tiles (quantized-mesh or 3D Tiles of `terrane tiles`)
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
@@ -26,13 +28,19 @@ pub(super) struct Args {
         short,
         long,
         value_name = "FILE",
-        required_unless_present = "html",
+        required_unless_present_any = ["html", "serve"],
         conflicts_with = "html"
     )]
     output: Option<PathBuf>,
     /// Page to write in place of a picture, ending in .html
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Serve the page to browsers on this machine (127.0.0.1 alone) until Ctrl-C, and print where it is
+    #[arg(long, conflicts_with_all = ["output", "html", "overwrite"])]
+    serve: bool,
+    /// Port to serve on [default: a free one]
+    #[arg(long, value_name = "N", requires = "serve", value_parser = clap::value_parser!(u16).range(1..))]
+    port: Option<u16>,
     /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
     #[arg(long, value_name = "GRID", conflicts_with = "output", value_parser = names::any())]
     against: Option<String>,
@@ -47,7 +55,7 @@ pub(super) struct Args {
     #[arg(long)]
     overwrite: bool,
     /// Columns of the picture; rows follow from the aspect on the ground
-    #[arg(long, value_name = "PX", default_value_t = 1600, conflicts_with = "html")]
+    #[arg(long, value_name = "PX", default_value_t = 1600, conflicts_with_all = ["html", "serve"])]
     width: u32,
     /// Draw the edges of a mesh's triangles; on a page, from the start
     #[arg(long)]
@@ -93,8 +101,9 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let are_lines = args.html.is_some() && page::are_lines(&args.input);
-    let Sifted { names, skipped } = match are_lines {
+    let is_page = args.html.is_some() || args.serve;
+    let are_others = serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input);
+    let Sifted { names, skipped } = match are_others {
         true => Sifted { names: args.input.clone(), skipped: Vec::new() },
         false => {
             let options = args.grid.open_options(&resources);
@@ -103,8 +112,14 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     };
     let args = &Args { input: names, ..args.clone() };
     args.input.iter().try_for_each(|input| args.machine.check_temp_dir(input))?;
+    if args.serve {
+        return serve::run(args, page::show(args)?, &skipped, resources, cancel);
+    }
     if let Some(html) = &args.html {
-        let report = page::make(args, html, are_lines, resources, cancel)?;
+        let show = page::show(args)?;
+        check::ending(html, &["html", "htm"], "a page")?;
+        check::new_file(html, args.overwrite)?;
+        let report = page::make(args, show, html, resources, cancel)?;
         let told = report::WithSkipped { report: &report, skipped: &skipped };
         args.show.tell(&told, || page::summary(&report))?;
         return Ok(Outcome::Kept);
@@ -116,6 +131,9 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 fn picture(args: &Args, resources: Resources, cancel: &Cancel) -> Result<ViewReport> {
+    if serve::are_tiles(&args.input) {
+        serve::check_tiles(args)?;
+    }
     args.grid.whole().check_all(&args.input)?;
     let output = args.output.clone().unwrap_or_default();
     check::ending(&output, &["png"], "a picture")?;

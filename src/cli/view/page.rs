@@ -1,9 +1,9 @@
-//! `terrane view --html`: a page of a grid, a mesh or lines.
+//! `terrane view --html` and `--serve`: a page of a grid, a mesh, lines or tiles.
 
 use std::path::Path;
 
-use super::{ALTITUDE, AZIMUTH, Args};
-use crate::cli::shared::{check, many, report, text};
+use super::{ALTITUDE, AZIMUTH, Args, serve};
+use crate::cli::shared::{many, report, text};
 use crate::error::{Error, Result};
 use crate::jobs::page::{self, PageJob, PageReport, Show};
 use crate::jobs::{Cancel, Resources};
@@ -13,24 +13,38 @@ pub(super) fn are_lines(inputs: &[String]) -> bool {
     inputs.iter().any(|input| many::are_features(input) || many::are_made_lines(input))
 }
 
+/// What is shown of the inputs.
+///
+/// # Errors
+/// An option that does nothing for it.
+pub(super) fn show(args: &Args) -> Result<Show> {
+    if serve::are_tiles(&args.input) {
+        serve::check_tiles(args)?;
+        return Ok(Show::Tiles);
+    }
+    if are_lines(&args.input) {
+        refuse_for_lines(args)?;
+        return Ok(Show::Lines { layer: args.layer.clone() });
+    }
+    refuse_for_surfaces(args)?;
+    Ok(match args.insertion {
+        true => Show::Insertion,
+        false => Show::Surface { against: args.against.clone().map(|grid| vec![grid].into()) },
+    })
+}
+
 pub(super) fn make(
     args: &Args,
-    html: &Path,
-    are_lines: bool,
+    show: Show,
+    output: &Path,
     resources: Resources,
     cancel: &Cancel,
 ) -> Result<PageReport> {
-    match are_lines {
-        true => refuse_for_lines(args)?,
-        false => refuse_for_surfaces(args)?,
-    }
-    check::ending(html, &["html", "htm"], "a page")?;
-    check::new_file(html, args.overwrite)?;
     let job = PageJob {
         input: args.input.clone().into(),
         reading: args.grid.whole().reading(None),
-        show: show(args, are_lines),
-        output: html.to_path_buf(),
+        show,
+        output: output.to_path_buf(),
         overwrite: args.overwrite,
         edges: args.edges,
         azimuth: args.azimuth.unwrap_or(AZIMUTH),
@@ -40,16 +54,6 @@ pub(super) fn make(
         resources,
     };
     page::run(&job, args.show.progress().as_ref(), cancel)
-}
-
-fn show(args: &Args, are_lines: bool) -> Show {
-    if are_lines {
-        return Show::Lines { layer: args.layer.clone() };
-    }
-    if args.insertion {
-        return Show::Insertion;
-    }
-    Show::Surface { against: args.against.clone().map(|grid| vec![grid].into()) }
 }
 
 /// Fails when an option was given that does nothing for lines.
@@ -62,9 +66,14 @@ fn refuse_for_lines(args: &Args) -> Result<()> {
         ("--altitude", args.altitude.is_some()),
         ("--exaggeration", args.exaggeration.is_some()),
     ];
-    let given = given.into_iter().filter(|(_, given)| *given).map(|(option, _)| option);
+    refuse("lines", args, &given)
+}
+
+/// Fails when one of these options was given, or one about grids.
+pub(super) fn refuse(what: &str, args: &Args, given: &[(&'static str, bool)]) -> Result<()> {
+    let given = given.iter().filter(|(_, given)| *given).map(|(option, _)| *option);
     match args.grid.given().into_iter().chain(args.many.given()).chain(given).next() {
-        Some(option) => Err(Error::usage(format!("{option} is not for a page of lines"))
+        Some(option) => Err(Error::usage(format!("{option} is not for a page of {what}"))
             .remedy(format!("leave {option} out"))),
         None => Ok(()),
     }
@@ -84,8 +93,14 @@ fn refuse_for_surfaces(args: &Args) -> Result<()> {
 pub(super) fn summary(r: &PageReport) -> String {
     let mut rows = vec![("page", format!("{}, {}", r.page, text::bytes(r.output_bytes)))];
     let triangles = r.triangles.map(|n| format!(", {} triangles", text::count(n)));
-    let vertices = format!("{} vertices{}", text::count(r.vertices), triangles.unwrap_or_default());
-    rows.push(("holds", vertices));
+    if let Some(vertices) = r.vertices {
+        let vertices =
+            format!("{} vertices{}", text::count(vertices), triangles.unwrap_or_default());
+        rows.push(("holds", vertices));
+    }
+    if let (Some(tiles), Some(levels)) = (r.tiles, r.levels) {
+        rows.push(("shows", format!("{} tiles of {levels} levels", text::count(tiles))));
+    }
     if let (Some(parts), Some(features)) = (r.parts, r.features) {
         let of =
             format!("{} lines and rings of {} features", text::count(parts), text::count(features));

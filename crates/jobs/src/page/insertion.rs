@@ -126,7 +126,7 @@ fn report(
     let high = |axis: usize| corners.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
     PageReport {
         page: "insertion",
-        vertices: heights.len() as u64,
+        vertices: Some(heights.len() as u64),
         stride: Some(stride),
         bounds: [low(0), low(1), high(0), high(1)],
         lowest: heights.iter().copied().reduce(f64::min),

@@ -118,7 +118,7 @@ impl Lines {
         let mut page = Page::new("lines", &facts::title(&job.input)).ok_or_else(none)?;
         let mut report = PageReport {
             page: "lines",
-            vertices: self.vertices,
+            vertices: Some(self.vertices),
             parts: Some(self.parts.len() as u64),
             features: Some(self.features),
             ..PageReport::default()

@@ -1,4 +1,5 @@
-//! A page of a mesh, a grid or lines, to be looked at in a browser: one HTML file that holds what it shows.
+//! A page of a mesh, a grid or lines, to be looked at in a browser: one HTML file that holds what it shows; or of
+//! tiles, which it asks a server of their folder for.
 //!
 //! What a page shows is held in memory, here and in the browser, so its size has limits: [`MOST_TRIANGLES`],
 //! [`MOST_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MOST_SAMPLES`]), which the page
@@ -11,6 +12,7 @@ mod lattice;
 mod lines;
 mod solid;
 mod surface;
+mod tiles;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_page::Page;
 use terrane_raster::Inputs;
+pub use tiles::is_tiles;
 
 /// Most triangles of a page.
 pub const MOST_TRIANGLES: u64 = 10 << 20;
@@ -51,6 +54,8 @@ pub enum Show {
         /// The object of a TopoJSON file; its first one when `None`.
         layer: Option<String>,
     },
+    /// Tiles of the globe's terrain, as a server of the folder sends them.
+    Tiles,
 }
 
 /// A page to make.
@@ -88,7 +93,8 @@ pub struct PageReport {
     pub output: String,
     /// The kind of page.
     pub page: &'static str,
-    pub vertices: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertices: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub triangles: Option<u64>,
     /// Lines and rings, and the features they are of.
@@ -96,6 +102,11 @@ pub struct PageReport {
     pub parts: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub features: Option<u64>,
+    /// Levels of tiles, and how many tiles there are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levels: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<u64>,
     /// Of a grid: every so many-th sample is shown, along rows and columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stride: Option<u32>,
@@ -127,6 +138,7 @@ pub fn run(job: &PageJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Pa
         Show::Surface { against } => surface(job, against.as_ref(), progress, cancel),
         Show::Insertion => insertion(job, cancel),
         Show::Lines { layer } => lines::page(layer.as_ref(), job, progress, cancel),
+        Show::Tiles => tiles::page(job),
     };
     let (page, report) = made.map_err(|error| match error.kind() {
         ErrorKind::BadInput | ErrorKind::Usage | ErrorKind::Unsupported => {
@@ -224,7 +236,7 @@ mod tests {
         assert_eq!(run(grid(), 1 << 20).unwrap_err().kind(), ErrorKind::Resource);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         let report = run(grid(), 1 << 30).unwrap();
-        assert_eq!((report.vertices, report.triangles), (65 * 65, Some(2 * 64 * 64)));
+        assert_eq!((report.vertices, report.triangles), (Some(65 * 65), Some(2 * 64 * 64)));
         let written = std::fs::metadata(folder.path().join("a.html")).unwrap().len();
         assert_eq!(written, report.output_bytes);
     }

@@ -84,7 +84,7 @@ impl Shape {
         let [lowest, highest] = self.range(2);
         let mut report = PageReport {
             page: "surface",
-            vertices: self.vertices() as u64,
+            vertices: Some(self.vertices() as u64),
             triangles: Some(self.triangles.len() as u64),
             bounds: self.bounds(),
             lowest: Some(lowest),
@@ -132,7 +132,7 @@ mod tests {
         let shape = two();
         let mut page = Page::new("surface", "x").unwrap();
         let report = shape.clone().put(&mut page).unwrap();
-        assert_eq!((report.vertices, report.triangles, report.rounding), (5, Some(2), 0.0));
+        assert_eq!((report.vertices, report.triangles, report.rounding), (Some(5), Some(2), 0.0));
         let html = page.html();
         let facts = between(&html, "type=\"application/json\">", "</script>");
         let facts: serde_json::Value = serde_json::from_str(facts).unwrap();

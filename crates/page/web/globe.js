@@ -1,0 +1,160 @@
+// The earth as an ellipsoid (WGS 84), and a camera that goes around a place on it.
+
+const EQUATOR = 6378137;
+const FLATTENING = 1 / 298.257223563;
+const SQUASH = FLATTENING * (2 - FLATTENING); // of the squared axes
+const RADIANS = Math.PI / 180;
+const plus = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+
+/** What is at right angles to the ellipsoid. */
+function upright(lon, lat) {
+  const flat = Math.cos(lat * RADIANS);
+  return [flat * Math.cos(lon * RADIANS), flat * Math.sin(lon * RADIANS), Math.sin(lat * RADIANS)];
+}
+
+/** Earth-centred metres of a place in degrees and a height above the ellipsoid. */
+function earthCentred(lon, lat, height) {
+  const up = upright(lon, lat);
+  const reach = EQUATOR / Math.sqrt(1 - SQUASH * up[2] * up[2]);
+  return [(reach + height) * up[0], (reach + height) * up[1], (reach * (1 - SQUASH) + height) * up[2]];
+}
+
+/** Longitude and latitude in degrees, and height, of earth-centred metres. */
+function geodetic([x, y, z]) {
+  const flat = Math.hypot(x, y);
+  let lat = Math.atan2(z, flat * (1 - SQUASH));
+  for (let i = 0; i < 6; i++) {
+    const sine = Math.sin(lat);
+    lat = Math.atan2(z + (SQUASH * EQUATOR * sine) / Math.sqrt(1 - SQUASH * sine * sine), flat);
+  }
+  const sine = Math.sin(lat);
+  const height = flat * Math.cos(lat) + z * sine - EQUATOR * Math.sqrt(1 - SQUASH * sine * sine);
+  return [Math.atan2(y, x) / RADIANS, lat / RADIANS, height];
+}
+
+/** East, north and up at a place on the ellipsoid. */
+class Frame {
+  constructor(lon, lat) {
+    const [cosine, sine] = [Math.cos(lon * RADIANS), Math.sin(lon * RADIANS)];
+    Object.assign(this, { lon, lat });
+    this.origin = earthCentred(lon, lat, 0);
+    this.up = upright(lon, lat);
+    this.east = [-sine, cosine, 0];
+    this.north = cross(this.up, this.east);
+  }
+
+  /** A direction of the earth in this frame, and back. */
+  inward(v) {
+    return [dot(v, this.east), dot(v, this.north), dot(v, this.up)];
+  }
+
+  outward(v) {
+    return along(along(along([0, 0, 0], this.east, v[0]), this.north, v[1]), this.up, v[2]);
+  }
+
+  /** Earth-centred metres of a place in this frame. */
+  world(place) {
+    return plus(this.origin, this.outward(place));
+  }
+
+  local(place) {
+    return this.inward(minus(place, this.origin));
+  }
+}
+
+/** A camera whose place to look at is above the origin of its frame, wherever on the globe it goes. */
+class GlobeCamera extends Camera {
+  /** `home`: lon, lat, distance. */
+  constructor(home) {
+    super(EQUATOR);
+    this.home = home;
+    this.relief = 9000; // metres that the highest place has above the ellipsoid, as it is drawn
+    this.reset();
+  }
+
+  reset() {
+    if (!this.home) return;
+    this.look(this.home.lon, this.home.lat, this.home.distance * Math.max(1, 1.2 / this.aspect));
+    this.yaw = 0;
+    this.pitch = -0.85;
+  }
+
+  /** Looks at another place, in the same direction. */
+  look(lon, lat, distance, height = 0) {
+    this.frame = new Frame(lon, Math.max(-89.99, Math.min(89.99, lat)));
+    this.target = [0, 0, height];
+    this.distance = distance;
+  }
+
+  top() {
+    this.yaw = 0;
+    this.pitch = -Math.PI / 2 + 1e-4;
+  }
+
+  /** Takes the frame to where the target is; the direction of the view stays what it is in space. */
+  settle() {
+    const [lon, lat, height] = geodetic(this.frame.world(this.target));
+    const ahead = this.frame.outward(this.ahead);
+    this.look(lon, lat, this.distance, height);
+    const [east, north, up] = this.frame.inward(ahead);
+    this.yaw = Math.atan2(east, north);
+    this.pitch = Math.max(-Math.PI / 2 + 1e-4, Math.atan2(up, Math.hypot(east, north)));
+  }
+
+  turn(dx, dy, aroundEye = false) {
+    super.turn(dx, dy, aroundEye);
+    if (aroundEye) this.settle();
+  }
+
+  pan(dx, dy) {
+    const height = this.target[2];
+    super.pan(dx, dy);
+    this.settle();
+    this.target[2] = height;
+  }
+
+  zoom(factor, towards) {
+    const before = this.distance;
+    this.distance = Math.min(6 * EQUATOR, Math.max(10, before * factor));
+    if (!towards) return;
+    // What is pointed at stays where it is seen, but never far above or below the ground.
+    const height = this.target[2] + (towards[2] - this.target[2]) * Math.max(0, 1 - this.distance / before);
+    this.target = along(this.target, minus(towards, this.target), 1 - this.distance / before);
+    const reach = Math.hypot(...this.target);
+    if (reach > EQUATOR / 2) this.target = along([0, 0, 0], this.target, EQUATOR / 2 / reach);
+    this.settle();
+    this.target[2] = Math.max(-12000, Math.min(this.relief, height));
+  }
+
+  /** Along the ground, and up from it. */
+  fly(ahead, right, up) {
+    const height = this.target[2] + up;
+    const level = [Math.sin(this.yaw), Math.cos(this.yaw), 0];
+    this.target = along(along(this.target, level, ahead), this.right, right);
+    this.settle();
+    this.target[2] = Math.max(-12000, Math.min(6 * EQUATOR, height));
+  }
+
+  /** Metres to where the ground goes out of sight, and on to where the highest place does. */
+  get horizon() {
+    const eye = Math.hypot(...this.frame.world(this.eye));
+    const ground = Math.hypot(...earthCentred(this.frame.lon, this.frame.lat, 0));
+    const reach = (height) => Math.sqrt(Math.max(0, height) * (2 * ground + Math.max(0, height)));
+    return { ground: reach(eye - ground), most: 1.2 * (reach(eye - ground) + reach(this.relief)) + this.distance };
+  }
+
+  /** From metres counted from the eye, along east, north and up, to the cube that is drawn. */
+  get matrix() {
+    const [ahead, right] = [this.ahead, this.right];
+    const up = cross(right, ahead);
+    const far = this.horizon.most + 1000;
+    const near = Math.max(far * 1e-5, this.distance * 0.02);
+    const f = 1 / HALF_VIEW;
+    const turned = [right[0], up[0], -ahead[0], 0, right[1], up[1], -ahead[1], 0, right[2], up[2], -ahead[2], 0, 0, 0, 0, 1];
+    const project = [
+      f / this.aspect, 0, 0, 0, 0, f, 0, 0, -this.shift, 0, (far + near) / (near - far), -1,
+      0, 0, (2 * far * near) / (near - far), 0,
+    ];
+    return product(project, turned);
+  }
+}

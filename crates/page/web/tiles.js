@@ -1,0 +1,388 @@
+// The page of terrain tiles: what is shown of them, and the tools to look at it.
+
+const SLOPES = [[255, 255, 240], [254, 217, 140], [240, 130, 70], [178, 40, 60], [82, 12, 62]];
+const ERRORS = [[238, 244, 240], [168, 211, 204], [110, 176, 180], [247, 214, 138], [236, 146, 78], [190, 52, 58]];
+/** Colours of levels, so that one is told from the next. */
+const LEVELS = [[196, 122, 94], [121, 164, 196], [214, 184, 104], [132, 172, 122], [170, 132, 178], [110, 178, 174]];
+/** Digits behind the point of degrees: a tenth of a metre. */
+const DEGREE_STEP = 1e-6;
+/** Metres above the ellipsoid that no terrain reaches. */
+const ABOVE = 1e5;
+
+const shown = {
+  colour: 1, wire: Boolean(facts.edges), facets: false, borders: false, exaggeration: facts.exaggeration ?? 1,
+  azimuth: facts.azimuth, altitude: facts.altitude, allowed: 2,
+};
+let drawing, camera, stream, set;
+let view = null;
+let flying = false;
+let dirty = true;
+let touched = false; // the place looked at is where somebody put it
+let natural = facts.exaggeration === null; // the exaggeration is still to be chosen
+let pointer = null;
+let painted = '';
+
+async function start() {
+  setPanel();
+  const answer = await fetch(facts.told);
+  if (!answer.ok) throw new Error(facts.told + ': ' + answer.status);
+  set = new (facts.format === '3dtiles' ? ThreeTiles : TileSet)(await answer.json());
+  drawing = new TilesDrawing($('view'));
+  stream = new TileStream(set, {
+    upload: (mesh) => drawing.upload(mesh), release: (mesh) => drawing.release(mesh), changed: () => { dirty = true; },
+  });
+  camera = new GlobeCamera(homeOf(set.bounds));
+  setControls();
+  resize();
+  camera.reset();
+  new ResizeObserver(resize).observe(document.body);
+  requestAnimationFrame(frame);
+}
+
+/** Where all of the data can be seen from. */
+function homeOf([west, south, east, north]) {
+  const lat = (south + north) / 2;
+  const wide = (east - west) * RADIANS * EQUATOR * Math.cos(lat * RADIANS);
+  const span = Math.max(200, Math.hypot(wide, (north - south) * RADIANS * EQUATOR));
+  return { lon: (west + east) / 2, lat, span, distance: Math.min(2.6e7, span * 1.3) };
+}
+
+// ---- what is seen
+
+function viewOf() {
+  const { frame } = camera;
+  const eye = frame.world(camera.eye);
+  const [ahead, right] = [camera.ahead, camera.right].map((v) => frame.outward(v));
+  const wide = HALF_VIEW * camera.aspect;
+  camera.relief = Math.max(100, (stream.heights?.[1] ?? 9000) * shown.exaggeration);
+  return {
+    eye, at: geodetic(eye), focus: [frame.lon, frame.lat], axes: [right, cross(right, ahead), ahead], horizon: camera.horizon.most,
+    sides: [(-1 - camera.shift) * wide, (1 - camera.shift) * wide, HALF_VIEW],
+    pixels: $('view').clientHeight / 2 / HALF_VIEW, exaggeration: shown.exaggeration, allowed: shown.allowed,
+  };
+}
+
+/** What is drawn at a place of the view. */
+function under(px, py) {
+  const { clientWidth, clientHeight } = $('view');
+  const way = camera.frame.outward(camera.ray((2 * px) / clientWidth - 1, 1 - (2 * py) / clientHeight));
+  return told(hit(stream.draws, camera.frame.world(camera.eye), way, shown.exaggeration), shown.exaggeration);
+}
+
+/** What is drawn at a place on the globe. */
+function at(lon, lat) {
+  const up = upright(lon, lat);
+  return told(hit(stream.draws, earthCentred(lon, lat, ABOVE), along([0, 0, 0], up, -1), 1, 2 * ABOVE), 1);
+}
+
+/** A hit, with where it is on the globe. */
+function told(found, exaggeration) {
+  if (!found) return null;
+  const { tile, three, weights } = found;
+  const of = (places) => three.reduce((sum, i, k) => along(sum, places.subarray(3 * i, 3 * i + 3), weights[k]), [0, 0, 0]);
+  const { mesh } = tile;
+  const [lon, lat, height] = geodetic(plus(mesh.middle, of(mesh.places)));
+  const [a, b, c] = three.map((i) => [...mesh.places.subarray(3 * i, 3 * i + 3)]);
+  const steep = Math.abs(dot(norm(cross(minus(b, a), minus(c, a))), upright(lon, lat)));
+  return { lon, lat, height, slope: Math.acos(Math.min(1, steep)) / RADIANS, level: tile.level, tile: tile.name, error: tile.error,
+    scene: camera.frame.local(plus(mesh.middle, of(bentPlaces(mesh, exaggeration)))) };
+}
+
+/** Where a place on the globe is seen. */
+function toView(lon, lat, height) {
+  const place = minus(camera.frame.local(earthCentred(lon, lat, height * shown.exaggeration)), camera.eye);
+  const m = camera.matrix;
+  const [x, y, , w] = [0, 1, 2, 3].map((r) => m[r] * place[0] + m[4 + r] * place[1] + m[8 + r] * place[2] + m[12 + r]);
+  const { clientWidth, clientHeight } = $('view');
+  return w > 0 ? [((x / w + 1) / 2) * clientWidth, ((1 - y / w) / 2) * clientHeight] : null;
+}
+
+function tellPlace(found) {
+  if (!found) return tell([['', 'point at the terrain']]);
+  tell([['Lon', num(found.lon, DEGREE_STEP) + '°'], ['Lat', num(found.lat, DEGREE_STEP) + '°'],
+    ['Height', num(found.height, 0.1) + ' m'], ['Slope', num(found.slope, 0.1) + '°'],
+    ['Level', String(found.level)], ['Error', '≤ ' + num(found.error, found.error < 10 ? 0.01 : 0.1) + ' m']]);
+}
+
+// ---- colours
+
+const rangeOf = () => stream.heights ?? [0, 1];
+
+/** What is drawn of the data, and not of what tiles span beyond them. */
+const covering = () => stream.draws.filter((draw) => !draw.isBare);
+
+/** Least and largest error of what is drawn, for a scale by powers. */
+function errorRange() {
+  const all = covering().map(({ tile }) => Math.max(1e-3, tile.error));
+  return all.length ? [Math.min(...all), Math.max(...all) * 1.001] : [1, 2];
+}
+
+function scaleOf(colour) {
+  if (colour === 1) {
+    const [low, high] = rangeOf();
+    const isSea = low < 0 && high > 0;
+    return Array.from({ length: 256 }, (_, i) => {
+      const height = low + ((high - low) * i) / 255;
+      if (isSea && height < 0) return between(facts.palette.water, 1 - height / Math.min(low, -0.5 * high));
+      const from = isSea ? 0 : low;
+      return between(facts.palette.land, (height - from) / (high - from || 1));
+    });
+  }
+  const stops = colour === 2 ? SLOPES : ERRORS;
+  return Array.from({ length: 256 }, (_, i) => between(stops, i / 255));
+}
+
+/** The legend, when what it is about has changed. */
+function paint() {
+  const { colour } = shown;
+  const levels = [...new Set(covering().map(({ tile }) => tile.level))].sort((a, b) => a - b);
+  const about = colour === 1 ? rangeOf() : colour === 3 ? levels : colour === 4 ? errorRange() : [];
+  const now = [colour, ...about, $('legend').clientWidth].join();
+  if (now === painted) return;
+  painted = now;
+  $('legend').hidden = colour === 0;
+  if (colour === 0) return;
+  if (colour === 3) return drawLevels(levels);
+  drawing.paint(scaleOf(colour));
+  if (colour === 4) drawRamp(scaleOf(4), ...about.map(Math.log10), '', (power) => num(10 ** power) + ' m');
+  else drawRamp(scaleOf(colour), ...(colour === 1 ? about : [0, 60]), colour === 1 ? ' m' : '°');
+}
+
+function drawLevels(levels) {
+  const [context, width] = plane($('legend'));
+  const wide = Math.min(28, width / Math.max(1, levels.length));
+  context.textAlign = 'center';
+  levels.forEach((level, i) => {
+    context.fillStyle = css(LEVELS[level % LEVELS.length]);
+    context.fillRect(i * wide, 2, wide - 2, 14);
+    context.fillStyle = '#5b6876';
+    context.fillText(String(level), (i + 0.5) * wide - 1, 32);
+  });
+}
+
+// ---- controls
+
+function setColour(colour) {
+  shown.colour = colour;
+  for (const button of $('colours').children) press(button, Number(button.dataset.colour) === colour);
+  dirty = true;
+}
+
+function flip(name) {
+  shown[name] = !shown[name];
+  press($(name), shown[name]);
+  dirty = true;
+}
+
+function setExaggeration(value) {
+  const before = shown.exaggeration;
+  shown.exaggeration = Math.min(1000, Math.max(0.01, value));
+  camera.target[2] *= shown.exaggeration / before;
+  $('exaggeration').value = Math.log2(shown.exaggeration);
+  $('exaggeration-told').textContent = num(shown.exaggeration, 0.1) + ' ×';
+  dirty = true;
+}
+
+function setAllowed(pixels) {
+  shown.allowed = Math.min(64, Math.max(0.5, pixels));
+  $('allowed').value = Math.log2(shown.allowed);
+  $('allowed-told').textContent = num(shown.allowed, 0.1) + ' pixels';
+  dirty = true;
+}
+
+function setLight(azimuth) {
+  shown.azimuth = ((azimuth % 360) + 360) % 360;
+  $('light').value = shown.azimuth;
+  $('light-told').textContent = num(shown.azimuth, 1) + '°, ' + num(shown.altitude, 1) + '° high';
+  dirty = true;
+}
+
+function setFlight(on) {
+  flying = on;
+  press($('flight'), on);
+}
+
+function home() {
+  camera.reset();
+  touched = false;
+  dirty = true;
+}
+
+function setControls() {
+  for (const button of $('colours').children) button.addEventListener('click', () => setColour(Number(button.dataset.colour)));
+  for (const name of ['wire', 'facets', 'borders']) {
+    $(name).addEventListener('click', () => flip(name));
+    press($(name), shown[name]);
+  }
+  $('allowed').addEventListener('input', (event) => setAllowed(2 ** event.target.value));
+  $('exaggeration').addEventListener('input', (event) => { natural = false; setExaggeration(2 ** event.target.value); });
+  $('light').addEventListener('input', (event) => setLight(Number(event.target.value)));
+  $('flight').addEventListener('click', () => setFlight(!flying));
+  $('top').addEventListener('click', () => { camera.top(); dirty = true; });
+  $('home').addEventListener('click', home);
+  $('compass').addEventListener('click', () => { camera.yaw = 0; dirty = true; });
+  gestures($('view'), {
+    drag: (dx, dy, kind) => {
+      const height = $('view').clientHeight;
+      touched ||= kind === 'pan';
+      if (kind === 'pan') camera.pan(dx / height, dy / height);
+      else if (flying) camera.turn((-1.2 * dx) / height, (1.2 * dy) / height, true);
+      else camera.turn((3 * dx) / height, (-2 * dy) / height);
+      dirty = true;
+    },
+    zoom: (factor, px, py) => {
+      touched = true;
+      camera.zoom(factor, under(px, py)?.scene);
+      dirty = true;
+    },
+    twist: (angle) => { camera.turn(-angle, 0); dirty = true; },
+    hover: (px, py) => { pointer = Number.isNaN(px) ? null : [px, py]; dirty = true; },
+    click: (px, py) => { pointer = [px, py]; dirty = true; },
+  });
+  window.addEventListener('keydown', keyed);
+  setColour(shown.colour);
+  setExaggeration(shown.exaggeration);
+  setLight(shown.azimuth);
+  setAllowed(shown.allowed);
+  $('about').textContent = `${count(set.count)} tiles of ${set.last + 1} levels`;
+}
+
+const KEYS = {
+  1: () => setColour(1), 2: () => setColour(2), 3: () => setColour(3), 4: () => setColour(4), 5: () => setColour(0),
+  e: () => flip('wire'), g: () => flip('facets'), b: () => flip('borders'),
+  f: () => setFlight(!flying), r: home, t: () => camera.top(), n: () => { camera.yaw = 0; },
+  ',': () => setAllowed(shown.allowed / 1.4), '.': () => setAllowed(shown.allowed * 1.4),
+  '+': () => stretch(1.25), '=': () => stretch(1.25), '-': () => stretch(0.8),
+};
+
+function stretch(by) {
+  natural = false;
+  setExaggeration(shown.exaggeration * by);
+}
+
+function keyed(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input')) return;
+  const key = event.key.toLowerCase();
+  if (hold(key)) { event.preventDefault(); touched = true; }
+  KEYS[key]?.();
+  dirty = true;
+}
+
+function resize() {
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  const canvas = $('view');
+  canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+  canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+  camera.aspect = canvas.width / canvas.height;
+  camera.shift = canvas.clientWidth > 720 ? 272 / canvas.clientWidth : 0;
+  dirty = true;
+}
+
+// ---- frames
+
+function how() {
+  const [azimuth, altitude] = [shown.azimuth, shown.altitude].map((degrees) => degrees * RADIANS);
+  const level = Math.cos(altitude);
+  const [least, most] = errorRange().map(Math.log);
+  return { ...shown, range: rangeOf(), bounds: set.bounds, pixels: view.pixels,
+    light: [Math.sin(azimuth) * level, Math.cos(azimuth) * level, Math.sin(altitude)],
+    tintOf: ({ level: of }) => LEVELS[of % LEVELS.length].map((value) => value / 255),
+    errorOf: ({ error }) => (Math.log(Math.max(1e-3, error)) - least) / (most - least) };
+}
+
+/** Until somebody moves: what is looked at lies on the ground, and heights are raised as suits them. */
+function follow() {
+  if (touched) return;
+  if (natural && isIdle() && stream.heights) {
+    natural = false;
+    const relief = stream.heights[1] - stream.heights[0];
+    setExaggeration(Math.min(8, Math.max(1, Math.round((0.13 * camera.home.span) / (relief || 1)) / 2)));
+  }
+  const ground = at(camera.frame.lon, camera.frame.lat);
+  // Coarse tiles may be kilometres off.
+  const isNear = ground && (ground.error < camera.distance || ground.level === set.last);
+  if (isNear) camera.target[2] = ground.height * shown.exaggeration;
+}
+
+const failures = () => [...stream.failures, ...set.failures()];
+
+const isIdle = () => stream.waiting === 0 && stream.loading.size === 0;
+
+function render() {
+  view = viewOf();
+  stream.update(view);
+  const { draws } = stream;
+  const z = camera.target[2];
+  follow();
+  if (camera.target[2] !== z) dirty = true;
+  paint();
+  drawing.draw(camera, draws, how());
+  drawCompass(camera);
+  tellPlace(pointer && under(...pointer));
+  tellFigures();
+  if (document.body.dataset.state !== 'ready' && draws.length > 0) {
+    $('wait').hidden = true;
+    document.body.dataset.state = 'ready';
+  }
+  if (draws.length === 0 && failures().length > 0) fail(failures()[0]);
+}
+
+const bytes = (value) => (value >= 1 << 20 ? num(value / (1 << 20), 0.1) + ' MiB' : num(value / 1024, 1) + ' KiB');
+
+function figures() {
+  const own = covering();
+  const levels = own.map(({ tile }) => tile.level);
+  return {
+    drawn: own.length, loaded: stream.ready.size, loading: stream.waiting, triangles: drawing.triangles, bytes: stream.bytes,
+    received: stream.received, pixels: Math.max(0, ...own.map((draw) => draw.pixels)), strain: stream.strain,
+    levels: [Math.min(...levels), Math.max(...levels)], failures: failures().length,
+  };
+}
+
+function tellFigures() {
+  const now = figures();
+  rows($('figures'), [
+    ['Tiles drawn', now.drawn],
+    ['Levels drawn', now.drawn ? now.levels.join(' – ') : '–'],
+    ['Triangles drawn', now.triangles],
+    ['Largest error', num(now.pixels, 0.1) + ' pixels'],
+    ['Tiles in memory', count(now.loaded) + ', ' + bytes(now.bytes)],
+    ['Received', bytes(now.received)],
+    ['Waited for', now.loading],
+    ['Heights', rangeOf().map((height) => num(height, 1)).join(' – ') + ' m'],
+  ]);
+  const notes = [];
+  if (now.strain > 1) notes.push('Tiles are coarser than asked for: finer ones do not fit into memory.');
+  if (now.failures) notes.push(`${now.failures} tiles cannot be shown, first ${failures()[0]}.`);
+  $('notes').textContent = notes.join(' ');
+}
+
+let before = 0;
+function frame(now) {
+  const seconds = Math.min(0.1, (now - before) / 1000);
+  before = now;
+  if (moveHeld(camera, seconds)) dirty = true;
+  if (dirty) {
+    dirty = false;
+    try { render(); } catch (error) { return fail(error); }
+  }
+  requestAnimationFrame(frame);
+}
+
+/** For scripts: what is shown, the terrain at a place and under a pixel, what is loaded, and the picture. */
+window.terrane = {
+  facts, shown, at, under, toView, figures, stream: () => stream, camera: () => camera,
+  isIdle: () => !dirty && isIdle(),
+  drawn: () => covering().map(({ tile, quarters, pixels }) => ({ level: tile.level, x: tile.x, y: tile.y, quarters, pixels, error: tile.error })),
+  look: (lon, lat, distance, height = 0) => { touched = true; camera.look(lon, lat, distance, height * shown.exaggeration); dirty = true; },
+  refresh: () => { dirty = true; },
+  picture: () => {
+    const { gl, canvas } = drawing;
+    drawing.draw(camera, stream.draws, how());
+    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    return { width: canvas.width, height: canvas.height, bytes: pixels };
+  },
+};
+
+start().catch(fail);

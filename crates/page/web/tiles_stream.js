@@ -1,0 +1,238 @@
+// Which tiles are drawn, loaded and let go: the coarsest that look right from where the eye is.
+
+/** Requests under way at once: as many as browsers make of one server. */
+const MOST_REQUESTS = 6;
+/** Which quarter of a tile a tile below it is: bit 0 for the east, bit 1 for the north. */
+const QUARTERS = [0, 1, 2, 3];
+const ALL_QUARTERS = 15;
+/** Heights that no tile has told of yet. */
+const ANY_HEIGHT = [-12000, 9500];
+
+class Tile {
+  constructor(level, x, y, heights) {
+    Object.assign(this, { level, x, y, heights, state: 'none', used: 0, wanted: 0, bytes: 0 });
+    const { west, south, width } = rectangle(this);
+    Object.assign(this, { west, south, width });
+    this.ground = earthCentred(west + width / 2, south + width / 2, 0);
+    this.up = upright(west + width / 2, south + width / 2);
+    const corners = [0, 0.5, 1].flatMap((a) => [0, 0.5, 1].map((b) => earthCentred(west + a * width, south + b * width, 0)));
+    this.reach = level < 2 ? 1.3e7 : Math.max(...corners.map((corner) => Math.hypot(...minus(corner, this.ground))));
+  }
+
+  get name() {
+    return `${this.level}/${this.x}/${this.y}`;
+  }
+}
+
+/** `set`: what there is; `upload(mesh)`, `release(mesh)`: to and from the graphics card; `changed()` when more is there. */
+class TileStream {
+  constructor(set, { upload, release, changed }) {
+    Object.assign(this, { set, upload, release, changed });
+    this.roots = [0, 1].map((x) => new Tile(0, x, 0, ANY_HEIGHT));
+    this.ready = new Set();
+    this.loading = new Set();
+    this.most = 256 << 20; // bytes
+    this.bytes = 0;
+    this.received = 0;
+    this.failures = [];
+    this.turn = 0;
+    this.strain = 1; // what the error allowed is multiplied with where tiles do not fit
+    this.waiting = 0;
+    this.heights = null;
+    this.draws = [];
+  }
+
+  /** Takes what to draw from there into `draws`, as { tile, quarters, pixels, distance, gap, isBare }; asks for what is missing. */
+  update(view) {
+    this.turn++;
+    this.view = view;
+    this.draws = [];
+    this.list = [];
+    this.unknown = 0;
+    for (const root of this.roots) {
+      if (root.state === 'ready') this.visit(root, 0);
+      else if (this.set.has(0, root.x, 0, this)) this.want(root, Infinity);
+      else if (this.set.has(0, root.x, 0, this) === null) this.unknown++;
+    }
+    this.waiting = this.list.length + this.unknown;
+    this.ask();
+    this.letGo();
+  }
+
+  /** `gap`: how far off the coarser tiles are that may lie beside it. */
+  visit(tile, gap) {
+    tile.used = this.turn;
+    if (this.isHidden(tile)) return;
+    const distance = this.distance(tile);
+    const { pixels: scale, exaggeration, allowed } = this.view;
+    const pixels = (tile.error * exaggeration * scale) / distance;
+    if (pixels <= allowed * this.strain || tile.level === this.set.last) {
+      this.draws.push({ tile, quarters: ALL_QUARTERS, pixels, distance, gap, isBare: !this.isOfData(tile) });
+      return;
+    }
+    // A quarter is drawn of the tile until the tile below is there, so that there is never a hole; and where there
+    // is none, as there are no data.
+    const parts = this.parts(tile);
+    let [bare, late] = [0, 0];
+    parts.forEach((part, quarter) => {
+      if (part === false) bare |= 1 << quarter;
+      else if (part === null || part.state === 'failed' || (part.state !== 'ready' && !this.isHidden(part))) late |= 1 << quarter;
+    });
+    const below = bare | late ? Math.max(gap, tile.error) : gap;
+    parts.forEach((part, quarter) => {
+      if (part === null) this.unknown++;
+      else if (part && part.state === 'ready') this.visit(part, below);
+      else if (part && late & (1 << quarter)) this.want(part, pixels);
+    });
+    for (const [quarters, isBare] of [[late, false], [bare, true]]) {
+      if (quarters) this.draws.push({ tile, quarters, pixels, distance, gap, isBare });
+    }
+  }
+
+  isOfData({ west, south, width }) {
+    const [w, s, e, n] = this.set.bounds;
+    return west <= e && west + width >= w && south <= n && south + width >= s;
+  }
+
+  /** The tiles of the quarters: false where there is none, null where that is not known yet. */
+  parts(tile) {
+    tile.parts ??= QUARTERS.map(() => null);
+    tile.parts.forEach((part, q) => {
+      if (part !== null) return;
+      const at = [tile.level + 1, 2 * tile.x + (q & 1), 2 * tile.y + (q >> 1)];
+      const [low, high] = tile.heights;
+      const has = this.set.has(...at, this);
+      tile.parts[q] = has ? new Tile(...at, [low - tile.error, high + tile.error]) : has;
+    });
+    return tile.parts;
+  }
+
+  /** A ball around a tile as it is drawn. */
+  ball(tile) {
+    const { exaggeration } = this.view;
+    const [low, high] = tile.heights;
+    const middle = along(tile.ground, tile.up, ((low + high) / 2) * exaggeration);
+    return { middle, radius: tile.reach * (1 + Math.abs(high * exaggeration) / EQUATOR) + ((high - low) / 2) * exaggeration };
+  }
+
+  /** True for a tile beside or behind the view, or beyond the horizon; but never for those at the place looked at, so
+   * that it is known how high the ground is there, wherever the eye is. */
+  isHidden(tile) {
+    if (tile.looked === this.turn) return tile.hidden;
+    const { eye, axes, sides, horizon, focus: [lon, lat] } = this.view;
+    const holds = (value, from) => value >= from && value <= from + tile.width;
+    if (holds(lon, tile.west) && holds(lat, tile.south)) return false;
+    const { middle, radius } = this.ball(tile);
+    const from = minus(middle, eye);
+    const [x, y, ahead] = axes.map((axis) => dot(from, axis));
+    const [left, right, up] = sides;
+    const beyond = (value, side) => value - ahead * side > radius * Math.hypot(1, side);
+    tile.looked = this.turn;
+    tile.hidden = ahead < -radius || beyond(-x, -left) || beyond(x, right) || beyond(y, up) || beyond(-y, up) ||
+      Math.hypot(...from) - radius > horizon;
+    return tile.hidden;
+  }
+
+  /** Metres from the eye to about the nearest place of a tile. */
+  distance(tile) {
+    const { at: [lon, lat, height], eye, exaggeration } = this.view;
+    const { west, south, width, heights } = tile;
+    const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+    const half = width / 2;
+    const off = ((((lon - west - half) % 360) + 540) % 360) - 180;
+    const near = earthCentred(west + half + clamp(off, -half, half), clamp(lat, south, south + width),
+      clamp(height, heights[0] * exaggeration, heights[1] * exaggeration));
+    return Math.max(1, Math.hypot(...minus(near, eye)));
+  }
+
+  want(tile, urgency) {
+    if (tile.state === 'failed') return;
+    tile.wanted = this.turn;
+    tile.urgency = urgency;
+    this.list.push(tile);
+  }
+
+  /** Ends requests for what is no longer wanted, and starts some for what is most wanted. */
+  ask() {
+    for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
+    const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
+    for (const tile of list.slice(0, Math.max(0, this.room))) this.load(tile);
+  }
+
+  async load(tile) {
+    tile.state = 'loading';
+    tile.abort = new AbortController();
+    this.loading.add(tile);
+    try {
+      const answer = await fetch(this.set.address(tile), { signal: tile.abort.signal });
+      if (!answer.ok) throw new Error(answer.status + ' ' + answer.statusText);
+      const buffer = await answer.arrayBuffer();
+      this.received += Number(answer.headers.get('content-length')) || buffer.byteLength;
+      this.take(tile, this.set.decode(buffer, tile));
+    } catch (error) {
+      tile.state = tile.abort.signal.aborted ? 'none' : 'failed';
+      if (tile.state === 'failed') this.failures.push(tile.name + ': ' + error.message);
+    }
+    this.loading.delete(tile);
+    this.more();
+  }
+
+  /** Something came: what can be asked for now is, and not only when this has been drawn. */
+  more() {
+    this.update(this.view);
+    this.changed();
+  }
+
+  /** Requests that may be made. */
+  get room() {
+    return MOST_REQUESTS - this.loading.size - this.set.loading;
+  }
+
+  take(tile, mesh) {
+    tile.mesh = mesh;
+    tile.error = mesh.error ?? this.set.error(tile);
+    tile.heights = [mesh.low, mesh.high];
+    tile.bytes = this.upload(mesh);
+    tile.state = 'ready';
+    tile.used = this.turn;
+    this.bytes += tile.bytes;
+    this.ready.add(tile);
+    this.measure(tile);
+  }
+
+  /** The range of heights where there are data. */
+  measure({ west, south, width, mesh }) {
+    const [w, s, e, n] = this.set.bounds;
+    mesh.heights.forEach((height, i) => {
+      const [lon, lat] = [west + width * (mesh.u[i] / STEPS), south + width * (mesh.v[i] / STEPS)];
+      if (lon < w || lon > e || lat < s || lat > n) return;
+      const [low, high] = this.heights ?? [height, height];
+      this.heights = [Math.min(low, height), Math.max(high, height)];
+    });
+  }
+
+  /** Keeps to the memory allowed: what was drawn longest ago goes; if all is needed, coarser tiles have to do. */
+  letGo() {
+    if (this.bytes > this.most) {
+      const old = [...this.ready].filter((tile) => tile.used < this.turn && tile.level > 0).sort((a, b) => a.used - b.used);
+      for (const tile of old) {
+        if (this.bytes <= 0.9 * this.most) break;
+        this.drop(tile);
+      }
+    }
+    let needed = 0;
+    for (const tile of this.ready) if (tile.used === this.turn) needed += tile.bytes;
+    const before = this.strain;
+    if (needed > this.most) this.strain = Math.min(1e6, this.strain * 1.25);
+    else if (needed < 0.5 * this.most) this.strain = Math.max(1, this.strain / 1.25);
+    if (this.strain !== before) this.changed();
+  }
+
+  drop(tile) {
+    this.release(tile.mesh);
+    this.bytes -= tile.bytes;
+    this.ready.delete(tile);
+    Object.assign(tile, { state: 'none', mesh: null, bytes: 0 });
+    if (tile.parts?.every((part) => !part || part.state === 'none')) tile.parts = undefined;
+  }
+}

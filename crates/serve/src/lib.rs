@@ -1,0 +1,114 @@
+//! A page, and the files of one folder beside it, for a browser on the same machine: HTTP/1.1 on 127.0.0.1.
+//!
+//! Nobody beyond this machine can connect. A page of somebody else in the same browser can, so that what is sent
+//! names no other origin as a reader, and a request has to name this server (`request`). Files are found by names
+//! that cannot lead out of the folder (`folder`), and no client can keep others out (`clients`).
+
+mod clients;
+mod connection;
+mod folder;
+mod request;
+
+use std::io;
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, Scope};
+use std::time::Duration;
+
+use clients::Clients;
+use connection::Connection;
+use folder::Folder;
+use terrane_base::Cancel;
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// How often it is asked whether to stop.
+const GLANCE: Duration = Duration::from_millis(50);
+/// A client's thread holds a block of a file and little more.
+const STACK: usize = 256 << 10;
+
+/// What is served.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// The HTML file that `/` is.
+    pub page: PathBuf,
+    /// The folder whose files the page asks for.
+    pub folder: Option<PathBuf>,
+}
+
+/// A site that listens.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    port: u16,
+    folder: Folder,
+}
+
+impl Server {
+    /// Listens on 127.0.0.1, on a free port that the system chooses where `port` is `None`.
+    ///
+    /// # Errors
+    /// A port that is taken or not allowed; a folder that is not there.
+    pub fn open(site: &Site, port: Option<u16>) -> Result<Self> {
+        let folder = Folder::open(site)?;
+        let listen = |e: io::Error| {
+            let what = match port {
+                Some(port) => format!("listen on 127.0.0.1:{port}"),
+                None => "listen on 127.0.0.1".to_owned(),
+            };
+            Error::io(ErrorKind::Io, &what, e).remedy("leave --port out for a port that is free")
+        };
+        let listener =
+            TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0))).map_err(listen)?;
+        let port = listener.local_addr().map_err(listen)?.port();
+        Ok(Self { listener, port, folder })
+    }
+
+    /// The port that it listens on.
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
+    /// Where the page is.
+    pub fn url(&self) -> String {
+        format!("http://127.0.0.1:{}/", self.port)
+    }
+
+    /// Serves until it is cancelled.
+    pub fn run(&self, cancel: &Cancel) {
+        let (clients, is_over) = (&Clients::default(), &AtomicBool::new(false));
+        thread::scope(|scope| {
+            let accepting = scope.spawn(move || self.accept(scope, clients, is_over));
+            while cancel.check().is_ok() && !accepting.is_finished() {
+                thread::sleep(GLANCE);
+            }
+            is_over.store(true, Ordering::Relaxed);
+            // What waits for a connection gets one.
+            let _ = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port));
+            clients.dismiss();
+        });
+    }
+
+    /// Gives each client a thread of its own.
+    fn accept<'scope>(
+        &'scope self,
+        scope: &'scope Scope<'scope, '_>,
+        clients: &'scope Clients,
+        is_over: &'scope AtomicBool,
+    ) {
+        while !is_over.load(Ordering::Relaxed) {
+            let Ok((stream, _)) = self.listener.accept() else {
+                // Out of files, as a rule: some will be closed.
+                thread::sleep(GLANCE);
+                continue;
+            };
+            let Some(client) = clients.admit(&stream) else { continue };
+            if is_over.load(Ordering::Relaxed) {
+                return;
+            }
+            let attend = move || Connection::new(&stream, &client, self.port).attend(&self.folder);
+            // Without a thread for it, a client is turned away: its stream goes with the closure.
+            let _ = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, attend);
+        }
+    }
+}

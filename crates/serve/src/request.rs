@@ -1,0 +1,248 @@
+//! What a client asks for: the head of a request, read strictly. What is odd is refused, not guessed at.
+
+/// Most bytes of a request up to the empty line. Browsers send less than one thousand.
+pub(crate) const MOST_HEAD: usize = 8 << 10;
+/// Most bytes of what is asked for.
+const MOST_TARGET: usize = 1 << 10;
+
+/// A request that is understood.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Request {
+    /// The body is not wanted.
+    pub(crate) is_head: bool,
+    /// The parts of the name, none for the page.
+    pub(crate) name: Vec<String>,
+    /// The client goes on with the same connection.
+    pub(crate) stays: bool,
+    /// What the client has already.
+    pub(crate) has: Option<String>,
+}
+
+/// Why there is none: the status, and a word on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Refusal {
+    pub(crate) status: &'static str,
+    pub(crate) told: &'static str,
+}
+
+const fn refusal(status: &'static str, told: &'static str) -> Refusal {
+    Refusal { status, told }
+}
+
+pub(crate) const BAD: Refusal = refusal("400 Bad Request", "this is no request of HTTP/1.1");
+pub(crate) const TOO_LARGE: Refusal =
+    refusal("431 Request Header Fields Too Large", "the head of a request has at most 8,192 bytes");
+pub(crate) const NOT_FOUND: Refusal =
+    refusal("404 Not Found", "there is no such file in the folder that is served");
+pub(crate) const NOT_ALLOWED: Refusal =
+    refusal("405 Method Not Allowed", "files are read here, with GET or HEAD");
+const TOO_LONG: Refusal = refusal("414 URI Too Long", "a name has at most 1,024 bytes");
+const BODY: Refusal = refusal("413 Content Too Large", "nothing is taken here");
+const NOT_HERE: Refusal =
+    refusal("421 Misdirected Request", "this server is 127.0.0.1 or localhost, with its port");
+const VERSION: Refusal = refusal("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
+
+impl Request {
+    /// Reads a head, without the empty line at its end; `port` is that of the server.
+    ///
+    /// A page of somebody else can make its own name stand for 127.0.0.1, and would then read what is served as if
+    /// it were its own: so the host that is asked for has to be this one.
+    pub(crate) fn read(head: &[u8], port: u16) -> Result<Self, Refusal> {
+        let text = std::str::from_utf8(head).map_err(|_| BAD)?;
+        let mut lines = text.split("\r\n");
+        let [method, target, version] = words(lines.next().unwrap_or_default()).ok_or(BAD)?;
+        let is_latest = match version {
+            "HTTP/1.1" => true,
+            "HTTP/1.0" => false,
+            _ if version.starts_with("HTTP/") => return Err(VERSION),
+            _ => return Err(BAD),
+        };
+        let fields = lines.map(field).collect::<Option<Vec<_>>>().ok_or(BAD)?;
+        let all = |name| fields.iter().filter(move |(key, _)| key == name).map(|(_, value)| *value);
+        let host: Vec<&str> = all("host").collect();
+        match host[..] {
+            [host] if is_here(host, port) => {}
+            [_] => return Err(NOT_HERE),
+            _ => return Err(BAD),
+        }
+        if all("transfer-encoding").next().is_some() || all("content-length").any(|n| n != "0") {
+            return Err(BODY);
+        }
+        let is_head = match method {
+            "GET" => false,
+            "HEAD" => true,
+            _ => return Err(NOT_ALLOWED),
+        };
+        let says = |word: &str| {
+            let mut tokens = all("connection").flat_map(|value| value.split(','));
+            tokens.any(|token| token.trim().eq_ignore_ascii_case(word))
+        };
+        Ok(Self {
+            is_head,
+            name: name(target)?,
+            stays: is_latest && !says("close"),
+            has: all("if-none-match").next().map(str::to_owned),
+        })
+    }
+}
+
+/// Three words with one space between them.
+fn words(line: &str) -> Option<[&str; 3]> {
+    let words: Vec<&str> = line.split(' ').collect();
+    words.try_into().ok().filter(|words: &[&str; 3]| words.iter().all(|word| !word.is_empty()))
+}
+
+/// A field's name in small letters, and its value.
+fn field(line: &str) -> Option<(String, &str)> {
+    let (name, value) = line.split_once(':')?;
+    let is_token = |c: char| c.is_ascii_alphanumeric() || "!#$%&'*+-.^_`|~".contains(c);
+    let is_sound = !name.is_empty() && name.chars().all(is_token);
+    let has_control = value.chars().any(|c| c.is_control() && c != '\t');
+    (is_sound && !has_control).then(|| (name.to_ascii_lowercase(), value.trim()))
+}
+
+fn is_here(host: &str, port: u16) -> bool {
+    let Some((name, of)) = host.rsplit_once(':') else { return false };
+    (name == "127.0.0.1" || name.eq_ignore_ascii_case("localhost")) && of == port.to_string()
+}
+
+/// The parts of a name: letters, digits, `_`, `-`, and points that none begins with, so that no name leads up,
+/// elsewhere, or to what is hidden. What stands behind `?` is for nobody here.
+fn name(target: &str) -> Result<Vec<String>, Refusal> {
+    if target.len() > MOST_TARGET {
+        return Err(TOO_LONG);
+    }
+    let path = target.split('?').next().unwrap_or_default();
+    let path = path.strip_prefix('/').ok_or(BAD)?;
+    if path.is_empty() {
+        return Ok(Vec::new());
+    }
+    let parts = path.split('/').map(|part| decoded(part).ok_or(BAD));
+    let parts = parts.collect::<Result<Vec<_>, _>>()?;
+    let is_plain = |part: &Vec<u8>| {
+        let plain = |c: &u8| c.is_ascii_alphanumeric() || b"._-".contains(c);
+        part.first().is_some_and(|first| *first != b'.') && part.iter().all(plain)
+    };
+    match parts.iter().all(is_plain) {
+        true => Ok(parts.iter().map(|part| String::from_utf8_lossy(part).into_owned()).collect()),
+        false => Err(NOT_FOUND),
+    }
+}
+
+/// A part with `%41` as `A`, once.
+fn decoded(part: &str) -> Option<Vec<u8>> {
+    let mut pieces = part.split('%');
+    let mut out = pieces.next().unwrap_or_default().as_bytes().to_vec();
+    for piece in pieces {
+        let digits = piece.get(..2).filter(|d| d.bytes().all(|c| c.is_ascii_hexdigit()))?;
+        out.push(u8::from_str_radix(digits, 16).ok()?);
+        out.extend(&piece.as_bytes()[2..]);
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(head: &str) -> Result<Request, Refusal> {
+        Request::read(head.as_bytes(), 8000)
+    }
+
+    fn at(target: &str) -> Result<Vec<String>, Refusal> {
+        asked(&format!("GET {target} HTTP/1.1\r\nHost: 127.0.0.1:8000")).map(|asked| asked.name)
+    }
+
+    #[test]
+    fn names_are_plain_however_they_are_spelt() {
+        assert_eq!(at("/"), Ok(vec![]));
+        assert_eq!(at("/?a=b"), Ok(vec![]));
+        assert_eq!(
+            at("/7/1/%32.terrain?v=1.0.0"),
+            Ok(["7", "1", "2.terrain"].map(str::to_owned).to_vec())
+        );
+        for spelt in [
+            "/..",
+            "/../a.json",
+            "/%2e%2e/a.json",
+            "/.%2E/a.json",
+            "/a/../../b.json",
+            "/a/..%2fb.json",
+            "/..%5cb.json",
+            "/..\\b.json",
+            "//etc/a.json",
+            "/a//b.json",
+            "/a/",
+            "/%2fetc/a.json",
+            "/a%00.json",
+            "/%252e%252e/a.json",
+            "/.git/config",
+            "/c:/a.json",
+            "/a b",
+            "/~/a.json",
+            "/\u{e9}.json",
+            "/%c3%a9.json",
+        ] {
+            let found = at(spelt);
+            assert!(found == Err(NOT_FOUND) || found == Err(BAD), "{spelt}: {found:?}");
+        }
+        for odd in ["/%", "/%4", "/%zz.json", "/%+1.json", "a.json", "http://127.0.0.1:8000/", "*"]
+        {
+            assert_eq!(at(odd), Err(BAD), "{odd}");
+        }
+        assert_eq!(at(&format!("/{}.json", "a".repeat(MOST_TARGET))), Err(TOO_LONG));
+    }
+
+    #[test]
+    fn requests_are_for_this_server() {
+        let of = |host: &str| asked(&format!("GET / HTTP/1.1\r\n{host}")).map(|_| ());
+        for here in
+            ["Host: 127.0.0.1:8000", "host:LocalHost:8000", "X: y\r\nHost:  localhost:8000 "]
+        {
+            assert_eq!(of(here), Ok(()), "{here}");
+        }
+        for other in [
+            "Host: evil.example:8000",
+            "Host: 127.0.0.1",
+            "Host: localhost:80",
+            "Host: ",
+            "Host: 127.0.0.1:8000.evil.example",
+            "Host: x@127.0.0.1:8000",
+            "Host: [::1]:8000",
+        ] {
+            assert_eq!(of(other), Err(NOT_HERE), "{other}");
+        }
+        for odd in [
+            "X: y",
+            "Host: 127.0.0.1:8000\r\nHost: evil.example",
+            "Host 127.0.0.1:8000",
+            "Host: 127.0.0.1:8000\r\n folded: x",
+            "Host : 127.0.0.1:8000",
+            "",
+        ] {
+            assert_eq!(of(odd), Err(BAD), "{odd}");
+        }
+    }
+
+    #[test]
+    fn methods_versions_and_bodies_are_refused_by_name() {
+        let here = "Host: 127.0.0.1:8000";
+        let line = |line: &str| asked(&format!("{line}\r\n{here}"));
+        assert!(
+            !line("GET / HTTP/1.1").unwrap().is_head && line("HEAD / HTTP/1.1").unwrap().is_head
+        );
+        for method in ["POST", "PUT", "DELETE", "OPTIONS", "get", "TRACE", "CONNECT"] {
+            assert_eq!(line(&format!("{method} / HTTP/1.1")), Err(NOT_ALLOWED), "{method}");
+        }
+        assert_eq!(line("GET / HTTP/2.0"), Err(VERSION));
+        for odd in ["GET /", "GET  / HTTP/1.1", "GET / HTTP/1.1 ", "", "GET / FTP"] {
+            assert_eq!(line(odd), Err(BAD), "{odd}");
+        }
+        for body in ["Content-Length: 5", "Transfer-Encoding: chunked", "Content-Length: 0, 5"] {
+            assert_eq!(asked(&format!("GET / HTTP/1.1\r\n{here}\r\n{body}")), Err(BODY), "{body}");
+        }
+        assert!(line("GET / HTTP/1.1").unwrap().stays && !line("GET / HTTP/1.0").unwrap().stays);
+        let close = asked(&format!("GET / HTTP/1.1\r\n{here}\r\nConnection: x, Close")).unwrap();
+        assert!(!close.stays);
+    }
+}
