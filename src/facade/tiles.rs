@@ -31,6 +31,7 @@ pub struct TilesBuilder<'a> {
     grid: &'a Grid,
     formats: Vec<TilesFormat>,
     tile_edges: bool,
+    meshopt: bool,
     max_level: Option<u8>,
     normals: bool,
     compress: bool,
@@ -42,9 +43,10 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        let TilesJob { formats, tile_edges, max_level, normals, compress, .. } =
+        let TilesJob { formats, tile_edges, meshopt, max_level, normals, compress, .. } =
             TilesJob::new(grid.inputs.clone(), PathBuf::new());
-        Self { grid, formats, tile_edges, max_level, normals, compress, run: Run::default() }
+        let run = Run::default();
+        Self { grid, formats, tile_edges, meshopt, max_level, normals, compress, run }
     }
 
     /// What to write (quantized-mesh unless told otherwise); of several formats, a folder for each in the output.
@@ -57,6 +59,12 @@ impl<'a> TilesBuilder<'a> {
     /// terrain.
     pub fn tile_edges(mut self, edges: bool) -> Self {
         self.tile_edges = edges;
+        self
+    }
+
+    /// Compress what is in a tile of 3D Tiles (`EXT_meshopt_compression`), which clients then have to know.
+    pub fn meshopt(mut self, meshopt: bool) -> Self {
+        self.meshopt = meshopt;
         self
     }
 
@@ -113,6 +121,7 @@ impl<'a> TilesBuilder<'a> {
             overwrite: self.run.overwrite,
             formats: self.formats.clone(),
             tile_edges: self.tile_edges,
+            meshopt: self.meshopt,
             max_level: self.max_level,
             normals: self.normals,
             compress: self.compress,

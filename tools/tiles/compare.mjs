@@ -25,6 +25,7 @@ const STEPS = 32767;
 const SETS = [
   { name: "quantized-mesh", options: ["-f", "quantized-mesh"] },
   { name: "3dtiles", options: ["-f", "3dtiles", "--tile-edges"] },
+  { name: "meshopt/3dtiles", options: ["-f", "3dtiles", "--tile-edges", "--meshopt"] },
 ];
 
 // What a decoder makes of all tiles.
@@ -199,14 +200,14 @@ const main = async ([terrane = "target/debug/terrane", folder = "target/tiles/se
       const set = resolve(folder, grid.name, name);
       mkdirSync(resolve(set, ".."), { recursive: true });
       execFileSync(terrane, ["tiles", source, set, "-q", ...options]);
-      const ending = name === "3dtiles" ? "glb" : "terrain";
+      const ending = name === "quantized-mesh" ? "terrain" : "glb";
       for (const found of await check(set, ending, grid.some(SAMPLES))) row(`${grid.name}, ${name}`, found);
     }
   }
   const [grid] = made;
   for (const { name, set, damage, by } of DAMAGES) {
     const [from, into] = [resolve(folder, grid.name, set), resolve(folder, "damaged", set)];
-    const ending = set === "3dtiles" ? "glb" : "terrain";
+    const ending = set === "quantized-mesh" ? "terrain" : "glb";
     const [west, south, east, north] = damaged(from, into, damage);
     const within = ([x, y]) => x > west && x < east && y > south && y < north;
     const found = await check(into, ending, grid.samples().filter(within));

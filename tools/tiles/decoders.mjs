@@ -5,6 +5,7 @@ import { GLTFLoader, postProcessGLTF } from "@loaders.gl/gltf";
 import { QuantizedMeshLoader } from "@loaders.gl/terrain";
 import decode from "@here/quantized-mesh-decoder/src/index.js";
 import { GLTFLoader as ThreeLoader } from "three/addons/loaders/GLTFLoader.js";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 import { Vector3 } from "three";
 
 import { placed, unplaced } from "./ground.mjs";
@@ -112,7 +113,7 @@ const THREE = {
   name: "three",
   ending: "glb",
   async read(bytes, tile) {
-    const { scene } = await new ThreeLoader().parseAsync(arrayOf(bytes), "");
+    const { scene } = await new ThreeLoader().setMeshoptDecoder(MeshoptDecoder).parseAsync(arrayOf(bytes), "");
     scene.updateMatrixWorld(true);
     const meshes = [];
     scene.traverse((object) => object.isMesh && meshes.push(object));
