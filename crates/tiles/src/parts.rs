@@ -118,12 +118,14 @@ impl Parts {
 
     /// Adds positions in whole numbers; if `is_part`, they stand for parts of the largest one.
     pub(crate) fn positions(&mut self, values: &[[u16; 3]], is_part: bool) -> Result<usize> {
-        let bytes: Vec<u8> =
-            values.iter().flat_map(|[x, y, z]| [*x, *y, *z, 0]).flat_map(u16::to_le_bytes).collect();
+        let bytes: Vec<u8> = values
+            .iter()
+            .flat_map(|[x, y, z]| [*x, *y, *z, 0])
+            .flat_map(u16::to_le_bytes)
+            .collect();
         let (count, ends) = (values.len(), ends(values));
         let part = if is_part { r#","normalized":true"# } else { "" };
-        let what =
-            format!(r#""componentType":{U16}{part},"count":{count},"type":"VEC3"{ends}"#);
+        let what = format!(r#""componentType":{U16}{part},"count":{count},"type":"VEC3"{ends}"#);
         let mode = Mode::Attributes { is_octahedral: false };
         self.add(&Elements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
     }
@@ -132,9 +134,8 @@ impl Parts {
     pub(crate) fn shares(&mut self, values: &[[i16; 2]]) -> Result<usize> {
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
         let count = values.len();
-        let what = format!(
-            r#""componentType":{I16},"normalized":true,"count":{count},"type":"VEC2""#
-        );
+        let what =
+            format!(r#""componentType":{I16},"normalized":true,"count":{count},"type":"VEC2""#);
         let mode = Mode::Attributes { is_octahedral: false };
         self.add(&Elements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }

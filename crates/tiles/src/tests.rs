@@ -265,7 +265,8 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                     assert!(off <= tile.measure.largest * (1.0 + 1e-6) + 1e-6, "{id:?} {off}");
                 });
                 assert!(tile.measure.largest <= level.tolerance);
-                let (bytes, facts) = glb(&tile, none, Form { edges: true, meshopt: false }).unwrap();
+                let (bytes, facts) =
+                    glb(&tile, none, Form { edges: true, meshopt: false }).unwrap();
                 let found = decoded(&bytes, tile.vertices.len());
                 let bits = |point: &Vector| point.0.map(f64::to_bits);
                 let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();
