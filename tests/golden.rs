@@ -334,6 +334,9 @@ fn jobs() -> Vec<String> {
             add(format!("tiles ../in/{grid}.asc o{how}"));
         }
     }
+    for how in ["", " --tile-edges", " --meshopt", " --meshopt --tile-edges"] {
+        add(format!("tiles ../in/voids.asc o --format 3dtiles{how}"));
+    }
     add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());

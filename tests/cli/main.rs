@@ -32,6 +32,7 @@ mod shapes;
 mod synth;
 mod tiles;
 mod tiles_broken;
+mod tiles_meshopt;
 mod tiles_three;
 mod tin_angle;
 mod tin_bands;

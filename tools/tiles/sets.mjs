@@ -16,6 +16,10 @@ export const bytesOf = (path) => {
 // As decoders take it: they look at all of a buffer.
 export const arrayOf = (bytes) => bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
 
+// Metres of the lattices that positions of each level are on.
+export const latticesOf = (folder) =>
+  JSON.parse(bytesOf(`${folder}/tileset.json`)).extras.terrane.levels.map(({ lattice }) => lattice);
+
 const walk = (folder) =>
   readdirSync(folder, { recursive: true })
     .map((name) => join(folder, name))

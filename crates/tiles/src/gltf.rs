@@ -257,3 +257,26 @@ fn chunks(json: String, mut bytes: Vec<u8>) -> Vec<u8> {
     out.extend(bytes);
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_bytes_hold_coordinates_exactly_or_not_at_all() {
+        let lattice = 0.0625;
+        let low = Vector([4_321_000.0625, -7.5, -612.0]);
+        let at = |steps: [f64; 3]| low + Vector(steps) * lattice;
+        let points = [at([0.0, 65_535.0, 1.0]), at([7.0, 0.0, 3.0]), at([2.0, 5.0, 0.0])];
+        for is_part in [false, true] {
+            let found = Counted::short(&points, lattice, is_part).unwrap();
+            let Numbers::Short(steps, told) = found.numbers else { panic!("no whole numbers") };
+            assert!(told == is_part && found.from == low);
+            assert_eq!(steps, [[0, 65_535, 1], [7, 0, 3], [2, 5, 0]]);
+            // Clients multiply it by the largest number's part.
+            assert_eq!(found.metres, if is_part { 4095.9375 } else { lattice });
+        }
+        let far = [points[0], at([0.0, -1.0, 0.0])];
+        assert!(Counted::short(&far, lattice, false).is_none());
+    }
+}
