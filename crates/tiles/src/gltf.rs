@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn two_bytes_hold_coordinates_exactly_or_not_at_all() {
         let lattice = 0.0625;
-        let low = Vector([4_321_000.0625, -7.5, -612.0]);
+        let low = Vector([4_321_000.5, -7.5, -612.0]);
         let at = |steps: [f64; 3]| low + Vector(steps) * lattice;
         let points = [at([0.0, 65_535.0, 1.0]), at([7.0, 0.0, 3.0]), at([2.0, 5.0, 0.0])];
         for is_part in [false, true] {
