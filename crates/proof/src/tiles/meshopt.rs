@@ -67,8 +67,8 @@ pub(super) fn attributes(bytes: &[u8], stride: usize, count: usize) -> Result<Ve
     if !stride.is_multiple_of(4) || !(4..=256).contains(&stride) {
         return Err(bad("have elements of another size"));
     }
-    // The bits of a group are said in two.
-    if count.div_ceil(4 * GROUP) > bytes.len() {
+    // Of each byte of the elements of four groups, one says how many bits they take.
+    if count.div_ceil(4 * GROUP).checked_mul(stride).is_none_or(|least| least > bytes.len()) {
         return Err(bad("are too few bytes"));
     }
     let tail = ATTRIBUTES_TAIL.max(stride);
@@ -321,6 +321,10 @@ mod tests {
             for head in [0xa0, 0xe1, 0xd1] {
                 let bytes = [&[head], &bytes[..]].concat();
                 let _ = (attributes(&bytes, 8, count), triangles(&bytes, count), list(&bytes, count));
+                // Nothing is allocated for elements that cannot be there.
+                let many = usize::MAX / 1024 * (count + 1).min(9);
+                assert!(attributes(&bytes, 256, many).is_err());
+                assert!(triangles(&bytes, many / 3 * 3).is_err() && list(&bytes, many).is_err());
             }
         }
 
