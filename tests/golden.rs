@@ -338,6 +338,9 @@ fn jobs() -> Vec<String> {
     for how in ["--no-gzip", "--format 3dtiles --no-gzip", "--threads 1 --memory 200M"] {
         add(format!("tiles synth:rough,size=200,cell=90 o {how}"));
     }
+    for how in ["", " --tile-edges", " --meshopt", " --meshopt --tile-edges"] {
+        add(format!("tiles ../in/voids.asc o --format 3dtiles{how}"));
+    }
     add("tiles ../in/degrees.asc o --no-gzip --clip ../in/areas.wkt".into());
     add("verify ../in/tiles ../in/voids.asc --json".into());
     add("plan grid ../in/dense.laz -o w --cell 1 --stat max,idw then run w -o o.tif".into());

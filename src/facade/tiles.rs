@@ -32,6 +32,7 @@ pub struct TilesBuilder<'a> {
     geoid: Option<String>,
     formats: Vec<TilesFormat>,
     tile_edges: bool,
+    meshopt: bool,
     max_level: Option<u8>,
     normals: bool,
     compress: bool,
@@ -43,9 +44,10 @@ overwrite_setting!([] TilesBuilder<'_>);
 
 impl<'a> TilesBuilder<'a> {
     pub(super) fn of(grid: &'a Grid) -> Self {
-        let TilesJob { geoid, formats, tile_edges, max_level, normals, compress, .. } =
+        let TilesJob { geoid, formats, tile_edges, meshopt, max_level, normals, compress, .. } =
             TilesJob::new(grid.inputs.clone(), PathBuf::new());
-        Self { grid, geoid, formats, tile_edges, max_level, normals, compress, run: Run::default() }
+        let run = Run::default();
+        Self { grid, geoid, formats, tile_edges, meshopt, max_level, normals, compress, run }
     }
 
     /// A file with the heights of the geoid that those of the grid are counted from, above the ellipsoid, in metres
@@ -65,6 +67,12 @@ impl<'a> TilesBuilder<'a> {
     /// terrain.
     pub fn tile_edges(mut self, edges: bool) -> Self {
         self.tile_edges = edges;
+        self
+    }
+
+    /// Compress what is in a tile of 3D Tiles (`EXT_meshopt_compression`), which clients then have to know.
+    pub fn meshopt(mut self, meshopt: bool) -> Self {
+        self.meshopt = meshopt;
         self
     }
 
@@ -121,6 +129,7 @@ impl<'a> TilesBuilder<'a> {
             geoid: self.geoid.clone(),
             formats: self.formats.clone(),
             tile_edges: self.tile_edges,
+            meshopt: self.meshopt,
             max_level: self.max_level,
             normals: self.normals,
             compress: self.compress,

@@ -34,6 +34,7 @@ mod shapes;
 mod synth;
 mod tiles;
 mod tiles_broken;
+mod tiles_meshopt;
 mod tiles_systems;
 mod tiles_three;
 mod tin_angle;

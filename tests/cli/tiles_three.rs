@@ -83,19 +83,19 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
 }
 
 /// A file of binary glTF: its text, and its buffer.
-struct Glb {
-    text: Value,
-    buffer: Vec<u8>,
+pub(crate) struct Glb {
+    pub(crate) text: Value,
+    pub(crate) buffer: Vec<u8>,
 }
 
 impl Glb {
-    fn of(bytes: &[u8]) -> Self {
+    pub(crate) fn of(bytes: &[u8]) -> Self {
         let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let text = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
         Self { text, buffer: bytes[28 + length..].to_vec() }
     }
 
-    fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let mut text = self.text.to_string().into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
         let number = |value: usize| (value as u32).to_le_bytes();

@@ -10,6 +10,7 @@ use crate::globe::{EQUATOR, POLE, Vector};
 use crate::ground::Ground;
 use crate::horizon;
 use crate::level::Level;
+use crate::parts::{MESHOPT, Parts};
 use crate::surface::{Tile, Vertex};
 use crate::tiling::{STEPS, TileId};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -20,11 +21,28 @@ const BEND: f64 = POLE * POLE / EQUATOR;
 const SHORT: usize = u16::MAX as usize;
 
 const MAGIC: &[u8; 4] = b"glTF";
-const ARRAYS: u32 = 34962;
-const INDICES: u32 = 34963;
-const FLOAT: u32 = 5126;
-const U16: u32 = 5123;
-const U32: u32 = 5125;
+const EDGES: &str = "CESIUM_tile_edges";
+const QUANTIZED: &str = "KHR_mesh_quantization";
+/// Whole numbers of two bytes.
+const SHORTS: f64 = u16::MAX as f64;
+/// Single precision has 24 bits on either side of the middle of a tile, and two bytes 16 from one end to the other.
+const COARSER: f64 = 512.0;
+
+/// How a tile is written.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Form {
+    /// With the vertices of its sides (CESIUM_tile_edges).
+    pub edges: bool,
+    /// Compressed (EXT_meshopt_compression), of a level of [`in_shorts`].
+    pub meshopt: bool,
+}
+
+/// A level whose tiles two bytes can number the coordinates of, as far as that is fine enough for its heights; those
+/// of larger tiles are written in single precision.
+pub fn in_shorts(level: Level) -> Level {
+    let coarser = |lattice: f64| (lattice * COARSER).min(level.step / 2.0).max(lattice);
+    Level { lattice: level.lattice.map(coarser), ..level }
+}
 
 /// What a set of tiles tells of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,15 +106,52 @@ fn lowest(tile: &Tile, points: &[Vector], corners: [u32; 3]) -> f64 {
     low - longest / (6.0 * (BEND + low.min(0.0)))
 }
 
-/// A tile as binary glTF, and what the set tells of it; with `normals`, those of the ground at its vertices, and with
-/// `edges`, the vertices of its sides (CESIUM_tile_edges).
+/// Earth-centred points as numbers that are counted from a place, in metres each.
+struct Counted {
+    from: Vector,
+    metres: f64,
+    numbers: Numbers,
+}
+
+enum Numbers {
+    Single(Vec<[f32; 3]>),
+    /// Whole steps; if told so, as parts of the largest number of two bytes.
+    Short(Vec<[u16; 3]>, bool),
+}
+
+impl Counted {
+    /// From a middle on, which is on the lattice.
+    fn single(points: &[Vector], from: Vector) -> Self {
+        let offset = |point: &Vector| (*point - from).0.map(|value| value as f32);
+        let numbers = Numbers::Single(points.iter().map(offset).collect());
+        Self { from, metres: 1.0, numbers }
+    }
+
+    /// In steps of the lattice from the lowest coordinates on, if two bytes hold them.
+    fn short(points: &[Vector], lattice: f64, is_part: bool) -> Option<Self> {
+        let lowest = |axis: usize| points.iter().map(|p| p.0[axis]).fold(f64::INFINITY, f64::min);
+        let from = Vector(std::array::from_fn(lowest));
+        let steps = |point: &Vector| {
+            let steps = (*point - from).0.map(|value| value / lattice);
+            steps.iter().all(|steps| *steps <= SHORTS).then(|| steps.map(|steps| steps as u16))
+        };
+        let steps = points.iter().map(steps).collect::<Option<_>>()?;
+        let metres = if is_part { lattice * SHORTS } else { lattice };
+        Some(Self { from, metres, numbers: Numbers::Short(steps, is_part) })
+    }
+}
+
+/// A tile as binary glTF, and what the set tells of it; with `normals`, those of the ground at its vertices.
+///
+/// Compressed positions are whole steps of the lattice. With edges they are parts of 65,535, as the terrain of
+/// CesiumJS takes no others.
 ///
 /// # Errors
 /// A tile whose heights have too large a range.
 pub fn glb<G: Ground>(
     tile: &Tile,
     normals: Option<(&Level, &G)>,
-    edges: bool,
+    form: Form,
 ) -> Result<(Vec<u8>, Facts)> {
     let lattice = tile.lattice.ok_or_else(|| {
         Error::new(ErrorKind::Internal, "vertices of a tile are on no lattice of coordinates")
@@ -104,46 +159,75 @@ pub fn glb<G: Ground>(
     Heights::of(tile)?;
     let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
     let facts = Facts::of(tile, lattice, &points);
-    let centre = facts.sphere.0.rounded(lattice);
     let (vertices, triangles) = in_order(tile);
-    let offset = |vertex: &Vertex| (tile.point(*vertex) - centre).0.map(|value| value as f32);
-    let mut parts = Parts::default();
-    let positions: Vec<[f32; 3]> = vertices.iter().map(offset).collect();
-    let position = parts.vectors("VEC3", &positions, true);
-    let part = |at: i32| at as f32 / STEPS as f32;
-    // From the top, as images have them.
-    let places: Vec<[f32; 2]> =
-        vertices.iter().map(|v| [part(v.at[0]), part(STEPS - v.at[1])]).collect();
-    let place = parts.vectors("VEC2", &places, false);
-    let mut attributes = format!(r#""POSITION":{position},"TEXCOORD_0":{place}"#);
+    let points: Vec<Vector> = vertices.iter().map(|vertex| tile.point(*vertex)).collect();
+    let short = form.meshopt.then(|| Counted::short(&points, lattice, form.edges)).flatten();
+    let is_packed = short.is_some();
+    let counted =
+        short.unwrap_or_else(|| Counted::single(&points, facts.sphere.0.rounded(lattice)));
+    let mut parts = Parts::new(is_packed);
+    let mut attributes = placed(&vertices, &counted, &mut parts)?;
     if let Some((level, ground)) = normals {
         let at = |v: &Vertex| normal(tile.id.place(v.at), level, ground).0.map(|x| x as f32);
         let found: Vec<[f32; 3]> = vertices.iter().map(at).collect();
-        attributes += &format!(r#","NORMAL":{}"#, parts.vectors("VEC3", &found, false));
+        let found = match is_packed {
+            true => parts.directions(&found)?,
+            false => parts.floats("VEC3", &found, false)?,
+        };
+        attributes += &format!(r#","NORMAL":{found}"#);
     }
     let is_short = vertices.len() <= SHORT;
-    let indices = parts.indices(triangles.as_flattened(), is_short, INDICES);
-    let [used, extension] = match edges {
-        true => {
-            let [left, bottom, right, top] =
-                Side::ALL.map(|side| parts.indices(&around(&vertices, side), is_short, 0));
-            let lists = format!(r#""left":{left},"bottom":{bottom},"right":{right},"top":{top}"#);
-            [
-                r#","extensionsUsed":["CESIUM_tile_edges"]"#.to_owned(),
-                format!(r#","extensions":{{"CESIUM_tile_edges":{{{lists}}}}}"#),
-            ]
+    let indices = parts.triangles(triangles.as_flattened(), is_short)?;
+    let mut extension = String::new();
+    if form.edges {
+        let mut lists = Vec::new();
+        for (side, name) in Side::ALL.into_iter().zip(["left", "bottom", "right", "top"]) {
+            let list = parts.vertices(&around(&vertices, side), is_short)?;
+            lists.push(format!(r#""{name}":{list}"#));
         }
-        false => [String::new(), String::new()],
-    };
-    let [x, y, z] = centre.0;
+        extension = format!(r#","extensions":{{"{EDGES}":{{{}}}}}"#, lists.join(","));
+    }
+    let ([x, y, z], metres) = (counted.from.0, counted.metres);
     let json = format!(
-        r#"{{"asset":{{"version":"2.0","generator":"terrane"}}{used},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"matrix":[1,0,0,0,0,0,-1,0,0,1,0,0,{x},{z},{},1]}}],"meshes":[{{"primitives":[{{"attributes":{{{attributes}}},"indices":{indices},"material":0,"mode":4{extension}}}]}}],"materials":[{{"pbrMetallicRoughness":{{"metallicFactor":0}}}}],"accessors":[{}],"bufferViews":[{}],"buffers":[{{"byteLength":{}}}]}}"#,
+        r#"{{"asset":{{"version":"2.0","generator":"terrane"}}{},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,{x},{z},{},1]}}],"meshes":[{{"primitives":[{{"attributes":{{{attributes}}},"indices":{indices},"material":0,"mode":4{extension}}}]}}],"materials":[{{"pbrMetallicRoughness":{{"metallicFactor":0}}}}],"accessors":[{}],"bufferViews":[{}],"buffers":[{}]}}"#,
+        extensions(form.edges, is_packed),
         0.0 - y,
         parts.accessors.join(","),
         parts.views.join(","),
-        parts.bytes.len(),
+        parts.buffers(),
     );
     Ok((chunks(json, parts.bytes), facts))
+}
+
+/// Adds positions and places in the tile; what is said of the attributes.
+fn placed(vertices: &[Vertex], counted: &Counted, parts: &mut Parts) -> Result<String> {
+    // From the top, as images have them.
+    let steps = |v: &Vertex| [v.at[0], STEPS - v.at[1]];
+    let [position, place] = match &counted.numbers {
+        Numbers::Single(offsets) => {
+            let places: Vec<[f32; 2]> =
+                vertices.iter().map(|v| steps(v).map(|at| at as f32 / STEPS as f32)).collect();
+            [parts.floats("VEC3", offsets, true)?, parts.floats("VEC2", &places, false)?]
+        }
+        Numbers::Short(counts, is_part) => {
+            let places: Vec<[i16; 2]> =
+                vertices.iter().map(|v| steps(v).map(|at| at as i16)).collect();
+            [parts.positions(counts, *is_part)?, parts.shares(&places)?]
+        }
+    };
+    Ok(format!(r#""POSITION":{position},"TEXCOORD_0":{place}"#))
+}
+
+/// What is said of the extensions that a file uses, and of those that it needs.
+fn extensions(edges: bool, is_packed: bool) -> String {
+    let edges = edges.then_some(EDGES);
+    let needed = [MESHOPT, QUANTIZED].into_iter().filter(|_| is_packed);
+    let list = |names: Vec<&str>, key: &str| match names.is_empty() {
+        true => String::new(),
+        false => format!(r#","{key}":["{}"]"#, names.join(r#"",""#)),
+    };
+    list(edges.into_iter().chain(needed.clone()).collect(), "extensionsUsed")
+        + &list(needed.collect(), "extensionsRequired")
 }
 
 /// The vertices of a side in the order of a walk around the tile with the tile on the right, as clients hang skirts.
@@ -155,61 +239,6 @@ fn around(vertices: &[Vertex], side: Side) -> Vec<u32> {
         found.reverse();
     }
     found.into_iter().map(|(_, vertex)| vertex).collect()
-}
-
-/// The buffer, and what is said of its parts.
-#[derive(Default)]
-struct Parts {
-    bytes: Vec<u8>,
-    views: Vec<String>,
-    accessors: Vec<String>,
-}
-
-impl Parts {
-    /// Adds an accessor of all of a new view; its number.
-    fn add(&mut self, bytes: &[u8], target: u32, what: String) -> usize {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        let target = if target == 0 { String::new() } else { format!(r#","target":{target}"#) };
-        let (offset, length, number) = (self.bytes.len(), bytes.len(), self.views.len());
-        self.views
-            .push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}{target}}}"#));
-        self.accessors.push(format!(r#"{{"bufferView":{number},{what}}}"#));
-        self.bytes.extend_from_slice(bytes);
-        number
-    }
-
-    fn vectors<const N: usize>(
-        &mut self,
-        kind: &str,
-        values: &[[f32; N]],
-        has_ends: bool,
-    ) -> usize {
-        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
-        let end = |choose: fn(f32, f32) -> f32| {
-            let along = |axis: usize| values.iter().map(|v| v[axis]).reduce(choose).unwrap_or(0.0);
-            std::array::from_fn::<String, N, _>(|axis| along(axis).to_string()).join(",")
-        };
-        let ends = match has_ends {
-            true => format!(r#","min":[{}],"max":[{}]"#, end(f32::min), end(f32::max)),
-            false => String::new(),
-        };
-        let count = values.len();
-        let what = format!(r#""componentType":{FLOAT},"count":{count},"type":"{kind}"{ends}"#);
-        self.add(&bytes, ARRAYS, what)
-    }
-
-    fn indices(&mut self, indices: &[u32], is_short: bool, target: u32) -> usize {
-        let bytes: Vec<u8> = match is_short {
-            true => indices.iter().flat_map(|index| (*index as u16).to_le_bytes()).collect(),
-            false => indices.iter().flat_map(|index| index.to_le_bytes()).collect(),
-        };
-        let (kind, count) = (if is_short { U16 } else { U32 }, indices.len());
-        self.add(
-            &bytes,
-            target,
-            format!(r#""componentType":{kind},"count":{count},"type":"SCALAR""#),
-        )
-    }
 }
 
 /// The two chunks of a file.
@@ -227,4 +256,27 @@ fn chunks(json: String, mut bytes: Vec<u8>) -> Vec<u8> {
     out.extend_from_slice(b"BIN\0");
     out.extend(bytes);
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_bytes_hold_coordinates_exactly_or_not_at_all() {
+        let lattice = 0.0625;
+        let low = Vector([4_321_000.5, -7.5, -612.0]);
+        let at = |steps: [f64; 3]| low + Vector(steps) * lattice;
+        let points = [at([0.0, 65_535.0, 1.0]), at([7.0, 0.0, 3.0]), at([2.0, 5.0, 0.0])];
+        for is_part in [false, true] {
+            let found = Counted::short(&points, lattice, is_part).unwrap();
+            let Numbers::Short(steps, told) = found.numbers else { panic!("no whole numbers") };
+            assert!(told == is_part && found.from == low);
+            assert_eq!(steps, [[0, 65_535, 1], [7, 0, 3], [2, 5, 0]]);
+            // Clients multiply it by the largest number's part.
+            assert_eq!(found.metres, if is_part { 4095.9375 } else { lattice });
+        }
+        let far = [points[0], at([0.0, -1.0, 0.0])];
+        assert!(Counted::short(&far, lattice, false).is_none());
+    }
 }

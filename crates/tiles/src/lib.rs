@@ -24,6 +24,7 @@ mod horizon;
 mod level;
 mod measure;
 mod overview;
+mod parts;
 mod subtree;
 mod surface;
 #[cfg(test)]
@@ -33,7 +34,7 @@ mod tiling;
 pub use chart::Chart;
 pub use encode::quantized_mesh;
 pub use globe::{Turn, Upright, Vector};
-pub use gltf::{Facts, glb};
+pub use gltf::{Facts, Form, glb, in_shorts};
 pub use ground::{Fill, Ground, Means, Patch, Sample};
 pub use level::{Level, deepest_for};
 pub use measure::{Measure, Shell};

@@ -272,7 +272,8 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                     assert!(off <= tile.measure.largest * (1.0 + 1e-6) + 1e-6, "{id:?} {off}");
                 });
                 assert!(tile.measure.largest <= level.tolerance);
-                let (bytes, facts) = glb(&tile, none, true).unwrap();
+                let (bytes, facts) =
+                    glb(&tile, none, Form { edges: true, meshopt: false }).unwrap();
                 let found = decoded(&bytes, tile.vertices.len());
                 let bits = |point: &Vector| point.0.map(f64::to_bits);
                 let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();
@@ -314,7 +315,7 @@ fn volumes_hold_triangles_and_what_is_below() {
     let facts = |id: TileId| {
         let level = land.level(id.level).on_lattice([-9000.0, 9000.0]).unwrap();
         let tile = build(id, &level, &patch).unwrap();
-        let facts = glb(&tile, none, false).unwrap().1;
+        let facts = glb(&tile, none, Form::default()).unwrap().1;
         for corners in &tile.triangles {
             let [a, b, c] = corners.map(|corner| tile.point(tile.vertices[corner as usize]));
             for part in [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0]] {

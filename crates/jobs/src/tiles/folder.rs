@@ -18,7 +18,7 @@ use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
-use terrane_tiles::{Facts, Level, Tile, TileId, glb, level_error, quantized_mesh};
+use terrane_tiles::{Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
 
 /// The name of what says what there is.
 const LAYER: &str = "layer.json";
@@ -76,7 +76,8 @@ impl Made {
                 (quantized_mesh(tile, normals, below.as_deref())?, None)
             }
             Format::ThreeTiles => {
-                let (bytes, facts) = glb(tile, normals, job.tile_edges)?;
+                let (bytes, facts) =
+                    glb(tile, normals, Form { edges: job.tile_edges, meshopt: job.meshopt })?;
                 (bytes, Some(facts))
             }
         };

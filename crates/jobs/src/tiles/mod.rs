@@ -48,7 +48,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_files::refuse_held;
 use terrane_raster::{GridSource, Inputs, looks_like_nodata};
-use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for};
+use terrane_tiles::{DEEPEST, Gathered, Level, Overview, TileId, deepest_for, in_shorts};
 use work::Tiles;
 
 /// Metres below which there is no ground.
@@ -77,6 +77,9 @@ pub struct TilesJob {
     pub formats: Vec<Format>,
     /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges).
     pub tile_edges: bool,
+    /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression).
+    #[serde(default)]
+    pub meshopt: bool,
     /// The deepest level; that of the grid's resolution when `None`.
     pub max_level: Option<u8>,
     /// Write a normal for each vertex.
@@ -99,6 +102,7 @@ impl TilesJob {
             geoid: None,
             formats: vec![Format::QuantizedMesh],
             tile_edges: false,
+            meshopt: false,
             max_level: None,
             normals: true,
             compress: true,
@@ -308,7 +312,8 @@ fn without_tile(error: Error) -> Error {
 
 impl<'a> Ground<'a> {
     fn new(opened: &'a Opened, overview: &'a Overview) -> Result<Self> {
-        let of_set = |format: &Format| levels(*format, &opened.division, overview.range);
+        let meshopt = opened.job.meshopt;
+        let of_set = |format: &Format| levels((*format, meshopt), &opened.division, overview.range);
         let levels = opened.job.formats.iter().map(of_set).collect::<Result<_>>()?;
         Ok(Self { opened, overview, levels })
     }
@@ -378,27 +383,37 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Fails where no format is asked for, one twice, or edges of tiles of a format without.
+/// Fails where no format is asked for, one twice, or what a format has not.
 fn check_formats(job: &TilesJob) -> Result<()> {
     let is_twice = |i: usize| job.formats[..i].contains(&job.formats[i]);
     if job.formats.is_empty() || (0..job.formats.len()).any(is_twice) {
         return Err(Error::usage("a format of tiles is asked for twice, or none")
             .remedy("name each format once"));
     }
-    if job.tile_edges && !job.formats.contains(&Format::ThreeTiles) {
-        return Err(Error::usage("edges of tiles belong to 3D Tiles")
-            .remedy("pass --format 3dtiles, or leave out --tile-edges"));
+    let options = [
+        (job.tile_edges, "edges of tiles belong", "--tile-edges"),
+        (job.meshopt, "compressed meshes belong", "--meshopt"),
+    ];
+    let is_of_others = !job.formats.contains(&Format::ThreeTiles);
+    if let Some((_, what, option)) = options.iter().find(|(is, ..)| *is && is_of_others) {
+        return Err(Error::usage(format!("{what} to 3D Tiles"))
+            .remedy(format!("pass --format 3dtiles, or leave out {option}")));
     }
     Ok(())
 }
 
-/// The levels of a set.
-fn levels(format: Format, division: &Division, range: [f64; 2]) -> Result<Vec<Level>> {
+/// The levels of a set, whose tiles may be compressed.
+fn levels(
+    (format, meshopt): (Format, bool),
+    division: &Division,
+    range: [f64; 2],
+) -> Result<Vec<Level>> {
     let reach = range[0].abs().max(range[1].abs());
     let level = |level: u8| {
         let level = Level::new(level, division.place.spacing, reach)?;
         match format {
             Format::QuantizedMesh => Ok(level),
+            Format::ThreeTiles if meshopt => level.on_lattice(range).map(in_shorts),
             Format::ThreeTiles => level.on_lattice(range),
         }
     };

@@ -13,6 +13,8 @@ mod decode;
 mod ellipsoid;
 mod facets;
 mod fault;
+mod glb;
+mod meshopt;
 mod structure;
 mod subtree;
 mod tiling;

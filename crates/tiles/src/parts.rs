@@ -1,0 +1,209 @@
+//! The buffer of a file of glTF and what is said of its parts: as they are, or compressed
+//! (EXT_meshopt_compression, of which every number comes back as it was).
+
+use meshoptimizer_rs::{self as meshopt, codec};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// The name of the extension.
+pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
+
+pub(crate) const ARRAYS: u32 = 34962;
+pub(crate) const INDICES: u32 = 34963;
+const I8: u32 = 5120;
+const I16: u32 = 5122;
+const U16: u32 = 5123;
+const U32: u32 = 5125;
+const FLOAT: u32 = 5126;
+
+/// Bits of a number of a normal.
+const NORMAL_BITS: u32 = 8;
+
+/// The buffer, and what is said of its parts.
+#[derive(Default)]
+pub(crate) struct Parts {
+    is_packed: bool,
+    pub(crate) bytes: Vec<u8>,
+    /// Bytes of all parts once they are unpacked.
+    unpacked: usize,
+    pub(crate) views: Vec<String>,
+    pub(crate) accessors: Vec<String>,
+}
+
+/// Elements of a part: their bytes one after another, and how these are compressed.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    mode: Mode<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum Mode<'a> {
+    Attributes { is_octahedral: bool },
+    Triangles(&'a [u32]),
+    Sequence(&'a [u32]),
+}
+
+impl Parts {
+    /// With nothing in it; what is added is compressed if `is_packed`.
+    pub(crate) fn new(is_packed: bool) -> Self {
+        Self { is_packed, ..Self::default() }
+    }
+
+    /// What is said of the buffers.
+    pub(crate) fn buffers(&self) -> String {
+        let (bytes, unpacked) = (self.bytes.len(), self.unpacked);
+        let fallback = format!(
+            r#",{{"byteLength":{unpacked},"extensions":{{"{MESHOPT}":{{"fallback":true}}}}}}"#
+        );
+        format!(r#"{{"byteLength":{bytes}}}{}"#, if self.is_packed { &fallback } else { "" })
+    }
+
+    /// Adds an accessor of all of a new view; its number.
+    fn add(&mut self, elements: &Elements<'_>, target: u32, what: &str) -> Result<usize> {
+        let target = if target == 0 { String::new() } else { format!(r#","target":{target}"#) };
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let (offset, number) = (self.bytes.len(), self.views.len());
+        let view = match self.is_packed {
+            true => self.pack(elements, offset, &target)?,
+            false => {
+                let length = elements.bytes.len();
+                self.bytes.extend_from_slice(elements.bytes);
+                format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}{target}}}"#)
+            }
+        };
+        self.views.push(view);
+        self.accessors.push(format!(r#"{{"bufferView":{number},{what}}}"#));
+        Ok(number)
+    }
+
+    /// Compresses elements; what is said of their view.
+    fn pack(&mut self, elements: &Elements<'_>, at: usize, target: &str) -> Result<String> {
+        let Elements { bytes, stride, mode } = elements;
+        let packed = mode.pack(bytes, *stride).map_err(|error| {
+            Error::new(ErrorKind::Internal, format!("a tile cannot be compressed: {error}"))
+        })?;
+        let (length, count) = (bytes.len(), bytes.len() / stride);
+        let (name, filter, of_vertices) = match mode {
+            Mode::Attributes { is_octahedral: true } => {
+                ("ATTRIBUTES", r#","filter":"OCTAHEDRAL""#, true)
+            }
+            Mode::Attributes { .. } => ("ATTRIBUTES", "", true),
+            Mode::Triangles(_) => ("TRIANGLES", "", false),
+            Mode::Sequence(_) => ("INDICES", "", false),
+        };
+        let gap = if of_vertices { format!(r#","byteStride":{stride}"#) } else { String::new() };
+        self.unpacked = self.unpacked.next_multiple_of(4);
+        let (offset, size) = (self.unpacked, packed.len());
+        self.unpacked += length;
+        self.bytes.extend(packed);
+        Ok(format!(
+            r#"{{"buffer":1,"byteOffset":{offset},"byteLength":{length}{gap}{target},"extensions":{{"{MESHOPT}":{{"buffer":0,"byteOffset":{at},"byteLength":{size},"byteStride":{stride},"count":{count},"mode":"{name}"{filter}}}}}}}"#
+        ))
+    }
+
+    /// Adds attributes as they are; with `has_ends`, the least and the greatest of them are said.
+    pub(crate) fn floats<const N: usize>(
+        &mut self,
+        kind: &str,
+        values: &[[f32; N]],
+        has_ends: bool,
+    ) -> Result<usize> {
+        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+        let count = values.len();
+        let ends = if has_ends { ends(values) } else { String::new() };
+        let what = format!(r#""componentType":{FLOAT},"count":{count},"type":"{kind}"{ends}"#);
+        let mode = Mode::Attributes { is_octahedral: false };
+        self.add(&Elements { bytes: &bytes, stride: 4 * N, mode }, ARRAYS, &what)
+    }
+
+    /// Adds positions in whole numbers; if `is_part`, they stand for parts of the largest one.
+    pub(crate) fn positions(&mut self, values: &[[u16; 3]], is_part: bool) -> Result<usize> {
+        let bytes: Vec<u8> = values
+            .iter()
+            .flat_map(|[x, y, z]| [*x, *y, *z, 0])
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        let (count, ends) = (values.len(), ends(values));
+        let part = if is_part { r#","normalized":true"# } else { "" };
+        let what = format!(r#""componentType":{U16}{part},"count":{count},"type":"VEC3"{ends}"#);
+        let mode = Mode::Attributes { is_octahedral: false };
+        self.add(&Elements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
+    }
+
+    /// Adds parts of 32,767.
+    pub(crate) fn shares(&mut self, values: &[[i16; 2]]) -> Result<usize> {
+        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+        let count = values.len();
+        let what =
+            format!(r#""componentType":{I16},"normalized":true,"count":{count},"type":"VEC2""#);
+        let mode = Mode::Attributes { is_octahedral: false };
+        self.add(&Elements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
+    }
+
+    /// Adds directions, of which a byte holds each number.
+    pub(crate) fn directions(&mut self, values: &[[f32; 3]]) -> Result<usize> {
+        let four: Vec<f32> = values.iter().flat_map(|[x, y, z]| [*x, *y, *z, 0.0]).collect();
+        let count = values.len();
+        let mut space = meshopt::Workspace::default();
+        let bytes = codec::encode_filter_oct(count, 4, NORMAL_BITS, &four, &mut space)
+            .map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
+        let what =
+            format!(r#""componentType":{I8},"normalized":true,"count":{count},"type":"VEC3""#);
+        let mode = Mode::Attributes { is_octahedral: true };
+        self.add(&Elements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
+    }
+
+    /// Adds the corners of triangles.
+    pub(crate) fn triangles(&mut self, corners: &[u32], is_short: bool) -> Result<usize> {
+        self.indices((corners, Mode::Triangles(corners)), is_short, INDICES)
+    }
+
+    /// Adds numbers of vertices in any order.
+    pub(crate) fn vertices(&mut self, numbers: &[u32], is_short: bool) -> Result<usize> {
+        self.indices((numbers, Mode::Sequence(numbers)), is_short, 0)
+    }
+
+    fn indices(
+        &mut self,
+        (indices, mode): (&[u32], Mode<'_>),
+        is_short: bool,
+        target: u32,
+    ) -> Result<usize> {
+        let (kind, stride, count) =
+            if is_short { (U16, 2, indices.len()) } else { (U32, 4, indices.len()) };
+        let bytes: Vec<u8> =
+            indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(stride)).collect();
+        let what = format!(r#""componentType":{kind},"count":{count},"type":"SCALAR""#);
+        self.add(&Elements { bytes: &bytes, stride, mode }, target, &what)
+    }
+}
+
+impl Mode<'_> {
+    fn pack(self, bytes: &[u8], stride: usize) -> std::result::Result<Vec<u8>, meshopt::Error> {
+        // The versions of the extension.
+        let (vertices, indices) =
+            (codec::VertexEncoding::new(0, 2)?, codec::IndexEncoding::new(1)?);
+        let space = &mut meshopt::Workspace::default();
+        match self {
+            Self::Attributes { .. } => {
+                let count = bytes.len() / stride;
+                codec::encode_vertex_buffer(bytes, count, stride, vertices, space)
+            }
+            Self::Triangles(corners) => codec::encode_index_buffer(corners, indices, space),
+            Self::Sequence(numbers) => codec::encode_index_sequence(numbers, indices, space),
+        }
+    }
+}
+
+/// The least and the greatest of elements along each axis, as an accessor says them.
+fn ends<T: Copy + PartialOrd + std::fmt::Display, const N: usize>(values: &[[T; N]]) -> String {
+    let along = |axis: usize, is_before: fn(&T, &T) -> bool| {
+        let found = values.iter().map(|value| value[axis]);
+        let end = found.reduce(|a, b| if is_before(&b, &a) { b } else { a });
+        end.map_or("0".to_owned(), |end| end.to_string())
+    };
+    let list = |is_before: fn(&T, &T) -> bool| {
+        std::array::from_fn::<String, N, _>(|axis| along(axis, is_before)).join(",")
+    };
+    format!(r#","min":[{}],"max":[{}]"#, list(|b, a| b < a), list(|b, a| b > a))
+}
