@@ -184,7 +184,8 @@ pub(super) struct Hillshade {
     /// Factor on heights
     #[arg(long, value_name = "FACTOR", value_parser = parse::positive, default_value_t = 1.0)]
     z_factor: f64,
-    /// Light from four sides, each weighted by how much the ground lies across it
+    /// Light from south-west, west, north-west and north, each weighted by how much the ground falls towards it or
+    /// away from it
     #[arg(long)]
     multidirectional: bool,
     /// The angle to the light scaled by the slope's, so that level ground is brightest

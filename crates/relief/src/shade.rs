@@ -12,7 +12,8 @@ pub enum Light {
     One,
     /// From one direction, the angle scaled by the slope's, so that level ground is brightest.
     Combined,
-    /// From west, north-west, north and south-west, each weighted by how much the ground lies across it (Mark 1992).
+    /// From south-west, west, north-west and north (Mark 1992), each weighted by how much the ground falls towards
+    /// it or away from it.
     Four,
 }
 
@@ -51,9 +52,10 @@ impl Derivative for Hillshade {
             }
             Light::Four if steep == 0.0 => self.lit(0.0, slope),
             Light::Four => {
-                // Aspects across a light count for nothing: by the square of the sine between both.
+                // How much the ground falls towards a light or away from it: the square of the cosine between its
+                // direction and the aspect.
                 let [east, north] = slope;
-                let south_west = 0.5 * steep - east * north;
+                let south_west = 0.5 * steep + east * north;
                 let weights = [
                     (225.0, south_west),
                     (270.0, east * east),
