@@ -16,6 +16,7 @@ mod man;
 mod plan;
 #[cfg(test)]
 mod reference;
+mod relief;
 mod shared;
 mod signal;
 mod synth;
@@ -46,6 +47,13 @@ const VERBS: &[Entry] = &[
     Entry::of::<contour::Args>(),
     Entry::of::<line::Args>(),
     Entry::of::<tiles::Args>(),
+    Entry::of::<relief::Args<relief::Slope>>(),
+    Entry::of::<relief::Args<relief::Aspect>>(),
+    Entry::of::<relief::Args<relief::Hillshade>>(),
+    Entry::of::<relief::Args<relief::Curvature>>(),
+    Entry::of::<relief::Args<relief::Roughness>>(),
+    Entry::of::<relief::Args<relief::Tpi>>(),
+    Entry::of::<relief::Args<relief::Tri>>(),
     Entry::of::<synth::Args>(),
     Entry::of::<plan::Args>(),
     Entry::of::<plan::run::Args>(),

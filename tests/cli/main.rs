@@ -28,6 +28,7 @@ mod pipes;
 mod plan_grid;
 mod plan_matrix;
 mod print;
+mod relief;
 mod resume;
 mod serve;
 mod shapes;

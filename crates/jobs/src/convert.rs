@@ -127,6 +127,16 @@ pub struct ConvertReport {
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
+    run_of(job, progress, cancel, |source| Ok((source, Vec::new())))
+}
+
+/// As [`run`], of what stands in front of the grid that is read, with what is to be said of that.
+pub(crate) fn run_of(
+    job: &ConvertJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<(Box<dyn GridSource>, Vec<String>)>,
+) -> Result<ConvertReport> {
     let format = write::by_path(&job.output, job.format.as_deref())?;
     format.check(&job.creation)?;
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
@@ -134,10 +144,11 @@ pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let options = job.reading.options(&job.resources, cache_bytes)?;
     let options = OpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
+    let (source, mut notes) = front(source)?;
     let report = copy(source.as_ref(), job, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
-    let notes = report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes));
-    Ok(ConvertReport { notes: notes.collect(), water, ..report })
+    notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
+    Ok(ConvertReport { notes, water, ..report })
 }
 
 /// As [`run`], from a grid that is open already (`job.input` is only named in the report).

@@ -17,6 +17,9 @@ pub(crate) trait Verb: clap::Args + 'static {
     /// that one.
     const USAGE: Option<&'static str> = None;
 
+    /// What it does, where that is not said of its arguments: those of several verbs.
+    const ABOUT: Option<&'static str> = None;
+
     /// The lists that its help ends in.
     fn lists() -> Vec<String> {
         Vec::new()
@@ -62,6 +65,13 @@ impl Entry {
 
 fn command<V: Verb>() -> Command {
     let command = V::augment_args(Command::new(V::NAME));
+    let command = match V::ABOUT {
+        Some(about) => {
+            let short = about.lines().next().unwrap_or_default();
+            command.about(short).long_about(about)
+        }
+        None => command,
+    };
     let command = match V::USAGE {
         Some(usage) => command.override_usage(format!("terrane {} {usage}", V::NAME)),
         None => command,

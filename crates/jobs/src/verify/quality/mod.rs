@@ -5,7 +5,6 @@
 //! over rectangles of its samples, where triangles are held against slopes ([`terrane_proof::slope`]).
 //! Nothing in the report depends on threads, memory budget, or the order of work.
 
-mod ground;
 mod report;
 mod shapes;
 mod slopes;
@@ -13,10 +12,10 @@ mod slopes;
 use std::path::Path;
 
 use super::{LEAST_MEMORY, Work, check_grid};
+use crate::ground::Ground;
 use crate::input::is_geographic;
 use crate::memory::cache_beside;
 use crate::{Cancel, Progress, Resources};
-use ground::Ground;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_mesh::MeshSource;

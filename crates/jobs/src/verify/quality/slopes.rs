@@ -1,7 +1,7 @@
 //! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
 
-use super::ground::Ground;
 use super::report::SlopeReport;
+use crate::ground::Ground;
 use crate::verify::parts;
 use crate::verify::report::place;
 use crate::verify::spread::{Reach, Spread};
@@ -15,7 +15,7 @@ pub(super) fn look(work: Work<'_>, grid: &dyn GridSource, ground: &Ground) -> Re
     let context = Context::new(work, grid, Asked::of_samples(None))?;
     let layout = parts::divided(&context)?;
     let spread = Spread::of_triangles(&context.work, &context.snapper, layout, Reach::Touched)?;
-    let turn = |col, row| ground.turn(col, row);
+    let turn = |col: u32, row: u32| ground.turn(f64::from(col) + 0.5, f64::from(row) + 0.5);
     let judge = |part: &terrane_proof::Part<'_>, slopes: &mut Slopes| {
         slope::look(part, &turn, slopes);
         Ok(())

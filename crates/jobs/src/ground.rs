@@ -9,7 +9,7 @@ use terrane_raster::GridInfo;
 
 /// How a slope by column and row lies on the ground.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ground {
+pub(crate) struct Ground {
     map: Affine,
     across: Across,
     /// Metres of a unit of heights.
@@ -30,7 +30,7 @@ impl Ground {
     ///
     /// # Errors
     /// Heights in a unit whose length is not known, latitudes beyond the poles.
-    pub(super) fn of(info: &GridInfo) -> Result<Self> {
+    pub(crate) fn of(info: &GridInfo) -> Result<Self> {
         let mut notes = Vec::new();
         let across = across(&info.crs, &mut notes);
         let rise = rise(&info.crs, across, &mut notes)?;
@@ -42,19 +42,28 @@ impl Ground {
     }
 
     /// What was taken for granted.
-    pub(super) fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
 
-    /// Of the cell whose sample at the left above is this: both slopes in units of height by column and
-    /// row to those by metre east and north.
-    pub(super) fn turn(&self, col: u32, row: u32) -> Turn {
+    /// Where a unit of x and y is so many units of heights.
+    pub(crate) fn scaled(info: &GridInfo, scale: f64) -> Self {
+        let across = Across::Everywhere(scale);
+        Self { map: info.transform, across, rise: 1.0, notes: Vec::new() }
+    }
+
+    /// Whether it is the same along a row.
+    pub(crate) fn is_by_row(&self) -> bool {
+        self.across != Across::Degrees || self.map.d == 0.0
+    }
+
+    /// At a place in columns and rows: both slopes in units of height by column and row to those by metre east
+    /// and north.
+    pub(crate) fn turn(&self, col: f64, row: f64) -> Turn {
         let Affine { a, b, d, e, .. } = self.map;
         let [east, north] = match self.across {
             Across::Everywhere(metres) => [metres; 2],
-            Across::Degrees => {
-                degree_metres(self.map.apply(f64::from(col) + 0.5, f64::from(row) + 0.5)[1])
-            }
+            Across::Degrees => degree_metres(self.map.apply(col, row)[1]),
         };
         let whole = self.rise / self.map.determinant();
         let (east, north) = (whole / east, whole / north);
@@ -78,7 +87,7 @@ fn rise(crs: &Crs, across: Across, notes: &mut Vec<String>) -> Result<f64> {
         (Some(metres), ..) => Ok(metres),
         (None, Some(unit), _) => {
             Err(Error::unsupported(format!("heights in {unit:?} are no lengths known here"))
-                .remedy("leave --grid out, or name a grid with heights in metres or feet"))
+                .remedy("name a grid with heights in metres or feet"))
         }
         (None, None, Across::Everywhere(metres)) => {
             notes
@@ -100,7 +109,7 @@ fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()>
     let beyond = corners.map(|[_, latitude]| latitude).find(|latitude| latitude.abs() >= 90.0);
     beyond.map_or(Ok(()), |latitude| {
         Err(Error::bad_input(format!("degrees at latitude {latitude} are no lengths"))
-            .remedy("leave --grid out, or correct the grid's reference system"))
+            .remedy("correct the reference system of the grid"))
     })
 }
 
@@ -129,7 +138,7 @@ mod tests {
         let map = Affine { x0: 5.0, a: 3.0, b: 1.0, y0: 6.0, d: 0.5, e: -2.0 };
         let lattice = by_lattice(&map, [0.2, -0.7]);
         let plain = Ground::of(&info(map, Crs::default())).unwrap();
-        assert!(is_near(turned(plain.turn(3, 4), lattice), [0.2, -0.7]));
+        assert!(is_near(turned(plain.turn(3.5, 4.5), lattice), [0.2, -0.7]));
         assert_eq!(plain.notes().len(), 2);
         let unit = |epsg, unit: &str| Crs {
             epsg: Some(epsg),
@@ -137,12 +146,12 @@ mod tests {
             ..Crs::default()
         };
         let feet_on_metres = Ground::of(&info(map, unit(32_631, "foot"))).unwrap();
-        let [x, y] = turned(feet_on_metres.turn(3, 4), lattice);
+        let [x, y] = turned(feet_on_metres.turn(3.5, 4.5), lattice);
         assert!(
             is_near([x / 0.3048, y / 0.3048], [0.2, -0.7]) && feet_on_metres.notes().is_empty()
         );
         let metres_on_feet = Ground::of(&info(map, unit(2263, "metre"))).unwrap();
-        let [x, y] = turned(metres_on_feet.turn(3, 4), lattice);
+        let [x, y] = turned(metres_on_feet.turn(3.5, 4.5), lattice);
         let foot = 1200.0 / 3937.0;
         assert!(is_near([x * foot, y * foot], [0.2, -0.7]));
         let odd = Ground::of(&info(map, unit(32_631, "sazhen"))).unwrap_err();
@@ -157,10 +166,10 @@ mod tests {
         let degrees = Crs { geographic: Some(true), ..Crs::default() };
         let map = Affine { x0: 7.0, a: 0.5, b: 0.0, y0: 60.25, d: 0.0, e: -0.5 };
         let ground = Ground::of(&info(map, degrees.clone())).unwrap();
-        let [x, y] = turned(ground.turn(2, 0), by_lattice(&map, [1.0, 1.0]));
+        let [x, y] = turned(ground.turn(2.5, 0.5), by_lattice(&map, [1.0, 1.0]));
         // Metres of a degree at 60 degrees north (WGS 84).
         assert!((1.0 / x - 55_800.0).abs() < 1.0 && (1.0 / y - 111_412.0).abs() < 1.0, "{x} {y}");
-        assert!(ground.turn(2, 9)[0][0] < ground.turn(2, 0)[0][0]);
+        assert!(ground.turn(2.5, 9.5)[0][0] < ground.turn(2.5, 0.5)[0][0]);
         let pole = Affine { y0: 90.25, ..map };
         assert!(Ground::of(&info(pole, degrees.clone())).is_err());
         let up_to_it = Affine { y0: 90.0, ..map };

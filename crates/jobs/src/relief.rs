@@ -1,0 +1,195 @@
+//! Derivatives of a grid (slope, aspect, hillshade and others) as grids: a grid in front of the one that is read, which
+//! is copied as any other. So they have any size, format and number of threads, and the same bytes.
+
+use std::sync::Arc;
+
+use crate::convert::{self, ConvertJob, ConvertReport};
+use crate::ground::Ground;
+use crate::{Cancel, Progress};
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_raster::{GridInfo, GridSource, SampleType};
+use terrane_relief::{Derivative, Turn};
+
+/// Columns and rows that are looked at together.
+const PIECE: [u32; 2] = [512, 64];
+/// What stands for no value, where values are any numbers.
+const NODATA: f64 = -9999.0;
+
+/// A derivative to be written.
+#[derive(Clone)]
+pub struct ReliefJob {
+    /// The grid, and the file to write.
+    pub copy: ConvertJob,
+    /// What is told of each sample.
+    pub derivative: Arc<dyn Derivative>,
+    /// Units of heights in a unit of x and y, instead of what the grid says of both.
+    pub scale: Option<f64>,
+    /// Samples at the border of the grid or beside voids have a value, too.
+    pub edges: bool,
+}
+
+/// Writes a derivative of a grid, in the grid's system and on its lattice: 32-bit numbers, or whole ones of a byte.
+/// Samples with less than eight valid neighbours are void, unless `edges`: then what is beyond the grid is on the line
+/// through the two samples inside, and voids are as high as the sample.
+///
+/// # Errors
+/// Those of [`convert::run`]; units of heights whose length is not known, and degrees beyond a pole.
+pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
+    convert::run_of(&job.copy, progress, cancel, |inner| {
+        let info = inner.info();
+        let ground = match job.scale {
+            Some(scale) => Ground::scaled(info, scale),
+            None if !job.derivative.is_of_slopes() => Ground::scaled(info, 1.0),
+            None => Ground::of(info)?,
+        };
+        let (sample_type, nodata) = match job.derivative.largest() {
+            Some(_) => (SampleType::U8, 0.0),
+            None => (SampleType::F32, NODATA),
+        };
+        let nodata = Some(nodata);
+        let info = GridInfo { sample_type, nodata, scale: 1.0, offset: 0.0, ..info.clone() };
+        let (derivative, notes) = (Arc::clone(&job.derivative), ground.notes());
+        Ok((Box::new(Derived { info, inner, derivative, ground, edges: job.edges }), notes))
+    })
+}
+
+/// A grid of derivatives.
+struct Derived {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    derivative: Arc<dyn Derivative>,
+    ground: Ground,
+    edges: bool,
+}
+
+/// Heights of a piece and of one sample around it.
+struct Piece {
+    rect: Rect,
+    heights: Vec<f64>,
+}
+
+impl Derived {
+    /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
+    fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
+        let mut out = vec![0.0; PIECE[0] as usize];
+        for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
+            for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
+                let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
+                let heights = self.heights(piece)?;
+                for row in piece.row..piece.end_row() {
+                    let out = &mut out[..piece.width as usize];
+                    self.row(&heights, row, out);
+                    found([piece.col, row], out);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads heights with one more sample on each side.
+    fn heights(&self, rect: Rect) -> Result<Piece> {
+        let all = self.info.bounds();
+        // Two beyond, so that a line goes through two at the border.
+        let [left, top] = [rect.col.saturating_sub(2), rect.row.saturating_sub(2)];
+        let [right, bottom] = [rect.end_col() + 2, rect.end_row() + 2];
+        let read = Rect::new(left, top, right - left, bottom - top).intersect(&all);
+        let mut inner = vec![0.0; read.len()];
+        self.inner.read_f64(read, &mut inner)?;
+        let at = |col: i64, row: i64| {
+            let is_in = |at: i64, count: u32| (0..i64::from(count)).contains(&at);
+            if !is_in(col, all.width) || !is_in(row, all.height) {
+                return f64::NAN;
+            }
+            inner[(row - i64::from(read.row)) as usize * read.width as usize
+                + (col - i64::from(read.col)) as usize]
+        };
+        let beyond = |at: i64, count: u32| match at {
+            -1 => 1,
+            _ if at == i64::from(count) => -1,
+            _ => 0,
+        };
+        let height = |col: i64, row: i64| {
+            let [x, y] = [beyond(col, all.width), beyond(row, all.height)];
+            if !self.edges || (x == 0 && y == 0) {
+                return at(col, row);
+            }
+            let [next, after] = [at(col + x, row + y), at(col + 2 * x, row + 2 * y)];
+            if after.is_nan() { next } else { 2.0 * next - after }
+        };
+        let [col, row] = [rect.col, rect.row].map(i64::from);
+        let [cols, rows] = [rect.width, rect.height].map(i64::from);
+        let all = (row - 1..=row + rows)
+            .flat_map(|row| (col - 1..=col + cols).map(move |col| (col, row)));
+        Ok(Piece { rect, heights: all.map(|(col, row)| height(col, row)).collect() })
+    }
+
+    fn row(&self, Piece { rect, heights }: &Piece, row: u32, out: &mut [f64]) {
+        let width = rect.width as usize + 2;
+        let first = (row - rect.row) as usize * width;
+        let rows = [0, 1, 2].map(|down: usize| &heights[first + down * width..][..width]);
+        let turn = |col: u32| self.turn(col, row);
+        if self.ground.is_by_row() && !self.edges {
+            self.derivative.row(rows, &turn(rect.col), out);
+            return;
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            let here = rows[1][i + 1];
+            let filled = rows.map(|row| {
+                [0, 1, 2].map(|k: usize| {
+                    let height = row[i + k];
+                    if self.edges && height.is_nan() { here } else { height }
+                })
+            });
+            let rows = filled.each_ref().map(|row| &row[..]);
+            self.derivative.row(rows, &turn(rect.col + i as u32), std::slice::from_mut(out));
+        }
+    }
+
+    /// To metres by metre, where heights count in slopes.
+    fn turn(&self, col: u32, row: u32) -> Turn {
+        let col = if self.ground.is_by_row() { 0 } else { col };
+        self.ground.turn(f64::from(col), f64::from(row))
+    }
+}
+
+impl GridSource for Derived {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.each(rect, &mut |[col, row], values| {
+            let from = (row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize;
+            out[from..].iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
+        })
+    }
+
+    /// As they are written, in single precision.
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.each(rect, &mut |[col, row], values| {
+            let from = (row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize;
+            out[from..]
+                .iter_mut()
+                .zip(values)
+                .for_each(|(out, value)| *out = f64::from(*value as f32));
+        })
+    }
+
+    fn block_bytes(&self) -> u64 {
+        let [cols, rows] = PIECE.map(|side| u64::from(side) + 4);
+        self.inner.block_bytes() + 2 * cols * rows * 8
+    }
+
+    fn members(&self) -> Vec<std::path::PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        self.inner.release(rect);
+    }
+
+    fn copied(&self, rect: Rect) {
+        self.inner.copied(rect);
+    }
+}
