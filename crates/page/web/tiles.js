@@ -296,7 +296,7 @@ function follow() {
   if (natural && isIdle() && stream.heights) {
     natural = false;
     const relief = stream.heights[1] - stream.heights[0];
-    setExaggeration(Math.min(8, Math.max(1, Math.round((0.13 * camera.home.span) / (relief || 1)) / 2)));
+    setExaggeration(Math.min(3, Math.max(1, Math.round((0.13 * camera.home.span) / (relief || 1)) / 2)));
   }
   const ground = at(camera.frame.lon, camera.frame.lat);
   // Coarse tiles may be kilometres off.
