@@ -163,3 +163,56 @@ fn heights_that_are_none_are_refused_by_name() {
     fails(2, &["--nodata -3.2768e4"]);
     place.ok(&["tiles", "g.asc", "t", "--nodata", "-32768", "-q"]);
 }
+
+/// Large ones, beside borders of tiles, in steep land: levels differ by no more than their errors there, either.
+#[test]
+fn voids_beside_borders_are_proved() {
+    let place = Place::new();
+    let height = |col: usize, row: usize| {
+        let (x, y) = (col as f64, row as f64);
+        let smooth = 2700.0 * (x / 9.0).sin() * (y / 7.0).cos() + 400.0 * ((x + y) / 3.1).sin();
+        let height = smooth + ((col * 7919 + row * 104_729) % 97) as f64;
+        if height > 0.0 { -9999.0 } else { (height * 10.0).round() / 10.0 }
+    };
+    plain(&place, [301, 301], [5.0, 44.0, 0.000833333333], height);
+    place.ok(&["tiles", "g.asc", "t", "-q"]);
+    place.ok(&["verify", "t", "g.asc", "-q"]);
+    // The two halves of the globe meet at 180 degrees, too.
+    let sides = |tile: &str, east: bool| {
+        place.ok(&[
+            "tiles",
+            "g.asc",
+            "plain",
+            "--max-level",
+            "0",
+            "--no-gzip",
+            "--overwrite",
+            "-q",
+        ]);
+        let bytes = place.bytes(&format!("plain/0/{tile}/0.terrain"));
+        let count = u32::from_le_bytes(bytes[88..92].try_into().unwrap()) as usize;
+        let [low, high] =
+            [24, 28].map(|at| f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())));
+        let column = |k: usize| {
+            let (mut at, mut value) = (92 + 2 * k * count, 0_i32);
+            (0..count)
+                .map(|_| {
+                    let coded =
+                        i32::from(u16::from_le_bytes(bytes[at..at + 2].try_into().unwrap()));
+                    (at, value) = (at + 2, value + (coded >> 1 ^ -(coded & 1)));
+                    value
+                })
+                .collect::<Vec<_>>()
+        };
+        let [u, v, h] = [0, 1, 2].map(column);
+        let edge = if east { 32_767 } else { 0 };
+        let on = (0..count).filter(|i| u[*i] == edge);
+        let mut found: Vec<_> = on
+            .map(|i| (v[i], (low + (high - low) * f64::from(h[i]) / 32_767.0).round() as i32))
+            .collect();
+        found.sort_unstable();
+        found
+    };
+    let (west, east) = (sides("0", false), sides("1", true));
+    assert!(west.len() > 30 && west == east, "{west:?} {east:?}");
+}

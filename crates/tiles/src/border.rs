@@ -79,25 +79,26 @@ pub(crate) fn along(part: u32, parts: u32) -> i32 {
     (double / (2 * u64::from(parts))) as i32
 }
 
-/// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike, so that borders
-/// of different levels are as near to each other there as elsewhere.
+/// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike and goes on in
+/// the same straight lines, so that borders of different levels are as near to each other there as elsewhere.
 fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<Stop> {
-    let stop = |along: i32, known: Option<f64>, is_post: bool| {
-        let place = tile.place(side.position(along));
-        let height = level.steps(known.unwrap_or_else(|| ground.fill(place)));
-        let upright = Upright::at(place);
+    let stop = |along: i32, height: f64, is_post: bool| {
+        let height = level.steps(height);
+        let upright = Upright::at(tile.place(side.position(along)));
         let point = upright.point(f64::from(height) * level.step);
         Stop { along, is_post, height, upright, point }
     };
     let post = |part: u32| {
         let along = along(part, level.posts);
-        stop(along, ground.height(tile.place(side.position(along))), true)
+        let place = tile.place(side.position(along));
+        stop(along, ground.height(place).unwrap_or_else(|| ground.filled(place)), true)
     };
     let mut stops: Vec<Stop> = (0..=level.posts).map(post).collect();
     let ends = [0, STEPS].map(|end| tile.place(side.position(end)));
     ground.bends(ends, &mut |place, height| {
         let [u, v] = tile.steps(place).map(|at| at.round() as i32);
         let along = if matches!(side, Side::West | Side::East) { v } else { u };
+        let height = height.unwrap_or_else(|| ground.filled(place));
         stops.push(stop(along.clamp(0, STEPS), height, false));
     });
     // Of those at one position a post counts, or else the first.

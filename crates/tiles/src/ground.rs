@@ -33,8 +33,9 @@ pub trait Ground {
     /// that of its edge goes on.
     fn height(&self, place: [f64; 2]) -> Option<f64>;
 
-    /// What stands for it where nothing is known.
-    fn fill(&self, place: [f64; 2]) -> f64;
+    /// The same where some of the four are void: what stands for a void counts as its height. So it goes on without a
+    /// step from what is known to what is not, and along a meridian or parallel of samples in straight lines.
+    fn filled(&self, place: [f64; 2]) -> f64;
 
     /// Hands on where the ground bends along the straight line between two places on one meridian or parallel, and
     /// the heights there, as [`height`](Self::height) has them: in between it is straight.
@@ -188,20 +189,16 @@ impl<'a> Patch<'a> {
 
 impl Ground for Patch<'_> {
     fn height(&self, place: [f64; 2]) -> Option<f64> {
-        let at = self.chart.within(place)?;
-        let whole = self.chart.whole();
-        let [cols, rows] = [0, 1].map(|axis: usize| {
-            let first = at[axis] as u32;
-            let part = at[axis] - f64::from(first);
-            [(first, 1.0 - part), ((first + 1).min(whole[axis] - 1), part)]
-        });
         let mut sum = 0.0;
-        for (row, down) in rows.into_iter().filter(|(_, part)| *part > 0.0) {
-            for (col, along) in cols.into_iter().filter(|(_, part)| *part > 0.0) {
-                sum += down * along * self.at(col, row)?;
-            }
+        for ([col, row], part) in around(self.chart.within(place)?) {
+            sum += part * self.at(col, row)?;
         }
         Some(sum)
+    }
+
+    fn filled(&self, place: [f64; 2]) -> f64 {
+        let at = self.chart.within(place);
+        between(at, self.fill, |[col, row]| self.at(col, row))
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
@@ -215,10 +212,6 @@ impl Ground for Patch<'_> {
             place[axis] = map.apply(f64::from(index), f64::from(index))[axis];
             found(place, self.height(place));
         }
-    }
-
-    fn fill(&self, place: [f64; 2]) -> f64 {
-        self.fill.at(self.chart.at(place))
     }
 
     fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
@@ -240,6 +233,28 @@ impl Ground for Patch<'_> {
             }
         }
     }
+}
+
+/// The samples around a place in columns and rows, and what each counts for; none that counts for nothing.
+pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f64)> {
+    let ends = |at: f64| {
+        let first = at as u32;
+        let part = at - f64::from(first);
+        [(first, 1.0 - part), (first + 1, part)].into_iter().filter(|(_, part)| *part > 0.0)
+    };
+    ends(row)
+        .flat_map(move |(row, down)| ends(col).map(move |(col, along)| ([col, row], down * along)))
+}
+
+/// The height at a place in columns and rows, between samples or what stands for them.
+pub(crate) fn between(
+    at: Option<[f64; 2]>,
+    fill: &Fill,
+    sample: impl Fn([u32; 2]) -> Option<f64>,
+) -> f64 {
+    // Where there are no columns and rows, it is as at the first sample.
+    let known = |at: [u32; 2]| sample(at).unwrap_or_else(|| fill.at(at.map(f64::from)));
+    around(at.unwrap_or_default()).map(|(at, part)| part * known(at)).sum()
 }
 
 /// Heights that stand for those of voids and of what lies beyond the grid: means of squares of samples, and where
@@ -363,8 +378,7 @@ impl Fill {
     /// At a place of the grid, in samples; beyond the grid as at its border.
     pub fn at(&self, place: [f64; 2]) -> f64 {
         let along = |axis: usize, count: u32| {
-            // What is no place counts as the first sample.
-            let place = (place[axis].max(0.0) + 0.5) / f64::from(self.square) - 0.5;
+            let place = (place[axis] + 0.5) / f64::from(self.square) - 0.5;
             let place = place.clamp(0.0, f64::from(count - 1));
             let first = place.floor();
             [
@@ -460,9 +474,13 @@ mod tests {
         let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         assert_eq!(patch.height(MAP.apply(0.2, 0.2)), None);
         assert_eq!(patch.height(MAP.apply(1.0, 0.0)), Some(10.0), "on a sample it alone counts");
-        let filled = patch.fill(MAP.apply(0.0, 0.0));
+        let filled = patch.filled(MAP.apply(0.0, 0.0));
         assert!((10.0..=30.0).contains(&filled));
-        assert_eq!(patch.fill([100.0, 80.0]), patch.fill(MAP.apply(49.0, 0.0)), "beyond the grid");
+        assert_eq!(
+            patch.filled([100.0, 80.0]),
+            patch.filled(MAP.apply(49.0, 0.0)),
+            "beyond the grid"
+        );
         assert!(Means::new([3, 3]).fill().is_none());
     }
 }

@@ -89,7 +89,7 @@ impl<'a> Builder<'a> {
                 let at = [inner(col), inner(row)];
                 let place = id.place(at);
                 let height = ground.height(place);
-                let height = level.steps(height.unwrap_or_else(|| ground.fill(place)));
+                let height = level.steps(height.unwrap_or_else(|| ground.filled(place)));
                 first.push(Vertex { at, height });
             }
         }

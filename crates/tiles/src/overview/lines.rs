@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::{Overview, Plan};
 use crate::chart::{Chart, HAIR};
+use crate::ground::around;
 use terrane_base::geom::{Affine, Rect};
 
 /// Columns or rows by number, and which samples along them are kept: all of them, if it is not said.
@@ -43,24 +44,23 @@ impl Overview {
         }
     }
 
-    /// The height between samples of two rows.
-    fn on_spots(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
-        let ends = |at: f64| {
-            let first = at as u32;
-            let part = at - f64::from(first);
-            [(first, 1.0 - part), (first + 1, part)]
-        };
-        let mut sum = 0.0;
-        for (row, down) in ends(row).into_iter().filter(|(_, part)| *part > 0.0) {
-            let (Some(Some(spots)), Some(heights)) =
-                (self.plan.lines[1].get(&row), self.lines[1].get(&row))
-            else {
-                return Err(());
-            };
-            for (col, along) in ends(col).into_iter().filter(|(_, part)| *part > 0.0) {
-                let at = spots.binary_search(&col).map_err(|_| ())?;
-                sum += down * along * heights[at];
+    /// A sample that is kept, not a number where it is void; `None` where it is not kept.
+    pub(super) fn sample(&self, at: [u32; 2]) -> Option<f64> {
+        (0..2).find_map(|axis| {
+            let (line, along) = (at[axis], at[1 - axis]);
+            let heights = self.lines[axis].get(&line)?;
+            match self.plan.lines[axis].get(&line)? {
+                None => heights.get(along as usize).copied(),
+                Some(spots) => spots.binary_search(&along).ok().map(|spot| heights[spot]),
             }
+        })
+    }
+
+    /// The height between samples of two rows.
+    fn on_spots(&self, at: [f64; 2]) -> Result<Option<f64>, ()> {
+        let mut sum = 0.0;
+        for (at, part) in around(at) {
+            sum += part * self.sample(at).ok_or(())?;
         }
         Ok(sum.is_finite().then_some(sum))
     }
@@ -127,8 +127,8 @@ pub(super) fn whole(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
 pub(super) fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let most = chart.whole().map(|count| count - 1);
-    for axis in 0..2 {
-        for line in lines[axis] {
+    for (axis, lines) in lines.into_iter().enumerate() {
+        for line in lines {
             let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
             chart.stops([end(-180.0), end(180.0)], &mut |place| {
                 let Some([col, row]) = chart.within(place).map(|at| at.map(|at| at as u32)) else {

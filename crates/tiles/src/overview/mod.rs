@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::chart::Chart;
-use crate::ground::{Fill, Ground, Means, Sample};
+use crate::ground::{Fill, Ground, Means, Sample, around, between};
 use crate::tiling::Bounds;
 use lines::{Lines, beside, spots, whole};
 use terrane_base::geom::Rect;
@@ -173,7 +173,7 @@ impl Plan {
             }
         }
         let valid = || heights.iter().copied().filter(|height| height.is_finite());
-        let range = valid().map(|height| [height; 2]).reduce(around);
+        let range = valid().map(|height| [height; 2]).reduce(both);
         let width = rect.width as usize;
         let line = |axis: usize, (line, part): (u32, Range<usize>)| {
             let at = |along: u32| {
@@ -253,7 +253,7 @@ impl Gathered {
             }
         }
         self.means.join(&glance.means);
-        self.range = self.range.into_iter().chain(glance.range).reduce(around);
+        self.range = self.range.into_iter().chain(glance.range).reduce(both);
     }
 
     /// The grid from afar, once all was seen; `None` where all of it is void.
@@ -263,7 +263,7 @@ impl Gathered {
     }
 }
 
-fn around(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
 
@@ -380,8 +380,14 @@ impl Ground for Overview {
         (block.count > 0).then(|| block.height(offset).clamp(low, high))
     }
 
-    fn fill(&self, place: [f64; 2]) -> f64 {
-        self.fill.at(self.plan.chart.at(place))
+    /// Between samples that are kept; elsewhere as the height is.
+    fn filled(&self, place: [f64; 2]) -> f64 {
+        let at = self.plan.chart.within(place);
+        let is_kept = |at: [f64; 2]| around(at).all(|(at, _)| self.sample(at).is_some());
+        match at.filter(|at| !is_kept(*at)).and_then(|_| self.height(place)) {
+            Some(height) => height,
+            None => between(at, &self.fill, |at| self.sample(at).filter(|z| z.is_finite())),
+        }
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
