@@ -197,7 +197,11 @@ fn memory_that_runs_out_leaves_a_run_that_goes_on() {
         if output.status.success() {
             break;
         }
-        assert!(!place.path("work/mesh.ply").exists(), "{mib} MiB");
+        // Memory may run out after the mesh is there; it is whole then.
+        if let Ok(mesh) = std::fs::read(place.path("work/mesh.ply")) {
+            assert!(mesh == expected, "{mib} MiB");
+            break;
+        }
         assert_eq!(status(&place)["damaged"].as_array().unwrap().len(), 0, "{mib} MiB");
     }
     assert!(failures > 0, "all limits are enough");
