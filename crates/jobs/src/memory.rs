@@ -2,7 +2,7 @@
 //!
 //! | share | bytes |
 //! |---|---|
-//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 14 MiB |
+//! | the program itself: code, stacks, the allocator's slack, a sink's buffers | 15 MiB |
 //! | each worker: the most a tile can need | given |
 //! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
 //! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
@@ -16,7 +16,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
 
 /// Bytes for the program itself.
-pub(crate) const PROGRAM: u64 = 14 << 20;
+pub(crate) const PROGRAM: u64 = 15 << 20;
 /// Least that is left beside the program, however little is allowed.
 const LEAST_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
@@ -176,10 +176,10 @@ mod tests {
     #[test]
     fn workers_are_left_out_before_the_budget_is_broken() {
         let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
-        assert_eq!(shares(68, 8).threads, 1);
+        assert_eq!(shares(69, 8).threads, 1);
         assert_eq!(shares(128, 8).threads, 2);
         assert_eq!(shares(4096, 8).threads, 8);
-        for memory in [68, 70, 128, 1000, 9000] {
+        for memory in [69, 70, 128, 1000, 9000] {
             let Shares { threads, cache, mesh } = shares(memory, 8);
             let left = memory * MIB - PROGRAM - 48 * MIB * threads as u64;
             assert_eq!(cache, (left / 2).min(MOST_CACHE));
@@ -204,7 +204,7 @@ mod tests {
             let shares = divide_beside((128 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap();
             assert_eq!(shares, divide(128 * MIB, 8, 48 * MIB).unwrap());
             let error = divide_beside((60 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap_err();
-            assert!(error.to_string().starts_with(&format!("at least {} MiB", 68 + held)));
+            assert!(error.to_string().starts_with(&format!("at least {} MiB", 69 + held)));
         }
     }
 
@@ -212,6 +212,6 @@ mod tests {
     fn too_little_is_refused_with_the_least_needed() {
         let error = divide(65 * MIB, 1, 48 * MIB).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        assert!(error.to_string().starts_with("at least 68 MiB of memory are needed, 65.0 MiB"));
+        assert!(error.to_string().starts_with("at least 69 MiB of memory are needed, 65.0 MiB"));
     }
 }
