@@ -15,8 +15,11 @@ use terrane_files::lock;
 use terrane_proof::ExactSum;
 use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, Seen, TileId};
 
-/// Columns and rows of a window.
-const WINDOW: u32 = 512;
+/// Columns and rows of a window: fewer where the place of each sample is kept.
+fn window(places: &Places<'_>) -> u32 {
+    if places.sample_bytes() == 0 { 512 } else { 128 }
+}
+
 /// Bytes of a window and what is made of it.
 pub(super) fn window_bytes(places: &Places<'_>) -> u64 {
     // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
@@ -24,7 +27,7 @@ pub(super) fn window_bytes(places: &Places<'_>) -> u64 {
         0 => 8,
         place => 8 + place + 4 * size_of::<usize>() as u64,
     };
-    u64::from(WINDOW) * u64::from(WINDOW) * sample + (1 << 20)
+    u64::from(window(places)).pow(2) * sample + (1 << 20)
 }
 /// Most tiles that are counted as missing.
 pub(super) const MOST_MISSING: usize = 1 << 20;
@@ -119,12 +122,13 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
     let found = Mutex::new(Found::new(levels));
     let facets = Cache::new(context.memory / 2);
     let bounds = context.places.bounds();
-    let across = u64::from(bounds.width.div_ceil(WINDOW));
-    let windows = across * u64::from(bounds.height.div_ceil(WINDOW));
+    let side = window(&context.places);
+    let across = u64::from(bounds.width.div_ceil(side));
+    let windows = across * u64::from(bounds.height.div_ceil(side));
     context.progress.begin("samples", u64::from(bounds.width) * u64::from(bounds.height));
     let work = |(found, heights): &mut (Found, Vec<f64>), number: u64| {
-        let [row, col] = [number / across, number % across].map(|at| at as u32 * WINDOW);
-        let rect = Rect::new(col, row, WINDOW, WINDOW).intersect(&bounds);
+        let [row, col] = [number / across, number % across].map(|at| at as u32 * side);
+        let rect = Rect::new(col, row, side, side).intersect(&bounds);
         heights.resize(rect.len(), 0.0);
         context.places.read(rect, heights)?;
         let window = Window::new(context, rect, heights)?;
