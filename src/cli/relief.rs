@@ -10,7 +10,7 @@ use crate::cli::convert;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, lists, many, names, parse, report};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::jobs::convert::ConvertJob;
 use crate::jobs::relief::{self, ReliefJob};
 use crate::jobs::sift::Sifted;
@@ -99,6 +99,10 @@ impl<W: Wanted> Verb for Args<W> {
         };
         convert::check(&copy)?;
         let derivative = self.wanted.derivative();
+        if self.scale.is_some() && !derivative.is_of_slopes() {
+            return Err(Error::usage(format!("--scale is for slopes, and {} has none", W::NAME))
+                .remedy("leave --scale out"));
+        }
         let job = ReliefJob { copy, derivative, scale: self.scale, edges: self.compute_edges };
         let made = relief::run(&job, self.show.progress().as_ref(), call.cancel)?;
         let told = report::WithSkipped { report: &made, skipped: &skipped };

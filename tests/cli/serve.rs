@@ -347,6 +347,8 @@ fn what_cannot_be_served_is_refused_by_name() {
     place.fails(&["view", "set", "--serve", "--port", &port], 74, &[&port, "--port"]);
     for args in [
         &["view", "set", "--port", "8000"][..],
+        &["view", "synth:rough,size=40", "-o", "a.png", "--port", "8000"],
+        &["view", "synth:rough,size=40", "--html", "a.html", "--port", "8000"],
         &["view", "set", "--serve", "--port", "0"],
         &["view", "set", "--serve", "-o", "a.png"],
         &["view", "set", "--serve", "--html", "a.html"],

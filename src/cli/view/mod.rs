@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, parse, report, text};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::jobs::sift::Sifted;
 use crate::jobs::view::{self, ViewJob, ViewReport};
 use crate::jobs::{Cancel, Resources};
@@ -39,7 +39,7 @@ pub(super) struct Args {
     #[arg(long, conflicts_with_all = ["output", "html", "overwrite"])]
     serve: bool,
     /// Port to serve on [default: a free one]
-    #[arg(long, value_name = "N", requires = "serve", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     /// Grid whose samples the page of a mesh is compared with: every triangle gets its largest error
     #[arg(long, value_name = "GRID", conflicts_with = "output", value_parser = names::any())]
@@ -101,6 +101,11 @@ impl Verb for Args {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
+    // What --serve excludes would lift a requirement of the parser's.
+    if args.port.is_some() && !args.serve {
+        return Err(Error::usage("--port is for pages that are served")
+            .remedy("pass --serve, or leave --port out"));
+    }
     let is_page = args.html.is_some() || args.serve;
     let are_others = serve::are_tiles(&args.input) || is_page && page::are_lines(&args.input);
     let Sifted { names, skipped } = match are_others {
