@@ -204,3 +204,23 @@ function drawCompass(camera) {
   context.textAlign = 'center';
   context.fillText('N', 0, -half * 0.66);
 }
+
+// ---- controls that pages have in common
+
+function flip(name) {
+  shown[name] = !shown[name];
+  press($(name), shown[name]);
+  dirty = true;
+}
+
+function setLight(azimuth) {
+  shown.azimuth = ((azimuth % 360) + 360) % 360;
+  $('light').value = shown.azimuth;
+  $('light-told').textContent = num(shown.azimuth, 1) + '°, ' + num(shown.altitude, 1) + '° high';
+  dirty = true;
+}
+
+function setFlight(on) {
+  flying = on;
+  press($('flight'), on);
+}

@@ -159,12 +159,6 @@ const short = (value) => (value >= 1e6 || (value < 1e-3 && value > 0) ? value.to
 
 // ---- controls
 
-function flip(name) {
-  shown[name] = !shown[name];
-  press($(name), shown[name]);
-  dirty = true;
-}
-
 function step(by) {
   $('slider').value = Number($('slider').value) + by;
   choose(shown.method, sliderAt(shown.method));

@@ -327,29 +327,11 @@ function setColour(colour) {
   dirty = true;
 }
 
-function flip(name) {
-  shown[name] = !shown[name];
-  press($(name), shown[name]);
-  dirty = true;
-}
-
 function setExaggeration(value) {
   shown.exaggeration = Math.min(1000, Math.max(0.01, value));
   $('exaggeration').value = Math.log2(shown.exaggeration);
   $('exaggeration-told').textContent = num(shown.exaggeration, 0.1) + ' ×';
   dirty = true;
-}
-
-function setLight(azimuth) {
-  shown.azimuth = ((azimuth % 360) + 360) % 360;
-  $('light').value = shown.azimuth;
-  $('light-told').textContent = num(shown.azimuth, 1) + '°, ' + num(shown.altitude, 1) + '° high';
-  dirty = true;
-}
-
-function setFlight(on) {
-  flying = on;
-  press($('flight'), on);
 }
 
 function setControls() {

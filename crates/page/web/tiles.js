@@ -168,12 +168,6 @@ function setColour(colour) {
   dirty = true;
 }
 
-function flip(name) {
-  shown[name] = !shown[name];
-  press($(name), shown[name]);
-  dirty = true;
-}
-
 function setExaggeration(value) {
   const before = shown.exaggeration;
   shown.exaggeration = Math.min(1000, Math.max(0.01, value));
@@ -188,18 +182,6 @@ function setAllowed(pixels) {
   $('allowed').value = Math.log2(shown.allowed);
   $('allowed-told').textContent = num(shown.allowed, 0.1) + ' pixels';
   dirty = true;
-}
-
-function setLight(azimuth) {
-  shown.azimuth = ((azimuth % 360) + 360) % 360;
-  $('light').value = shown.azimuth;
-  $('light-told').textContent = num(shown.azimuth, 1) + '°, ' + num(shown.altitude, 1) + '° high';
-  dirty = true;
-}
-
-function setFlight(on) {
-  flying = on;
-  press($('flight'), on);
 }
 
 function home() {
