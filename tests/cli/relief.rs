@@ -104,6 +104,17 @@ fn slopes_are_in_metres_whatever_the_grid_is_in() {
             assert!((middle - expected).abs() < 0.3, "{name} {file}: {middle}, {expected}");
         }
     }
+    // Only differences of heights are in their unit.
+    for verb in VERBS {
+        place.ok(&[verb, "synth:rough,size=30", "u.tif", "--overwrite", "-q"]);
+        let info =
+            String::from_utf8(place.command(&["info", "u.tif"]).output().unwrap().stdout).unwrap();
+        let is_height = ["roughness", "tpi", "tri"].contains(&verb);
+        let unit =
+            info.lines().find_map(|line| line.trim().strip_prefix("vertical")).map(str::trim);
+        assert_eq!(unit == Some("metre"), is_height, "{verb}: {info}");
+        assert!(info.contains("EPSG:32631"), "{verb}: {info}");
+    }
     // As gdaldem -s has it.
     place.ok(&["slope", "metres.asc", "slope.tif", "--scale", "2", "--overwrite", "-q"]);
     let (columns, values) = values(&place, "slope.tif");

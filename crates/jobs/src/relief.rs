@@ -43,12 +43,17 @@ pub fn run(job: &ReliefJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
             None if !job.derivative.is_of_slopes() => Ground::scaled(info, 1.0),
             None => Ground::of(info)?,
         };
-        let (sample_type, nodata) = match job.derivative.largest() {
-            Some(_) => (SampleType::U8, 0.0),
-            None => (SampleType::F32, NODATA),
+        let (sample_type, nodata) = match job.derivative.is_byte() {
+            true => (SampleType::U8, 0.0),
+            false => (SampleType::F32, NODATA),
         };
         let nodata = Some(nodata);
-        let info = GridInfo { sample_type, nodata, scale: 1.0, offset: 0.0, ..info.clone() };
+        // Degrees and the like are in no unit of heights.
+        let crs = match job.derivative.is_of_slopes() {
+            true => info.crs.without_heights(),
+            false => info.crs.clone(),
+        };
+        let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
         let (derivative, notes) = (Arc::clone(&job.derivative), ground.notes());
         Ok((Box::new(Derived { info, inner, derivative, ground, edges: job.edges }), notes))
     })

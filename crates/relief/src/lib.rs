@@ -44,9 +44,9 @@ pub trait Derivative: Send + Sync {
     /// At the fifth of nine heights, all of them valid; not a number where there is none.
     fn at(&self, heights: &Heights, turn: &Turn) -> f64;
 
-    /// The largest of the whole numbers it is, from 1 on; `None` where it is any number.
-    fn largest(&self) -> Option<u8> {
-        None
+    /// Whether it is a whole number from 1 to 255, not any number.
+    fn is_byte(&self) -> bool {
+        false
     }
 
     /// Whether it depends on how far samples are from each other.

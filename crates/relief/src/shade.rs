@@ -70,8 +70,8 @@ impl Derivative for Hillshade {
         (1.0 + 254.0 * bright.max(0.0) + 0.5).floor().min(255.0)
     }
 
-    fn largest(&self) -> Option<u8> {
-        Some(255)
+    fn is_byte(&self) -> bool {
+        true
     }
 }
 

@@ -90,6 +90,28 @@ impl Crs {
         }
     }
 
+    /// The same system of x and y, of values that are no heights.
+    #[must_use]
+    pub fn without_heights(&self) -> Self {
+        let heights = self.heights();
+        if heights == Heights::Unknown && self.vertical_unit.is_none() {
+            return self.clone();
+        }
+        let plain = match (self.epsg, self.parts().0) {
+            (Some(code), _) if heights != Heights::Ellipsoidal => {
+                wkt::of_srs(&format!("EPSG:{code}"))
+            }
+            (_, Some(mut horizontal)) => {
+                if let Horizontal::Geographic(own) = &mut horizontal {
+                    own.is_3d = false;
+                }
+                wkt::from_text(&super::Definition { horizontal, vertical: None }.wkt())
+            }
+            (_, None) => self.clone(),
+        };
+        Self { vertical_epsg: None, vertical_unit: None, vertical_unit_text: None, ..plain }
+    }
+
     /// The same system of x and y with the heights of `other`, where it has none of its own.
     #[must_use]
     pub fn with_heights_of(&self, other: &Self) -> Self {
@@ -340,6 +362,24 @@ mod tests {
             assert!(told.contains(word), "{text}: {told}");
         }
         assert!(of_srs(labrd).conversion().is_ok(), "the crate of operations tells of it");
+    }
+
+    #[test]
+    fn values_that_are_no_heights_have_no_unit_of_heights() {
+        let feet = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:32611") };
+        for system in [of_srs("EPSG:6339+6360"), of_srs("EPSG:4979"), of_srs("EPSG:7415"), feet] {
+            let bare = system.without_heights();
+            assert_eq!(
+                (bare.heights(), bare.vertical_metres()),
+                (Heights::Unknown, None),
+                "{system:?}"
+            );
+            assert!(!bare.wkt_has_heights() && bare.conversion().is_ok());
+            assert_eq!(bare.geographic, system.geographic);
+            assert_eq!(bare.horizontal_unit(), system.horizontal_unit());
+        }
+        assert_eq!(of_srs("EPSG:2056").without_heights(), of_srs("EPSG:2056"));
+        assert_eq!(Crs::default().without_heights(), Crs::default());
     }
 
     #[test]
