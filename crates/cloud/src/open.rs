@@ -83,13 +83,15 @@ impl Cloud {
     /// # Errors
     /// As [`PointSource::read`], but for points outside.
     pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
-        let (member, inner) = self.part(part)?;
+        let (_, member, inner) = self.part(part)?;
         member.records(inner, each)
     }
 
-    fn part(&self, part: usize) -> Result<(&Member, usize)> {
-        let found = self.parts.get(part).and_then(|(member, inner)| {
-            Some((self.members.get(*member as usize)?, *inner as usize))
+    /// A part: the number of its file, the file, and the part of it.
+    pub(super) fn part(&self, part: usize) -> Result<(usize, &Member, usize)> {
+        let found = self.parts.get(part).and_then(|(number, inner)| {
+            let number = *number as usize;
+            Some((number, self.members.get(number)?, *inner as usize))
         });
         found.ok_or_else(|| Error::usage(format!("the cloud has no part {part}")))
     }
@@ -113,7 +115,7 @@ impl PointSource for Cloud {
     }
 
     fn points_of(&self, part: usize) -> u64 {
-        self.part(part).map_or(0, |(member, inner)| member.points_of(inner))
+        self.part(part).map_or(0, |(_, member, inner)| member.points_of(inner))
     }
 
     fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
@@ -132,7 +134,7 @@ impl PointSource for Cloud {
     }
 
     fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        let (member, inner) = self.part(part)?;
+        let (_, member, inner) = self.part(part)?;
         take_room(|room| member.read(inner, room, each))
     }
 }

@@ -1,7 +1,7 @@
-//! Writing LAS and LAZ: streamed in chunks of points, whole or not at all.
+//! Writing LAS, LAZ and COPC: streamed in chunks of points, whole or not at all.
 //!
-//! A writer gives a [`Layout`]; any thread turns [`CHUNK`] points into a [`Chunk`] with it, and the
-//! chunks are appended in order. The header, which comes first and counts everything, is written last.
+//! A writer gives a [`Layout`]; any thread turns points into a [`Chunk`] with it, and the chunks are appended in
+//! order. The header, which comes first and counts everything, is written last.
 //! The bytes depend on the points alone: the header bears no date.
 
 mod chunk;
@@ -10,12 +10,14 @@ mod header;
 mod record;
 mod tally;
 
-pub use chunk::{CHUNK, Chunk, Layout};
-pub use record::{PointFormat, Record};
+pub use chunk::{CHUNK, Chunk, Layout, Packing};
+pub(crate) use record::ANGLES;
+pub use record::Record;
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
+pub use crate::format::PointFormat;
 use header::Header;
 use tally::Tally;
 use terrane_base::error::{Error, Result};
@@ -27,15 +29,60 @@ use terrane_files::atomic::AtomicFile;
 pub struct WriteOptions {
     /// Format of its points; the version of LAS follows from it.
     pub format: PointFormat,
-    /// True for LAZ.
-    pub compress: bool,
+    /// Whether and how they are compressed.
+    pub packing: Packing,
     /// Where the points lie: scale and offset of the header.
     pub frame: Frame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
     /// before it.
     pub crs: Crs,
+    /// What is taken over from other files.
+    pub carried: Carried,
     /// Replace an existing file.
     pub overwrite: bool,
+}
+
+/// What a file takes over from those that its points come from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carried {
+    /// Bits of the global encoding, but for that of well-known text.
+    pub encoding: u16,
+    /// Number of the file or flight line.
+    pub source: u16,
+    /// What measured it.
+    pub system: String,
+    /// Bytes of each record behind the fields of its format.
+    pub extra_bytes: u16,
+    /// Other records.
+    pub vlrs: Vec<Vlr>,
+}
+
+impl Default for Carried {
+    /// Nothing; times are adjusted standard GPS times.
+    fn default() -> Self {
+        Self { encoding: 1, source: 0, system: String::new(), extra_bytes: 0, vlrs: Vec::new() }
+    }
+}
+
+/// A variable length record: before the points, or behind them where it is too long for that.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Vlr {
+    /// Who defines it.
+    pub user: String,
+    /// Its number.
+    pub number: u16,
+    /// For people.
+    pub about: String,
+    /// What it holds.
+    pub data: Vec<u8>,
+}
+
+impl WriteOptions {
+    /// An uncompressed file with points of this format.
+    pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
+        let (packing, carried) = (Packing::default(), Carried::default());
+        Self { format, packing, frame, crs, carried, overwrite: false }
+    }
 }
 
 /// A LAS or LAZ file in the making; dropped before [`finish`](Self::finish), it leaves nothing.
@@ -44,39 +91,32 @@ pub struct CloudWriter {
     header: Header,
     layout: Layout,
     tally: Tally,
-    /// Bytes of the chunks of a LAZ file so far.
-    sizes: Vec<u32>,
+    /// The chunks of a LAZ file so far.
+    entries: Vec<chunk::Entry>,
     /// True once a chunk came that was not full: it was the last.
     is_ended: bool,
 }
 
-/// True when a file of this name is to be compressed; `None` for names of neither ending.
-///
-/// # Errors
-/// COPC, which is read but not written.
-pub fn compressed_by_name(path: &Path) -> Result<Option<bool>> {
+/// How a file of this name is packed; `None` for names of no known ending.
+pub fn packing_by_name(path: &Path) -> Option<Packing> {
     let name = path.to_string_lossy().to_lowercase();
-    if name.ends_with(".copc.laz") {
-        return Err(Error::unsupported("COPC is read but not written")
-            .in_file(path)
-            .remedy("choose a name that ends in .laz only"));
-    }
-    Ok([(".las", false), (".laz", true)].into_iter().find(|(e, _)| name.ends_with(e)).map(|e| e.1))
+    let known = [(".copc.laz", Packing::Nodes), (".laz", Packing::Chunks), (".las", Packing::Plain)];
+    known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
 
 impl CloudWriter {
     /// Starts a file.
     ///
     /// # Errors
-    /// An output that exists already or cannot be created; a CRS too long for the file.
+    /// An output that exists already or cannot be created; records too long for the version.
     pub fn create(path: &Path, options: &WriteOptions) -> Result<Self> {
-        let layout = Layout::new(options.format, options.compress)?;
+        let layout = Layout::new(options.format, options.carried.extra_bytes, options.packing)?;
         let header = Header::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
-        let tally = Tally::default();
-        let mut writer = Self { file, header, layout, tally, sizes: Vec::new(), is_ended: false };
-        writer.write(&writer.header.bytes(&Tally::default())?)?;
-        if options.compress {
+        let (tally, entries) = (Tally::default(), Vec::new());
+        let mut writer = Self { file, header, layout, tally, entries, is_ended: false };
+        writer.write(&writer.header.bytes(&Tally::default()))?;
+        if options.packing != Packing::Plain {
             // Where the table of chunks lies is known at the end.
             writer.write(&(-1_i64).to_le_bytes())?;
         }
@@ -93,7 +133,7 @@ impl CloudWriter {
         self.tally.count()
     }
 
-    /// Appends a chunk. Each but the last must hold [`CHUNK`] points.
+    /// Appends a chunk. Each but the last must hold [`CHUNK`] points, unless chunks are nodes.
     ///
     /// # Errors
     /// More points than the format counts; a disk that is full.
@@ -105,11 +145,11 @@ impl CloudWriter {
             return Ok(());
         }
         assert!(!self.is_ended, "a chunk that is not full must be the last");
-        self.is_ended = chunk.points() < CHUNK;
+        self.is_ended = self.layout.packing() != Packing::Nodes && chunk.points() < CHUNK;
         self.tally.add(&chunk.tally);
         self.header.check(&self.tally).map_err(|e| e.in_file(self.file.path()))?;
-        if self.layout.is_compressed() {
-            self.sizes.push(chunk.bytes.len() as u32);
+        if self.layout.packing() != Packing::Plain {
+            self.entries.push([chunk.points() as u32, chunk.bytes.len() as u32]);
         }
         self.write(&chunk.bytes)
     }
@@ -119,21 +159,33 @@ impl CloudWriter {
     /// # Errors
     /// A disk that is full.
     pub fn finish(mut self) -> Result<u64> {
-        if self.layout.is_compressed() {
+        if self.layout.packing() != Packing::Plain {
             self.end_chunks()?;
         }
+        self.put_behind()?;
         self.seek(SeekFrom::Start(0))?;
-        self.write(&self.header.bytes(&self.tally)?)?;
+        self.write(&self.header.bytes(&self.tally))?;
         self.file.commit()
     }
 
     /// The table of chunks, and where it lies.
     fn end_chunks(&mut self) -> Result<()> {
         let at = self.seek(SeekFrom::End(0))?;
-        let table = chunk::table(&self.sizes).map_err(|e| Error::write(self.file.path(), e))?;
-        self.write(&table)?;
+        let table = chunk::table(&self.entries, self.layout.packing());
+        self.write(&table.map_err(|e| Error::write(self.file.path(), e))?)?;
         self.seek(SeekFrom::Start(self.header.length()))?;
         self.write(&at.to_le_bytes())
+    }
+
+    /// The records behind the points.
+    fn put_behind(&mut self) -> Result<()> {
+        if self.header.behind.is_empty() {
+            return Ok(());
+        }
+        self.header.behind_at = self.seek(SeekFrom::End(0))?;
+        let mut bytes = Vec::new();
+        self.header.behind.iter().for_each(|vlr| vlr.append(true, &mut bytes));
+        self.write(&bytes)
     }
 
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {

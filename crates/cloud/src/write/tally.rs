@@ -1,7 +1,5 @@
 //! What a header tells of all points.
 
-use super::Record;
-
 /// Returns that a header counts one by one.
 pub(super) const RETURNS: usize = 15;
 
@@ -22,19 +20,23 @@ impl Default for Tally {
 }
 
 impl Tally {
-    pub(super) fn of(records: &[Record]) -> Self {
+    /// Of records of so many bytes, of a new format or an old one.
+    pub(super) fn of(records: &[u8], size: usize, is_new: bool) -> Self {
         let mut tally = Self::default();
-        for record in records {
-            let at = [record.point.x, record.point.y, record.point.z];
-            for (axis, step) in at.into_iter().enumerate() {
+        let mask = if is_new { 15 } else { 7 };
+        for record in records.chunks_exact(size) {
+            let (fours, _) = record.as_chunks::<4>();
+            for axis in 0..3 {
+                let step = i32::from_le_bytes(fours[axis]);
                 tally.low[axis] = tally.low[axis].min(step);
                 tally.high[axis] = tally.high[axis].max(step);
             }
-            if let Some(count) = tally.returns.get_mut(usize::from(record.number).wrapping_sub(1)) {
+            let number = usize::from(record[14] & mask);
+            if let Some(count) = tally.returns.get_mut(number.wrapping_sub(1)) {
                 *count += 1;
             }
         }
-        tally.count = records.len() as u64;
+        tally.count = (records.len() / size) as u64;
         tally
     }
 
