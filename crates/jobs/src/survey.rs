@@ -60,15 +60,18 @@ const BYTES_BY_PART: u64 = 24 << 20;
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
 pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<SurveyReport> {
     let (start, at) = (Instant::now(), At { progress, cancel });
-    let writer = CloudWriter::create(&job.output, &options(job)?)?;
+    let mut writer = CloudWriter::create(&job.output, &options(job)?)?;
     let flown = Flown { survey: &job.survey, layout: writer.layout() };
     let flow = flow(&job.resources, &flown)?;
-    let mut packer = Packer::new(writer, job.resources.threads);
+    let mut packer = Packer::new(&mut writer, job.resources.threads);
     progress.begin("synth", job.survey.expected());
-    workers(&job.resources)?
-        .install(|| flow.run(&flown, at, &mut |records| packer.take(records)))?;
+    workers(&job.resources)?.install(|| {
+        flow.run(&flown, at, &mut |records| packer.take(records))?;
+        packer.finish()
+    })?;
     progress.end();
-    let (points, output_bytes) = packer.finish()?;
+    let points = writer.points();
+    let output_bytes = writer.finish()?;
     let run = Figures::since(start, &job.resources);
     Ok(SurveyReport {
         input: format!("synth:{}", job.survey),

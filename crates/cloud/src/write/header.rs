@@ -1,7 +1,7 @@
 //! The header of LAS 1.2, 1.3 and 1.4, and the records after it.
 
 use super::tally::{RETURNS, Tally};
-use super::{Layout, Packing, Vlr, WriteOptions, crs};
+use super::{Layout, Packing, Vlr, WriteOptions, crs, octree};
 use crate::format::PointFormat;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Frame;
@@ -69,7 +69,9 @@ impl Header {
         let (format, carried) = (layout.format(), &options.carried);
         let systems = crs::records(&options.crs, format.is_new());
         let is_wkt = systems.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
-        let all = systems.into_iter().chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
+        // Readers look for it at the first place.
+        let info = options.cube.as_ref().map(|cube| octree::info(cube, &Tally::default(), (0, 0)));
+        let all = info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
         let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
         if let Some(vlr) = behind.first().filter(|_| !format.is_new()) {
             return Err(too_long(vlr));
@@ -93,6 +95,13 @@ impl Header {
             behind,
             behind_at: 0,
         })
+    }
+
+    /// Puts the record of an octree in its place, which is the first.
+    pub(super) fn set_info(&mut self, info: &Vlr) {
+        let mut bytes = Vec::new();
+        info.append(false, &mut bytes);
+        self.vlrs[..bytes.len()].copy_from_slice(&bytes);
     }
 
     /// The last part of its version.

@@ -7,10 +7,12 @@
 mod chunk;
 mod crs;
 mod header;
+mod octree;
 mod record;
 mod tally;
 
 pub use chunk::{CHUNK, Chunk, Layout, Packing};
+pub use octree::{Cube, Key};
 pub(crate) use record::ANGLES;
 pub use record::Record;
 
@@ -19,6 +21,7 @@ use std::path::Path;
 
 pub use crate::format::PointFormat;
 use header::Header;
+use octree::Nodes;
 use tally::Tally;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Frame};
@@ -31,6 +34,8 @@ pub struct WriteOptions {
     pub format: PointFormat,
     /// Whether and how they are compressed.
     pub packing: Packing,
+    /// Where nodes lie, of files that have them.
+    pub cube: Option<Cube>,
     /// Where the points lie: scale and offset of the header.
     pub frame: Frame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
@@ -81,7 +86,7 @@ impl WriteOptions {
     /// An uncompressed file with points of this format.
     pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
         let (packing, carried) = (Packing::default(), Carried::default());
-        Self { format, packing, frame, crs, carried, overwrite: false }
+        Self { format, packing, cube: None, frame, crs, carried, overwrite: false }
     }
 }
 
@@ -93,6 +98,8 @@ pub struct CloudWriter {
     tally: Tally,
     /// The chunks of a LAZ file so far.
     entries: Vec<chunk::Entry>,
+    /// What an octree has so far.
+    octree: Option<(Cube, Nodes)>,
     /// True once a chunk came that was not full: it was the last.
     is_ended: bool,
 }
@@ -114,7 +121,8 @@ impl CloudWriter {
         let header = Header::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
         let (tally, entries) = (Tally::default(), Vec::new());
-        let mut writer = Self { file, header, layout, tally, entries, is_ended: false };
+        let octree = options.cube.map(|cube| (cube, Nodes::default()));
+        let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
         writer.write(&writer.header.bytes(&Tally::default()))?;
         if options.packing != Packing::Plain {
             // Where the table of chunks lies is known at the end.
@@ -154,6 +162,18 @@ impl CloudWriter {
         self.write(&chunk.bytes)
     }
 
+    /// Appends the points of a node of an octree.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append).
+    pub fn append_node(&mut self, key: Key, chunk: &Chunk) -> Result<()> {
+        let at = self.seek(SeekFrom::End(0))?;
+        if let Some((_, nodes)) = &mut self.octree {
+            nodes.push(key, [at, chunk.bytes.len() as u64, chunk.points() as u64]);
+        }
+        self.append(chunk)
+    }
+
     /// Ends the file and lets it appear; returns its size in bytes.
     ///
     /// # Errors
@@ -162,7 +182,14 @@ impl CloudWriter {
         if self.layout.packing() != Packing::Plain {
             self.end_chunks()?;
         }
+        if let Some((_, nodes)) = &self.octree {
+            self.header.behind.insert(0, nodes.hierarchy());
+        }
         self.put_behind()?;
+        if let Some((cube, _)) = &self.octree {
+            let bytes = self.header.behind.first().map_or(0, |vlr| vlr.data.len() as u64);
+            self.header.set_info(&octree::info(cube, &self.tally, (self.header.behind_at, bytes)));
+        }
         self.seek(SeekFrom::Start(0))?;
         self.write(&self.header.bytes(&self.tally))?;
         self.file.commit()

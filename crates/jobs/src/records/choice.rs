@@ -4,7 +4,6 @@
 //! are not are left out. So points keep their order, and of equally good ones the first is kept.
 
 use std::collections::HashMap;
-use std::hash::Hash;
 use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};

@@ -50,12 +50,11 @@ impl Flow {
             at.cancel.check()?;
             match round {
                 Round::Many(units) => {
-                    let (taken, next) = rayon::join(
-                        || pass(&made, take),
-                        || units.clone().into_par_iter().map(|unit| whole(records, unit)).collect(),
-                    );
+                    let make = || units.clone().into_par_iter().map(|unit| whole(records, unit));
+                    let (taken, next) =
+                        rayon::join(|| pass(&made, take), || make().collect::<Result<Vec<_>>>());
                     taken?;
-                    made = Result::<Vec<_>>::from(next)?;
+                    made = next?;
                     at.progress.advance(units.map(|unit| records.points(unit)).sum());
                 }
                 Round::Large(unit) => {

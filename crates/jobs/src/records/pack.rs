@@ -6,8 +6,8 @@ use terrane_base::error::Result;
 use terrane_cloud::write::{CHUNK, CloudWriter};
 
 /// A file in the making, and records that do not fill its chunks yet.
-pub(crate) struct Packer {
-    writer: CloudWriter,
+pub(crate) struct Packer<'a> {
+    writer: &'a mut CloudWriter,
     pending: Vec<u8>,
     /// Bytes of a chunk.
     chunk: usize,
@@ -15,9 +15,9 @@ pub(crate) struct Packer {
     together: usize,
 }
 
-impl Packer {
+impl<'a> Packer<'a> {
     /// For a file whose chunks are packed so many at a time.
-    pub(crate) fn new(writer: CloudWriter, together: usize) -> Self {
+    pub(crate) fn new(writer: &'a mut CloudWriter, together: usize) -> Self {
         let chunk = CHUNK * writer.layout().size();
         Self { writer, pending: Vec::new(), chunk, together: together.max(1) }
     }
@@ -44,10 +44,8 @@ impl Packer {
         chunks.iter().try_for_each(|chunk| self.writer.append(chunk))
     }
 
-    /// Ends the file and lets it appear; returns its points and its bytes.
-    pub(crate) fn finish(mut self) -> Result<(u64, u64)> {
-        self.flush()?;
-        let points = self.writer.points();
-        Ok((points, self.writer.finish()?))
+    /// Appends the records that are left.
+    pub(crate) fn finish(mut self) -> Result<()> {
+        self.flush()
     }
 }

@@ -8,6 +8,7 @@
 //! threads nor memory. What needs to know of other points looks at all first (`choice`).
 
 mod carried;
+mod octree;
 mod thin;
 
 use std::path::{Path, PathBuf};
@@ -24,8 +25,8 @@ use crate::records::choice::{Choice, Chosen};
 use crate::records::{Flow, Packer, Records};
 use carried::CarriedRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_cloud::write::{CHUNK, CloudWriter, Packing, packing_by_name};
-use terrane_cloud::{Carrier, Census, Cloud, OpenOptions, PointFormat, PointSource};
+use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
+use terrane_cloud::{Carrier, Census, OpenOptions, PointFormat, PointSource};
 use terrane_files::folder_for;
 pub use thin::{KEPT, Keep, Thin};
 
@@ -117,6 +118,11 @@ impl Shares {
         let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
         Ok(Self { threads, flow: Flow { record, round }, marks: rest / 2 })
     }
+
+    /// For the columns of an octree: bytes of one that is held, and of all that wait.
+    fn columns(&self) -> [u64; 2] {
+        [self.marks / 32, self.marks / 4]
+    }
 }
 
 /// Writes the points. Nothing appears under the output's name unless it succeeds.
@@ -131,16 +137,27 @@ pub fn run(job: &TranslateJob, progress: &dyn Progress, cancel: &Cancel) -> Resu
     let carrier = Carrier::new(&cloud, job.format)?;
     let (frame, crs) = (cloud.info().frame, cloud.info().crs.clone());
     let shares = Shares::new(&job.resources, carrier.size())?;
-    let options = terrane_cloud::write::WriteOptions {
+    let options = WriteOptions {
         packing,
         overwrite: job.overwrite,
         ..carrier.file(frame, crs)
     };
-    let packer = Packer::new(CloudWriter::create(&job.output, &options)?, shares.threads);
+    let place = (packing == Packing::Nodes).then(|| octree::Place::new(cloud.info()));
+    let options = WriteOptions { cube: place.as_ref().map(octree::Place::cube), ..options };
+    let mut writer = CloudWriter::create(&job.output, &options)?;
     let resources = Resources { threads: shares.threads, ..job.resources.clone() };
     let source = CarriedRecords::new(&cloud, &carrier);
-    let (points, output_bytes) =
-        workers(&resources)?.install(|| job.chosen(&source, &carrier, &shares, at, packer))?;
+    let write = |records: &dyn Records| match &place {
+        None => write(records, shares.flow, at, &mut writer),
+        Some(place) => {
+            let (layout, folder) = (writer.layout(), job.folder());
+            octree::Octree { place, layout, folder, memory: shares.columns(), at }
+                .write(records, shares.flow, &mut writer)
+        }
+    };
+    workers(&resources)?.install(|| job.chosen(&source, &carrier, &shares, at, write))?;
+    let points = writer.points();
+    let output_bytes = writer.finish()?;
     let run = Figures { threads: shares.threads, ..Figures::since(start, &job.resources) };
     let census = source.census();
     Ok(TranslateReport {
@@ -159,6 +176,11 @@ pub fn run(job: &TranslateJob, progress: &dyn Progress, cancel: &Cancel) -> Resu
 }
 
 impl TranslateJob {
+    /// Where what has to wait goes.
+    fn folder(&self) -> &Path {
+        folder_for(&self.output, self.resources.temp_dir.as_deref())
+    }
+
     /// Writes what is chosen of all records.
     fn chosen(
         &self,
@@ -166,12 +188,12 @@ impl TranslateJob {
         carrier: &Carrier<'_>,
         shares: &Shares,
         at: At<'_>,
-        packer: Packer,
-    ) -> Result<(u64, u64)> {
-        let folder = folder_for(self.resources.temp_dir.as_deref(), &self.output);
+        write: impl FnOnce(&dyn Records) -> Result<()>,
+    ) -> Result<()> {
+        let folder = self.folder();
         let choose = |records, choice: &dyn Choice, stage: &str| {
             at.progress.begin(stage, total(records));
-            let chosen = Chosen::new(records, choice, (shares.flow, shares.marks, &folder), at)?;
+            let chosen = Chosen::new(records, choice, (shares.flow, shares.marks, folder), at)?;
             at.progress.end();
             Ok::<_, Error>(chosen)
         };
@@ -181,7 +203,7 @@ impl TranslateJob {
         let cells = self.thin.map(|thin| thin::Cells::new(thin, &carrier.frame())).transpose()?;
         let thinned = cells.as_ref().map(|cells| choose(records, cells, "cells")).transpose()?;
         let records: &dyn Records = thinned.as_ref().map_or(records, |chosen| chosen);
-        write(records, shares.flow, at, packer)
+        write(records)
     }
 }
 
@@ -189,11 +211,13 @@ fn total(records: &dyn Records) -> u64 {
     (0..records.units()).map(|unit| records.points(unit)).sum()
 }
 
-fn write(records: &dyn Records, flow: Flow, at: At<'_>, mut packer: Packer) -> Result<(u64, u64)> {
+fn write(records: &dyn Records, flow: Flow, at: At<'_>, writer: &mut CloudWriter) -> Result<()> {
     at.progress.begin("points", total(records));
+    let mut packer = Packer::new(writer, rayon::current_num_threads());
     flow.run(records, at, &mut |bytes| packer.take(bytes))?;
+    packer.finish()?;
     at.progress.end();
-    packer.finish()
+    Ok(())
 }
 
 fn packing(path: &Path) -> Result<Packing> {

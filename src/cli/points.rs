@@ -1,0 +1,126 @@
+//! `terrane points`: clouds into files of points.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::shared::many::Many;
+use crate::cli::shared::points::{self, Points};
+use crate::cli::shared::verb::{Call, Verb};
+use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
+use crate::cloud::PointFormat;
+use crate::error::Result;
+use crate::jobs::Cancel;
+use crate::jobs::sift::Sifted;
+use crate::jobs::translate::{self, KEPT, Thin, TranslateJob, TranslateReport};
+
+/// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
+///
+/// Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
+/// same in all files; what the output cannot hold is an error, or told in a note where the format asked for has no
+/// field for it. Points stay in the order of the files' names and of the points in them, so the same files give the
+/// same bytes, whatever the order they are named in, threads and memory.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Args {
+    /// Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a pattern in quotes are
+    /// one cloud. The last name is that of the file to write: .las or .laz
+    #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
+    input: Vec<String>,
+    #[arg(skip)]
+    output: PathBuf,
+    /// Format of the points, 0 to 10 [default: the first that holds all fields of all files]
+    #[arg(long, value_name = "N", value_parser = parse_format)]
+    point_format: Option<PointFormat>,
+    /// Only one of the points that have the same place and time: the first
+    #[arg(long)]
+    dedupe: bool,
+    /// Only one point of each square of this size, in units of x and y
+    #[arg(long, value_name = "CELL[:WHICH]", long_help = thin_help())]
+    thin: Option<Thin>,
+    /// Replace a file that exists
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    points: Points,
+    #[command(flatten)]
+    many: many::Many,
+    #[command(flatten)]
+    machine: args::SpillingMachine,
+    #[command(flatten)]
+    show: args::Show,
+}
+
+impl Verb for Args {
+    const NAME: &'static str = "points";
+    const USAGE: Option<&'static str> = Some("[OPTIONS] <INPUT>... <OUTPUT>");
+
+    fn lists() -> Vec<String> {
+        vec![lists::EXIT_CODES.to_owned()]
+    }
+
+    fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
+        Some((&mut self.input, &mut self.output))
+    }
+
+    fn many(&self) -> Option<&Many> {
+        Some(&self.many)
+    }
+
+    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+        run(self, call.cancel)
+    }
+}
+
+fn parse_format(text: &str) -> std::result::Result<PointFormat, String> {
+    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
+    PointFormat::new(number).map_err(|error| error.to_string())
+}
+
+fn thin_help() -> String {
+    let names: Vec<_> = KEPT.iter().map(|(name, about)| format!("{name:<8} {about}")).collect();
+    format!(
+        "Only one point of each square of this size, in units of x and y, whose corners are at its multiples; \
+         which one is said after a colon:\n{}",
+        names.join("\n")
+    )
+}
+
+fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+    let resources = args.machine.resources();
+    let cloud = args.points.open_options(&resources)?;
+    let Sifted { names, skipped } =
+        args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
+    check_files(args, &names)?;
+    let job = TranslateJob {
+        cloud,
+        format: args.point_format,
+        dedupe: args.dedupe,
+        thin: args.thin,
+        overwrite: args.overwrite,
+        resources,
+        ..TranslateJob::new(names, &args.output)
+    };
+    let made = translate::run(&job, args.show.progress().as_ref(), cancel)?;
+    let told = report::WithSkipped { report: &made, skipped: &skipped };
+    args.show.tell(&told, || summary(&made))?;
+    Ok(Outcome::Kept)
+}
+
+/// Fails when the output is an input, or cannot be made.
+fn check_files(args: &Args, names: &[String]) -> Result<()> {
+    let output: &[&Path] = &[&args.output];
+    check::not_among(&crate::cloud::files(names)?, output)?;
+    check::not_among(&args.points.files()?, output)?;
+    check::new_file(&args.output, args.overwrite)
+}
+
+fn summary(r: &TranslateReport) -> String {
+    let mut rows = vec![
+        ("points", points::census(&r.census)),
+        ("written", format!("{} of point format {}", text::count(r.points), r.point_format)),
+        ("system", r.crs.clone()),
+        ("file", text::bytes(r.output_bytes)),
+    ];
+    let rate = text::rate(r.points_per_second, "points");
+    rows.extend(report::took(&r.run, Some(rate), ""));
+    rows.extend(report::notes(&r.notes));
+    format!("{} -> {}\n{}", r.input, r.output, text::table(&rows))
+}
