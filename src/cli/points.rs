@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::shared::many::Many;
-use crate::cli::shared::points::{self, Points};
+use crate::cli::shared::points::{self, Points, parse_format};
 use crate::cli::shared::verb::{Call, Verb};
 use crate::cli::shared::{Outcome, args, check, lists, many, names, report, text};
 use crate::cloud::PointFormat;
@@ -14,7 +14,7 @@ use crate::jobs::translate::{self, KEPT, Thin, TranslateJob, TranslateReport};
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
-/// Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
+/// Points marked as withheld are carried unless --drop-flag withheld says otherwise. Every attribute is carried: times, colours, waveforms, extra bytes, and the records of the header that are the
 /// same in all files; what the output cannot hold is an error, or told in a note where the format asked for has no
 /// field for it. Points stay in the order of the files' names and of the points in them, so the same files give the
 /// same bytes, whatever the order they are named in, threads and memory.
@@ -69,11 +69,6 @@ impl Verb for Args {
     }
 }
 
-fn parse_format(text: &str) -> std::result::Result<PointFormat, String> {
-    let number = text.parse().map_err(|_| "expected a number".to_owned())?;
-    PointFormat::new(number).map_err(|error| error.to_string())
-}
-
 fn thin_help() -> String {
     let names: Vec<_> = KEPT.iter().map(|(name, about)| format!("{name:<8} {about}")).collect();
     format!(
@@ -85,7 +80,9 @@ fn thin_help() -> String {
 
 fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let resources = args.machine.resources();
-    let cloud = args.points.open_options(&resources)?;
+    let mut cloud = args.points.open_options(&resources)?;
+    // A mark is an attribute as others are.
+    cloud.filter.keep_withheld = true;
     let Sifted { names, skipped } =
         args.many.take(&args.input, many::Kind::Clouds(&cloud), &resources)?;
     check_files(args, &names)?;

@@ -90,7 +90,8 @@ impl PointFormat {
     }
 
     pub(crate) fn places(self) -> Places {
-        let mut places = Places { size: if self.is_new() { Self::NEW } else { Self::OLD }, ..Places::default() };
+        let mut places =
+            Places { size: if self.is_new() { Self::NEW } else { Self::OLD }, ..Places::default() };
         let mut field = |is_there: bool, bytes: usize| {
             let at = places.size;
             places.size += if is_there { bytes } else { 0 };
@@ -120,16 +121,31 @@ mod tests {
             assert_eq!(format(number).size(), size, "{number}");
         }
         assert!(PointFormat::new(11).is_err());
-        let of_five = Places { time: Some(20), colour: Some(28), infrared: None, wave: Some(34), size: 63 };
+        let of_five =
+            Places { time: Some(20), colour: Some(28), infrared: None, wave: Some(34), size: 63 };
         assert_eq!(format(5).places(), of_five);
-        let of_ten =
-            Places { time: Some(22), colour: Some(30), infrared: Some(36), wave: Some(38), size: 67 };
+        let of_ten = Places {
+            time: Some(22),
+            colour: Some(30),
+            infrared: Some(36),
+            wave: Some(38),
+            size: 67,
+        };
         assert_eq!(format(10).places(), of_ten);
     }
 
     #[test]
     fn a_format_that_holds_two_loses_no_field() {
-        for (a, b, both) in [(0, 0, 0), (1, 2, 3), (0, 6, 6), (3, 6, 7), (4, 2, 5), (9, 8, 10), (2, 1, 3), (7, 9, 10)] {
+        for (a, b, both) in [
+            (0, 0, 0),
+            (1, 2, 3),
+            (0, 6, 6),
+            (3, 6, 7),
+            (4, 2, 5),
+            (9, 8, 10),
+            (2, 1, 3),
+            (7, 9, 10),
+        ] {
             assert_eq!(format(a).holding(format(b)), format(both), "{a} and {b}");
             assert_eq!(format(b).holding(format(a)), format(both), "{b} and {a}");
         }

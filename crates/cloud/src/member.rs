@@ -229,22 +229,30 @@ impl Member {
         let lost = match &self.file {
             File::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(part, Wanted::RECORDS, self.salvage, &mut room.records, &mut |first, block| {
-                    let Block::Records(records) = block else { return Err(no_records()) };
-                    let records = records.chunks_exact(size);
-                    match is_new {
-                        true => carry.take(first, records.map(|r| (r, New::of(r)))),
-                        false => carry.take(first, records.map(|r| (r, Old::of(r)))),
-                    }
-                    .map_err(|e| e.in_file(&file.path))
+                file.records(
+                    part,
+                    Wanted::RECORDS,
+                    self.salvage,
+                    &mut room.records,
+                    &mut |first, block| {
+                        let Block::Records(records) = block else { return Err(no_records()) };
+                        let records = records.chunks_exact(size);
+                        match is_new {
+                            true => carry.take(first, records.map(|r| (r, New::of(r)))),
+                            false => carry.take(first, records.map(|r| (r, Old::of(r)))),
+                        }
+                        .map_err(|e| e.in_file(&file.path))
+                    },
+                )
+            }
+            File::Text(file) => {
+                file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
+                    let records: Vec<_> = lines.iter().map(text::Line::record).collect();
+                    carry
+                        .take(first, records.iter().map(|r| (r.as_slice(), New::of(r))))
+                        .map_err(|e| e.in_file(&file.path))
                 })
             }
-            File::Text(file) => file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
-                let records: Vec<_> = lines.iter().map(text::Line::record).collect();
-                carry
-                    .take(first, records.iter().map(|r| (r.as_slice(), New::of(r))))
-                    .map_err(|e| e.in_file(&file.path))
-            }),
         }?;
         Ok(with_lost(carry.census, lost))
     }

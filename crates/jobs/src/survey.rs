@@ -14,9 +14,7 @@ use crate::plan::At;
 use crate::records::{Flow, Packer, Records, Take};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::synth;
-use terrane_cloud::write::{
-    self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions,
-};
+use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
 use terrane_synth::cloud::Survey;
 
 /// A survey to be written.
@@ -92,6 +90,10 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
             .in_file(&job.output)
             .remedy("choose a name with one of these endings; terrane points makes .copc.laz of it")
     })?;
+    if job.format.has_waves() {
+        return Err(Error::usage("a synthetic cloud has no waveforms")
+            .remedy("choose point format 0 to 3, or 6 to 8"));
+    }
     let options = WriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
     Ok(WriteOptions { packing, overwrite: job.overwrite, ..options })
 }

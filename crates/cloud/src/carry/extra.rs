@@ -204,7 +204,8 @@ mod tests {
 
     #[test]
     fn dimensions_are_matched_by_name_whatever_their_order() {
-        let (a, b, c) = (described("a", 3, None), described("b", 1, Some(7)), described("c", 10, None));
+        let (a, b, c) =
+            (described("a", 3, None), described("b", 1, Some(7)), described("c", 10, None));
         let (first, second) = (extra(&[a, b], 3), extra(&[c, a], 10));
         let both = first.clone().and(&second).unwrap();
         assert_eq!((first.bytes(), both.bytes()), (3, 11));

@@ -14,7 +14,7 @@ use crate::format::PointFormat;
 use crate::las::{LASZIP, LasFile, Vlr};
 use crate::member::{File, take_room};
 use crate::open::Cloud;
-use crate::write::{Carried, Vlr as Record, WriteOptions};
+use crate::write::{Carried, Packing, Vlr as Record, WriteOptions};
 use crate::{Census, PointSource};
 use extra::Extra;
 pub(crate) use recast::Recast;
@@ -56,17 +56,22 @@ struct Origin<'a> {
 }
 
 impl<'a> Carrier<'a> {
-    /// For records of this format; of the first that holds all fields of all files when `None`.
+    /// For records of this format in a file so packed; of the first that holds all fields of all files when `None`.
     ///
     /// # Errors
-    /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file.
-    pub fn new(cloud: &'a Cloud, format: Option<PointFormat>) -> Result<Self> {
+    /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
+    /// cannot be so packed.
+    pub fn new(cloud: &'a Cloud, format: Option<PointFormat>, packing: Packing) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
-        let format = format.or(held).unwrap_or_default();
+        let format = match format {
+            Some(asked) => packing.check(asked).map(|()| asked)?,
+            None => packing.holding(held.unwrap_or_default())?,
+        };
         let extra = Extra::of_all(&origins)?;
         let (vlrs, mut notes) = records(&origins, format)?;
-        let recast = |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
+        let recast =
+            |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
         let recasts = origins.iter().map(recast).collect();
         let only = match origins.as_slice() {
             [Origin { las: Some(file), .. }] => Some(&file.header),
@@ -125,9 +130,12 @@ impl Cloud {
     fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
         self.files().iter().zip(self.kinds()).map(|(name, file)| match file {
             File::Las(file) => Origin::of(name, file).map_err(|e| e.in_file(&file.path)),
-            File::Text(_) => {
-                Ok(Origin { name, las: None, format: PointFormat::default(), extra: Extra::default() })
-            }
+            File::Text(_) => Ok(Origin {
+                name,
+                las: None,
+                format: PointFormat::default(),
+                extra: Extra::default(),
+            }),
         })
     }
 }
@@ -166,7 +174,12 @@ impl Extra {
 
 fn described(extra: &Extra) -> Option<Record> {
     let data = extra.described()?;
-    Some(Record { user: extra::USER.into(), number: extra::NUMBER, about: "Extra bytes".into(), data })
+    Some(Record {
+        user: extra::USER.into(),
+        number: extra::NUMBER,
+        about: "Extra bytes".into(),
+        data,
+    })
 }
 
 /// The bits of the global encoding that hold for all files.
@@ -195,7 +208,8 @@ fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, 
         let found = of_file(file, format).map_err(|e| e.in_file(&path_of(origin.name)))?;
         by_file.push(found);
     }
-    let Some((mut shared, others)) = by_file.split_first_mut().map(|(a, b)| (std::mem::take(a), b)) else {
+    let Some((mut shared, others)) = by_file.split_first_mut().map(|(a, b)| (std::mem::take(a), b))
+    else {
         return Ok(Default::default());
     };
     let mut parted = HashSet::new();
@@ -207,12 +221,16 @@ fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, 
     }
     let mut parted: Vec<_> = parted.into_iter().collect();
     parted.sort();
-    if parted.iter().any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER))) {
+    if parted
+        .iter()
+        .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
+    {
         return Err(Error::unsupported("the files describe their waveforms differently")
             .remedy("write them on their own, or leave waveforms out with --point-format 6"));
     }
-    let note = (!parted.is_empty())
-        .then(|| format!("records that are not the same in all files are left out: {}", parted.join(", ")));
+    let note = (!parted.is_empty()).then(|| {
+        format!("records that are not the same in all files are left out: {}", parted.join(", "))
+    });
     Ok((shared, note.into_iter().collect()))
 }
 
@@ -221,12 +239,15 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
     let is_wave = |vlr: &Vlr| vlr.user == extra::USER && WAVES.contains(&vlr.id);
     let is_carried = |vlr: &Vlr| {
         let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
-        let is_ours = vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
+        let is_ours =
+            vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
         !is_data && !is_ours && vlr.user != PROJECTION && (format.has_waves() || !is_wave(vlr))
     };
     if format.has_waves() && file.header.encoding & WAVES_INSIDE > 0 {
-        return Err(Error::unsupported("its waveforms are inside of the file, and they are not written yet")
-            .remedy("leave them out with --point-format 6, or 7 with colours"));
+        return Err(Error::unsupported(
+            "its waveforms are inside of the file, and they are not written yet",
+        )
+        .remedy("leave them out with --point-format 6, or 7 with colours"));
     }
     let mut left = MOST_BYTES;
     let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
@@ -253,12 +274,19 @@ fn left_out(origins: &[Origin<'_>], format: PointFormat) -> Vec<String> {
             ("colours", places.colour > own.colour && own.colour.is_none()),
             ("infrared", places.infrared.is_some() && own.infrared.is_none()),
             ("waveforms", places.wave.is_some() && own.wave.is_none()),
-            ("parts of a degree of scan angles", origin.las.is_some() && origin.format.is_new() && !format.is_new()),
+            (
+                "parts of a degree of scan angles",
+                origin.las.is_some() && origin.format.is_new() && !format.is_new(),
+            ),
         ]
     };
     let all: Vec<_> = origins.iter().map(fields).collect();
     let is_lost = |i: &usize| all.iter().any(|fields| fields[*i].1);
     let lost: Vec<_> = (0..5).filter(is_lost).map(|i| all[0][i].0).collect();
-    let note = format!("point format {} has no field for {}, which are left out", format.number(), lost.join(", "));
+    let note = format!(
+        "point format {} has no field for {}, which are left out",
+        format.number(),
+        lost.join(", ")
+    );
     (!lost.is_empty()).then_some(note).into_iter().collect()
 }

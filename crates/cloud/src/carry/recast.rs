@@ -28,7 +28,10 @@ pub(crate) struct Recast {
 }
 
 impl Recast {
-    pub(crate) fn new((from, own): (PointFormat, &Extra), (to, all): (PointFormat, &Extra)) -> Self {
+    pub(crate) fn new(
+        (from, own): (PointFormat, &Extra),
+        (to, all): (PointFormat, &Extra),
+    ) -> Self {
         let (a, b) = (from.places(), to.places());
         let field = |from: Option<usize>, to: Option<usize>, bytes| {
             from.zip(to).map(|(from, to)| Move { from, to, bytes })
@@ -41,17 +44,14 @@ impl Recast {
         ];
         let extra = all.moves(own);
         let is_same = from == to && own == all;
-        let extra = extra
-            .into_iter()
-            .map(|Move { from, to, bytes }| Move { from: a.size + from, to: b.size + to, bytes });
+        let extra = extra.into_iter().map(|Move { from, to, bytes }| Move {
+            from: a.size + from,
+            to: b.size + to,
+            bytes,
+        });
         let moves = fields.into_iter().flatten().chain(extra).collect();
         let blank = [vec![0; b.size], all.filling()].concat();
         Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
-    }
-
-    /// Bytes of a record of the output.
-    pub(crate) fn size(&self) -> usize {
-        self.blank.len()
     }
 
     /// Appends the record of a point, which is at `place` in the output.
@@ -59,7 +59,12 @@ impl Recast {
     /// # Errors
     /// What the format of the output cannot hold.
     #[inline]
-    pub(crate) fn push(&self, record: &[u8], place: Point, out: &mut Vec<u8>) -> Result<(), String> {
+    pub(crate) fn push(
+        &self,
+        record: &[u8],
+        place: Point,
+        out: &mut Vec<u8>,
+    ) -> Result<(), String> {
         let at = out.len();
         if self.is_same {
             out.extend_from_slice(record);
@@ -73,7 +78,9 @@ impl Recast {
     }
 
     fn fill(&self, record: &[u8], out: &mut [u8]) -> Result<(), String> {
-        let same = |bytes: Range<usize>, out: &mut [u8]| out[bytes.clone()].copy_from_slice(&record[bytes]);
+        let same = |bytes: Range<usize>, out: &mut [u8]| {
+            out[bytes.clone()].copy_from_slice(&record[bytes])
+        };
         match self.is_new {
             [true, true] => same(0..PointFormat::NEW, out),
             [false, false] => same(0..PointFormat::OLD, out),
@@ -130,7 +137,14 @@ fn older(record: &[u8]) -> Result<[u8; 6], String> {
     }
     let degrees = f32::from(i16::from_le_bytes([record[18], record[19]])) * ANGLES;
     let [angle] = (degrees.round().clamp(-128.0, 127.0) as i8).to_le_bytes();
-    Ok([number | returns << 3 | flags & 0xC0, class | (flags & 7) << 5, angle, record[17], record[20], record[21]])
+    Ok([
+        number | returns << 3 | flags & 0xC0,
+        class | (flags & 7) << 5,
+        angle,
+        record[17],
+        record[20],
+        record[21],
+    ])
 }
 
 #[cfg(test)]
@@ -149,7 +163,9 @@ mod tests {
     }
 
     fn record(format: u8) -> Vec<u8> {
-        (0..PointFormat::new(format).unwrap().size() as u8).map(|byte| byte.wrapping_mul(37) + 5).collect()
+        (0..PointFormat::new(format).unwrap().size() as u8)
+            .map(|byte| byte.wrapping_mul(37) + 5)
+            .collect()
     }
 
     #[test]
@@ -158,11 +174,15 @@ mod tests {
             let (source, made) = (record(from), push(&recast(from, to), &record(from)).unwrap());
             let [a, b] = [from, to].map(|number| PointFormat::new(number).unwrap().places());
             assert_eq!((made.len(), &made[12..20]), (b.size, &source[12..20]), "{from} to {to}");
-            for (from, to, bytes) in
-                [(a.time, b.time, TIME), (a.colour, b.colour, COLOUR), (a.infrared, b.infrared, INFRARED), (a.wave, b.wave, WAVE)]
-            {
+            for (from, to, bytes) in [
+                (a.time, b.time, TIME),
+                (a.colour, b.colour, COLOUR),
+                (a.infrared, b.infrared, INFRARED),
+                (a.wave, b.wave, WAVE),
+            ] {
                 let Some(to) = to else { continue };
-                let expected = from.map_or(vec![0; bytes], |from| source[from..from + bytes].to_vec());
+                let expected =
+                    from.map_or(vec![0; bytes], |from| source[from..from + bytes].to_vec());
                 assert_eq!(made[to..to + bytes], expected);
             }
         }

@@ -38,6 +38,26 @@ pub enum Packing {
     Nodes,
 }
 
+impl Packing {
+    /// Fails where points of this format cannot be so packed.
+    pub(crate) fn check(self, format: PointFormat) -> Result<()> {
+        if self != Self::Nodes || format.is_new() && !format.has_waves() {
+            return Ok(());
+        }
+        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
+            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
+    }
+
+    /// The first format that can be so packed and holds all fields of another.
+    pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
+        let format = match self {
+            Self::Nodes => held.holding(PointFormat::default()),
+            Self::Plain | Self::Chunks => held,
+        };
+        self.check(format).map(|()| format)
+    }
+}
+
 /// Points ready to be written.
 #[derive(Clone, Debug)]
 pub struct Chunk {

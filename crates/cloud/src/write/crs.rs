@@ -48,7 +48,12 @@ fn keys(crs: &Crs) -> Vec<Vlr> {
         (34_737, "GeoAsciiParamsTag", ascii),
     ];
     let present = parts.into_iter().filter(|(_, _, data)| !data.is_empty());
-    let vlr = |(number, about, data): (u16, &str, Vec<u8>)| Vlr { user: USER.into(), number, about: about.into(), data };
+    let vlr = |(number, about, data): (u16, &str, Vec<u8>)| Vlr {
+        user: USER.into(),
+        number,
+        about: about.into(),
+        data,
+    };
     present.map(vlr).collect()
 }
 

@@ -71,7 +71,8 @@ impl Header {
         let is_wkt = systems.iter().any(|vlr| vlr.number == crs::WKT_RECORD);
         // Readers look for it at the first place.
         let info = options.cube.as_ref().map(|cube| octree::info(cube, &Tally::default(), (0, 0)));
-        let all = info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
+        let all =
+            info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
         let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
         if let Some(vlr) = behind.first().filter(|_| !format.is_new()) {
             return Err(too_long(vlr));
@@ -191,7 +192,9 @@ impl Header {
 
 fn too_long(vlr: &Vlr) -> Error {
     let (name, length) = (vlr.name(), vlr.data.len());
-    let message = format!("the record {name} takes {length} bytes, and one of this version holds {MOST_BYTES}");
+    let message = format!(
+        "the record {name} takes {length} bytes, and one of this version holds {MOST_BYTES}"
+    );
     Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
 }
 

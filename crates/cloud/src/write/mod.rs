@@ -107,7 +107,8 @@ pub struct CloudWriter {
 /// How a file of this name is packed; `None` for names of no known ending.
 pub fn packing_by_name(path: &Path) -> Option<Packing> {
     let name = path.to_string_lossy().to_lowercase();
-    let known = [(".copc.laz", Packing::Nodes), (".laz", Packing::Chunks), (".las", Packing::Plain)];
+    let known =
+        [(".copc.laz", Packing::Nodes), (".laz", Packing::Chunks), (".las", Packing::Plain)];
     known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
 

@@ -19,7 +19,13 @@ pub(super) struct Tally {
 
 impl Default for Tally {
     fn default() -> Self {
-        Self { low: [i32::MAX; 3], high: [i32::MIN; 3], returns: [0; RETURNS], count: 0, times: [f64::INFINITY, f64::NEG_INFINITY] }
+        Self {
+            low: [i32::MAX; 3],
+            high: [i32::MIN; 3],
+            returns: [0; RETURNS],
+            count: 0,
+            times: [f64::INFINITY, f64::NEG_INFINITY],
+        }
     }
 }
 
@@ -48,7 +54,8 @@ impl Tally {
     }
 
     fn time(&mut self, record: &[u8]) {
-        let time = record[PointFormat::NEW - TIME..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+        let time =
+            record[PointFormat::NEW - TIME..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
         self.times = [self.times[0].min(time), self.times[1].max(time)];
     }
 

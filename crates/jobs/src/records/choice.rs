@@ -60,7 +60,8 @@ impl<'a> Chosen<'a> {
     ) -> Result<Self> {
         let most: u64 = (0..records.units()).map(|unit| records.points(unit)).sum();
         let bits = most / 8;
-        let marks = memory.checked_sub(bits + BUCKET_BYTES).ok_or_else(|| too_many(most, memory))?;
+        let marks =
+            memory.checked_sub(bits + BUCKET_BYTES).ok_or_else(|| too_many(most, memory))?;
         let count = (most * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS);
         let buckets = Buckets::new(folder, count as usize, marks / 2);
         let counts = Mutex::new(vec![0; records.units()]);
@@ -168,8 +169,10 @@ fn best(
 
 fn too_many(points: u64, memory: u64) -> Error {
     let message = format!("{points} points cannot be compared in {} MiB", memory >> 20);
-    let needed = (points / 8 + points * GROUP_BYTES / MOST_BUCKETS + memory + 3 * BUCKET_BYTES) >> 20;
-    Error::new(ErrorKind::Resource, message).remedy(format!("pass --memory {}M or more", needed + 64))
+    let needed =
+        (points / 8 + points * GROUP_BYTES / MOST_BUCKETS + memory + 3 * BUCKET_BYTES) >> 20;
+    Error::new(ErrorKind::Resource, message)
+        .remedy(format!("pass --memory {}M or more", needed + 64))
 }
 
 /// Bits of a group that look like any (splitmix64, Steele et al. 2014).

@@ -38,7 +38,8 @@ impl<'a> Packer<'a> {
 
     fn flush(&mut self) -> Result<()> {
         let layout = self.writer.layout();
-        let chunks = self.pending.par_chunks(self.chunk).map(|records| layout.pack(records.to_vec()));
+        let chunks =
+            self.pending.par_chunks(self.chunk).map(|records| layout.pack(records.to_vec()));
         let chunks: Vec<_> = chunks.collect::<Result<_>>()?;
         self.pending.clear();
         chunks.iter().try_for_each(|chunk| self.writer.append(chunk))

@@ -20,9 +20,9 @@ use crate::figures::Figures;
 use crate::input::workers;
 use crate::memory::PROGRAM;
 use crate::plan::At;
-use crate::{Cancel, Progress, Resources};
 use crate::records::choice::{Choice, Chosen};
 use crate::records::{Flow, Packer, Records};
+use crate::{Cancel, Progress, Resources};
 use carried::CarriedRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions, packing_by_name};
@@ -130,18 +130,18 @@ impl Shares {
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; files that do not go into one; what the
 /// format cannot hold of a point; too little memory.
-pub fn run(job: &TranslateJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TranslateReport> {
+pub fn run(
+    job: &TranslateJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TranslateReport> {
     let (start, at) = (Instant::now(), At { progress, cancel });
     let packing = packing(&job.output)?;
     let cloud = terrane_cloud::open(&job.input, &job.cloud)?;
-    let carrier = Carrier::new(&cloud, job.format)?;
+    let carrier = Carrier::new(&cloud, job.format, packing)?;
     let (frame, crs) = (cloud.info().frame, cloud.info().crs.clone());
     let shares = Shares::new(&job.resources, carrier.size())?;
-    let options = WriteOptions {
-        packing,
-        overwrite: job.overwrite,
-        ..carrier.file(frame, crs)
-    };
+    let options = WriteOptions { packing, overwrite: job.overwrite, ..carrier.file(frame, crs) };
     let place = (packing == Packing::Nodes).then(|| octree::Place::new(cloud.info()));
     let options = WriteOptions { cube: place.as_ref().map(octree::Place::cube), ..options };
     let mut writer = CloudWriter::create(&job.output, &options)?;
@@ -151,8 +151,11 @@ pub fn run(job: &TranslateJob, progress: &dyn Progress, cancel: &Cancel) -> Resu
         None => write(records, shares.flow, at, &mut writer),
         Some(place) => {
             let (layout, folder) = (writer.layout(), job.folder());
-            octree::Octree { place, layout, folder, memory: shares.columns(), at }
-                .write(records, shares.flow, &mut writer)
+            octree::Octree { place, layout, folder, memory: shares.columns(), at }.write(
+                records,
+                shares.flow,
+                &mut writer,
+            )
         }
     };
     workers(&resources)?.install(|| job.chosen(&source, &carrier, &shares, at, write))?;
@@ -198,7 +201,10 @@ impl TranslateJob {
             Ok::<_, Error>(chosen)
         };
         let twice = thin::Twice::new(carrier.format());
-        let single = self.dedupe.then(|| choose(source, &twice, "points that are there twice")).transpose()?;
+        let single = self
+            .dedupe
+            .then(|| choose(source, &twice, "points that are there twice"))
+            .transpose()?;
         let records: &dyn Records = single.as_ref().map_or(source, |chosen| chosen);
         let cells = self.thin.map(|thin| thin::Cells::new(thin, &carrier.frame())).transpose()?;
         let thinned = cells.as_ref().map(|cells| choose(records, cells, "cells")).transpose()?;

@@ -100,7 +100,12 @@ pub(super) struct Octree<'a> {
 
 impl Octree<'_> {
     /// Writes all records.
-    pub(super) fn write(&self, records: &dyn Records, flow: Flow, writer: &mut CloudWriter) -> Result<()> {
+    pub(super) fn write(
+        &self,
+        records: &dyn Records,
+        flow: Flow,
+        writer: &mut CloudWriter,
+    ) -> Result<()> {
         let all = super::total(records);
         self.at.progress.begin("columns", all);
         let level = (0..MOST_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
@@ -172,14 +177,25 @@ impl Octree<'_> {
     }
 
     /// A column whose points are all held.
-    fn leaf(&self, level: u32, at: [u32; 2], columns: &Columns, writer: &mut CloudWriter) -> Result<Column> {
+    fn leaf(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &Columns,
+        writer: &mut CloudWriter,
+    ) -> Result<Column> {
         let (column, chunks) = self.build(level, at, columns)?;
         self.append(chunks, writer)?;
         Ok(column)
     }
 
     /// The nodes of a column, and those below it, packed.
-    fn build(&self, level: u32, at: [u32; 2], columns: &Columns) -> Result<(Column, Vec<(Key, Chunk)>)> {
+    fn build(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &Columns,
+    ) -> Result<(Column, Vec<(Key, Chunk)>)> {
         let mut records = Vec::new();
         columns.each(at, self.size(), &mut |bytes| {
             records.extend_from_slice(bytes);
@@ -265,7 +281,8 @@ impl Octree<'_> {
 
     /// The cell of a node of a level that a record is in.
     fn cell(&self, level: u32, record: &[u8]) -> u32 {
-        let [x, y, z] = self.place.fine(record).map(|fine| fine >> (FINE - level - CELLS) & ((1 << CELLS) - 1));
+        let [x, y, z] =
+            self.place.fine(record).map(|fine| fine >> (FINE - level - CELLS) & ((1 << CELLS) - 1));
         x | y << CELLS | z << (2 * CELLS)
     }
 
@@ -296,7 +313,8 @@ impl Octree<'_> {
     /// Records by time, then by their bytes.
     fn sorted(&self, records: &[u8]) -> Vec<u8> {
         let at = PointFormat::default().time_at().unwrap_or(0);
-        let time = |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+        let time =
+            |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
         let mut all: Vec<(f64, &[u8])> =
             records.chunks_exact(self.size()).map(|record| (time(record), record)).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
@@ -338,7 +356,12 @@ impl Columns {
     }
 
     /// Hands on the whole records of a column, some at a time.
-    fn each(&self, at: [u32; 2], size: usize, each: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    fn each(
+        &self,
+        at: [u32; 2],
+        size: usize,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<()> {
         let (number, most) = (self.number(at), (1 << 20) / size * size);
         let (mut first, mut piece) = (0, Vec::new());
         while first < self.buckets.len(number) {

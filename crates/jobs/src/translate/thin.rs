@@ -49,15 +49,18 @@ impl FromStr for Thin {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let (cell, keep) = text.split_once(':').unwrap_or((text, KEPT[0].0));
         let cell = cell.trim().parse().ok().filter(|cell: &f64| cell.is_finite() && *cell > 0.0);
-        let cell = cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
+        let cell =
+            cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
         let keep = match keep.split_once('=').unwrap_or((keep, "0")) {
             ("centre" | "center", "0") => Keep::Centre,
             ("lowest", "0") => Keep::Lowest,
             ("highest", "0") => Keep::Highest,
-            ("random", seed) => {
-                Keep::Random(seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?)
+            ("random", seed) => Keep::Random(
+                seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?,
+            ),
+            _ => {
+                return Err(format!("{keep} is none of {}", KEPT.map(|(name, _)| name).join(", ")));
             }
-            _ => return Err(format!("{keep} is none of {}", KEPT.map(|(name, _)| name).join(", "))),
         };
         Ok(Self { cell, keep })
     }
@@ -85,8 +88,11 @@ pub(super) struct Cells {
 impl Cells {
     pub(super) fn new(thin: Thin, frame: &Frame) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| thin.cell < *step) {
-            return Err(Error::usage(format!("cells of {} are smaller than a step of the points", thin.cell))
-                .remedy("choose a larger cell"));
+            return Err(Error::usage(format!(
+                "cells of {} are smaller than a step of the points",
+                thin.cell
+            ))
+            .remedy("choose a larger cell"));
         }
         let lattice = Lattice::new(frame, [0.0; 2], [thin.cell; 2], Edges::default());
         Ok(Self { unit: lattice.unit(thin.cell), lattice, keep: thin.keep })
@@ -129,7 +135,10 @@ impl Twice {
 impl Choice for Twice {
     fn mark(&self, record: &[u8]) -> (Group, Rank) {
         let at = place(record);
-        let time = self.time.and_then(|at| record[at..].first_chunk()).map_or(0, |t| u64::from_le_bytes(*t));
+        let time = self
+            .time
+            .and_then(|at| record[at..].first_chunk())
+            .map_or(0, |t| u64::from_le_bytes(*t));
         ([ordered(at.x) << 32 | ordered(at.y), ordered(at.z), time], [0; 2])
     }
 }

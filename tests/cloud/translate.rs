@@ -1,0 +1,387 @@
+//! Points written with all that is known of them: every format, merged, thinned, in octrees.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use laz::{LasZipDecompressor, LazVlr};
+use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
+use terrane_jobs::translate::{self, TranslateJob, TranslateReport};
+use terrane_jobs::{Cancel, Resources, Silent};
+
+use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
+
+fn job(input: &[&str], output: &Path) -> TranslateJob {
+    let input = input.iter().map(|name| (*name).to_owned()).collect();
+    TranslateJob { cloud: keep_all(), overwrite: true, ..TranslateJob::new(input, output) }
+}
+
+fn run(job: &TranslateJob) -> terrane::Result<TranslateReport> {
+    translate::run(job, &Silent, &Cancel::default())
+}
+
+/// A file taken apart: point format, records, and user, number and data of the other records.
+struct Whole {
+    format: u8,
+    records: Vec<Vec<u8>>,
+    vlrs: Vec<(String, u16, Vec<u8>)>,
+}
+
+fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    bytes[at..at + N].try_into().unwrap()
+}
+
+/// Reads a file by its header and the `laz` crate alone.
+fn whole(path: &Path) -> Whole {
+    let bytes = std::fs::read(path).unwrap();
+    let (minor, head) = (bytes[25], u16::from_le_bytes(number(&bytes, 94)));
+    let at = u32::from_le_bytes(number(&bytes, 96)) as usize;
+    let (format, size) = (bytes[104] & 127, usize::from(u16::from_le_bytes(number(&bytes, 105))));
+    let count = match minor {
+        4 => u64::from_le_bytes(number(&bytes, 247)) as usize,
+        _ => u32::from_le_bytes(number(&bytes, 107)) as usize,
+    };
+    let (mut vlrs, mut next) = (Vec::new(), usize::from(head));
+    let mut take = |next: &mut usize, head: usize, length: usize| {
+        let user = String::from_utf8_lossy(&bytes[*next + 2..*next + 18]);
+        let id = u16::from_le_bytes(number(&bytes, *next + 18));
+        let data = bytes[*next + head..*next + head + length].to_vec();
+        vlrs.push((user.trim_end_matches('\0').to_owned(), id, data));
+        *next += head + length;
+    };
+    for _ in 0..u32::from_le_bytes(number(&bytes, 100)) {
+        let length = usize::from(u16::from_le_bytes(number(&bytes, next + 20)));
+        take(&mut next, 54, length);
+    }
+    if minor == 4 {
+        let mut next = u64::from_le_bytes(number(&bytes, 235)) as usize;
+        for _ in 0..u32::from_le_bytes(number(&bytes, 243)) {
+            let length = u64::from_le_bytes(number(&bytes, next + 20)) as usize;
+            take(&mut next, 60, length);
+        }
+    }
+    let mut points = vec![0; count * size];
+    match vlrs.iter().find(|(_, id, _)| *id == 22_204) {
+        None => points.copy_from_slice(&bytes[at..at + count * size]),
+        Some((_, _, data)) if count > 0 => {
+            let mut file = Cursor::new(&bytes);
+            file.set_position(at as u64);
+            let mut unpacker =
+                LasZipDecompressor::new(file, LazVlr::from_buffer(data).unwrap()).unwrap();
+            unpacker.decompress_many(&mut points).unwrap();
+        }
+        Some(_) => {}
+    }
+    let records = points.chunks_exact(size).map(<[u8]>::to_vec).collect();
+    Whole { format, records, vlrs }
+}
+
+fn packings(format: u8) -> Vec<Packing> {
+    let stream = (format < 6).then_some(Packing::Stream);
+    [Packing::Plain, Packing::Fixed(700), Packing::Variable(311)]
+        .into_iter()
+        .chain(stream)
+        .collect()
+}
+
+#[test]
+fn every_record_is_carried_byte_for_byte() {
+    let place = Place::new();
+    for format in 0..11 {
+        for (extra, packing) in packings(format).into_iter().flat_map(|p| [(0, p), (5, p)]) {
+            let made = Made::new(format, packing, 2345).with_extra(extra);
+            let input = place.write("in.laz", &made.bytes());
+            for ending in ["las", "laz"] {
+                let output = place.path().join(format!("out.{ending}"));
+                let report = run(&job(&[&input], &output)).unwrap();
+                let found = whole(&output);
+                assert!(found.records == made.records, "{format} {extra} {packing:?} {ending}");
+                assert_eq!((found.format, report.point_format), (format, format));
+                assert_eq!((report.points, report.census.read), (2345, 2345));
+                assert_eq!(report.output_bytes, output.metadata().unwrap().len());
+            }
+        }
+    }
+}
+
+/// Descriptions of two-byte extra bytes by name.
+fn extra_bytes(names: &[&str]) -> Vec<u8> {
+    let about = |name: &&str| {
+        let mut about = vec![0; 192];
+        about[2] = 3;
+        about[4..4 + name.len()].copy_from_slice(name.as_bytes());
+        about
+    };
+    names.iter().flat_map(about).collect()
+}
+
+#[test]
+fn files_of_any_format_become_one_whatever_their_order() {
+    let place = Place::new();
+    let names =
+        |names: &[&str]| vec![("LASF_Spec", 4, extra_bytes(names)), ("all", 7, vec![1, 2, 3])];
+    let old =
+        Made { vlrs: names(&["a", "b"]), ..Made::new(3, Packing::Plain, 60_000).with_extra(4) };
+    let mut new = Made {
+        vlrs: names(&["b", "c"]),
+        ..Made::new(6, Packing::Fixed(5000), 41_000).with_extra(4)
+    };
+    new.vlrs.push(("one", 8, vec![9]));
+    let files = [place.write("1.las", &old.bytes()), place.write("2.laz", &new.bytes())];
+    let output = place.path().join("all.laz");
+    let report = run(&job(&[&files[1], &files[0]], &output)).unwrap();
+    let found = whole(&output);
+    assert_eq!((found.format, found.records.len()), (7, 101_000));
+    assert!(report.notes.iter().any(|note| note.contains("one 8")), "{:?}", report.notes);
+    let carried: Vec<_> =
+        found.vlrs.iter().filter(|(user, ..)| user == "all" || user == "one").collect();
+    assert_eq!(carried, [&("all".to_owned(), 7, vec![1, 2, 3])]);
+    let described =
+        &found.vlrs.iter().find(|(user, id, _)| user == "LASF_Spec" && *id == 4).unwrap().2;
+    assert_eq!(*described, extra_bytes(&["a", "b", "c"]));
+    for (record, from) in found.records.iter().zip(old.records.iter().chain(&new.records)) {
+        assert_eq!(raw(record), raw(from));
+        let extra = &record[36..42];
+        let (own, is_old) = (&from[from.len() - 4..], from.len() == 38);
+        let expected = if is_old { [own, &[0, 0]].concat() } else { [&[0, 0], own].concat() };
+        assert_eq!(extra, expected);
+        let time = if is_old { &from[20..28] } else { &from[22..30] };
+        assert_eq!(&record[22..30], time);
+        assert_eq!(&record[30..36], if is_old { &from[28..34] } else { &[0; 6] });
+    }
+    let bytes = std::fs::read(&output).unwrap();
+    for (threads, memory) in [(1, 48), (3, 64), (4, 4096)] {
+        let resources = Resources { threads, memory: memory << 20, temp_dir: None };
+        run(&TranslateJob { resources, ..job(&[&files[0], &files[1]], &output) }).unwrap();
+        assert!(std::fs::read(&output).unwrap() == bytes, "{threads} threads, {memory} MiB");
+    }
+}
+
+#[test]
+fn filters_are_those_of_other_verbs() {
+    let place = Place::new();
+    let made = Made::new(6, Packing::Fixed(1000), 9000);
+    let input = place.write("in.laz", &made.bytes());
+    let filter = Filter {
+        classes: Some(vec![2, 5]),
+        returns: Some(Return::Last),
+        z_range: Some([-1.0, 3.0]),
+        ..Filter::default()
+    };
+    let options = OpenOptions { filter, ..OpenOptions::default() };
+    let output = place.path().join("out.las");
+    let report = run(&TranslateJob { cloud: options.clone(), ..job(&[&input], &output) }).unwrap();
+    let (points, census) = read_all(&terrane_cloud::open(&[input], &options).unwrap()).unwrap();
+    assert_eq!((report.census, report.points), (census, points.len() as u64));
+    assert!(points.len() > 100);
+    let written = terrane_cloud::open(&[output.to_str().unwrap().to_owned()], &keep_all()).unwrap();
+    assert_eq!(read_all(&written).unwrap().0, points);
+}
+
+#[test]
+fn formats_are_changed_or_refused() {
+    let place = Place::new();
+    let made = Made::new(7, Packing::Fixed(100), 300);
+    let input = place.write("in.laz", &made.bytes());
+    let output = place.path().join("out.laz");
+    let to = |number: u8| {
+        let format = Some(PointFormat::new(number).unwrap());
+        run(&TranslateJob { format, ..job(&[&input], &output) })
+    };
+    let report = to(6).unwrap();
+    assert!(report.notes.iter().any(|note| note.contains("colours")), "{:?}", report.notes);
+    let found = whole(&output);
+    assert!(found.records.iter().zip(&made.records).all(|(new, old)| new[..] == old[..30]));
+    // Marks of overlap have no place before format 6.
+    let error = to(3).unwrap_err().to_string();
+    assert!(error.contains("the mark of overlap") && error.contains("in.laz"), "{error}");
+    assert!(output.exists(), "the one that was there stays");
+    let text = place.write("in.xyz", b"x y z class\n1 2 3.5 2\n4 5 6 7\n");
+    run(&job(&[&format!("cloud:{text}")], &output)).unwrap();
+    let found = whole(&output);
+    assert_eq!((found.format, found.records.len(), found.records[1][16]), (6, 2, 7));
+    assert!(run(&job(&[&input], &place.path().join("out.tif"))).is_err());
+}
+
+/// Points of small whole places, some of which are there several times.
+fn crowd(count: usize) -> Made {
+    let mut made = Made::new(6, Packing::Fixed(700), count);
+    for (number, record) in made.records.iter_mut().enumerate() {
+        let at =
+            [number * 7919 % 97, number * 104_729 % 89, number * 31 % 13].map(|at| at as i32 * 5);
+        record[..12].copy_from_slice(at.map(i32::to_le_bytes).as_flattened());
+        record[22..30].copy_from_slice(&((number % 3) as f64).to_le_bytes());
+    }
+    made
+}
+
+#[test]
+fn one_of_each_cell_is_kept_by_the_rule_and_order_stays() {
+    let place = Place::new();
+    let made = crowd(20_000);
+    let input = place.write("in.laz", &made.bytes());
+    let output = place.path().join("out.las");
+    // Cells of 40 steps of a hundredth, whose corners are at multiples; the offset is one of them.
+    let cell = |record: &[u8]| [raw(record)[0].div_euclid(40), raw(record)[1].div_euclid(40)];
+    let ranks: [(&str, fn(&[u8]) -> i64); 3] = [
+        ("0.4:lowest", |record| raw(record)[2].into()),
+        ("0.4:highest", |record| -i64::from(raw(record)[2])),
+        ("0.4", |record| {
+            let apart = |axis: usize| i64::from(raw(record)[axis].rem_euclid(40)) - 20;
+            apart(0).pow(2) + apart(1).pow(2)
+        }),
+    ];
+    for (thin, rank) in ranks {
+        let mut best: HashMap<[i32; 2], (i64, usize)> = HashMap::new();
+        for (number, record) in made.records.iter().enumerate() {
+            let one = (rank(record), number);
+            let known = best.entry(cell(record)).or_insert(one);
+            *known = one.min(*known);
+        }
+        let mut kept: Vec<usize> = best.values().map(|(_, number)| *number).collect();
+        kept.sort_unstable();
+        let expected: Vec<_> =
+            kept.into_iter().map(|number| made.records[number].clone()).collect();
+        let job = TranslateJob { thin: Some(thin.parse().unwrap()), ..job(&[&input], &output) };
+        let report = run(&job).unwrap();
+        assert!(whole(&output).records == expected, "{thin}");
+        assert_eq!(report.left_out, 20_000 - expected.len() as u64);
+    }
+    let by_chance = |seed: u64, inputs: &[&str]| {
+        let thin = Some(format!("0.4:random={seed}").parse().unwrap());
+        run(&TranslateJob { thin, ..job(inputs, &output) }).unwrap();
+        whole(&output).records
+    };
+    let one = by_chance(1, &[&input]);
+    let cells: HashSet<_> = one.iter().map(|record| cell(record)).collect();
+    assert_eq!(cells.len(), one.len());
+    assert!(one != by_chance(2, &[&input]));
+}
+
+#[test]
+fn points_that_are_there_twice_are_written_once() {
+    let place = Place::new();
+    let made = crowd(20_000);
+    let files = [place.write("1.laz", &made.bytes()), place.write("2.laz", &made.bytes())];
+    let output = place.path().join("out.laz");
+    let mut seen = HashSet::new();
+    let is_new = |record: &&Vec<u8>| seen.insert((raw(record), record[22..30].to_vec()));
+    let expected: Vec<_> = made.records.iter().filter(is_new).cloned().collect();
+    for memory in [64, 1024] {
+        let resources = Resources { threads: 2, memory: memory << 20, temp_dir: None };
+        let job = TranslateJob { dedupe: true, resources, ..job(&[&files[0], &files[1]], &output) };
+        assert_eq!(run(&job).unwrap().points, expected.len() as u64);
+        assert!(whole(&output).records == expected);
+    }
+    assert!(expected.len() < 15_000);
+    let thin = Some("0.4:lowest".parse().unwrap());
+    let both =
+        run(&TranslateJob { dedupe: true, thin, ..job(&[&files[0], &files[1]], &output) }).unwrap();
+    let alone = run(&TranslateJob { thin, ..job(&[&files[0]], &output) }).unwrap();
+    assert_eq!(both.points, alone.points);
+}
+
+/// A field of points with a hill and a tower, of so many.
+fn field(count: usize) -> Made {
+    let mut made = Made::new(7, Packing::Fixed(50_000), count);
+    for (number, record) in made.records.iter_mut().enumerate() {
+        let [x, y] = [number * 7919 % 100_003, number * 104_729 % 100_019].map(|at| at as i32);
+        let hill = (f64::from(x - 50_000).hypot(f64::from(y - 50_000)) / -20_000.0).exp();
+        let at = if number % 5 == 0 {
+            [x / 500, y / 500, x % 3000]
+        } else {
+            [x, y, (hill * 5e4) as i32]
+        };
+        record[..12].copy_from_slice(at.map(i32::to_le_bytes).as_flattened());
+        record[22..30].copy_from_slice(&(number as f64 * 0.25).to_le_bytes());
+    }
+    made
+}
+
+/// The nodes of an octree: level and place, first byte, bytes, points; with the cube's lowest corner and side.
+fn nodes(path: &Path) -> (Vec<([i32; 4], [u64; 3])>, [f64; 4]) {
+    let found = whole(path).vlrs;
+    let data = |id: u16| {
+        &found.iter().find(|(user, number, _)| user == "copc" && *number == id).unwrap().2
+    };
+    let info = data(1);
+    let float = |at: usize| f64::from_le_bytes(number(info, at));
+    let half = float(24);
+    let cube = [float(0) - half, float(8) - half, float(16) - half, 2.0 * half];
+    let entry = |bytes: &[u8]| {
+        let key = [0, 4, 8, 12].map(|at| i32::from_le_bytes(number(bytes, at)));
+        let count = |at: usize| u64::from(u32::from_le_bytes(number(bytes, at)));
+        (key, [u64::from_le_bytes(number(bytes, 16)), count(24), count(28)])
+    };
+    (data(1000).chunks(32).map(entry).collect(), cube)
+}
+
+#[test]
+fn an_octree_holds_each_point_once_in_its_cube_and_more_than_one_node() {
+    let place = Place::new();
+    let made = field(300_000);
+    let input = place.write("in.laz", &made.bytes());
+    let output = place.path().join("out.copc.laz");
+    let report = run(&job(&[&input], &output)).unwrap();
+    assert_eq!(report.points, 300_000);
+    let found = whole(&output);
+    assert_eq!((found.vlrs[0].0.as_str(), found.vlrs[0].1), ("copc", 1));
+    let sorted = |mut records: Vec<Vec<u8>>| {
+        records.sort_unstable();
+        records
+    };
+    assert!(sorted(found.records.clone()) == sorted(made.records.clone()));
+    let (nodes, [x, y, z, side]) = nodes(&output);
+    assert!(nodes.len() > 10 && nodes.iter().any(|(key, _)| *key == [0; 4]), "{}", nodes.len());
+    let there: HashSet<_> = nodes.iter().map(|(key, _)| *key).collect();
+    let mut by_place: BTreeMap<u64, ([i32; 4], u64)> = BTreeMap::new();
+    for ([level, at @ ..], [first, _, points]) in &nodes {
+        let above = [level - 1, at[0] / 2, at[1] / 2, at[2] / 2];
+        assert!(*level == 0 || there.contains(&above), "{level} {at:?}");
+        assert!((1..=1 << 16).contains(points), "{points}");
+        by_place.insert(*first, ([*level, at[0], at[1], at[2]], *points));
+    }
+    let mut records = found.records.iter();
+    for ([level, at @ ..], points) in by_place.into_values() {
+        let size = side / f64::from(1 << level);
+        let mut last = f64::NEG_INFINITY;
+        for record in records.by_ref().take(points as usize) {
+            let raw = raw(record);
+            for (axis, low) in [x, y, z].into_iter().enumerate() {
+                let world = f64::from(raw[axis]) * made.scale[axis] + made.offset[axis];
+                let from = low + f64::from(at[axis]) * size;
+                assert!((from - 1e-6..=from + size + 1e-6).contains(&world), "{world} of {from}");
+            }
+            let time = f64::from_le_bytes(number(record, 22));
+            assert!(time >= last, "sorted by time");
+            last = time;
+        }
+    }
+    let bytes = std::fs::read(&output).unwrap();
+    for (threads, memory, format) in [(1, 64, 7), (3, 4096, 7), (2, 100, 7)] {
+        let resources = Resources { threads, memory: memory << 20, temp_dir: None };
+        let format = Some(PointFormat::new(format).unwrap());
+        run(&TranslateJob { resources, format, ..job(&[&input], &output) }).unwrap();
+        assert!(std::fs::read(&output).unwrap() == bytes, "{threads} threads, {memory} MiB");
+    }
+    let again = terrane_cloud::open(&[output.to_str().unwrap().to_owned()], &keep_all()).unwrap();
+    assert_eq!((again.format(), read_all(&again).unwrap().1.kept), ("COPC", 300_000));
+}
+
+#[test]
+fn what_is_too_little_is_told_and_what_is_advised_is_enough() {
+    let place = Place::new();
+    let input = place.write("in.laz", &field(120_000).bytes());
+    for ending in ["las", "laz", "copc.laz"] {
+        let output: PathBuf = place.path().join(format!("out.{ending}"));
+        let with = |memory: u64| {
+            let resources = Resources { threads: 2, memory, temp_dir: None };
+            run(&TranslateJob { resources, dedupe: true, ..job(&[&input], &output) })
+        };
+        let error = with(1 << 20).unwrap_err().to_string();
+        let advised =
+            error.split("--memory ").nth(1).and_then(|text| text.split('M').next()).unwrap();
+        with(advised.parse::<u64>().unwrap() << 20).unwrap();
+    }
+    assert_eq!(usize::from(RECORD[7]), PointFormat::new(7).unwrap().size());
+}
