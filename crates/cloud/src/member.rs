@@ -228,6 +228,6 @@ impl Sieve {
     fn wanted(&self) -> Wanted {
         let filter = self.gate().filter();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
-        Wanted { z: true, class: filter.classes.is_some(), flags }
+        Wanted { class: filter.classes.is_some(), flags, ..Wanted::ALL }
     }
 }
